@@ -1,7 +1,7 @@
-"""Training of policies, and evaluation of controllers, classic and learned.
+"""Training of policies, and evaluation of classic controllers and policies.
 
-``train`` and ``read_recipe`` need ``pip install 'shaftline[train]'`` and are imported when first used:
-torch takes seconds.
+``train`` and ``read_recipe`` need ``pip install 'shaftline[train]'`` and are imported at their first
+use, because importing torch takes seconds.
 """
 
 from importlib import import_module
@@ -18,9 +18,12 @@ if TYPE_CHECKING:
     from .learning.recipe import Recipe, RecipeError, read_recipe
     from .learning.training import train
 
-_WHEN_USED = {
-    "Recipe": "recipe", "RecipeError": "recipe", "read_recipe": "recipe", "train": "training",
-}  # fmt: skip
+_MODULES = {
+    "Recipe": "recipe",
+    "RecipeError": "recipe",
+    "read_recipe": "recipe",
+    "train": "training",
+}
 
 __all__ = [
     "KPIS",
@@ -42,7 +45,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """What needs torch."""
-    if name not in _WHEN_USED:
+    """Import the names that need torch at their first use."""
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f".learning.{_WHEN_USED[name]}", __name__), name)
+    return getattr(import_module(f".learning.{_MODULES[name]}", __name__), name)

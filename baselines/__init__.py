@@ -1,20 +1,22 @@
-"""Classic controllers, one file each, all with stable-baselines3's ``predict``.
+"""Classic controllers and helmsmen, one file each, with the ``predict`` method of stable-baselines3.
 
-:func:`make_controller` gives one by name: the combinator, the CPP optimiser, the thrust controller with
-or without anti-spin, the speed pilot, the pitch law by the advance velocity, the model-predictive
-controller. They are built with a ship, a control interval and options, and derive from
-:class:`Controller`. :class:`Governor` is the inner loop of several: it moves the rack.
-:class:`ThrustControl` is told a thrust instead of a speed and drives an electric motor.
+- :func:`make_controller` returns a controller by name and options, :func:`make_helmsman` a helmsman, and
+  :func:`make_steering` both together; :func:`controller_names` and :func:`helmsman_names` list the
+  names.
+- A controller is built with a ship, a control interval and options, and derives from
+:class:`Controller`. - :class:`Governor` is the inner loop of several controllers; it sets the fuel
+rack. - :class:`ThrustControl` drives an electric motor at a thrust set-point instead of a ship speed. -
+:func:`controller_loop` and :func:`helmsman_loop` return the linear control loop with its margins.
 """
 
 from .anti_spin import AntiSpin, AntiSpinTuning
 from .autopilot import Autopilot
 from .combinator import Combinator, Curve, combinator_curve, curve_through
 from .combinator_surface import CombinatorSurface, combinator_surface
-from .controller import OBSERVED, Controller, Readings, readings
+from .controller import OBSERVED, Controller, Measurements, measurements_of
 from .cpp_optimiser import CppOptimiser
 from .governor import Governor
-from .helmsman import Course, Helmsman, TrackKeeper
+from .helmsman import Helmsman, SteeringMeasurements, TrackKeeper
 from .loops import controller_loop, helmsman_loop
 from .mpc import ModelPredictive
 from .registry import (
@@ -40,16 +42,16 @@ __all__ = [
     "CombinatorSurface",
     "Controller",
     "ControllerError",
-    "Course",
     "CppOptimiser",
     "Curve",
     "Governor",
     "Helmsman",
+    "Measurements",
     "ModelPredictive",
-    "Readings",
     "SpeedPilot",
     "SteadyPoint",
     "SteeringController",
+    "SteeringMeasurements",
     "ThrustControl",
     "ThrustControlTuning",
     "TrackKeeper",
@@ -64,6 +66,6 @@ __all__ = [
     "make_controller",
     "make_helmsman",
     "make_steering",
-    "readings",
+    "measurements_of",
     "steady_point",
 ]

@@ -1,10 +1,10 @@
-"""Autopilot: holds a heading by the rudder, its loop shaped around the ship.
+"""Autopilot: holds a heading by the rudder, with a controller from loop shaping.
 
-    rudder = C (psi_aim - psi),   C = L / P,   L = 60 / (s (s^2 + 2 2 sqrt(60) s + 60))
+    rudder = C (psi_set - psi),   C = L / P,   L = 60 / (s (s^2 + 2 2 sqrt(60) s + 60))
 
-Taylor 2000, section 5.2: crossover at 0.91, phase margin 64 deg, gain margin 30 dB, whatever the ship. A
-new heading is led to at a constant rate of turn, as the ship is dead-reckoned (section 5.2.3.2), by the
-shorter way.
+Taylor 2000, section 5.2: crossover at 0.91, phase margin 64 deg and gain margin 30 dB on every ship. At
+a new order the set-point moves at a constant rate of turn in the shorter direction, with time from the
+ship lengths travelled (section 5.2.3.2).
 """
 
 from __future__ import annotations
@@ -17,25 +17,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..plant.ship import Ship
-from .helmsman import Course, ShapedHelmsman
-from .loop_shaping import COURSE_LOOP, ShapedLaw, heading_plant, shaped, steered_at
+from .helmsman import ShapedHelmsman, SteeringMeasurements
+from .loop_shaping import (
+    COURSE_LOOP,
+    ShapedController,
+    heading_plant,
+    shape_controller,
+    steering_dynamics,
+)
 
 
 class Autopilot(ShapedHelmsman):
-    """Holds the ordered heading; see the module.
+    """Hold the ordered heading by the rudder, with a controller from loop shaping.
 
     Args:
-        ship: that turns and holds her course, or its name.
+        ship: ship that turns and is stable on a straight course, or its name.
         interval_s: time between two commands [s].
-        speed_m_s: at which the loop is shaped [m/s].
-        turn_deg: rate at which he leads to a new heading [deg per ship length].
+        speed_m_s: design speed of the loop [m/s].
+        turn_deg: rate of turn of the set-point [deg per ship length].
         gain: factor on C [-].
-        reset_lengths: see :class:`~.loop_shaping.ShapedLaw`; [ship lengths]; by default
-            infinite, as printed, for no integral.
+        reset_lengths: reset distance of :class:`~.loop_shaping.ShapedController` [ship lengths];
+            infinite by default, as printed, for no integral.
 
     Raises:
-        ShipError: a ship that cannot be steered, or does not hold her course.
-        ValueError: an option out of range.
+        ShipError: the ship cannot be steered, or is not stable on a straight course.
+        ValueError: an option is out of range.
     """
 
     name = "autopilot"
@@ -43,7 +49,7 @@ class Autopilot(ShapedHelmsman):
     tunable: ClassVar[Mapping[str, tuple[float, float]]] = {
         "gain": (0.2, 5.0), "reset_lengths": (2.0, 100.0), "turn_deg": (2.0, 60.0),
     }  # fmt: skip
-    aims = 1
+    set_point_columns = 1
 
     def __init__(
         self,
@@ -59,18 +65,29 @@ class Autopilot(ShapedHelmsman):
             if not 0.0 < value < math.inf:
                 raise ValueError(f"{name} = {value:g} (allowed: > 0)")
         self.turn = math.radians(turn_deg)
-        own = steered_at(self.ship, self.point)
-        self.law = ShapedLaw(gain * shaped(COURSE_LOOP, heading_plant(*own)), reset_lengths)
+        own = steering_dynamics(self.ship, self.point)
+        self.law = ShapedController(
+            gain * shape_controller(COURSE_LOOP, heading_plant(*own)), reset_lengths
+        )
 
-    def begin_aim(self, seen: Course) -> NDArray[np.float64]:
-        """The heading that the ship has."""
-        return np.array(np.where(np.isfinite(seen.heading), seen.heading, 0.0))[:, None]
+    def initial_set_point(self, signals: SteeringMeasurements) -> NDArray[np.float64]:
+        """Return the present heading."""
+        return np.array(np.where(np.isfinite(signals.heading), signals.heading, 0.0))[:, None]
 
-    def move_aim(self, seen: Course, way: NDArray[np.float64], aim: NDArray[np.float64]) -> None:
-        """Towards the order, at most at the rate of turn."""
-        missing = np.remainder(seen.heading_order - aim[:, 0] + np.pi, 2.0 * np.pi) - np.pi
-        aim[:, 0] += np.clip(missing, -self.turn * way, self.turn * way)
+    def update_set_point(
+        self,
+        signals: SteeringMeasurements,
+        distance: NDArray[np.float64],
+        set_point: NDArray[np.float64],
+    ) -> None:
+        """Move the set-point towards the order, at most at the rate of turn."""
+        error = np.remainder(signals.heading_order - set_point[:, 0] + np.pi, 2.0 * np.pi) - np.pi
+        set_point[:, 0] += np.clip(error, -self.turn * distance, self.turn * distance)
 
-    def error(self, seen: Course, aim: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Aim less heading [rad]."""
-        return np.asarray(np.remainder(aim[:, 0] - seen.heading + np.pi, 2.0 * np.pi) - np.pi)
+    def error(
+        self, signals: SteeringMeasurements, set_point: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return set-point minus heading [rad], between -pi and pi."""
+        return np.asarray(
+            np.remainder(set_point[:, 0] - signals.heading + np.pi, 2.0 * np.pi) - np.pi
+        )

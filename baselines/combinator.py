@@ -1,11 +1,10 @@
-"""Combinator: one lever sets pitch and shaft speed together, a governor holds the shaft speed.
+"""Combinator: one lever sets pitch and shaft speed together, and a governor holds the shaft speed.
 
-The curve is the usual one of ships with a controllable-pitch propeller: from lever 0 the pitch rises at
-the lowest shaft speed; with the pitch at its full value the shaft speed rises to the engine's highest.
-The speed order is turned into a lever through the ship's steady speeds in calm water, so nothing
-corrects for waves, fouling or shallow water: that is what a combinator is. With its lever trimmed by the
-watch until the log reads what is ordered, it sails at the speed of controllers that hold it, and can be
-compared with them.
+The curve is the usual one of ships with a controllable-pitch propeller. From lever 0 the pitch rises at
+the lowest shaft speed; from full pitch on the shaft speed rises to its highest value. A speed order is
+converted to a lever position by the steady ship speeds in calm water, so waves, fouling and shallow
+water cause a steady speed error. The variant with a trimmed lever removes this error slowly, as the
+officer of the watch does, and is therefore comparable with controllers that hold the ship speed.
 """
 
 from __future__ import annotations
@@ -19,26 +18,26 @@ import scipy
 from numpy.typing import NDArray
 
 from ..plant.ship import Ship
-from .controller import Controller, Readings
+from .controller import Controller, Measurements
 from .governor import RESPONSE_S, Governor
 from .steady_points import SteadyPoint, steady_point
 
 FLOOR_SHARE = 0.5
-"""Lowest shaft speed of the curve over the highest; never below the engine's lowest speed."""
+"""Lowest over highest shaft speed of the curve [-]; at least the lowest speed of the engine applies."""
 
 FULL_PITCH_LEVER = 0.45
-"""Lever at which the pitch is full."""
+"""Lever position at which the pitch is full [-]."""
 
 TORQUE_MARGIN = 0.97
-"""Share of the torque limit that full pitch takes at full speed in calm water."""
+"""Engine torque over the torque limit at full pitch and full speed in calm water [-]."""
 
-_NEAR = 0.5  # [m/s]: a larger error, as after a new order, trims the lever no faster
+_NEAR = 0.5  # largest speed error that trims the lever [m/s], as after a new order
 
-_POINTS = 41  # of the table of steady states along the lever
+_POINTS = 41  # number of steady states along the curve
 
 
 class SetPoints(NamedTuple):
-    """What a speed order means in calm water, each of shape (n,)."""
+    """Set-points of a speed order in calm water, each of shape (n,)."""
 
     pitch_ratio: NDArray[np.float64]  # [-]
     shaft_speed: NDArray[np.float64]  # [rad/s]
@@ -46,7 +45,7 @@ class SetPoints(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """A combinator curve and the ship's steady state on it, each of shape (m,), lever rising."""
+    """Combinator curve with the steady states of the ship, each of shape (m,), at rising lever."""
 
     lever: NDArray[np.float64]  # 0 to 1
     pitch_ratio: NDArray[np.float64]  # [-]
@@ -54,8 +53,8 @@ class Curve(NamedTuple):
     ship_speed: NDArray[np.float64]  # in calm water [m/s], rising
     thrust: NDArray[np.float64]  # of one propeller in calm water [N]
 
-    def at(self, speed_order: Any) -> SetPoints:
-        """Set-points for ordered ship speeds [m/s], shape (n,); beyond the curve its ends hold."""
+    def set_points(self, speed_order: Any) -> SetPoints:
+        """Return the set-points at ordered ship speeds [m/s], shape (n,), limited to the curve."""
         columns = (self.pitch_ratio, self.shaft_speed, self.thrust)
         return SetPoints(
             *(np.asarray(np.interp(speed_order, self.ship_speed, column)) for column in columns)
@@ -63,7 +62,7 @@ class Curve(NamedTuple):
 
 
 def full_pitch(ship: Ship, torque_share: float = TORQUE_MARGIN) -> float:
-    """Highest P/D [-] at which the ship in calm water takes a share of the torque at full speed."""
+    """Return the highest P/D [-] with an engine torque up to a share of its limit at full speed."""
     top = ship.shaft_speeds[1]
     low, high = _driving_pitch(ship), ship.propeller.pitch_ratio_max
 
@@ -73,7 +72,9 @@ def full_pitch(ship: Ship, torque_share: float = TORQUE_MARGIN) -> float:
     if excess(high) <= 0.0:
         return high
     if excess(low) > 0.0:
-        raise ValueError(f"{ship.name}: even the lowest pitch overloads the engine at full speed")
+        raise ValueError(
+            f"{ship.name}: the lowest pitch overloads the engine at full shaft speed in calm water"
+        )
     return float(scipy.optimize.brentq(excess, low, high, xtol=1e-6))
 
 
@@ -81,19 +82,28 @@ def full_pitch(ship: Ship, torque_share: float = TORQUE_MARGIN) -> float:
 def combinator_curve(
     ship: Ship, floor_share: float = FLOOR_SHARE, full_pitch_lever: float = FULL_PITCH_LEVER
 ) -> Curve:
-    """The standard curve of a ship; where its pitch is fixed, the lever sets the shaft speed alone.
+    """Return the standard combinator curve of a ship; with a fixed pitch it sets the shaft speed only.
 
     Args:
-        ship: a ship with a diesel.
-        floor_share: lowest shaft speed over the highest, 0 to 1.
-        full_pitch_lever: lever at which the pitch becomes full, between 0 and 1.
+        ship: ship with a diesel.
+        floor_share: lowest over highest shaft speed, at least 0 and below 1 [-].
+        full_pitch_lever: lever position at which the pitch becomes full, between 0 and 1 [-].
 
     Raises:
         ShipError: the ship has no diesel or cannot move.
-        ValueError: shares outside their range.
+        ValueError: a share is outside its range.
+
+    Example:
+        >>> from shaftline.plant import load_ship
+        >>> curve = combinator_curve(load_ship("frigate"))
+        >>> round(float(curve.set_points(8.0).pitch_ratio), 2)
+        1.39
     """
     if not (0.0 <= floor_share < 1.0 and 0.0 < full_pitch_lever < 1.0):
-        raise ValueError(f"shares out of range: {floor_share}, {full_pitch_lever}")
+        raise ValueError(
+            f"combinator curve: floor_share = {floor_share:g} (allowed: >= 0 and < 1), "
+            f"full_pitch_lever = {full_pitch_lever:g} (allowed: > 0 and < 1)"
+        )
     lowest, highest = ship.shaft_speeds
     floor = max(lowest, floor_share * highest)
     lever = np.linspace(0.0, 1.0, _POINTS)
@@ -106,47 +116,49 @@ def combinator_curve(
 
 
 def curve_through(ship: Ship, lever: Any, pitch_ratio: Any, shaft_speed: Any) -> Curve:
-    """A curve of one's own, with the steady ship speeds and thrusts in calm water worked out.
+    """Return a combinator curve through given points, with steady ship speeds and thrusts in calm water.
 
     Args:
-        ship: a ship with a diesel.
-        lever: positions, rising, shape (m,).
+        ship: ship with a diesel.
+        lever: lever positions, rising, shape (m,).
         pitch_ratio: P/D [-], shape (m,).
-        shaft_speed: [rad/s], shape (m,).
+        shaft_speed: shaft speeds [rad/s], shape (m,).
 
     Raises:
-        ValueError: the ship would not sail faster at each next lever.
+        ValueError: lever position or steady ship speed does not rise from point to point.
     """
     lever, pitch, speed = (
         np.asarray(x, dtype=np.float64) for x in (lever, pitch_ratio, shaft_speed)
     )
     points = [steady_point(ship, float(n), float(p)) for p, n in zip(pitch, speed, strict=True)]
-    sailed = np.array([point.ship_speed for point in points])
-    if np.any(np.diff(sailed) <= 0.0) or np.any(np.diff(lever) <= 0.0):
-        raise ValueError("lever and ship speed must rise along the curve")
-    return Curve(lever, pitch, speed, sailed, np.array([point.thrust for point in points]))
+    ship_speed = np.array([point.ship_speed for point in points])
+    if np.any(np.diff(ship_speed) <= 0.0) or np.any(np.diff(lever) <= 0.0):
+        raise ValueError(
+            f"{ship.name}: lever position and steady ship speed must rise along the curve"
+        )
+    return Curve(lever, pitch, speed, ship_speed, np.array([point.thrust for point in points]))
 
 
 def _driving_pitch(ship: Ship) -> float:
-    """Lowest pitch [-] of the range that surely drives the ship ahead."""
+    """Return the lowest pitch [-] of the range that drives the ship ahead."""
     return min(max(ship.propeller.pitch_ratio_min, 0.1), ship.propeller.pitch_ratio_max)
 
 
 class Combinator(Controller):
-    """Speed order -> lever -> pitch and shaft speed; the governor moves the rack.
+    """Set pitch and shaft speed together from the ordered ship speed, with a shaft speed governor.
 
     Args:
-        ship: a ship with a diesel, or its name.
+        ship: ship with a diesel, or its name.
         interval_s: control interval of the environment [s].
         curve: combinator curve; :func:`combinator_curve` by default.
-        response_s: time constant of the governed shaft [s].
-        trim_s: time constant [s] with which the lever is trimmed until the log reads the ordered speed,
-            as a watch does where waves, wind or a foul hull slow the ship; 0 leaves it alone.
+        response_s: time constant of the governed shaft speed [s].
+        trim_s: time constant [s] with which the lever is trimmed until the measured ship speed equals
+            the order, where waves, wind or a fouled hull slow the ship; 0 for no trim.
 
-    State: the governor's integral [mm] and the lever's trim [m/s], shape (n, 2).
+    State: integral of the governor [mm] and trim of the speed order [m/s], shape (n, 2).
 
     Raises:
-        ValueError: ``trim_s`` is no time from 0 s on.
+        ValueError: ``trim_s`` is negative or not finite.
     """
 
     name = "combinator"
@@ -173,33 +185,33 @@ class Combinator(Controller):
         self.governor = Governor(self.ship, interval_s, response_s, middle)
 
     def set_points(self, speed_order: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Pitch [-] and shaft speed [rad/s] for an ordered ship speed [m/s], each of shape (n,)."""
-        wanted = self.curve.at(speed_order)
+        """Return pitch [-] and shaft speed [rad/s] at ordered ship speeds [m/s], each of shape (n,)."""
+        wanted = self.curve.set_points(speed_order)
         return wanted.pitch_ratio, wanted.shaft_speed
 
-    def steady(self, speed_order: float, resistance_factor: float = 1.0) -> SteadyPoint:
-        """Where the ship settles in calm water.
+    def steady_point(self, speed_order: float, resistance_factor: float = 1.0) -> SteadyPoint:
+        """Return the steady state of the ship in calm water.
 
         Args:
             speed_order: ordered ship speed [m/s].
-            resistance_factor: d_c1 [-].
+            resistance_factor: factor on the resistance d_c1 [-].
         """
         pitch, speed = self.set_points(speed_order)
         return steady_point(self.ship, float(speed), float(pitch), resistance_factor)
 
-    def fresh(self, seen: Readings) -> NDArray[np.float64]:
-        """The integral with which the rack stays where it is, and no trim."""
-        _, speed = self.set_points(seen.speed_order)
-        integral = self.governor.settle(seen.shaft_speed, seen.fuel_rack, speed)
+    def initial_state(self, signals: Measurements) -> NDArray[np.float64]:
+        """Return the integral that keeps the fuel rack at its position, and no trim."""
+        _, speed = self.set_points(signals.speed_order)
+        integral = self.governor.settle(signals.shaft_speed, signals.fuel_rack, speed)
         return np.column_stack([integral, np.zeros_like(integral)])
 
     def act(
-        self, seen: Readings, memory: NDArray[np.float64]
+        self, signals: Measurements, memory: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Pitch of the curve, and the governor's rack."""
+        """Return the pitch of the curve and the fuel rack of the governor."""
         if self.trim_s > 0.0:
-            short = np.clip(seen.speed_order - seen.ship_speed, -_NEAR, _NEAR)
-            memory[:, 1] += self.interval_s / self.trim_s * short
-        pitch, speed = self.set_points(seen.speed_order + memory[:, 1])
-        rack, memory[:, 0] = self.governor.command(speed, seen.shaft_speed, memory[:, 0])
+            error = np.clip(signals.speed_order - signals.ship_speed, -_NEAR, _NEAR)
+            memory[:, 1] += self.interval_s / self.trim_s * error
+        pitch, speed = self.set_points(signals.speed_order + memory[:, 1])
+        rack, memory[:, 0] = self.governor.command(speed, signals.shaft_speed, memory[:, 0])
         return pitch, rack

@@ -1,14 +1,14 @@
-"""The optimal combinator surface: pitch and shaft speed of least fuel over thrust and advance speed.
+"""Optimal combinator surface: pitch and shaft speed of least fuel over thrust and advance speed.
 
-The CPP optimiser paper's section 3. At a given thrust and advance speed the product of propeller and
+Section 3 of the CPP optimiser paper. At a given thrust and advance speed the product of propeller and
 engine efficiency, eta_o eta_e = T v_a eta_trm / (fuel flow x heating value), is largest where the fuel
-flow is least; without a fuel model, where the brake power is. SciPy's SLSQP solves it in shaft speed
-and pitch under the paper's constraints:
+flow is least; without a fuel model, where the brake power is least. SciPy's SLSQP solves the problem in
+shaft speed and pitch with the constraints of the paper:
 
     thrust:       KT(J; p) rho n^2 D^4 = T
     propeller:    0 <= J <= J_max(p),   p_min <= p <= p_max
     engine:       n_min <= n <= n_max,   M_b <= share M_max(n)
-    gradient:     d eta_o / d J >= 0     (beyond the peak the efficiency falls off steeply)
+    gradient:     d eta_o / d J >= 0     (beyond its maximum the efficiency falls steeply)
     cavitation:   tau_c <= tau_limit     (Burrill, 5 % back cavitation)
 """
 
@@ -26,15 +26,15 @@ from numpy.typing import NDArray
 from ..plant.ship import Ship
 from .combinator import TORQUE_MARGIN, full_pitch
 from .steady_points import require_diesel, steady_point
-from .working_point import OpenWaterFit, Working, fit_open_water, search, slack, working
+from .working_point import OpenWaterFit, WorkingPoint, fit_open_water, search, slack, working_point
 
 ADVANCE_SPEEDS, THRUSTS = 15, 13
-"""Nodes of the surface."""
+"""Numbers of nodes of the surface."""
 
-_TRIALS = (161, 81)  # shaft speeds and pitches of the search that SLSQP starts from
-_NO_REACH = 0.7  # share of the least thrust at which the surface has nothing more to say
-_STEP = 1.5e-8  # of the forward differences [-]
-_LEAST_J = 0.02  # of the working range: at J = 0 the efficiency vanishes whatever one does
+_TRIALS = (161, 81)  # shaft speeds and pitches of the grid search for the start of SLSQP
+_NO_REACH = 0.7  # thrust over the least thrust at which the weight of the surface is 0
+_STEP = 1.5e-8  # step of the forward differences [-]
+_LEAST_J = 0.02  # lowest J: at J = 0 the efficiency is 0 at every setting
 
 
 class CombinatorSurface(NamedTuple):
@@ -46,11 +46,11 @@ class CombinatorSurface(NamedTuple):
     share: NDArray[np.float64]  # of the range between them, shape (k,)
     shaft_speed: NDArray[np.float64]  # [rad/s]
     pitch_ratio: NDArray[np.float64]  # [-]
-    refined: float  # share of nodes at which SLSQP converged; the rest stay at the search's best
+    refined: float  # share of nodes at which SLSQP converged; the others hold the best of the grid
 
 
 class _Optimum:
-    """The paper's problem at one advance speed; x = (omega / omega_max, p)."""
+    """Optimisation problem at one advance speed, with x = (omega / omega_max, p)."""
 
     def __init__(
         self, ship: Ship, fit: OpenWaterFit, advance_velocity: float, torque_share: float
@@ -63,10 +63,10 @@ class _Optimum:
             (low / self.top, 1.0),
             (max(screw.pitch_ratio_min, 0.1), screw.pitch_ratio_max),
         ]
-        self._known: dict[bytes, Working] = {}
+        self._cache: dict[bytes, WorkingPoint] = {}
         speeds = np.linspace(low, self.top, _TRIALS[0])
         pitches = np.linspace(*self.bounds[1], _TRIALS[1])
-        room = np.zeros((speeds.size * pitches.size, 4))
+        allowed = np.zeros((speeds.size * pitches.size, 4))
         count = search(
             self.plant,
             fit.thrust,
@@ -75,40 +75,40 @@ class _Optimum:
             speeds,
             pitches,
             torque_share,
-            room,
+            allowed,
         )
-        self.trials = room[:count]  # (omega, p, thrust, cost) of each allowed setting
+        self.trials = allowed[:count]  # (omega, p, thrust, cost) of each allowed setting
 
-    def at(self, x: Any) -> Working:
-        """Working point at x, remembered: cost and constraints are asked at the same places."""
+    def at(self, x: Any) -> WorkingPoint:
+        """WorkingPoint point at x, remembered: cost and constraints are function at the same places."""
         key = np.asarray(x).tobytes()
-        if key not in self._known:
-            self._known[key] = working(
+        if key not in self._cache:
+            self._cache[key] = working_point(
                 self.plant, self.fit.thrust, self.fit.torque, self.velocity,
                 float(x[0]) * self.top, float(x[1]),
             )  # fmt: skip
-        return self._known[key]
+        return self._cache[key]
 
-    def room(self, x: Any) -> list[float]:
-        """The inequality constraints at x, each kept where it is not negative."""
+    def constraints(self, x: Any) -> list[float]:
+        """Return the inequality constraints at x, each satisfied if it is not negative."""
         w = self.at(x)
         return [
             self.torque_share - w.torque_share, w.efficiency_slope, 1.0 - w.burrill, w.advance_room
         ]  # fmt: skip
 
-    def slopes(self, x: Any, asked: Callable[[Any], Any]) -> NDArray[np.float64]:
-        """Forward differences of what is asked at x, from inside the bounds; x in the last axis."""
-        here, found = np.asarray(asked(x)), []
+    def slopes(self, x: Any, function: Callable[[Any], Any]) -> NDArray[np.float64]:
+        """Return the forward differences of a function at x, inside the bounds; x in the last axis."""
+        here, found = np.asarray(function(x)), []
         for i, (_, high) in enumerate(self.bounds):
             moved = np.array(x)
             moved[i] += _STEP if x[i] + _STEP <= high else -_STEP
-            found.append((np.asarray(asked(moved)) - here) / (moved[i] - x[i]))
+            found.append((np.asarray(function(moved)) - here) / (moved[i] - x[i]))
         return np.array(found).T
 
     def best(self, thrust: float) -> tuple[NDArray[np.float64], bool]:
-        """Optimal x at a thrust [N] and whether SLSQP converged to it."""
+        """Return the optimal x at a thrust [N] and whether SLSQP converged."""
         near = self.trials[np.argsort(np.abs(self.trials[:, 2] / thrust - 1.0))[:60]]
-        costs = near[:, 3] * (thrust / near[:, 2]) ** 1.5  # power goes as T^1.5
+        costs = near[:, 3] * (thrust / near[:, 2]) ** 1.5  # power is proportional to T^1.5
         start = near[int(np.argmin(costs)), :2] / (self.top, 1.0)
         scale = float(self.at(start).cost)
 
@@ -118,16 +118,22 @@ class _Optimum:
         def shortfall(x: Any) -> float:
             return float(self.at(x).thrust) / thrust - 1.0
 
-        solve: Any = scipy.optimize.minimize  # its stubs know no constraints that return a list
+        solve: Any = scipy.optimize.minimize  # The type stubs lack constraints that return a list.
         found = solve(
             cost,
             start,
             method="SLSQP",
-            jac=functools.partial(self.slopes, asked=cost),  # SciPy's own costs twice the problem
+            jac=functools.partial(
+                self.slopes, function=cost
+            ),  # needs half the evaluations of SciPy
             bounds=self.bounds,
             constraints=[
-                {"type": kind, "fun": asked, "jac": functools.partial(self.slopes, asked=asked)}
-                for kind, asked in (("eq", shortfall), ("ineq", self.room))
+                {
+                    "type": kind,
+                    "fun": function,
+                    "jac": functools.partial(self.slopes, function=function),
+                }
+                for kind, function in (("eq", shortfall), ("ineq", self.constraints))
             ],
             options={"maxiter": 100, "ftol": 1e-9},
         )
@@ -139,23 +145,23 @@ class _Optimum:
 
 
 def _fastest(ship: Ship) -> float:
-    """Advance speed [m/s] at the ship's highest speed in calm water, with a twentieth to spare."""
+    """Return 1.05 times the advance speed [m/s] at the highest ship speed in calm water."""
     top = steady_point(ship, ship.shaft_speeds[1], full_pitch(ship))
     return 1.05 * top.advance_velocity
 
 
 @functools.lru_cache(maxsize=16)
 def combinator_surface(ship: Ship, torque_share: float = TORQUE_MARGIN) -> CombinatorSurface:
-    """Solve the paper's problem over the ship's advance speeds and thrusts.
+    """Return the optimal settings over the advance speeds and thrusts of a ship.
 
     Args:
-        ship: a ship with a diesel and a propeller of controllable pitch.
-        torque_share: highest share of the engine's torque limit [-]. The paper allows the whole limit,
-            1; by default a little is kept back, which a governor needs in waves.
+        ship: ship with a diesel and a controllable-pitch propeller.
+        torque_share: highest engine torque over its limit [-]. The paper allows 1; the default leaves a
+            margin for the governor in waves.
 
     Raises:
-        ShipError: another kind of ship, or open-water curves that the surfaces do not fit.
-        ValueError: at some advance speed no setting keeps all constraints.
+        ShipError: the ship is of another kind, or the polynomials do not fit its open-water curves.
+        ValueError: at fewer than two advance speeds there is a setting that satisfies all constraints.
     """
     require_diesel(ship)
     fit = fit_open_water(ship)
@@ -168,14 +174,16 @@ def combinator_surface(ship: Ship, torque_share: float = TORQUE_MARGIN) -> Combi
         problem = _Optimum(ship, fit, float(velocity), torque_share)
         thrusts = problem.trials[:, 2]
         if len(thrusts) == 0:
-            break  # faster than the ship can be driven
+            break  # No setting is allowed at this speed or above.
         least, most = float(thrusts.min()), float(thrusts.max())
-        answers = [problem.best(least + part * (most - least)) for part in share]
-        converged += sum(well for _, well in answers)
-        x = np.array([answer for answer, _ in answers])
+        optima = [problem.best(least + part * (most - least)) for part in share]
+        converged += sum(well for _, well in optima)
+        x = np.array([optimum for optimum, _ in optima])
         rows.append((velocity, least, most, x[:, 0] * problem.top, x[:, 1]))
     if len(rows) < 2:
-        raise ValueError(f"{ship.name}: at {velocity:.2f} m/s no setting keeps all constraints")
+        raise ValueError(
+            f"{ship.name}: no setting satisfies all constraints at v_a = {velocity:.2f} m/s"
+        )
     velocities, least_thrust, most_thrust, speeds, pitches = (
         np.array(column) for column in zip(*rows, strict=True)
     )
@@ -184,22 +192,23 @@ def combinator_surface(ship: Ship, torque_share: float = TORQUE_MARGIN) -> Combi
 
 
 class OptimalSetting(NamedTuple):
-    """What the surface answers; arrays of shape (n,)."""
+    """Optimal settings from the surface; arrays of shape (n,)."""
 
     shaft_speed: NDArray[np.float64]  # [rad/s]
     pitch_ratio: NDArray[np.float64]  # [-]
-    thrust: NDArray[np.float64]  # to aim at: the ordered one, at most what can be reached [N]
-    reach: NDArray[np.float64]  # 1 on the surface, falling to 0 for thrusts far below its edge
+    thrust: NDArray[np.float64]  # ordered thrust, at most the highest of the surface [N]
+    reach: NDArray[np.float64]  # weight: 1 on the surface, 0 at thrusts far below it [-]
 
 
 def look_up(table: CombinatorSurface, thrust: Any, advance_velocity: Any) -> OptimalSetting:
-    """Optimal setting by bilinear interpolation.
+    """Return the optimal setting by bilinear interpolation.
 
     Args:
-        table: the surface.
-        thrust: ordered thrust of one propeller [N], shape (n,). Below the surface's lower edge the
-            gradient constraint leaves no setting; the edge's is given, with a smaller ``reach``.
-        advance_velocity: v_a [m/s], shape (n,); held inside the table.
+        table: optimal combinator surface.
+        thrust: ordered thrust of one propeller [N], shape (n,). Below the least thrust of the surface
+            the gradient constraint allows no setting; the setting at the least thrust is returned, with
+            a smaller ``reach``.
+        advance_velocity: v_a [m/s], shape (n,); limited to the range of the table.
     """
     nodes = table.advance_velocity
     velocity = np.clip(np.asarray(advance_velocity, dtype=np.float64), nodes[0], nodes[-1])
@@ -218,5 +227,5 @@ def look_up(table: CombinatorSurface, thrust: Any, advance_velocity: Any) -> Opt
         return np.asarray(near * (1.0 - across) + far * across)
 
     reach = np.clip((np.asarray(thrust) / least - _NO_REACH) / (1.0 - _NO_REACH), 0.0, 1.0)
-    aim = np.minimum(thrust, most)
-    return OptimalSetting(blend(table.shaft_speed), blend(table.pitch_ratio), aim, reach)
+    limited = np.minimum(thrust, most)
+    return OptimalSetting(blend(table.shaft_speed), blend(table.pitch_ratio), limited, reach)

@@ -1,9 +1,7 @@
-"""Commands in physical units and actions in [-1, 1], over the ship's ranges of pitch and fuel rack.
+"""Base class of the controllers, their measurements, and the conversion of commands to actions.
 
-What a controller is told, what it answers, and the base class that does what all do alike.
-
-Controllers have stable-baselines3's ``predict``, so one evaluator scores classic and learned ones alike.
-They see only what a real ship's controller can know.
+Controllers have the ``predict`` method of stable-baselines3, so one evaluator scores classic and learned
+controllers. They receive only what the controller of a real ship can measure.
 """
 
 from __future__ import annotations
@@ -24,25 +22,32 @@ from ..plant.ship_files import load_ship
 
 @compiled
 def decode(value: float, low: float, high: float) -> float:
-    """Command in physical units of an action.
+    """Return the command in physical units of an action in [-1, 1].
 
     Args:
         value: action in [-1, 1].
         low: command of an action of -1.
         high: command of an action of 1.
+
+    Example:
+        >>> decode(0.5, 0.0, 20.0)
+        15.0
     """
     return low + 0.5 * (value + 1.0) * (high - low)
 
 
 @compiled
 def encode(value: float, low: float, high: float) -> float:
-    """Action in [-1, 1] of a command in physical units.
+    """Return the action in [-1, 1] of a command in physical units.
 
     Args:
-        value: command; beyond the range it is clipped.
+        value: command; a command outside the range is clipped.
         low: command of an action of -1.
-        high: command of an action of 1. Where it equals the lowest, as of a fixed pitch, the action
-            is 0.
+        high: command of an action of 1. If it equals ``low``, as for a fixed pitch, the action is 0.
+
+    Example:
+        >>> encode(15.0, 0.0, 20.0), encode(25.0, 0.0, 20.0)
+        (0.5, 1.0)
     """
     half = 0.5 * (high - low)
     if not half > 0.0:
@@ -59,7 +64,7 @@ def _encode_all(
 
 
 def encode_all(value: Any, low: float, high: float) -> NDArray[np.float32]:
-    """Actions in [-1, 1] of many commands over one range; as :func:`encode`.
+    """Return the actions of n commands over the same range, as :func:`encode`.
 
     Args:
         value: commands, shape (n,).
@@ -72,12 +77,18 @@ def encode_all(value: Any, low: float, high: float) -> NDArray[np.float32]:
 
 
 def actions(plant: Record, pitch_ratio: Any, fuel_rack: Any) -> NDArray[np.float32]:
-    """Actions of n ships, shape (n, 2).
+    """Return the actions of n ships, shape (n, 2): pitch command and fuel rack command.
 
     Args:
         plant: PLANT record of a ship with a diesel.
         pitch_ratio: commanded P/D [-], shape (n,).
-        fuel_rack: commanded rack [mm], shape (n,).
+        fuel_rack: commanded fuel rack [mm], shape (n,).
+
+    Example:
+        >>> from shaftline.plant import load_ship
+        >>> frigate = load_ship("frigate").record()
+        >>> actions(frigate, [1.0], [frigate["drive_max"]]).round(6).tolist()
+        [[0.0, 1.0]]
     """
     return np.column_stack(
         [
@@ -97,22 +108,22 @@ OBSERVED = (
     "estimated_advance_velocity",
     "estimate_valid",
 )
-"""Signals of an observation, in order; units and bounds stand in ``plant/signals.py``."""
+"""Signals of an observation, in order; ``plant/signals.py`` lists their units and bounds."""
 
 
 PREVIEW_S = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
-"""Times ahead for which a sensor at the bow tells the inflow of the waves [s]."""
+"""Times ahead at which a sensor at the bow measures the inflow of the waves [s]."""
 
 PREVIEW = tuple(f"wave_inflow_{ahead:.0f}_s" for ahead in PREVIEW_S)
 """Signals that follow :data:`OBSERVED` in an observation of a task with a preview."""
 
 
-class Readings(NamedTuple):
-    """An observation's columns by name, each of shape (n,)."""
+class Measurements(NamedTuple):
+    """Columns of an observation by name, each of shape (n,)."""
 
     speed_order: NDArray[np.float64]  # ordered ship speed [m/s]
     shaft_speed: NDArray[np.float64]  # [rad/s]
-    shaft_torque: NDArray[np.float64]  # at the gauge [N m]
+    shaft_torque: NDArray[np.float64]  # at the torque meter [N m]
     pitch_ratio: NDArray[np.float64]  # [-]
     fuel_rack: NDArray[np.float64]  # [mm]
     ship_speed: NDArray[np.float64]  # [m/s]
@@ -122,57 +133,61 @@ class Readings(NamedTuple):
 
 
 NORMALISED_BOUND = 3.0
-"""Bound of every signal of a normalised observation; no ship in units lies within it in all signals."""
+"""Bound of all signals of a normalised observation; in physical units some signal is always larger."""
 
 
-def readings(observation: Any, preview: bool = False) -> Readings:
+def measurements_of(observation: Any, preview: bool = False) -> Measurements:
     """Return the columns :data:`OBSERVED` of an observation; further columns are ignored.
 
     Args:
-        observation: in physical units, shape (k,) or (n, k) with k of at least 8.
-        preview: whether the columns :data:`PREVIEW` follow and are read too.
+        observation: signals in physical units, shape (k,) or (n, k) with k of at least 8.
+        preview: whether the columns :data:`PREVIEW` follow and are returned as ``wave_inflow``.
 
     Raises:
-        ValueError: too few columns, or observations that are normalised.
+        ValueError: the observation has too few columns, or is normalised.
+
+    Example:
+        >>> signals = measurements_of([8.0, 10.0, 1.4e5, 1.3, 20.0, 7.9, 7.1, 1.0])
+        >>> signals.fuel_rack.tolist()
+        [20.0]
     """
     whole = np.atleast_2d(np.asarray(observation, dtype=np.float64))
     table = whole[:, : len(OBSERVED)]
     if table.shape[1] < len(OBSERVED):
         raise ValueError(
-            f"an observation of {table.shape[1]} signals: controllers need {', '.join(OBSERVED)}"
+            f"the observation has {table.shape[1]} signals, but controllers need the {len(OBSERVED)} "
+            f"signals {', '.join(OBSERVED)}"
         )
     if (np.abs(table) <= NORMALISED_BOUND).all():
         raise ValueError(
-            "the observation is normalised, and classic controllers need physical units: make the "
+            "the observation is normalised, but classic controllers need physical units: make the "
             "environment with **shaftline.envs.CLASSIC"
         )
-    seen = Readings(*table.T)
+    signals = Measurements(*table.T)
     if preview:
-        return seen._replace(wave_inflow=whole[:, len(OBSERVED) : len(OBSERVED) + len(PREVIEW)])
-    return seen
+        return signals._replace(wave_inflow=whole[:, len(OBSERVED) : len(OBSERVED) + len(PREVIEW)])
+    return signals
 
 
-def resumed(state: Any, fresh: NDArray[Any], episode_start: Any) -> NDArray[Any]:
-    """The memory with which a call of ``predict`` begins; what is passed in stays untouched.
+def resume_state(state: Any, initial: NDArray[Any], episode_start: Any) -> NDArray[Any]:
+    """Return the controller state with which a call of ``predict`` begins, as a copy.
 
     Args:
-        state: what the last call returned, None at first.
-        fresh: memory of a controller that has seen nothing yet, shape (n, ...).
-        episode_start: true where an episode begins, shape (n,), one for all, or None.
+        state: state that the last call returned; None at the first call.
+        initial: initial controller state, shape (n, ...).
+        episode_start: true where an episode begins, shape (n,), one value for all, or None.
     """
     if state is None:
-        return fresh.copy()
-    memory = np.array(state, dtype=fresh.dtype)
+        return initial.copy()
+    memory = np.array(state, dtype=initial.dtype)
     if episode_start is not None:
         begins = np.broadcast_to(np.asarray(episode_start, dtype=bool), len(memory))
-        memory[begins] = fresh[begins]
+        memory[begins] = initial[begins]
     return memory
 
 
 class Predictor(Protocol):
-    """Anything that answers observations with actions: a :class:`Controller`, or a model of
-    stable-baselines3.
-    """
+    """Object with ``predict``: a :class:`Controller` or a model of stable-baselines3."""
 
     def predict(
         self,
@@ -181,18 +196,19 @@ class Predictor(Protocol):
         episode_start: Any = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], Any]:
-        """See :meth:`Controller.predict`."""
+        """Return actions and state, as :meth:`Controller.predict`."""
 
 
 class Controller(ABC):
-    """Base class: turns observations into actions, for any number of equal ships at once.
+    """Compute actions from observations, for any number of equal ships at once (base class).
 
-    A subclass says what memory it begins with (:meth:`fresh`) and what it commands (:meth:`act`). One
-    that stands in a file of this folder is found there by its ``name`` and needs to be listed nowhere
-    else; it takes a ship, the control interval, and numbers as options.
+    A subclass defines its initial controller state (:meth:`initial_state`) and its commands
+    (:meth:`act`). A file of this folder that defines one registers it by its ``name``; no list has to be
+    extended. The constructor takes a ship, the control interval, and numbers as options. The first
+    sentence of its docstring is the description that ``shaftline list`` prints.
 
     Args:
-        ship: a ship with a diesel, or its name.
+        ship: ship with a diesel, or its name.
         interval_s: time between two calls of :meth:`predict` [s].
 
     Raises:
@@ -200,15 +216,15 @@ class Controller(ABC):
     """
 
     name: ClassVar[str]
-    """By which it is chosen."""
+    """Registered name."""
     source: ClassVar[str] = ""
-    """Where it is published; controllers are listed by source, then by name."""
+    """Publication; controllers are listed by source, then by name."""
     variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
-    """The same with other options, by names of their own."""
+    """Names of variants, with the options that they set."""
     tunable: ClassVar[Mapping[str, tuple[float, float]]] = {}
-    """Options that a search may set (:mod:`shaftline.agents.learning.tuning`), with their ranges."""
+    """Options that can be tuned (:mod:`shaftline.agents.learning.tuning`), with their ranges."""
     preview: bool = False
-    """Whether it reads the inflow of the waves ahead, which only some tasks tell."""
+    """Whether it uses the inflow of the waves ahead, which only some tasks provide."""
 
     def __init__(self, ship: str | Ship = "frigate", interval_s: float = 0.5) -> None:
         if not 0.0 < interval_s < math.inf:
@@ -218,22 +234,22 @@ class Controller(ABC):
         self.plant = self.ship.record()
 
     @abstractmethod
-    def fresh(self, seen: Readings) -> NDArray[Any]:
-        """Memory of a controller that sees something for the first time, shape (n, ...).
+    def initial_state(self, signals: Measurements) -> NDArray[Any]:
+        """Return the initial controller state, shape (n, ...).
 
         Args:
-            seen: readings of n ships.
+            signals: first measurements of n ships.
         """
 
     @abstractmethod
     def act(
-        self, seen: Readings, memory: NDArray[Any]
+        self, signals: Measurements, memory: NDArray[Any]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Commanded P/D [-] and fuel rack [mm], each of shape (n,).
+        """Return the commanded P/D [-] and fuel rack [mm], each of shape (n,).
 
         Args:
-            seen: readings of n ships.
-            memory: of the last call or :meth:`fresh`; changed in place.
+            signals: measurements of n ships.
+            memory: controller state of the last call or :meth:`initial_state`; changed in place.
         """
 
     def predict(
@@ -243,20 +259,29 @@ class Controller(ABC):
         episode_start: Any = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], Any]:
-        """Actions for one observation or a batch.
+        """Return the actions for one observation or a batch, and the controller state.
 
         Args:
-            observation: shape (8,) or (n, 8), the signals :data:`OBSERVED` in physical units.
-            state: what the last call returned, None at first; it stays untouched.
-            episode_start: shape (n,), true where an episode begins and the memory must be forgotten.
-            deterministic: without effect: a classic controller draws no noise.
+            observation: signals :data:`OBSERVED` in physical units, shape (8,) or (n, 8).
+            state: state that the last call returned, None at the first call; it is not changed.
+            episode_start: true where an episode begins and the initial state applies, shape (n,).
+            deterministic: without effect, because a classic controller draws no noise.
 
         Returns:
-            Action(s) in [-1, 1], shape (2,) or (n, 2): pitch command and fuel rack command, each over
-            the ship's range; and the state to pass to the next call.
+            Actions in [-1, 1], shape (2,) or (n, 2): pitch command and fuel rack command, each over the
+            range of the ship; and the state for the next call.
+
+        Example:
+            >>> from shaftline.baselines import Combinator
+            >>> controller = Combinator("frigate")
+            >>> observation = [8.0, 10.0, 1.4e5, 1.3, 20.0, 7.9, 7.1, 1.0]
+            >>> action, state = controller.predict(observation)
+            >>> action.shape, state.shape
+            ((2,), (1, 2))
+            >>> action, state = controller.predict(observation, state)
         """
-        seen = readings(observation, self.preview)
-        memory = resumed(state, self.fresh(seen), episode_start)
-        pitch, rack = self.act(seen, memory)
+        signals = measurements_of(observation, self.preview)
+        memory = resume_state(state, self.initial_state(signals), episode_start)
+        pitch, rack = self.act(signals, memory)
         table = actions(self.plant, pitch, rack)
         return table if np.ndim(observation) > 1 else table[0], memory

@@ -1,10 +1,10 @@
-"""Shaft speed governor: PI on the fuel rack with anti-windup and a torque limiter.
+"""Shaft speed governor: PI controller of the fuel rack with anti-windup and torque limiter.
 
     X[k] = clip(k_p e[k] + I[k], 0, X_max(omega_e)),   I[k] = I[k-1] + k_i e[k],   e = omega_set - omega
 
-X_max is the rack at which the rack map reaches the engine's envelope, never more than the end stop.
-The integral stands still while the rack is at a limit and the error pushes it further (conditional
-integration, Astrom & Hagglund 2006, section 3.5).
+X_max is the fuel rack at the torque limit of the engine, at most the end stop. The integral is held
+while the rack is at a limit and the error would move it further (conditional integration, Astrom &
+Hagglund 2006, section 3.5).
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from ..plant.steady_state import equilibrium
 from .steady_points import steady_point
 
 RESPONSE_S = 2.0
-"""Time constant of the closed loop [s]; never less than three control intervals."""
+"""Time constant of the closed loop [s]; at least three control intervals apply."""
 
 _LIMITER_GAIN = 0.8
-"""Gain of the rack limits, of the one that takes a speed error back within the response time."""
+"""Gain of the rack limits, over the gain that corrects a speed error within the response time [-]."""
 
 _CUT_OFF = 0.1
-"""Share of the highest shaft speed above which the rack limits leave no fuel [-]."""
+"""Excess over the highest shaft speed at which the rack limits cut the fuel, as a share of it [-]."""
 
-_TUNED_AT = 6  # shaft speeds over the engine's range
+_TUNED_AT = 6  # number of shaft speeds over the range of the engine
 
 
 class Gains(NamedTuple):
-    """Gains over shaft speed; between the speeds they are interpolated."""
+    """Gains over shaft speed, for linear interpolation."""
 
     shaft_speed: NDArray[np.float64]  # [rad/s], rising, shape (m,)
     proportional: NDArray[np.float64]  # k_p [mm s/rad], shape (m,)
@@ -46,7 +46,14 @@ class Gains(NamedTuple):
 
 @compiled
 def highest_rack(plant: Record, shaft_speed: float) -> float:
-    """Torque limiter: fuel rack [mm] at the engine's envelope, at most the end stop."""
+    """Return the fuel rack [mm] at the torque limit of the engine, at most the end stop.
+
+    Example:
+        >>> from shaftline.plant import load_ship
+        >>> frigate = load_ship("frigate").record()
+        >>> highest_rack(frigate, 6.0) < highest_rack(frigate, 10.0)
+        True
+    """
     engine_speed = plant.gear_ratio * shaft_speed
     rack = rack_of_torque(plant, engine_speed, torque_limit(plant, engine_speed))
     return float(max(plant.drive_min, min(rack, plant.drive_max)))
@@ -56,12 +63,12 @@ def highest_rack(plant: Record, shaft_speed: float) -> float:
 def limiter_slope(plant: Record, response_s: float) -> float:
     """Return the slope of the rack limits over shaft speed [mm s/rad] beyond the allowed speeds.
 
-    It takes a speed error back within the response time, and cuts the fuel of the highest rack before
-    the shaft is :data:`_CUT_OFF` above its highest speed.
+    The slope corrects a speed error within the response time, and it cuts the fuel of the highest rack
+    before the shaft speed is :data:`_CUT_OFF` above its highest value.
 
     Args:
         plant: ship record.
-        response_s: time in which a rack error of the slope takes back a speed error [s].
+        response_s: time in which the limits correct a speed error [s].
     """
     down = plant.gear_ratio * plant.transmission_efficiency
     prompt = _LIMITER_GAIN * shaft_inertia(plant) / response_s / (plant.torque_per_rack * down)
@@ -73,8 +80,8 @@ def limiter_slope(plant: Record, response_s: float) -> float:
 def rack_limits(plant: Record, shaft_speed: float, slope: float) -> tuple[float, float]:
     """Return the lowest and highest fuel rack [mm] that protect the engine at a shaft speed.
 
-    The lowest rack keeps the engine turning: below the lowest engine speed it rises from the rack of
-    no torque. The highest is that of the torque limiter, and falls beyond the highest engine speed.
+    The lowest rack prevents a stall: below the lowest engine speed it rises from the rack of zero
+    torque. The highest rack is that of the torque limiter, and falls above the highest engine speed.
 
     Args:
         plant: ship record.
@@ -89,8 +96,8 @@ def rack_limits(plant: Record, shaft_speed: float, slope: float) -> tuple[float,
 
 
 @compiled
-def limited_rack(plant: Record, rack: float, shaft_speed: float, slope: float) -> float:
-    """Return a fuel rack command [mm] kept inside :func:`rack_limits`; nan speeds limit nothing."""
+def limit_rack(plant: Record, rack: float, shaft_speed: float, slope: float) -> float:
+    """Return a fuel rack command [mm] within :func:`rack_limits`, which need a finite shaft speed."""
     if not math.isfinite(shaft_speed):
         return rack
     least, most = rack_limits(plant, shaft_speed, slope)
@@ -106,12 +113,12 @@ def govern(
     proportional: float,
     integral_gain: float,
 ) -> tuple[float, float]:
-    """Rack [mm] and new integral [mm] of one governor over one control interval.
+    """Return the rack [mm] and the new integral [mm] of one governor for one control interval.
 
     Args:
         plant: ship record.
         order: shaft speed set-point [rad/s].
-        shaft_speed: measured omega [rad/s]; where it is not finite the integral alone acts.
+        shaft_speed: measured omega [rad/s]; if it is not finite, only the integral acts.
         integral: I [mm].
         proportional: k_p [mm s/rad].
         integral_gain: k_i [mm s/rad].
@@ -148,28 +155,37 @@ def _govern_all(
 def tune(
     ship: Ship, interval_s: float, response_s: float = RESPONSE_S, pitch_ratio: float | None = None
 ) -> Gains:
-    """Gains from the plant linearised at steady states over the engine's speeds.
+    """Return the gains from the plant linearised at steady states over the speed range of the engine.
 
-    About each, the shaft is omega' = a omega + b X with the ship's speed held (it is an order of
-    magnitude slower). Sampled with a held rack over h: pole p = exp(a h), gain g = b (p - 1) / a. The
-    PI's zero cancels p and leaves one closed-loop pole q = exp(-h / T) (Dahlin's direct synthesis):
-    k_p = p (1 - q) / g, k_i = (1 - p) (1 - q) / g.
+    At each of them the shaft is omega' = a omega + b X at a constant ship speed, which changes an order
+    of magnitude more slowly. Sampled with a constant rack over h: pole p = exp(a h), gain
+    g = b (p - 1) / a. The zero of the PI controller cancels p and leaves one closed-loop pole
+    q = exp(-h / T) (Dahlin's direct synthesis): k_p = p (1 - q) / g, k_i = (1 - p) (1 - q) / g.
 
     Args:
-        ship: a ship with a diesel; lag and dead time of its torque lengthen the response.
+        ship: ship with a diesel; lag and dead time of its torque lengthen the response.
         interval_s: control interval h [s].
         response_s: time constant T of the closed loop [s].
-        pitch_ratio: P/D [-] at which to linearise; the middle of the range by default.
+        pitch_ratio: P/D of the linearisation [-]; the middle of the range by default.
 
     Raises:
         ShipError: the ship has no diesel.
-        ValueError: interval or response is not positive, or no steady state was found.
+        ValueError: interval or response is not positive, or there is no steady state inside the torque
+            limit.
+
+    Example:
+        >>> from shaftline.plant import load_ship
+        >>> gains = tune(load_ship("frigate"), interval_s=0.5)
+        >>> bool((gains.proportional > 0.0).all())
+        True
     """
     if not (interval_s > 0.0 and response_s > 0.0):
-        raise ValueError(f"interval and response must be positive: {interval_s}, {response_s} s")
+        raise ValueError(
+            f"governor: interval_s = {interval_s} s, response_s = {response_s} s: both must be positive"
+        )
     mover = ship.diesel
-    sluggish = mover.lag_s + mover.dead_time_s
-    response = max(response_s, 3.0 * interval_s, 3.0 * sluggish)
+    delay = mover.lag_s + mover.dead_time_s
+    response = max(response_s, 3.0 * interval_s, 3.0 * delay)
     prompt = ship.with_values({"prime_mover.lag_s": 0.0})
     screw = ship.propeller
     if pitch_ratio is None:
@@ -180,13 +196,13 @@ def tune(
         try:
             point = equilibrium(prompt, rack, pitch_ratio)
         except ValueError:
-            continue  # beyond the engine's envelope at this speed and pitch
+            continue  # above the torque limit at this speed and pitch
         model = linearise(prompt, point)
         row = list(model.state_labels).index("shaft_speed")
         a = float(model.A[row, row])
         b = float(model.B[row, list(model.input_labels).index("drive")])
         if b <= 0.0:
-            continue  # on the envelope the rack moves nothing
+            continue  # at the torque limit the rack has no effect
         p = math.exp(a * interval_s)
         gain = b * (p - 1.0) / a
         effort = (1.0 - math.exp(-interval_s / response)) / gain
@@ -194,18 +210,27 @@ def tune(
         proportional.append(p * effort)
         integral.append((1.0 - p) * effort)
     if not speeds:
-        raise ValueError(f"{ship.name}: no steady state inside the envelope at P/D {pitch_ratio:g}")
+        raise ValueError(
+            f"{ship.name}: no steady state within the torque limit of the engine at P/D {pitch_ratio:g}"
+        )
     return Gains(np.array(speeds), np.array(proportional), np.array(integral))
 
 
 class Governor:
-    """A bank of n equal governors, one a ship of the batch; the caller keeps their integrals.
+    """Hold the shaft speed of n equal ships by the fuel rack; the caller stores the n integrals.
 
     Args:
-        ship: a ship with a diesel, or its name.
+        ship: ship with a diesel, or its name.
         interval_s: control interval [s].
         response_s: time constant of the closed loop [s].
-        pitch_ratio: P/D [-] at which it is tuned; the middle of the range by default.
+        pitch_ratio: P/D of the tuning [-]; the middle of the range by default.
+
+    Example:
+        >>> governor = Governor("frigate", interval_s=0.5)
+        >>> integral = governor.settle([10.0], [20.0], [10.0])
+        >>> rack, integral = governor.command([10.0], [10.0], integral)
+        >>> rack.tolist()
+        [20.0]
     """
 
     def __init__(
@@ -221,37 +246,41 @@ class Governor:
         self._lowest, self._highest = self.ship.shaft_speeds
 
     def settle(self, shaft_speed: Any, fuel_rack: Any, order: Any) -> NDArray[np.float64]:
-        """Integrals [mm], shape (n,), with which the first command leaves the rack where it is.
+        """Return the integrals [mm], shape (n,), with which the first command does not move the rack.
 
         Args:
-            shaft_speed: measured [rad/s], shape (n,).
-            fuel_rack: its position [mm], shape (n,).
+            shaft_speed: measured shaft speed [rad/s], shape (n,).
+            fuel_rack: present fuel rack [mm], shape (n,).
             order: shaft speed set-point [rad/s], shape (n,).
         """
         speed = np.asarray(shaft_speed, dtype=np.float64)
-        error = self._within(order) - speed
-        bumpless = np.asarray(fuel_rack) - (self._at(1, speed) + self._at(2, speed)) * error
+        error = self._limit_order(order) - speed
+        bumpless = (
+            np.asarray(fuel_rack) - (self._gain_at(1, speed) + self._gain_at(2, speed)) * error
+        )
         return np.asarray(np.clip(bumpless, self._plant["drive_min"], self._plant["drive_max"]))
 
     def command(
         self, order: Any, shaft_speed: Any, integral: Any
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Rack commands [mm] and new integrals [mm], each of shape (n,); arguments stay untouched.
+        """Return the rack commands [mm] and the new integrals [mm], each of shape (n,).
 
         Args:
-            order: shaft speed set-points [rad/s], shape (n,); held inside the engine's speeds.
-            shaft_speed: measured [rad/s], shape (n,).
-            integral: from the last call or :meth:`settle` [mm], shape (n,).
+            order: shaft speed set-points [rad/s], shape (n,); limited to the speeds of the engine.
+            shaft_speed: measured shaft speed [rad/s], shape (n,).
+            integral: integrals of the last call or :meth:`settle` [mm], shape (n,); not changed.
         """
         speed = np.array(shaft_speed, dtype=np.float64)
         following = np.array(integral, dtype=np.float64)
         rack = np.zeros_like(speed)
-        proportional, gain = self._at(1, speed), self._at(2, speed)
-        _govern_all(self._plant, self._within(order), speed, following, proportional, gain, rack)
+        proportional, gain = self._gain_at(1, speed), self._gain_at(2, speed)
+        _govern_all(
+            self._plant, self._limit_order(order), speed, following, proportional, gain, rack
+        )
         return rack, following
 
-    def _within(self, order: Any) -> NDArray[np.float64]:
+    def _limit_order(self, order: Any) -> NDArray[np.float64]:
         return np.clip(np.array(order, dtype=np.float64), self._lowest, self._highest)
 
-    def _at(self, which: int, speed: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _gain_at(self, which: int, speed: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(np.interp(speed, self.gains.shaft_speed, self.gains[which]))

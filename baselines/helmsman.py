@@ -1,13 +1,13 @@
-"""Who lays the rudder: what steering controllers are told, what they answer, and what all do alike.
+"""Helmsmen: steering controllers with their measurements, and the cross-track controller.
 
-Cross-track controller: keeps the ship on a line by the rudder, its loop shaped around the ship.
+A helmsman commands the rudder. The cross-track controller keeps the ship on a line:
 
-    rudder = C (y_aim - y) / L_pp
+    rudder = C (y_set - y) / L_pp
     C = 20 (s + 0.5)^2 (s + 6) (s + 1000) / ((s + 11) (s + 15) (s + 30)^2)   on the destroyer's P / s
 
-Taylor 2000, section 5.3, eq. 5.42; on another ship C is what gives the same loop. A new line is led
-to smoothly, by a polynomial of fifth order whose ends have neither slope nor curvature: "smooth
-trajectories are required" (section 5.3.3.1).
+Taylor 2000, section 5.3, eq. 5.42; on another ship C is the controller that gives the same loop. The
+set-point moves to a new line along a polynomial of fifth order without slope and curvature at both ends:
+"smooth trajectories are required" (section 5.3.3.1).
 """
 
 from __future__ import annotations
@@ -21,11 +21,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..plant.approach import approach
-from ..plant.helm import refuse_to_steer
+from ..plant.helm import require_steering
 from ..plant.ship import Ship
 from ..plant.ship_files import load_ship
 from ..plant.steady_state import Equilibrium, equilibrium
-from .loop_shaping import TRACK_LOOP, ShapedLaw, shaped, steered_at, track_plant
+from .loop_shaping import (
+    TRACK_LOOP,
+    ShapedController,
+    shape_controller,
+    steering_dynamics,
+    track_plant,
+)
 
 STEERED = (
     "heading_order",
@@ -35,120 +41,137 @@ STEERED = (
     "cross_track_order",
     "cross_track",
 )
-"""Signals that steering adds to an observation, in order; ``plant/signals.py`` has their units."""
+"""Signals that steering adds to an observation, in order; ``plant/signals.py`` lists their units."""
 
-_USUAL_LOAD = 0.6  # of the drive, at which a helmsman is designed who is told no speed
+_USUAL_LOAD = 0.6  # drive command over its highest value, for the default design speed
 
 
-class Course(NamedTuple):
-    """What a helmsman sees, each of shape (n,)."""
+class SteeringMeasurements(NamedTuple):
+    """Measurements of a helmsman, each of shape (n,)."""
 
     heading_order: NDArray[np.float64]  # to starboard of the first course [rad]
     heading: NDArray[np.float64]  # measured [rad]
     yaw_rate: NDArray[np.float64]  # measured, to starboard [rad/s]
-    rudder_angle: NDArray[np.float64]  # as fed back [rad]
+    rudder_angle: NDArray[np.float64]  # measured [rad]
     track_order: NDArray[np.float64]  # to starboard of the first course [m]
     cross_track: NDArray[np.float64]  # measured [m]
-    ship_speed: NDArray[np.float64]  # by the log [m/s]
+    ship_speed: NDArray[np.float64]  # measured, through the water [m/s]
 
 
 class Helmsman(ABC):
-    """Base class: rudder commands from what is seen, for any number of equal ships at once.
+    """Compute rudder commands, for any number of equal ships at once (base class).
 
     Args:
-        ship: that turns and has a rudder, or its name.
+        ship: ship that turns and has a rudder, or its name.
         interval_s: time between two commands [s].
-        speed_m_s: ship speed at which he is designed; by default that of a usual load of the drive.
+        speed_m_s: design speed [m/s]; by default the ship speed at 60 % of the highest drive command.
 
     Raises:
-        ShipError: a ship that cannot be steered, or that sails that speed under no demand.
-        ValueError: an interval that is not positive.
+        ShipError: the ship cannot be steered, or does not reach the design speed.
+        ValueError: the interval is not positive.
     """
 
     name: ClassVar[str]
-    """By which he is chosen."""
+    """Registered name."""
     source: ClassVar[str] = ""
-    """Where he is published."""
+    """Publication."""
     tunable: ClassVar[Mapping[str, tuple[float, float]]] = {}
-    """Options that a search may set, with their ranges."""
+    """Options that can be tuned, with their ranges."""
 
     def __init__(
         self, ship: str | Ship, interval_s: float = 0.5, speed_m_s: float | None = None
     ) -> None:
         self.ship = load_ship(ship)
-        refuse_to_steer(self.ship)
+        require_steering(self.ship)
         if not interval_s > 0.0:
             raise ValueError(f"interval_s = {interval_s:g} (unit s; allowed: > 0)")
         self.interval_s = interval_s
         self.length = self.ship.manoeuvring.length_m
-        self.most = self.ship.rudder.angle_max_rad
-        self.point = _straight(self.ship, speed_m_s)
+        self.rudder_max = self.ship.rudder.angle_max_rad
+        self.point = _straight_course(self.ship, speed_m_s)
 
     @abstractmethod
-    def fresh(self, seen: Course) -> NDArray[np.float64]:
-        """Memory of one who sees something for the first time, shape (n, k).
+    def initial_state(self, signals: SteeringMeasurements) -> NDArray[np.float64]:
+        """Return the initial controller state, shape (n, k).
 
         Args:
-            seen: of n ships.
+            signals: first measurements of n ships.
         """
 
     @abstractmethod
-    def rudder(self, seen: Course, memory: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Rudder commands [rad], shape (n,), within the end stops.
+    def rudder(
+        self, signals: SteeringMeasurements, memory: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the rudder commands [rad], shape (n,), within the end stops.
 
         Args:
-            seen: of n ships.
-            memory: of the last call or :meth:`fresh`; changed in place.
+            signals: measurements of n ships.
+            memory: controller state of the last call or :meth:`initial_state`; changed in place.
         """
 
-    def way(self, seen: Course) -> NDArray[np.float64]:
-        """Ship lengths sailed in an interval, shape (n,)."""
-        speed = np.where(np.isfinite(seen.ship_speed), seen.ship_speed, self.point.state.ship_speed)
+    def lengths_travelled(self, signals: SteeringMeasurements) -> NDArray[np.float64]:
+        """Return the distance travelled in an interval [ship lengths], shape (n,)."""
+        speed = np.where(
+            np.isfinite(signals.ship_speed), signals.ship_speed, self.point.state.ship_speed
+        )
         return np.asarray(np.maximum(speed, 0.0) * self.interval_s / self.length)
 
 
 class ShapedHelmsman(Helmsman):
-    """One whose law is shaped around the ship: what he aims at, and the law on what is missing.
+    """Command the rudder by a set-point and a controller from loop shaping (base class).
 
-    Memory: what he is aiming at, then the law's.
+    The controller state holds the set-point columns and then those of the controller.
     """
 
-    law: ShapedLaw
-    aims: ClassVar[int]
-    """Numbers that tell what he aims at, the aim itself first."""
+    law: ShapedController
+    set_point_columns: ClassVar[int]
+    """Number of set-point columns of the controller state; the first is the set-point itself."""
 
     @abstractmethod
-    def begin_aim(self, seen: Course) -> NDArray[np.float64]:
-        """What he aims at when he begins, shape (n, aims)."""
+    def initial_set_point(self, signals: SteeringMeasurements) -> NDArray[np.float64]:
+        """Return the initial set-point columns, shape (n, set_point_columns)."""
 
     @abstractmethod
-    def move_aim(self, seen: Course, way: NDArray[np.float64], aim: NDArray[np.float64]) -> None:
-        """Move what he aims at over an interval; ``aim`` of shape (n, aims) is changed in place."""
+    def update_set_point(
+        self,
+        signals: SteeringMeasurements,
+        distance: NDArray[np.float64],
+        set_point: NDArray[np.float64],
+    ) -> None:
+        """Update the set-point columns, shape (n, set_point_columns), in place over an interval."""
 
     @abstractmethod
-    def error(self, seen: Course, aim: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What is missing, in the law's unit, shape (n,)."""
+    def error(
+        self, signals: SteeringMeasurements, set_point: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the control error in the unit of the controller, shape (n,)."""
 
-    def fresh(self, seen: Course) -> NDArray[np.float64]:
-        """An aim, and a law at rest."""
-        aim = self.begin_aim(seen)
-        return np.hstack([aim, self.law.begin(self._known(seen, aim, 0.0))])
+    def initial_state(self, signals: SteeringMeasurements) -> NDArray[np.float64]:
+        """Return the initial set-point and a controller in steady state."""
+        set_point = self.initial_set_point(signals)
+        return np.hstack([set_point, self.law.begin(self._finite_error(signals, set_point, 0.0))])
 
-    def rudder(self, seen: Course, memory: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The law's answer to what is missing."""
-        way, aim = self.way(seen), memory[:, : self.aims]
-        self.move_aim(seen, way, aim)
-        own = memory[:, self.aims :]
+    def rudder(
+        self, signals: SteeringMeasurements, memory: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the rudder commands of the controller at the present error."""
+        distance, set_point = self.lengths_travelled(signals), memory[:, : self.set_point_columns]
+        self.update_set_point(signals, distance, set_point)
+        own = memory[:, self.set_point_columns :]
         last = own[:, self.law.order]
-        return self.law.command(self._known(seen, aim, last), way, own, self.most)
+        return self.law.command(
+            self._finite_error(signals, set_point, last), distance, own, self.rudder_max
+        )
 
-    def _known(self, seen: Course, aim: NDArray[np.float64], last: Any) -> NDArray[np.float64]:
-        """The error, or the last one where a reading fails."""
-        error = self.error(seen, aim)
+    def _finite_error(
+        self, signals: SteeringMeasurements, set_point: NDArray[np.float64], last: Any
+    ) -> NDArray[np.float64]:
+        """Return the error, or the last one where a measurement is not finite."""
+        error = self.error(signals, set_point)
         return np.where(np.isfinite(error), error, last)
 
 
-def _straight(ship: Ship, speed_m_s: float | None) -> Equilibrium:
+def _straight_course(ship: Ship, speed_m_s: float | None) -> Equilibrium:
     if speed_m_s is not None:
         return approach(ship, speed_m_s)
     drive = _USUAL_LOAD * float(ship.record()["drive_max"])
@@ -156,30 +179,35 @@ def _straight(ship: Ship, speed_m_s: float | None) -> Equilibrium:
 
 
 def quintic(share: NDArray[np.float64]) -> NDArray[np.float64]:
-    """From 0 to 1 with no slope and no curvature at either end.
+    """Return the polynomial from 0 to 1 without slope and curvature at both ends.
 
     Args:
-        share: of the way, held in 0 to 1.
+        share: share of the distance, limited to 0 to 1 [-].
+
+    Example:
+        >>> import numpy as np
+        >>> quintic(np.array([-1.0, 0.0, 0.5, 1.0])).tolist()
+        [0.0, 0.0, 0.5, 1.0]
     """
     s = np.clip(share, 0.0, 1.0)
     return np.asarray(s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
 
 
 class TrackKeeper(ShapedHelmsman):
-    """Keeps the ordered line; see the module.
+    """Keep the ship on the ordered line by the rudder, with a controller from loop shaping.
 
     Args:
-        ship: that turns and holds her course, or its name.
+        ship: ship that turns and is stable on a straight course, or its name.
         interval_s: time between two commands [s].
-        speed_m_s: at which the loop is shaped [m/s].
-        change_lengths: way over which he leads to a new line [ship lengths].
+        speed_m_s: design speed of the loop [m/s].
+        change_lengths: distance in which the set-point moves to a new line [ship lengths].
         gain: factor on C [-].
-        reset_lengths: see :class:`~.loop_shaping.ShapedLaw`; [ship lengths]; by default
-            infinite, as printed, for no integral.
+        reset_lengths: reset distance of :class:`~.loop_shaping.ShapedController` [ship lengths];
+            infinite by default, as printed, for no integral.
 
     Raises:
-        ShipError: a ship that cannot be steered, or does not hold her course.
-        ValueError: an option out of range.
+        ShipError: the ship cannot be steered, or is not stable on a straight course.
+        ValueError: an option is out of range.
     """
 
     name = "track-keeper"
@@ -187,7 +215,7 @@ class TrackKeeper(ShapedHelmsman):
     tunable: ClassVar[Mapping[str, tuple[float, float]]] = {
         "gain": (0.2, 5.0), "reset_lengths": (2.0, 100.0), "change_lengths": (1.0, 60.0),
     }  # fmt: skip
-    aims = 4  # the line aimed at, where the change began, the order that it leads to, how far it is
+    set_point_columns = 4  # set-point, its start and its end at the last order, share of the change
 
     def __init__(
         self,
@@ -203,22 +231,33 @@ class TrackKeeper(ShapedHelmsman):
             if not 0.0 < value < math.inf:
                 raise ValueError(f"{name} = {value:g} (allowed: > 0)")
         self.change_lengths = change_lengths
-        own = steered_at(self.ship, self.point)
-        self.law = ShapedLaw(gain * shaped(TRACK_LOOP, track_plant(*own)), reset_lengths)
+        own = steering_dynamics(self.ship, self.point)
+        self.law = ShapedController(
+            gain * shape_controller(TRACK_LOOP, track_plant(*own)), reset_lengths
+        )
 
-    def begin_aim(self, seen: Course) -> NDArray[np.float64]:
-        """The line on which the ship is."""
-        here = np.where(np.isfinite(seen.cross_track), seen.cross_track, 0.0)
+    def initial_set_point(self, signals: SteeringMeasurements) -> NDArray[np.float64]:
+        """Return the present line of the ship."""
+        here = np.where(np.isfinite(signals.cross_track), signals.cross_track, 0.0)
         return np.column_stack([here, here, here, np.ones_like(here)])
 
-    def move_aim(self, seen: Course, way: NDArray[np.float64], aim: NDArray[np.float64]) -> None:
-        """Along the polynomial; a new order begins another one from where this one is."""
-        fresh = seen.track_order != aim[:, 2]
-        aim[:, 1] = np.where(fresh, aim[:, 0], aim[:, 1])
-        aim[:, 2] = seen.track_order
-        aim[:, 3] = np.where(fresh, 0.0, aim[:, 3]) + way / self.change_lengths
-        aim[:, 0] = aim[:, 1] + (aim[:, 2] - aim[:, 1]) * quintic(aim[:, 3])
+    def update_set_point(
+        self,
+        signals: SteeringMeasurements,
+        distance: NDArray[np.float64],
+        set_point: NDArray[np.float64],
+    ) -> None:
+        """Move the set-point along the polynomial; a new order starts a new polynomial there."""
+        changed = signals.track_order != set_point[:, 2]
+        set_point[:, 1] = np.where(changed, set_point[:, 0], set_point[:, 1])
+        set_point[:, 2] = signals.track_order
+        set_point[:, 3] = np.where(changed, 0.0, set_point[:, 3]) + distance / self.change_lengths
+        set_point[:, 0] = set_point[:, 1] + (set_point[:, 2] - set_point[:, 1]) * quintic(
+            set_point[:, 3]
+        )
 
-    def error(self, seen: Course, aim: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Line aimed at less cross track [ship lengths]."""
-        return (aim[:, 0] - seen.cross_track) / self.length
+    def error(
+        self, signals: SteeringMeasurements, set_point: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return set-point minus cross track [ship lengths]."""
+        return (set_point[:, 0] - signals.cross_track) / self.length

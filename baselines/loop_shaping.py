@@ -1,11 +1,11 @@
-"""Steering by loop shaping: the loop is chosen, the controller is what makes it out of the ship.
+"""Loop shaping of steering controllers: the controller follows from a given loop and the ship.
 
     C = L / P                                             (Taylor 2000, eq. 5.30)
     P = K / (s (T s + 1)) / (T_sg s + 1)                  heading by rudder command (eqs. 5.27 to 5.29)
     P / s                                                 cross track [ship lengths] (eq. 5.39)
 
-Time is counted in ship lengths sailed. K and T are Nomoto's; of one hull they do not change with the
-speed, so neither does the controller, which only has to know how far the ship has come.
+The time is counted in ship lengths travelled. K and T are Nomoto's parameters. In this time they do not
+depend on the ship speed, nor does the controller, which needs only the distance travelled.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from ..plant.ship import Ship, ShipError
 from ..plant.steady_state import Equilibrium
 from ..plant.steering import Nomoto, nomoto
 
-_SAME = 1e-9  # share by which a pole and a zero that cancel may differ
+_SAME = 1e-9  # largest relative difference of a pole and a zero that cancel
 
 
 class Factors(NamedTuple):
-    """A transfer function as gain, zeros and poles beside its integrators [per ship length]."""
+    """Transfer function: gain, zeros, poles and number of integrators, in time by ship lengths."""
 
     gain: float
     zeros: tuple[complex, ...]
@@ -35,7 +35,7 @@ class Factors(NamedTuple):
 
     @property
     def system(self) -> control.StateSpace:
-        """As a linear system, time in ship lengths."""
+        """Return the linear system, with time in ship lengths."""
         poles = [*self.poles, *([0.0] * self.integrators)]
         return control.ss(control.zpk(list(self.zeros), poles, self.gain))
 
@@ -43,13 +43,13 @@ class Factors(NamedTuple):
 _HALF, _SPREAD = 2.0 * math.sqrt(60.0), math.sqrt(180.0)
 
 COURSE_LOOP = Factors(60.0, (), (-_HALF + _SPREAD, -_HALF - _SPREAD), 1)
-"""60 / (s (s^2 + 2 2 sqrt(60) s + 60)): eq. 5.32, where the middle term's s is not printed."""
+"""60 / (s (s^2 + 2 2 sqrt(60) s + 60)), eq. 5.32, with the s of the middle term that is not printed."""
 
 TAYLOR = Nomoto(2.04, 1.9287, (complex(math.nan), complex(math.nan)), math.nan)
-"""The destroyer at 22 knots, eqs. 5.25 and 5.26."""
+"""Nomoto model of the destroyer at 22 knots, eqs. 5.25 and 5.26."""
 
 TAYLOR_GEAR = 1.0 / 6.0
-"""Her steering gear's time constant [ship lengths], eq. 5.28."""
+"""Time constant of the steering gear of the destroyer [ship lengths], eq. 5.28."""
 
 TRACK_LOOP = Factors(
     20.0 * TAYLOR.gain / TAYLOR.time / TAYLOR_GEAR,
@@ -57,24 +57,30 @@ TRACK_LOOP = Factors(
     (-1.0 / TAYLOR.time, -11.0, -15.0, -30.0, -30.0),
     2,
 )
-"""20 (s + 0.5)^2 (s + 6) (s + 1000) / ((s + 11) (s + 15) (s + 30)^2), eq. 5.42, on her P / s."""
+"""20 (s + 0.5)^2 (s + 6) (s + 1000) / ((s + 11) (s + 15) (s + 30)^2), eq. 5.42, times P / s of the
+destroyer."""
 
 
 def heading_plant(steering: Nomoto, gear_lengths: float) -> Factors:
-    """Heading [rad] by rudder command [rad].
+    """Return the transfer function from rudder command [rad] to heading [rad].
 
     Args:
-        steering: K and T of the ship.
-        gear_lengths: time constant of her steering gear [ship lengths].
+        steering: Nomoto model of the ship.
+        gear_lengths: time constant of the steering gear [ship lengths].
 
     Raises:
-        ShipError: she does not hold her course, so that C = L / P would cancel an unstable pole.
+        ShipError: the ship is not stable on a straight course; C = L / P would cancel an unstable pole.
+
+    Example:
+        >>> plant = heading_plant(TAYLOR, TAYLOR_GEAR)
+        >>> [round(pole, 3) for pole in plant.poles], plant.integrators
+        ([-0.518, -6.0], 1)
     """
     if not (steering.time > 0.0 and steering.gain > 0.0):
         raise ShipError(
-            f"a loop is shaped around a ship that holds her course: T = {steering.time:.4g} ship "
-            f"lengths (allowed: > 0), K = {steering.gain:.4g} (allowed: > 0); see "
-            "manoeuvring.N_v, manoeuvring.N_r and rudder.area_m2"
+            "loop shaping needs a ship that is stable on a straight course: "
+            f"T = {steering.time:.4g} ship lengths (allowed: > 0), K = {steering.gain:.4g} "
+            "(allowed: > 0); see manoeuvring.N_v, manoeuvring.N_r and rudder.area_m2"
         )
     poles = [-1.0 / steering.time]
     gain = steering.gain / steering.time
@@ -85,25 +91,30 @@ def heading_plant(steering: Nomoto, gear_lengths: float) -> Factors:
 
 
 def track_plant(steering: Nomoto, gear_lengths: float) -> Factors:
-    """Cross track [ship lengths] by rudder command [rad]; as of :func:`heading_plant`."""
+    """Return the transfer function from rudder command [rad] to cross track [ship lengths]."""
     return heading_plant(steering, gear_lengths)._replace(integrators=2)
 
 
-def shaped(loop: Factors, plant: Factors) -> control.StateSpace:
-    """The controller that makes a loop of a plant; common poles, zeros and integrators cancel.
+def shape_controller(loop: Factors, plant: Factors) -> control.StateSpace:
+    """Return the controller C = L / P; common poles, zeros and integrators cancel.
 
     Args:
-        loop: L.
-        plant: P, with as many integrators and no zeros.
+        loop: open loop L.
+        plant: plant P, with the integrators of L and without zeros.
 
     Returns:
-        From error to command, time in ship lengths.
+        System from error to command, with time in ship lengths.
 
     Raises:
-        ValueError: a controller that would have to differentiate.
+        ValueError: C would have more zeros than poles, or P does not meet the conditions above.
+
+    Example:
+        >>> controller = shape_controller(COURSE_LOOP, heading_plant(TAYLOR, TAYLOR_GEAR))
+        >>> controller.nstates
+        2
     """
     if loop.integrators != plant.integrators or plant.zeros:
-        raise ValueError("loop and plant need as many integrators, and the plant no zeros")
+        raise ValueError("the plant needs the integrators of the loop, and no zeros")
     zeros, poles = [*loop.zeros, *plant.poles], [*loop.poles]
     for zero in [*zeros]:
         near = [pole for pole in poles if abs(pole - zero) <= _SAME * abs(pole)]
@@ -111,19 +122,19 @@ def shaped(loop: Factors, plant: Factors) -> control.StateSpace:
             zeros.remove(zero)
             poles.remove(near[0])
     if len(zeros) > len(poles):
-        raise ValueError("the loop falls off more slowly than the plant, which C = L / P cannot do")
+        raise ValueError("the gain of the loop must fall at least as fast as that of the plant")
     return control.ss(control.zpk(zeros, poles, loop.gain / plant.gain))
 
 
-class ShapedLaw:
-    """A controller from :func:`shaped` as it acts on a ship: step by step, by the way sailed.
+class ShapedController:
+    """Run a controller of :func:`shape_controller` on ships, in steps of the distance travelled.
 
-    Between two readings the error goes in a straight line (trapezoidal rule, Tustin).
+    The error is interpolated linearly between two measurements (trapezoidal rule, Tustin).
 
     Args:
-        controller: from error to rudder command [rad], time in ship lengths.
-        reset_lengths: way in which a constant error makes the command grow by what the controller
-            answers to it at rest [ship lengths]; infinite, as printed, for no such integral.
+        controller: system from error to rudder command [rad], with time in ship lengths.
+        reset_lengths: distance in which a constant error changes the integral by the steady response of
+            the controller [ship lengths]; infinite, as printed, for no integral.
     """
 
     def __init__(self, controller: control.StateSpace, reset_lengths: float = math.inf) -> None:
@@ -136,22 +147,22 @@ class ShapedLaw:
 
     @property
     def order(self) -> int:
-        """Of the controller: so many states its memory holds, then the last error and the integral."""
+        """Return the number of controller states; the last error and the integral follow them."""
         return len(self._a)
 
-    def sampled(self, way: float) -> control.StateSpace:
-        """The law as a discrete system, time in ship lengths, without its integral.
+    def sampled(self, distance: float) -> control.StateSpace:
+        """Return the controller as a discrete system with time in ship lengths, without its integral.
 
         Args:
-            way: between two commands [ship lengths].
+            distance: distance between two commands [ship lengths].
         """
-        return control.sample_system(self.controller, way, method="bilinear")
+        return control.sample_system(self.controller, distance, method="bilinear")
 
     def begin(self, error: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Memory of shape (n, order + 2) where errors have stood as they are for ever.
+        """Return the controller state in steady state at constant errors, shape (n, order + 2).
 
         Args:
-            error: shape (n,).
+            error: errors, shape (n,).
         """
         rest = -np.linalg.solve(self._a, self._b) if self.order else np.zeros(0)
         return np.column_stack([error[:, None] * rest, error, np.zeros_like(error)])
@@ -159,22 +170,22 @@ class ShapedLaw:
     def command(
         self,
         error: NDArray[np.float64],
-        way: NDArray[np.float64],
+        distance: NDArray[np.float64],
         memory: NDArray[np.float64],
         most: float,
     ) -> NDArray[np.float64]:
-        """Rudder commands [rad], shape (n,), within the end stops.
+        """Return the rudder commands [rad], shape (n,), within the end stops.
 
         Args:
-            error: shape (n,).
-            way: sailed since the last call [ship lengths], shape (n,).
-            memory: from :meth:`begin` or the last call, changed in place.
+            error: errors, shape (n,).
+            distance: distance travelled since the last call [ship lengths], shape (n,).
+            memory: controller state of :meth:`begin` or the last call, changed in place.
             most: largest command [rad].
         """
         found = np.empty(len(memory))
         _command_all(
             self._a, self._b, self._c, self._d, self._rest, np.ascontiguousarray(error),
-            np.ascontiguousarray(way), memory, most, found,
+            np.ascontiguousarray(distance), memory, most, found,
         )  # fmt: skip
         return found
 
@@ -187,16 +198,16 @@ def _command_all(
     d: float,
     rest: float,
     error: NDArray[np.float64],
-    way: NDArray[np.float64],
+    distance: NDArray[np.float64],
     memory: NDArray[np.float64],
     most: float,
     command: NDArray[np.float64],
 ) -> None:
-    """The law of each ship for itself, so that many are as one."""
+    """Fill the commands ship by ship, so that a batch gives the result of a single ship."""
     order = len(a)
     for i in range(len(error)):
         row = memory[i]
-        half, driven = 0.5 * way[i], row[order] + error[i]
+        half, driven = 0.5 * distance[i], row[order] + error[i]
         left, right = np.zeros((order, order)), np.zeros(order)
         for j in range(order):
             right[j] = row[j] + half * b[j] * driven
@@ -210,30 +221,30 @@ def _command_all(
         for j in range(order):
             row[j] = states[j]
             asked += c[j] * states[j]
-        # the integral stands still where the rudder is at a stop towards which it pushes
+        # The integral is held while the error moves the rudder further against an end stop.
         if not (abs(asked) > most and asked * error[i] > 0.0):
             row[order + 1] = integral
         row[order] = error[i]
         command[i] = min(max(asked, -most), most)
 
 
-class Steered(NamedTuple):
-    """A ship as a steering controller is designed for her."""
+class SteeringDynamics(NamedTuple):
+    """Steering dynamics of a ship for the design of a steering controller."""
 
     steering: Nomoto
     gear_lengths: float  # time constant of the steering gear [ship lengths]
 
 
-def steered_at(ship: Ship, point: Equilibrium) -> Steered:
-    """What loop shaping needs of a ship.
+def steering_dynamics(ship: Ship, point: Equilibrium) -> SteeringDynamics:
+    """Return the steering dynamics of a ship on a straight course.
 
     Args:
-        ship: that turns.
-        point: straight course at the speed at which she is steered.
+        ship: ship that turns.
+        point: steady state on a straight course at the design speed.
 
     Raises:
-        ShipError: a ship that cannot be steered or does not sail ahead.
+        ShipError: the ship cannot be steered or does not move ahead.
     """
     found = nomoto(ship, point)
     lengths = ship.manoeuvring.length_m / point.state.ship_speed
-    return Steered(found, ship.rudder.time_constant_s / lengths)
+    return SteeringDynamics(found, ship.rudder.time_constant_s / lengths)

@@ -1,7 +1,7 @@
-"""The loops of the controllers of this folder: each as a linear law at a speed, on its linearised ship.
+"""Linear control loops of the controllers and helmsmen of this folder on their linearised ships.
 
-A controller is differentiated as it stands, by differences of what it answers and of what it remembers,
-so nothing is written down twice: x[k+1] = A x[k] + B y[k], u[k] = C x[k] + D y[k] about a steady state.
+A controller is linearised numerically, by finite differences of its commands and its state about a
+steady state: x[k+1] = A x[k] + B y[k], u[k] = C x[k] + D y[k].
 """
 
 from __future__ import annotations
@@ -14,42 +14,37 @@ from numpy.typing import NDArray
 from ..core.lazy import control
 from ..plant.approach import approach
 from ..plant.linear import linearise
-from ..plant.loops import Loop, broken_at
+from ..plant.loops import Loop, loop_at_command
 from ..plant.ship import Ship, ShipError
 from ..plant.steady_state import Equilibrium, equilibrium
 from ..plant.voyage import Voyage
 from .autopilot import Autopilot
-from .controller import OBSERVED, Controller, Readings
+from .controller import OBSERVED, Controller, Measurements
 from .helmsman import ShapedHelmsman
 
 COMMANDS = ("pitch_command", "drive")
-"""Of a controller, in the order of its answer."""
+"""Commands of a controller, in the order in which ``act`` returns them."""
 
-_READ = {
-    "shaft_speed": "shaft_speed",
-    "shaft_torque": "shaft_torque",
-    "pitch_ratio": "pitch_ratio",
-    "fuel_rack": "fuel_rack",
-    "ship_speed": "ship_speed",
-    "advance_velocity": "advance_velocity",
-}
-_SHARE = 1e-5  # of a signal's size, by which it is moved
-_LONGEST_S, _LOOK_S = 7200.0, 60.0  # that a controller may take to come to rest; between two looks
-_STILL = 1e-9  # share by which its commands may still have changed between them
+_MEASURED = (
+    "shaft_speed", "shaft_torque", "pitch_ratio", "fuel_rack", "ship_speed", "advance_velocity",
+)  # fmt: skip
+_SHARE = 1e-5  # step of the finite differences over the size of a signal
+_LONGEST_S, _CHECK_S = 7200.0, 60.0  # longest time to a steady state; time between two checks
+_STEADY = 1e-9  # largest relative change of the commands between two checks in a steady state
 
 
-def readable(ship: Ship, point: Equilibrium) -> control.StateSpace:
-    """A ship about a working point, with all that controllers read as outputs, by name.
+def linear_plant(ship: Ship, point: Equilibrium) -> control.StateSpace:
+    """Return a ship linearised about a working point, with all measurements of controllers as outputs.
 
-    Beside states and outputs of :func:`shaftline.plant.linearise`: ``fuel_rack``, which is the demand of
-    the drive, and of a ship that turns ``cross_track`` [m].
+    It has the states and outputs of :func:`shaftline.plant.linearise`, the output ``fuel_rack``, which
+    is the drive command, and for a ship that turns ``cross_track`` [m].
 
     Args:
-        ship: the ship.
-        point: the working point.
+        ship: ship to linearise.
+        point: working point.
     """
     steered = ("heading", "yaw_rate", "rudder_angle", "sway_speed") if ship.turns else ()
-    plain = [name for name in _READ.values() if name != "fuel_rack"]
+    plain = [name for name in _MEASURED if name != "fuel_rack"]
     model = linearise(ship, point, outputs=(*plain, *steered))
     a, b, c, d = (np.asarray(part) for part in (model.A, model.B, model.C, model.D))
     outputs = [*model.output_labels, "fuel_rack"]
@@ -66,53 +61,53 @@ def readable(ship: Ship, point: Equilibrium) -> control.StateSpace:
     return control.ss(a, b, c, d, inputs=model.input_labels, outputs=outputs)
 
 
-class Settled(NamedTuple):
-    """A controller at rest on its ship."""
+class RestPoint(NamedTuple):
+    """Steady state of a controller on its ship."""
 
     point: Equilibrium
-    seen: NDArray[np.float64]  # an observation, shape (8,)
+    observation: NDArray[np.float64]  # shape (8,)
     memory: NDArray[np.float64]  # shape (k,)
 
 
-def settled(controller: Controller, speed_m_s: float) -> Settled:
-    """Where a controller comes to rest that is ordered a speed in calm water: it sails there.
+def settle_controller(controller: Controller, speed_m_s: float) -> RestPoint:
+    """Return the steady state of a controller at a speed order in calm water, from a simulation.
 
     Args:
-        controller: whose memory is numbers.
+        controller: controller whose state is an array of numbers.
         speed_m_s: ordered ship speed [m/s].
 
     Raises:
-        ShipError: a speed that no demand sails.
-        ValueError: a controller that remembers more than numbers, or does not come to rest.
+        ShipError: the ship does not reach the speed.
+        ValueError: the controller state is no array of numbers, or no steady state is reached.
     """
     ship, interval = controller.ship, controller.interval_s
     point = approach(ship, speed_m_s)
     steps = round(interval / ship.time_step_s)
     voyage = Voyage(ship, point.state, point.inputs.drive)
-    seen = _observation(point, speed_m_s)
-    memory = _numbers(controller, seen)
+    signals = _observation(point, speed_m_s)
+    memory = _numeric_state(controller, signals)
     before = np.full(2, np.inf)
-    for _ in range(round(_LONGEST_S / _LOOK_S)):
-        for _ in range(round(_LOOK_S / interval)):
-            pitch, drive = controller.act(Readings(*seen[:, None]), memory)
-            voyage.sail(float(drive[0]), float(pitch[0]), 0.0, steps)
-            seen = read(voyage, speed_m_s)
+    for _ in range(round(_LONGEST_S / _CHECK_S)):
+        for _ in range(round(_CHECK_S / interval)):
+            pitch, drive = controller.act(Measurements(*signals[:, None]), memory)
+            voyage.run(float(drive[0]), float(pitch[0]), 0.0, steps)
+            signals = observe(voyage, speed_m_s)
         now = np.array([pitch[0], drive[0]])
-        if np.all(np.abs(now - before) <= _STILL * np.abs(now)):
+        if np.all(np.abs(now - before) <= _STEADY * np.abs(now)):
             point = equilibrium(ship, float(drive[0]), float(pitch[0]))
-            return Settled(point, _observation(point, speed_m_s), memory[0])
+            return RestPoint(point, _observation(point, speed_m_s), memory[0])
         before = now
     raise ValueError(
-        f"{controller.name}: has come to no rest {_LONGEST_S:g} s after an order of {speed_m_s:g} m/s"
+        f"{controller.name}: no steady state within {_LONGEST_S:g} s at an order of {speed_m_s:g} m/s"
     )
 
 
-def read(voyage: Voyage, order: float) -> NDArray[np.float64]:
-    """What a controller sees of a voyage without noise, as of its last step; shape (8,).
+def observe(voyage: Voyage, order: float) -> NDArray[np.float64]:
+    """Return the observation of a voyage without noise at its last step, shape (8,).
 
     Args:
-        voyage: under way.
-        order: ship speed [m/s].
+        voyage: simulated voyage.
+        order: ordered ship speed [m/s].
     """
     last = voyage.samples[-1]
     values = {
@@ -133,36 +128,36 @@ def _observation(point: Equilibrium, order: float) -> NDArray[np.float64]:
     return np.array([float(values[name]) for name in OBSERVED])
 
 
-def _numbers(controller: Controller, seen: NDArray[np.float64]) -> NDArray[np.float64]:
-    memory = controller.fresh(Readings(*seen[:, None]))
+def _numeric_state(controller: Controller, signals: NDArray[np.float64]) -> NDArray[np.float64]:
+    memory = controller.initial_state(Measurements(*signals[:, None]))
     if memory.dtype != np.float64 or memory.ndim != 2:
         raise ValueError(
-            f"{controller.name}: its memory holds more than numbers, so it has no linear law"
+            f"{controller.name}: the controller cannot be linearised, its state is no array of numbers"
         )
     return memory
 
 
-def linear_law(controller: Controller, rest: Settled) -> control.StateSpace:
-    """A controller as a discrete linear system about where it rests.
+def linearise_controller(controller: Controller, rest: RestPoint) -> control.StateSpace:
+    """Return a controller as a discrete linear system about its steady state.
 
     Args:
-        controller: the controller.
-        rest: from :func:`settled`.
+        controller: controller to linearise.
+        rest: steady state from :func:`settle_controller`.
 
     Returns:
-        Inputs are the order and the readings, named as in :class:`~.controller.Readings`, outputs the
-        commands of :data:`COMMANDS`.
+        System with the speed order and the measurements as inputs, named as in
+        :class:`~.controller.Measurements`, and the commands :data:`COMMANDS` as outputs.
     """
-    inputs = ("speed_order", *_READ)
+    inputs = ("speed_order", *_MEASURED)
     held = len(rest.memory)
-    columns = [Readings._fields.index(name) for name in inputs]
-    here = np.concatenate([rest.memory, rest.seen[columns]])
+    columns = [Measurements._fields.index(name) for name in inputs]
+    here = np.concatenate([rest.memory, rest.observation[columns]])
     sizes = np.maximum(np.abs(here), 1e-2) * _SHARE
     moved = here + np.vstack([np.diag(sizes), -np.diag(sizes)])
-    seen = np.tile(rest.seen, (len(moved), 1))
-    seen[:, columns] = moved[:, held:]
+    signals = np.tile(rest.observation, (len(moved), 1))
+    signals[:, columns] = moved[:, held:]
     memory = moved[:, :held].copy()
-    pitch, drive = controller.act(Readings(*seen.T.copy()), memory)
+    pitch, drive = controller.act(Measurements(*signals.T.copy()), memory)
     found = np.column_stack([memory, pitch, drive])
     slopes = (found[: len(sizes)] - found[len(sizes) :]).T / (2.0 * sizes)
     return control.ss(
@@ -172,43 +167,43 @@ def linear_law(controller: Controller, rest: Settled) -> control.StateSpace:
 
 
 def controller_loop(controller: Controller, speed_m_s: float, command: str = "drive") -> Loop:
-    """The loop of a controller on its ship, opened at one of its commands; time in seconds.
+    """Return the loop of a controller on its ship, opened at one of its commands, with time in seconds.
 
-    What it reads of the advance velocity is the truth, as of an observer without a lag.
+    The controller receives the true advance velocity, as from an observer without lag.
 
     Args:
-        controller: built for the ship and the interval.
+        controller: controller that is built for the ship and the interval.
         speed_m_s: ordered ship speed [m/s].
         command: ``drive`` or ``pitch_command``.
 
     Raises:
-        ShipError: a speed that no demand sails.
-        ValueError: as of :func:`settled`, or a command that does not exist.
+        ShipError: the ship does not reach the speed.
+        ValueError: as of :func:`settle_controller`, or an unknown command.
     """
-    rest = settled(controller, speed_m_s)
-    law = linear_law(controller, rest)
-    return broken_at(
-        readable(controller.ship, rest.point), law, command, "speed_order", "ship_speed"
+    rest = settle_controller(controller, speed_m_s)
+    law = linearise_controller(controller, rest)
+    return loop_at_command(
+        linear_plant(controller.ship, rest.point), law, command, "speed_order", "ship_speed"
     )
 
 
 def helmsman_loop(helmsman: ShapedHelmsman) -> Loop:
-    """The loop of a helmsman on his ship at the speed for which he is shaped; time in seconds.
+    """Return the loop of a helmsman on its ship at its design speed, with time in seconds.
 
     Args:
-        helmsman: who holds a heading or a track.
+        helmsman: helmsman that holds a heading or a line.
 
     Raises:
-        ShipError: a ship that does not sail ahead.
+        ShipError: the design speed is not ahead.
     """
     point = helmsman.point
     speed = point.state.ship_speed
     if not speed > 0.0:
-        raise ShipError(f"{helmsman.ship.name}: steering asks for a speed ahead, not {speed:g} m/s")
+        raise ShipError(f"{helmsman.ship.name}: steering needs a speed ahead, not {speed:g} m/s")
     way = speed * helmsman.interval_s / helmsman.length
     law = helmsman.law.sampled(way)
     heading = isinstance(helmsman, Autopilot)
     scale = 1.0 if heading else 1.0 / helmsman.length
     law = control.ss(law.A, law.B, scale * law.C, scale * law.D, helmsman.interval_s)
-    whole = readable(helmsman.ship, point)
-    return Loop.of(whole["heading" if heading else "cross_track", "rudder_command"], law)
+    whole = linear_plant(helmsman.ship, point)
+    return Loop.from_plant(whole["heading" if heading else "cross_track", "rudder_command"], law)

@@ -1,6 +1,4 @@
-"""Model, forecast of the waves and quadratic programme of the model-predictive controller.
-
-Model-predictive control of pitch and fuel rack: the torques of shaft and engine held steady in waves.
+"""Model-predictive control of pitch and fuel rack: holds shaft and engine torque in waves.
 
 Every control interval h a quadratic programme chooses the pitch p and the fuel rack X of the next N
 intervals. It minimises the sum over the intervals of
@@ -27,9 +25,9 @@ about the plan of the previous interval, one Gauss-Newton step per interval (rea
 et al. 2005). The torque d is estimated from the error of the last predicted shaft speed; it removes a
 steady error of the model.
 
-The advance velocity ahead is u + e: u is what the wake leaves of the ship speed, e the inflow of the
-waves. With a preview e is the inflow that the sensor at the bow measures. Without one the present
-e = v - u and its slope e' are continued as a decaying oscillation,
+The advance velocity ahead is u + e: u is the ship speed less the wake, e the inflow of the waves. With
+a preview e is the inflow that the sensor at the bow measures. Without one the present e = v - u and its
+slope e' are continued as a decaying oscillation,
 
     e(t) = exp(-t / T_e) (e cos(f t) + e' / f sin(f t)),     f^2 = mean of e'^2 / mean of e^2
 
@@ -53,8 +51,8 @@ from ..plant.hull import wake_inflow
 from ..plant.propeller import FOUR_QUADRANT
 from ..plant.shaft import drive_torque, load_torque, shaft_inertia
 from ..plant.ship import Ship
-from .controller import OBSERVED, PREVIEW_S, Readings
-from .speed_pilot import SpeedPilot
+from .controller import OBSERVED, PREVIEW_S, Measurements
+from .speed_pilot import NO_WAVE_RESPONSE, PILOT_COLUMNS, SpeedPilot
 
 SLOWEST, FASTEST = 0.25, 1.5
 """Shaft speeds of the model over the lowest and the highest of the ship [-]."""
@@ -99,14 +97,14 @@ def predict_shaft(
     shaft_slopes: NDArray[np.float64],
     engine_slopes: NDArray[np.float64],
 ) -> None:
-    """Predict shaft speed and torques along a plan, with their derivatives to the plan.
+    """Predict shaft speed and torques along a plan, with their derivatives by the plan.
 
     The derivatives belong to the pitches at the ends of the N intervals and then to the N racks.
 
     Args:
         plant: ship record.
         interval_s: length of an interval [s].
-        disturbance: torque on the shaft that the model leaves out [N m].
+        disturbance: torque on the shaft that is not in the model [N m].
         velocity: advance velocity in the middle of each interval [m/s], shape (N,).
         pitch: P/D now and at the end of each interval [-], shape (N + 1,).
         rack: fuel rack in each interval [mm], shape (N,).
@@ -193,11 +191,11 @@ def forecast(
 def quadratic_programme(intervals: int, keep: float) -> tuple[Any, Any]:
     """Return the solver of a quadratic programme in 2 N variables, and its constraint matrix.
 
-    Rows 0 to N - 1 are the changes of the pitch, rows N to 2 N - 1 what the pitch command adds.
+    Rows 0 to N - 1 are the changes of the pitch, rows N to 2 N - 1 the parts from the pitch command.
 
     Args:
         intervals: N.
-        keep: share of a pitch error that an interval leaves [-].
+        keep: share of a pitch error that remains after an interval [-].
 
     Raises:
         ValueError: casadi is not installed.
@@ -205,7 +203,9 @@ def quadratic_programme(intervals: int, keep: float) -> tuple[Any, Any]:
     try:
         import casadi
     except ImportError:
-        raise ValueError("the controller mpc needs casadi: pip install 'shaftline[mpc]'") from None
+        raise ValueError(
+            "the controller mpc needs casadi; install it with: pip install 'shaftline[mpc]'"
+        ) from None
     one, before = np.eye(intervals), np.eye(intervals, k=-1)
     rows = np.zeros((2 * intervals, 2 * intervals))
     rows[:intervals, :intervals] = one - before
@@ -237,28 +237,27 @@ MOST_INTERVALS = 60
 _LARGEST_DISTURBANCE = 0.3  # share of the highest shaft torque
 _TERMS = 6  # residuals of an interval
 _LEAST_SQUARE = 1e-6  # of the inflow in m2/s2 and of its slope in m2/s4
-_MEASURED = Readings._fields[: len(OBSERVED)]
-_READINGS = len(_MEASURED)
+_MEASURED = Measurements._fields[: len(OBSERVED)]
+_MEASUREMENTS = len(_MEASURED)
 
-_OWN = 4  # columns of the speed pilot, before these
-(INFLOW, SLOPE, INFLOW_SQUARE, SLOPE_SQUARE, SHAFT_AIM, ENGINE_AIM, BASE_PITCH, BASE_RACK, AHEAD,
- DISTURBANCE) = range(_OWN, _OWN + 10)  # fmt: skip
+(INFLOW, SLOPE, INFLOW_SQUARE, SLOPE_SQUARE, SHAFT_MEAN, ENGINE_MEAN, BASE_PITCH, BASE_RACK, AHEAD,
+ DISTURBANCE) = range(PILOT_COLUMNS, PILOT_COLUMNS + 10)  # fmt: skip
 """Columns of the controller state.
 
 e [m/s], e' [m/s2], their mean squares, M* [N m], M_b* [N m], p_0 [-] and X_0 [mm] of the last call, the
 shaft speed predicted for this call [rad/s], d [N m]. The last finite measurements and the plan follow.
 """
-_HELD = slice(_OWN + 10, _OWN + 10 + _READINGS)
-_PLAN = _OWN + 10 + _READINGS
+_HELD = slice(PILOT_COLUMNS + 10, PILOT_COLUMNS + 10 + _MEASUREMENTS)
+_PLAN = PILOT_COLUMNS + 10 + _MEASUREMENTS
 
 
 class ModelPredictive(SpeedPilot):
-    """Model-predictive controller that holds shaft and engine torque in waves by pitch and fuel rack.
+    """Hold shaft and engine torque in waves by pitch and fuel rack with a model-predictive controller.
 
-    Weights are costs of a deviation of the whole range of a signal.
+    A weight is the cost of a deviation by the whole range of the signal.
 
     Args:
-        ship: a ship with a diesel and a controllable pitch, or its name.
+        ship: ship with a diesel and a controllable pitch, or its name.
         interval_s: control interval h [s].
         horizon_s: N h, the time that the plan covers [s].
         shaft_weight: q_M [-].
@@ -268,21 +267,23 @@ class ModelPredictive(SpeedPilot):
         pitch_change_weight: r_p [-].
         rack_change_weight: r_X [-].
         wave_memory_s: T_e, time constant with which the forecast of the waves decays [s].
-        preview: read the inflow of the waves ahead from a sensor at the bow, in place of the forecast.
-        settings: as of :class:`SpeedPilot`, whose gains on torque and shaft speed are 0 here by default.
+        preview: use the inflow of the waves ahead from a sensor at the bow, in place of the forecast.
+        settings: settings of :class:`SpeedPilot`; its gains on torque and shaft speed are 0 by default.
 
     State: columns of the speed pilot, then :data:`INFLOW` to :data:`DISTURBANCE`, the last finite
     measurements and the plan; shape (n, 22 + 2 N).
 
     Raises:
         ShipError: the ship has no diesel or cannot move.
-        TypeError: an unknown setting.
-        ValueError: the ship's pitch is fixed, an option is out of range, or casadi is not installed.
+        TypeError: a setting is unknown.
+        ValueError: the pitch is fixed, an option is out of range, or casadi is not installed.
     """
 
     name = "mpc"
     source = "shaftline's own"
     variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {"mpc-preview": {"preview": True}}
+    base_settings = NO_WAVE_RESPONSE
+    needs_variable_pitch = True
     tunable: ClassVar[Mapping[str, tuple[float, float]]] = {
         **SpeedPilot.tunable, "shaft_weight": (0.0, 10.0), "engine_weight": (0.0, 100.0),
         "pitch_weight": (0.0, 1.0), "rack_weight": (0.0, 1.0), "pitch_change_weight": (0.0, 10.0),
@@ -305,10 +306,7 @@ class ModelPredictive(SpeedPilot):
         preview: bool = False,
         **settings: float,
     ) -> None:
-        calm = {"torque_gain": 0.0, "shaft_gain": 0.0, "pitch_gain": 0.0}
-        super().__init__(ship, interval_s, **calm | settings)
-        if not self.ship.has_variable_pitch:
-            raise ValueError(f"{self.ship.name}: mpc needs a controllable pitch")
+        super().__init__(ship, interval_s, **settings)
         weights = {
             "shaft_weight": shaft_weight, "engine_weight": engine_weight,
             "pitch_weight": pitch_weight, "rack_weight": rack_weight,
@@ -363,14 +361,14 @@ class ModelPredictive(SpeedPilot):
         travels = self._rate * (limited + lag * (1.0 - np.exp(-(h - limited) / lag)))
         self._errors, self._travels = np.append(0.0, errors), np.append(0.0, travels)
 
-    def _finite(self, seen: Readings, held: NDArray[np.float64]) -> Readings:
+    def _finite(self, signals: Measurements, held: NDArray[np.float64]) -> Measurements:
         """Return the measurements with the last finite ones in place of those that are not finite.
 
         Args:
-            seen: measurements of n ships.
+            signals: measurements of n ships.
             held: last finite measurements, shape (n, 8), changed in place.
         """
-        now = np.column_stack([getattr(seen, name) for name in _MEASURED])
+        now = np.column_stack([getattr(signals, name) for name in _MEASURED])
         estimate = np.isfinite(now[:, 6])
         held[:] = np.where(np.isfinite(now), now, held)
         held[:, 7] = np.where(estimate & (now[:, 7] > 0.5), 1.0, 0.0)
@@ -378,36 +376,36 @@ class ModelPredictive(SpeedPilot):
         held[:, 1] = np.clip(held[:, 1], SLOWEST * low, FASTEST * high)
         held[:, 3] = np.clip(held[:, 3], *self._pitches)
         held[:, 4] = np.clip(held[:, 4], self.plant["drive_min"], self.plant["drive_max"])
-        told = seen.wave_inflow
-        if told is not None:
-            told = np.where(np.isfinite(told), told, 0.0)
-        return Readings(**dict(zip(_MEASURED, held.T.copy(), strict=True)), wave_inflow=told)
+        inflow = signals.wave_inflow
+        if inflow is not None:
+            inflow = np.where(np.isfinite(inflow), inflow, 0.0)
+        return Measurements(**dict(zip(_MEASURED, held.T.copy(), strict=True)), wave_inflow=inflow)
 
-    def _usual(self, seen: Readings) -> NDArray[np.float64]:
+    def _usual(self, signals: Measurements) -> NDArray[np.float64]:
         """Return measurements of the middle of the combinator's curve, shape (n, 8)."""
         middle = len(self._speeds) // 2
         speed, shaft = float(self._speeds[middle]), float(np.mean(self.ship.shaft_speeds))
         pitch, rack = float(self._pitch[middle]), float(self._rack[middle])
         row = [speed, shaft, 0.0, pitch, rack, speed, speed, 0.0]
-        return np.tile(row, (len(seen.speed_order), 1))
+        return np.tile(row, (len(signals.speed_order), 1))
 
-    def inflow(self, seen: Readings) -> NDArray[np.float64]:
+    def inflow(self, signals: Measurements) -> NDArray[np.float64]:
         """Return the present inflow of the waves e [m/s], shape (n,); 0 without a valid estimate."""
-        if seen.wave_inflow is not None:
-            return np.array(seen.wave_inflow[:, 0])
-        deviation = seen.advance_velocity - wake_inflow(self.plant, seen.ship_speed)
-        return np.where(seen.estimate_valid > 0.5, deviation, 0.0)
+        if signals.wave_inflow is not None:
+            return np.array(signals.wave_inflow[:, 0])
+        deviation = signals.advance_velocity - wake_inflow(self.plant, signals.ship_speed)
+        return np.where(signals.estimate_valid > 0.5, deviation, 0.0)
 
-    def velocities(self, seen: Readings, memory: NDArray[np.float64]) -> NDArray[np.float64]:
+    def velocities(self, signals: Measurements, memory: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the advance velocity in the middle of each interval ahead [m/s], shape (n, N).
 
         Args:
-            seen: finite measurements of n ships.
+            signals: finite measurements of n ships.
             memory: controller state, with this inflow already in it.
         """
         ahead_s = self.interval_s * (np.arange(self.intervals, dtype=np.float64) + 0.5)
-        if seen.wave_inflow is not None:
-            waves = np.array([np.interp(ahead_s, PREVIEW_S, row) for row in seen.wave_inflow])
+        if signals.wave_inflow is not None:
+            waves = np.array([np.interp(ahead_s, PREVIEW_S, row) for row in signals.wave_inflow])
         else:
             slowest, fastest = (2.0 * math.pi / period for period in reversed(PERIODS_S))
             squares = np.maximum(memory[:, [INFLOW_SQUARE, SLOPE_SQUARE]], _LEAST_SQUARE)
@@ -416,35 +414,41 @@ class ModelPredictive(SpeedPilot):
             waves = forecast(
                 memory[:, INFLOW], memory[:, SLOPE], frequency, self.wave_memory_s, ahead_s
             )
-        return np.asarray(wake_inflow(self.plant, seen.ship_speed)[:, None] + waves)
+        return np.asarray(wake_inflow(self.plant, signals.ship_speed)[:, None] + waves)
 
-    def fresh(self, seen: Readings) -> NDArray[np.float64]:
+    def initial_state(self, signals: Measurements) -> NDArray[np.float64]:
         """Return the state of a controller that takes over a ship in steady motion.
 
         The plan is the base command, and the disturbance balances the shaft as measured.
         """
-        held = self._usual(seen)
-        seen = self._finite(seen, held)
-        n, base = self.intervals, np.interp(seen.speed_order, self._speeds, self._pitch)
-        inflow = self.inflow(seen)
-        velocity = wake_inflow(self.plant, seen.ship_speed) + inflow
+        held = self._usual(signals)
+        signals = self._finite(signals, held)
+        n, base = self.intervals, np.interp(signals.speed_order, self._speeds, self._pitch)
+        inflow = self.inflow(signals)
+        velocity = wake_inflow(self.plant, signals.ship_speed) + inflow
         memory = np.zeros((len(base), _PLAN + 2 * n))
-        memory[:, :_OWN] = super().fresh(seen)
+        memory[:, :PILOT_COLUMNS] = super().initial_state(signals)
         memory[:, INFLOW] = inflow
         memory[:, _HELD] = held
-        memory[:, BASE_PITCH], memory[:, BASE_RACK] = base, seen.fuel_rack
-        memory[:, AHEAD] = seen.shaft_speed
+        memory[:, BASE_PITCH], memory[:, BASE_RACK] = base, signals.fuel_rack
+        memory[:, AHEAD] = signals.shaft_speed
         memory[:, _PLAN : _PLAN + n], memory[:, _PLAN + n :] = (
             base[:, None],
-            seen.fuel_rack[:, None],
+            signals.fuel_rack[:, None],
         )
         most = _LARGEST_DISTURBANCE * self._shaft_most
         for row, v, w, p, x, b in zip(
-            memory, velocity, seen.shaft_speed, seen.pitch_ratio, seen.fuel_rack, base, strict=True
+            memory,
+            velocity,
+            signals.shaft_speed,
+            signals.pitch_ratio,
+            signals.fuel_rack,
+            base,
+            strict=True,
         ):
-            drive, load, row[ENGINE_AIM] = torques(self.plant, v, w, p, x)
+            drive, load, row[ENGINE_MEAN] = torques(self.plant, v, w, p, x)
             row[DISTURBANCE] = min(max(load - drive, -most), most)
-            row[SHAFT_AIM] = self._shaft(v, w, b, x, row[DISTURBANCE])
+            row[SHAFT_MEAN] = self._shaft(v, w, b, x, row[DISTURBANCE])
         return memory
 
     def _shaft(self, v: float, w: float, p: float, x: float, disturbance: float) -> float:
@@ -471,12 +475,12 @@ class ModelPredictive(SpeedPilot):
         keep = math.exp(-h / MEAN_S)
         now = self._shaft(v, w, *base, row[DISTURBANCE])
         engine = torques(self.plant, v, w, *base)[2]
-        # A change of the base, as after a new order, is no wave: the means take it in at once.
+        # The means follow a change of the base command, as after a new order, at once.
         old = float(row[BASE_PITCH]), float(row[BASE_RACK])
-        row[SHAFT_AIM] += now - self._shaft(v, w, *old, row[DISTURBANCE])
-        row[ENGINE_AIM] += engine - torques(self.plant, v, w, *old)[2]
-        row[SHAFT_AIM] = keep * row[SHAFT_AIM] + (1.0 - keep) * now
-        row[ENGINE_AIM] = keep * row[ENGINE_AIM] + (1.0 - keep) * engine
+        row[SHAFT_MEAN] += now - self._shaft(v, w, *old, row[DISTURBANCE])
+        row[ENGINE_MEAN] += engine - torques(self.plant, v, w, *old)[2]
+        row[SHAFT_MEAN] = keep * row[SHAFT_MEAN] + (1.0 - keep) * now
+        row[ENGINE_MEAN] = keep * row[ENGINE_MEAN] + (1.0 - keep) * engine
         row[BASE_PITCH], row[BASE_RACK] = base
 
     def plan(
@@ -510,7 +514,7 @@ class ModelPredictive(SpeedPilot):
         )  # fmt: skip
         slopes[2 * n :] = self._fixed
         residuals = np.concatenate([
-            shaft - row[SHAFT_AIM], engine - row[ENGINE_AIM],
+            shaft - row[SHAFT_MEAN], engine - row[ENGINE_MEAN],
             nominal[:n] - base[0], nominal[n:] - base[1],
             np.diff(nominal[:n], prepend=pitch), np.diff(nominal[n:], prepend=rack),
         ])  # fmt: skip
@@ -540,24 +544,24 @@ class ModelPredictive(SpeedPilot):
         return np.asarray(plan)
 
     def act(
-        self, seen: Readings, memory: NDArray[np.float64]
+        self, signals: Measurements, memory: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the first commands of the plan, or those of the speed pilot without a solution."""
-        seen = self._finite(seen, memory[:, _HELD])
-        pitches, racks = super().act(seen, memory[:, :_OWN])
-        inflow = self.inflow(seen)
+        signals = self._finite(signals, memory[:, _HELD])
+        pitches, racks = super().act(signals, memory[:, :PILOT_COLUMNS])
+        inflow = self.inflow(signals)
         fast, slow = (math.exp(-self.interval_s / time) for time in (SLOPE_S, SPECTRUM_S))
         rate = (inflow - memory[:, INFLOW]) / self.interval_s
         memory[:, SLOPE] = fast * memory[:, SLOPE] + (1.0 - fast) * rate
         memory[:, INFLOW] = inflow
         for column, value in ((INFLOW_SQUARE, inflow), (SLOPE_SQUARE, memory[:, SLOPE])):
             memory[:, column] = slow * memory[:, column] + (1.0 - slow) * value**2
-        ahead = self.velocities(seen, memory)
-        now = wake_inflow(self.plant, seen.ship_speed) + inflow
+        ahead = self.velocities(signals, memory)
+        now = wake_inflow(self.plant, signals.ship_speed) + inflow
         for i, row in enumerate(memory):
-            w, p = float(seen.shaft_speed[i]), float(seen.pitch_ratio[i])
+            w, p = float(signals.shaft_speed[i]), float(signals.pitch_ratio[i])
             self._remember(row, float(now[i]), w, (float(pitches[i]), float(racks[i])))
-            plan = self.plan(row, ahead[i], w, p, float(seen.fuel_rack[i]))
+            plan = self.plan(row, ahead[i], w, p, float(signals.fuel_rack[i]))
             n = self.intervals
             if plan is None:
                 row[_PLAN : _PLAN + n], row[_PLAN + n :] = pitches[i], racks[i]

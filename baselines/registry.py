@@ -1,7 +1,7 @@
-"""Controllers and helmsmen by name: ours, a user's as ``module:Class``, those of installed packages.
+"""Registry of controllers and helmsmen: those of this package, of installed packages, and your own.
 
-A package offers its own by entry points of the group ``shaftline.controllers`` or
-``shaftline.helmsmen``.
+A class of your own is named ``module:Class``. A package registers its classes through entry points of
+the groups ``shaftline.controllers`` and ``shaftline.helmsmen``.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import re
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from ..core.discovery import classes_in, of_others, offered
+from ..core.discovery import classes_in, entry_point_names, load_external_class
 from ..plant.ship import Ship
 from .controller import Controller
 from .helmsman import ShapedHelmsman
@@ -23,7 +23,7 @@ CONTROLLERS, HELMSMEN = "shaftline.controllers", "shaftline.helmsmen"
 
 
 class ControllerError(ValueError):
-    """A controller or option that does not exist; the message lists those that do."""
+    """Unknown controller, helmsman or option, or an option out of range."""
 
 
 _CLASSES = sorted(
@@ -44,114 +44,143 @@ _HELMSMEN = {
 
 
 _LARGEST = 1e9
-"""Size of an option of a controller at most, in its unit."""
+"""Largest absolute value of an option without a tuning range, in its unit."""
 
-_TIMES = 100.0
-"""Times the upper end of the range of a search that an option may have."""
+_LARGEST_FACTOR = 100.0
+"""Largest value of an option over the upper end of its tuning range [-]."""
 
 
 def helmsman_names() -> list[str]:
-    """All that lay the rudder."""
-    return [*_HELMSMEN, *offered(HELMSMEN)]
+    """Return the names of all helmsmen, those of installed packages last.
+
+    Example:
+        >>> helmsman_names()[:2]
+        ['autopilot', 'track-keeper']
+    """
+    return [*_HELMSMEN, *entry_point_names(HELMSMEN)]
 
 
 def make_helmsman(
     text: str, ship: Ship, interval_s: float, speed_m_s: float | None = None
 ) -> ShapedHelmsman:
-    """A helmsman from ``NAME`` or ``NAME:option=number,option=number``.
+    """Return a helmsman from ``NAME`` or ``NAME:option=number,option=number``.
 
     Args:
         text: name and options, such as ``autopilot:turn_deg=4``.
-        ship: that turns.
+        ship: ship that turns.
         interval_s: control interval [s].
-        speed_m_s: at which his loop is shaped [m/s]; that of a usual load by default.
+        speed_m_s: design speed [m/s]; that at 60 % of the highest drive command by default.
 
     Raises:
-        ControllerError: unknown name, or an option that he does not take.
-        ShipError: a ship that cannot be steered.
+        ControllerError: the name or an option is unknown, or an option is out of range.
+        ShipError: the ship cannot be steered.
+
+    Example:
+        >>> from shaftline.plant import load_ship
+        >>> helmsman = make_helmsman("track-keeper:gain=2", load_ship("frigate-turning"), 0.5)
+        >>> helmsman.change_lengths
+        38.0
     """
     name, options = read_options(text)
-    kind = _HELMSMEN.get(name) or _of_others(name, HELMSMEN, "helmsman", helmsman_names())
-    _refuse_absurd(text, kind, options)
+    kind = _HELMSMEN.get(name) or _load_external(name, HELMSMEN, "helmsman", helmsman_names())
+    _check_ranges(text, kind, options)
     try:
         made: ShapedHelmsman = kind(ship, interval_s, speed_m_s, **options)
         return made
     except TypeError as error:
-        raise ControllerError(f"{text!r}: {_in_own_words(error, kind, {})}") from None
+        raise ControllerError(f"{text!r}: {_explain_error(error, kind, {})}") from None
 
 
 def controller_names() -> list[str]:
-    """All classic controllers and their variants, and those that installed packages offer."""
-    return [*_KNOWN, *offered(CONTROLLERS)]
+    """Return the names of all controllers and variants, those of installed packages last.
+
+    Example:
+        >>> "combinator-trimmed" in controller_names()
+        True
+    """
+    return [*_KNOWN, *entry_point_names(CONTROLLERS)]
 
 
-class About(NamedTuple):
-    """A controller or helmsman in words.
+class Description(NamedTuple):
+    """Description of a controller or helmsman.
 
     Args:
-        words: what it does.
-        source: where it is published.
+        summary: what it does, one sentence.
+        source: publication.
         fixed: options that a variant sets.
-        tunable: options that a search may set, with their ranges.
+        tunable: options that can be tuned, with their ranges.
     """
 
-    words: str
+    summary: str
     source: str
     fixed: Mapping[str, Any]
     tunable: Mapping[str, tuple[float, float]]
 
 
-def about(name: str) -> About:
-    """What a controller or helmsman is.
+def describe(name: str) -> Description:
+    """Return the description of a controller or helmsman.
 
     Args:
-        name: of it.
+        name: registered name, or ``module:Class``.
 
     Raises:
         ControllerError: unknown name.
+
+    Example:
+        >>> describe("autopilot").source
+        'Taylor 2000, section 5.2'
     """
-    kind, fixed = (_HELMSMEN[name], {}) if name in _HELMSMEN else _known(name)
-    words = (kind.__doc__ or "").split("\n\n")[0].replace("\n", " ").split(";")[0].rstrip(".")
-    return About(words, getattr(kind, "source", ""), fixed, tunable(name))
+    kind, fixed = (_HELMSMEN[name], {}) if name in _HELMSMEN else _find_class(name)
+    summary = " ".join((kind.__doc__ or "").split("\n\n")[0].split()).rstrip(".")
+    return Description(summary, getattr(kind, "source", ""), fixed, tunable(name))
 
 
 def tunable(name: str) -> Mapping[str, tuple[float, float]]:
-    """Options of a controller or helmsman that a search may set, with their ranges.
+    """Return the options of a controller or helmsman that can be tuned, with their ranges.
 
-    What a variant sets is not among them.
+    Options that a variant sets are left out.
 
     Raises:
         ControllerError: unknown name.
+
+    Example:
+        >>> tunable("combinator-trimmed")
+        {'response_s': (1.0, 20.0)}
     """
-    kind, fixed = (_HELMSMEN[name], {}) if name in _HELMSMEN else _known(name)
+    kind, fixed = (_HELMSMEN[name], {}) if name in _HELMSMEN else _find_class(name)
     own: Mapping[str, tuple[float, float]] = getattr(kind, "tunable", {})
     return {key: ends for key, ends in own.items() if key not in fixed}
 
 
 def make_controller(text: str, ship: Ship, interval_s: float) -> Controller:
-    """A controller from ``NAME`` or ``NAME:option=number,option=number``.
+    """Return a controller from ``NAME`` or ``NAME:option=number,option=number``.
 
     Args:
-        text: name and options, such as ``combinator:response_s=3``; one's own is named
-            ``module:Class`` or ``module:Class:option=number``, and is any class that is called with a
-            ship, the interval and its options and has stable-baselines3's ``predict``.
-        ship: the ship that it is built for.
+        text: name and options, such as ``combinator:response_s=3``. A class of your own is named
+            ``module:Class`` or ``module:Class:option=number``: any class that is called with a ship, the
+            control interval and its options, and has the ``predict`` method of stable-baselines3.
+        ship: ship for which the controller is built.
         interval_s: control interval [s].
 
     Raises:
-        ControllerError: unknown name, or an option that the controller does not take.
+        ControllerError: the name or an option is unknown, or an option is out of range.
+
+    Example:
+        >>> from shaftline.plant import load_ship
+        >>> make_controller("combinator:trim_s=30", load_ship("frigate"), 0.5).trim_s
+        30.0
     """
     name, options = read_options(text)
-    kind, fixed = _known(name)
-    _refuse_absurd(text, kind, options)
+    kind, fixed = _find_class(name)
+    _check_ranges(text, kind, options)
     try:
         return kind(ship, interval_s, **fixed, **options)
     except TypeError as error:
-        raise ControllerError(f"{text!r}: {_in_own_words(error, kind, fixed)}") from None
+        raise ControllerError(f"{text!r}: {_explain_error(error, kind, fixed)}") from None
 
 
-def _in_own_words(error: TypeError, kind: Any, fixed: Mapping[str, Any]) -> str:
-    """Return what is wrong with the options of a call, without the name of what was called."""
+def _explain_error(error: TypeError, kind: Any, fixed: Mapping[str, Any]) -> str:
+    """Return the reason of a TypeError of a constructor, without the name of the function."""
     if found := re.search(r"unexpected keyword argument '(.*)'", str(error)):
         own = [
             name
@@ -163,29 +192,33 @@ def _in_own_words(error: TypeError, kind: Any, fixed: Mapping[str, Any]) -> str:
     return re.sub(r"^[\w.<>]+\(\) ", "", str(error))
 
 
-def _refuse_absurd(text: str, kind: Any, options: Mapping[str, float]) -> None:
-    """Refuse options far beyond the range in which a search may set them, or of the wrong sign.
+def _check_ranges(text: str, kind: Any, options: Mapping[str, float]) -> None:
+    """Refuse options that are far outside their tuning range, or of the wrong sign.
 
     Raises:
-        ControllerError: names the option and its limits.
+        ControllerError: an option is out of range; the message gives its limits.
     """
     ranges: Mapping[str, tuple[float, float]] = getattr(kind, "tunable", {})
     for key, value in options.items():
         low, high = ranges.get(key, (-_LARGEST, _LARGEST))
-        most = _TIMES * max(abs(low), abs(high)) if key in ranges else _LARGEST
+        most = _LARGEST_FACTOR * max(abs(low), abs(high)) if key in ranges else _LARGEST
         least = 0.0 if low >= 0.0 else -most
         if not least <= value <= most:
-            usual = f"; usual are {low:g} to {high:g}" if key in ranges else ""
+            usual = f"; the tuning range is {low:g} to {high:g}" if key in ranges else ""
             raise ControllerError(
                 f"{text!r}: option {key} = {value:g}: must be {least:g} to {most:g}{usual}"
             )
 
 
 def read_options(text: str) -> tuple[str, dict[str, float]]:
-    """Name and options of ``NAME:option=number,option=number``; the name may be ``module:Class``.
+    """Return name and options of ``NAME:option=number,...``; the name may be ``module:Class``.
 
     Raises:
-        ControllerError: an option that is no number.
+        ControllerError: the value of an option is no finite number, or an option is repeated.
+
+    Example:
+        >>> read_options("combinator:response_s=3,trim_s=30")
+        ('combinator', {'response_s': 3.0, 'trim_s': 30.0})
     """
     name, _, rest = text.partition(":")
     place, _, behind = rest.partition(":")
@@ -197,24 +230,26 @@ def read_options(text: str) -> tuple[str, dict[str, float]]:
         try:
             number = float(value)
         except ValueError:
-            raise ControllerError(f"{text!r}: option {item!r} must be name=number") from None
+            raise ControllerError(
+                f"{text!r}: option {item!r} must have the form name=number, such as gain=2"
+            ) from None
         if not math.isfinite(number):
             raise ControllerError(f"{text!r}: option {item!r} must be a finite number")
         if key in options:
-            raise ControllerError(f"{text!r}: option {key!r} stands twice")
+            raise ControllerError(f"{text!r}: option {key!r} is given twice")
         options[key] = number
     return name, options
 
 
-def _known(name: str) -> tuple[type[Controller], Mapping[str, Any]]:
+def _find_class(name: str) -> tuple[type[Controller], Mapping[str, Any]]:
     if name in _KNOWN:
         return _KNOWN[name]
-    return _of_others(name, CONTROLLERS, "controller", controller_names()), {}
+    return _load_external(name, CONTROLLERS, "controller", controller_names()), {}
 
 
-def _of_others(name: str, group: str, what: str, known: list[str]) -> Any:
+def _load_external(name: str, group: str, what: str, known: list[str]) -> Any:
     try:
-        found = of_others(name, group)
+        found = load_external_class(name, group)
     except ValueError as error:
         raise ControllerError(f"{what} {error}") from None
     if found is None:
@@ -227,24 +262,36 @@ def _of_others(name: str, group: str, what: str, known: list[str]) -> Any:
 
 
 def make_steering(text: str, ship: Ship, interval_s: float) -> SteeringController:
-    """A whole controller from ``HELMSMAN+CONTROLLER``, each with its options.
+    """Return a steering controller from ``HELMSMAN+CONTROLLER``, each with its options.
 
     Args:
-        text: such as ``autopilot:gain=2+speed-pilot``; without a second part the speed pilot sails.
-        ship: that turns, with a diesel.
+        text: names and options, such as ``autopilot:gain=2+combinator``; without a second name the
+            speed pilot sets pitch and fuel rack.
+        ship: ship that turns, with a diesel.
         interval_s: control interval [s].
 
     Raises:
-        ControllerError: an unknown name, or an option that is not taken.
-        ShipError: a ship that cannot be steered.
+        ControllerError: a name or an option is unknown, or an option is out of range.
+        ShipError: the ship cannot be steered.
+
+    Example:
+        >>> from shaftline.plant import load_ship
+        >>> steering = make_steering("autopilot:gain=2", load_ship("frigate-turning"), 0.5)
+        >>> steering.propulsion.name
+        'speed-pilot'
     """
-    helmsman, *propulsion = joined_names(text)
+    helmsman, *propulsion = split_steering_name(text)
     return SteeringController(
         make_controller("+".join(propulsion) or "speed-pilot", ship, interval_s),
         make_helmsman(helmsman, ship, interval_s),
     )
 
 
-def joined_names(text: str) -> list[str]:
-    """Return the parts of ``HELMSMAN+CONTROLLER``, each with its options; one part without a plus."""
-    return re.split(r"\+(?=[A-Za-z_])", text)  # the plus of 1e+3 joins nothing
+def split_steering_name(text: str) -> list[str]:
+    """Return the parts of ``HELMSMAN+CONTROLLER``, each with its options; one part without a plus.
+
+    Example:
+        >>> split_steering_name("autopilot:gain=2+combinator")
+        ['autopilot:gain=2', 'combinator']
+    """
+    return re.split(r"\+(?=[A-Za-z_])", text)  # not at the plus of a number such as 1e+3

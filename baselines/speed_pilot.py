@@ -1,18 +1,18 @@
-"""Speed pilot: holds the ship's speed by the fuel rack and takes the waves' swing out of the torque.
+"""Speed pilot: holds the ship speed by the fuel rack and reduces the torque fluctuation in waves.
 
-    aim   = v_order + v_offset, within the curve's speeds
-    rack  = X(aim) + k_v e + I + k_M (M_s - M) + k_w (w_s - w),     X_min(w) to X_max(w)
-    pitch = P(aim) + P_offset + k_P (M_s - M)
-    I'    = g k_v e / T,   e = aim - v
+    v_set = v_order + v_offset, within the speeds of the combinator curve
+    rack  = X(v_set) + k_v e + I + k_M (M_s - M) + k_w (w_s - w),     X_min(w) to X_max(w)
+    pitch = P(v_set) + P_offset + k_P (M_s - M)
+    I'    = g k_v e / T,   e = v_set - v
 
-X and P are rack and pitch of the combinator's curve in calm water; v is the speed log over 2 s; M and w
-are torque and speed of the shaft, M_s and w_s their means over 8 s; X_max is the governor's torque
-limiter, which falls beyond the highest shaft speed; X_min rises below the lowest, so that the engine
-keeps turning. A combinator holds the shaft's speed instead: the ship then sails at another speed than
-ordered wherever the resistance is not that of calm water. T is the ship's own time constant m / (2 c
-v), so that the integral cancels it (as in lambda tuning, Astrom & Hagglund 2006, section 6.5). The
-integral stands still while the error is large, as after a new order, or the rack at a limit towards
-which the error pushes it.
+X and P are rack and pitch of the combinator curve in calm water; v is the measured ship speed, filtered
+over 2 s; M and w are torque and speed of the shaft, M_s and w_s their means over 8 s. X_max is the
+torque limiter of the governor, which falls above the highest shaft speed; X_min rises below the lowest
+shaft speed to prevent a stall. A combinator holds the shaft speed instead, so its ship speed differs
+from the order wherever the resistance is not that of calm water. T is the time constant of the ship m /
+(2 c v), which the integral cancels (as in lambda tuning, Astrom & Hagglund 2006, section 6.5). The
+integral is held while the error is large, as after a new order, or while the error moves the rack
+further against a limit.
 """
 
 from __future__ import annotations
@@ -26,59 +26,78 @@ from numpy.typing import NDArray
 from ..plant.shaft import shaft_inertia
 from ..plant.ship import Ship
 from .combinator import combinator_curve
-from .controller import Controller, Readings
+from .controller import Controller, Measurements
 from .governor import rack_limits
 from .steady_points import steady_point
 
 ERROR_S, MEAN_S = 2.0, 8.0
-"""Time constants of the slowed speed error and of the means [s]: within a wave, and as long as one."""
+"""Time constants of the filtered speed error and of the means [s]: below and about a wave period."""
 
-_FAR = 0.5  # speed error beyond which the integral stands still [m/s]
-_LIMITER_GAIN = 0.8  # as the shaft gain, beyond the shaft speeds allowed
+_FAR = 0.5  # largest speed error that is integrated [m/s]
+_LIMITER_GAIN = 0.8  # shaft gain of the rack limits outside the allowed shaft speeds [-]
 _LIMITER_POINTS = 101
 
 
 class PilotSettings(NamedTuple):
-    """What may be set, one number for all ships of a batch or shape (n,) each.
+    """Settings of the speed pilot, each one number for all ships of a batch or of shape (n,).
 
-    Gains are shares of what the ship has, so that they mean the same on any.
+    Gains are relative to properties of the ship, so that the same values suit every ship.
     """
 
-    speed_offset: Any = 0.0  # added to the order [m/s]
-    pitch_offset: Any = 0.0  # added to the curve's P/D [-]
-    torque_gain: Any = 1.0  # share of a torque's deviation that the rack takes back [-]
-    shaft_gain: Any = 0.15  # share of a shaft speed's, within a control interval [-]
-    pitch_gain: Any = 0.7  # k_P over range of pitch by highest shaft torque [-]
+    speed_offset: Any = 0.0  # added to the speed order [m/s]
+    pitch_offset: Any = 0.0  # added to the P/D of the curve [-]
+    torque_gain: Any = 1.0  # share of a torque deviation that the rack corrects [-]
+    shaft_gain: Any = 0.15  # share of a speed deviation, corrected in one control interval [-]
+    pitch_gain: Any = 0.7  # k_P times highest shaft torque over pitch range [-]
 
 
-class Slowed(NamedTuple):
-    """What a pilot remembers, each of shape (n,)."""
+NO_WAVE_RESPONSE = {"torque_gain": 0.0, "shaft_gain": 0.0, "pitch_gain": 0.0}
+"""Settings of a speed pilot that does not respond to waves."""
 
-    error: NDArray[np.float64]  # speed order minus log over ERROR_S [m/s]
-    shaft_speed: NDArray[np.float64]  # over MEAN_S [rad/s]
-    shaft_torque: NDArray[np.float64]  # over MEAN_S [N m]
+
+class FilteredSignals(NamedTuple):
+    """Filtered signals and integral of a speed pilot, each of shape (n,)."""
+
+    error: NDArray[np.float64]  # order minus measured ship speed, over ERROR_S [m/s]
+    shaft_speed: NDArray[np.float64]  # mean over MEAN_S [rad/s]
+    shaft_torque: NDArray[np.float64]  # mean over MEAN_S [N m]
     integral: NDArray[np.float64]  # [mm]
 
 
+PILOT_COLUMNS = len(FilteredSignals._fields)
+"""Number of columns of the controller state of a speed pilot."""
+
+
 class SpeedPilot(Controller):
-    """Holds the ordered ship speed; see the module.
+    """Hold the ordered ship speed by the fuel rack and reduce the torque fluctuation in waves.
 
     Args:
-        ship: a ship with a diesel, or its name.
+        ship: ship with a diesel, or its name.
         interval_s: control interval of the environment [s].
-        speed_gain: k_v over the mean slope of the curve's rack over ship speed [-].
-        integral_gain: g, above 1 for a speed that is back sooner [-].
+        speed_gain: k_v over the mean slope of the rack of the curve by ship speed [-].
+        integral_gain: g; above 1 for a faster correction of the ship speed [-].
         settings: fields of :class:`PilotSettings`.
 
-    State: :class:`Slowed` by columns, shape (n, 4).
+    State: columns of :class:`FilteredSignals`, shape (n, 4).
 
     Raises:
         ShipError: the ship has no diesel or cannot move.
-        TypeError: an unknown setting.
+        TypeError: a setting is unknown.
+        ValueError: the pitch is fixed, and the controller needs a controllable pitch.
+
+    Example:
+        >>> pilot = SpeedPilot("frigate", torque_gain=0.5)
+        >>> action, state = pilot.predict([8.0, 10.0, 1.4e5, 1.3, 20.0, 7.9, 7.1, 1.0])
+        >>> state.shape
+        (1, 4)
     """
 
     name = "speed-pilot"
     source = "shaftline's own"
+    base_settings: ClassVar[Mapping[str, float]] = {}
+    """Settings that differ from the defaults of :class:`PilotSettings`."""
+    needs_variable_pitch: ClassVar[bool] = False
+    """Whether the controller refuses a ship with a fixed pitch."""
     tunable: ClassVar[Mapping[str, tuple[float, float]]] = {
         "speed_gain": (0.25, 16.0), "integral_gain": (0.25, 4.0), "speed_offset": (-0.3, 0.3),
         "pitch_offset": (-0.3, 0.15), "torque_gain": (0.0, 1.2), "shaft_gain": (0.0, 0.6),
@@ -94,7 +113,12 @@ class SpeedPilot(Controller):
         **settings: float,
     ) -> None:
         super().__init__(ship, interval_s)
-        self.settings = PilotSettings(**settings)
+        if self.needs_variable_pitch and not self.ship.has_variable_pitch:
+            raise ValueError(
+                f"{self.ship.name}: {self.name} needs a controllable pitch, but "
+                "propeller.pitch_ratio_min equals pitch_ratio_max"
+            )
+        self.settings = PilotSettings(**{**self.base_settings, **settings})
         curve = combinator_curve(self.ship)
         self._speeds, self._pitch = curve.ship_speed, curve.pitch_ratio
         points = [
@@ -111,7 +135,7 @@ class SpeedPilot(Controller):
         self._limiters()
 
     def limits(self, shaft_speed: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Lowest and highest rack [mm] that the pilot commands at shaft speeds [rad/s]."""
+        """Return the lowest and highest fuel rack command [mm] at shaft speeds [rad/s]."""
         return (
             np.interp(shaft_speed, self._speed_grid, self._least),
             np.interp(shaft_speed, self._speed_grid, self._most),
@@ -125,7 +149,7 @@ class SpeedPilot(Controller):
         self._least, self._most = np.array(limits).T
 
     def _units(self) -> None:
-        """What gains of one come to on this ship."""
+        """Set the units of the gains for this ship."""
         plant, mover = self.plant, self.ship.diesel
         down = float(plant["gear_ratio"]) * self.ship.transmission.efficiency
         torque = mover.torque_limit_N_m * down
@@ -139,66 +163,67 @@ class SpeedPilot(Controller):
         order: Any,
         shaft_speed: Any,
         shaft_torque: Any,
-        slowed: Slowed,
+        filtered: FilteredSignals,
         settings: PilotSettings,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Pitch [-], rack [mm] and new integral [mm], each of shape (n,); arguments stay untouched.
+        """Return pitch [-], fuel rack [mm] and new integral [mm], each of shape (n,).
 
         Args:
             order: ordered ship speed [m/s], shape (n,).
-            shaft_speed: measured [rad/s].
-            shaft_torque: measured [N m].
-            slowed: with these readings taken in.
-            settings: in place of the pilot's own.
+            shaft_speed: measured shaft speed [rad/s].
+            shaft_torque: measured shaft torque [N m].
+            filtered: filtered signals that include these measurements; not changed.
+            settings: settings to use in place of those of the pilot.
         """
-        aim = np.clip(order + settings.speed_offset, self._speeds[0], self._speeds[-1])
-        error = slowed.error + aim - order
-        light = slowed.shaft_torque - shaft_torque
+        set_point = np.clip(order + settings.speed_offset, self._speeds[0], self._speeds[-1])
+        error = filtered.error + set_point - order
+        light = filtered.shaft_torque - shaft_torque
         steady = (
-            np.interp(aim, self._speeds, self._rack)
+            np.interp(set_point, self._speeds, self._rack)
             + self._speed_gain * error
             + settings.torque_gain * self._torque_unit * light
-            + settings.shaft_gain * self._shaft_unit * (slowed.shaft_speed - shaft_speed)
+            + settings.shaft_gain * self._shaft_unit * (filtered.shaft_speed - shaft_speed)
         )
         lowest, highest = self.limits(shaft_speed)
-        rack = steady + slowed.integral
+        rack = steady + filtered.integral
         held = (
             (np.abs(error) > _FAR)
             | ((rack > highest) & (error > 0.0))
             | ((rack < lowest) & (error < 0.0))
         )
         rise = self._speed_gain * self.interval_s / self._reset_s * error
-        integral = slowed.integral + np.where(held, 0.0, rise)
+        integral = filtered.integral + np.where(held, 0.0, rise)
         pitch = (
-            np.interp(aim, self._speeds, self._pitch)
+            np.interp(set_point, self._speeds, self._pitch)
             + settings.pitch_offset
             + settings.pitch_gain * self._pitch_unit * light
         )
         return pitch, np.clip(rack, lowest, highest), integral
 
-    def fresh(self, seen: Readings) -> NDArray[np.float64]:
-        """The readings as if they had stood for ever, and the integral that the rack's load has taken.
+    def initial_state(self, signals: Measurements) -> NDArray[np.float64]:
+        """Return filters in steady state at the measurements, and an integral for a bumpless start.
 
-        That is what the rack stands above the curve's at the ship's speed: a takeover without a bump.
+        The integral is the difference of the fuel rack and that of the curve at the present ship speed.
         """
-        load = seen.fuel_rack - np.interp(seen.ship_speed, self._speeds, self._rack)
-        return np.column_stack([_slowed(seen), load])
+        load = signals.fuel_rack - np.interp(signals.ship_speed, self._speeds, self._rack)
+        return np.column_stack([_unfiltered(signals), load])
 
     def act(
-        self, seen: Readings, memory: NDArray[np.float64]
+        self, signals: Measurements, memory: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The module's equations with the pilot's own settings."""
-        now = _slowed(seen)
-        now = np.where(np.isfinite(now), now, memory[:, :3])  # a reading that fails moves nothing
+        """Return pitch and fuel rack by the equations of the module with the settings of the pilot."""
+        now = _unfiltered(signals)
+        # The filtered value is kept if a measurement fails.
+        now = np.where(np.isfinite(now), now, memory[:, :3])
         keep = np.exp(-self.interval_s / np.array([ERROR_S, MEAN_S, MEAN_S]))
         memory[:, :3] = keep * memory[:, :3] + (1.0 - keep) * now
         pitch, rack, memory[:, 3] = self.command(
-            seen.speed_order, now[:, 1], now[:, 2], Slowed(*memory.T), self.settings
+            signals.speed_order, now[:, 1], now[:, 2], FilteredSignals(*memory.T), self.settings
         )
         return pitch, rack
 
 
-def _slowed(seen: Readings) -> NDArray[np.float64]:
-    """What is to be slowed down, as it is now: the first columns of :class:`Slowed`, shape (n, 3)."""
-    error = seen.speed_order - seen.ship_speed
-    return np.column_stack([error, seen.shaft_speed, seen.shaft_torque])
+def _unfiltered(signals: Measurements) -> NDArray[np.float64]:
+    """Return the present values of the first columns of :class:`FilteredSignals`, shape (n, 3)."""
+    error = signals.speed_order - signals.ship_speed
+    return np.column_stack([error, signals.shaft_speed, signals.shaft_torque])

@@ -1,4 +1,4 @@
-"""Steady states of a ship at a held shaft speed and pitch: what a governor leads the plant to."""
+"""Steady states of a ship at a given shaft speed and pitch, as under a governor."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from ..plant.shaft import brake_torque_of, drive_torque
 from ..plant.ship import Ship, ShipError
 from ..plant.state import Inputs, State, without_lags
 
-_FASTEST = 40.0  # m/s
+_FASTEST = 40.0  # upper bound of the ship speed [m/s]
 
 
 class SteadyPoint(NamedTuple):
-    """One steady state; forces and torques are those of one of the equal shafts."""
+    """Steady state of a ship; forces and torques are those of one of the equal shafts."""
 
     shaft_speed: float  # [rad/s]
     pitch_ratio: float  # [-]
@@ -28,42 +28,54 @@ class SteadyPoint(NamedTuple):
     thrust: float  # [N]
     brake_torque: float  # [N m]
     fuel_rack: float  # [mm]
-    fuel_flow: float  # of all engines [kg/s]
+    fuel_flow: float  # total of all engines [kg/s]
     torque_share: float  # brake torque / torque limit [-]
-    burrill: float  # thrust loading / 5 % limit [-]
+    burrill: float  # thrust loading / limit for 5 % back cavitation [-]
 
 
 def require_diesel(ship: Ship) -> None:
-    """Refuse a ship that the classic controllers cannot drive.
+    """Refuse a ship for which the classic controllers are not made.
 
     Raises:
-        ShipError: its prime mover is no diesel, it cannot move, or it has no propeller.
+        ShipError: the prime mover is no diesel, the hull is fixed, or there is no propeller.
     """
     if not ship.has_diesel:
-        raise ShipError(f"{ship.name}: a governor needs a diesel, not {ship.prime_mover.type!r}")
+        raise ShipError(
+            f"{ship.name}: a governor needs a diesel, not prime_mover.type {ship.prime_mover.type!r}"
+        )
     if not ship.moves:
-        raise ShipError(f"{ship.name}: the hull is fixed; there is no ship speed to order")
+        raise ShipError(
+            f"{ship.name}: the controller needs a ship that moves, but hull.fixed is true"
+        )
     if not ship.has_propeller:
-        raise ShipError(f"{ship.name}: no propeller drives it; propeller.model is 'none'")
+        raise ShipError(
+            f"{ship.name}: the controller needs a propeller, but propeller.model is 'none'"
+        )
 
 
 def steady_point(
     ship: Ship, shaft_speed: float, pitch_ratio: float, resistance_factor: float = 1.0
 ) -> SteadyPoint:
-    """Steady state in calm water at a held shaft speed, the engine giving what that takes.
+    """Return the steady state in calm water at a given shaft speed, with the engine torque it takes.
+
+    The torque limit of the engine does not apply: ``torque_share`` may exceed 1, and ``fuel_rack`` the
+    end stop.
 
     Args:
-        ship: a ship with a diesel.
+        ship: ship with a diesel.
         shaft_speed: omega [rad/s], ahead.
-        pitch_ratio: commanded P/D [-]; the actuator's offset acts.
-        resistance_factor: d_c1 [-].
-
-    The engine's envelope is not enforced: ``torque_share`` above 1 tells that it is left, and
-    ``fuel_rack`` may lie beyond the end stop.
+        pitch_ratio: commanded P/D [-]; the offset of the actuator applies.
+        resistance_factor: factor on the resistance d_c1 [-].
 
     Raises:
         ShipError: the ship has no diesel or cannot move.
         ValueError: at this pitch the propeller does not drive the ship ahead.
+
+    Example:
+        >>> from shaftline.plant import load_ship
+        >>> point = steady_point(load_ship("frigate"), shaft_speed=10.0, pitch_ratio=1.3)
+        >>> round(point.ship_speed, 2), round(point.torque_share, 2)
+        (7.79, 0.48)
     """
     require_diesel(ship)
     plant = without_lags(ship.record())
@@ -85,7 +97,7 @@ def steady_point(
         )
     speed = float(scipy.optimize.brentq(surge, slowest, slowest + _FASTEST, xtol=1e-12))
     acting = at(speed)
-    # whatever else drives the shaft, the engine's torque brings what the load lacks
+    # The engine torque is the load torque minus all other torques that drive the shaft.
     driving = acting.load_torque - acting.drive_torque
     driving += drive_torque(plant, acting.brake_torque, shaft_speed)
     brake = float(brake_torque_of(plant, driving, shaft_speed))
@@ -101,11 +113,6 @@ def steady_point(
         float(plant["propellers"]) * fuel_rate(plant, engine_speed, brake),
         brake / torque_limit(plant, engine_speed),
         burrill_ratio(
-            plant,
-            acting.thrust,
-            acting.advance_velocity,
-            shaft_speed,
-            blade,
-            acting.submergence,
+            plant, acting.thrust, acting.advance_velocity, shaft_speed, blade, acting.submergence
         ),
     )

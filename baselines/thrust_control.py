@@ -1,14 +1,10 @@
-"""The thrust law's arithmetic, compiled: one instant of one propeller (Pivano et al. 2008, section 4).
+"""Thrust controller with torque-loss compensation and anti-spin (Pivano et al. 2008, section 4).
 
-What drives the shaft enters nowhere: a diesel's controller and an electric drive's both begin here, the
-one making a fuel rack of the torque that is asked for, the other a command of torque.
-
-Tuning of the thrust law (Pivano et al. 2008, section 4) and the conditions on its gains.
-
-Four-quadrant thrust controller of an electric drive (Pivano et al. 2008, section 4).
-
-"A four-quadrant thrust controller for marine propellers with loss estimation and anti-spin", as it was
-written: the drive gives the torque that it is told, the pitch is fixed, the shaft turns either way.
+The paper is "A four-quadrant thrust controller for marine propellers with loss estimation and
+anti-spin". The compiled thrust controller computes a torque set-point from a thrust set-point and does
+not depend on the drive: :class:`~.anti_spin.AntiSpin` converts the torque to a fuel rack of a diesel,
+and :class:`ThrustControl` commands the torque of an electric drive with a fixed pitch, as in the paper,
+in both directions of rotation. The tuning is checked against the conditions of the paper.
 """
 
 from __future__ import annotations
@@ -68,18 +64,18 @@ THRUST_LAW_MEMORY = [
     ("reference", np.float64),  # omega_d [rad/s]
     ("reference_rate", np.float64),  # [rad/s2]
     ("error_integral", np.float64),  # e1 [rad]
-    ("shaft_torque", np.float64),  # Q_m that the law asks for, before the drive's limits [N m]
+    ("shaft_torque", np.float64),  # Q_m, before the limits of the drive [N m]
 ]
-"""Fields of a controller's memory; what it has read goes beside them."""
+"""Fields of a controller state; the controllers add their measurements."""
 
 
 @compiled
 def thrust_per_torque(law: Record, torque: float, shaft_speed: float, pitch: float) -> float:
-    """G_QT(J-hat) = T / Q [1/m] at the advance ratio that an estimated torque tells (eq. 18).
+    """Return G_QT(J-hat) = T / Q [1/m] at the advance ratio of the estimated torque (eq. 18).
 
-    KT and KQ are those of the ship's own curves, in the direction of rotation. J-hat lies between 0 (the
-    paper's zone 1, where KQ cannot be inverted) and the usual working range's end: beyond it thrust, and
-    with it G_QT, goes to zero, and the desired torque would run away.
+    KT and KQ are those of the curves of the ship in the direction of rotation. J-hat is limited to the
+    range from 0 (zone 1 of the paper, where KQ cannot be inverted) to the end of the usual working
+    range. Beyond it the thrust and G_QT go to zero, and the desired torque would grow without bound.
     """
     ship = law.observer.ship
     direction = direction_of(ship, shaft_speed)
@@ -98,7 +94,7 @@ def thrust_per_torque(law: Record, torque: float, shaft_speed: float, pitch: flo
 
 @compiled
 def desired_speed(law: Record, estimate: Record, thrust: float, pitch: float) -> float:
-    """Shaft speed [rad/s] that gives a thrust [N] despite the estimated loss (eqs. 17 and 19)."""
+    """Return the shaft speed [rad/s] for a thrust [N] with the estimated torque loss (eqs. 17, 19)."""
     ship = law.observer.ship
     torque = estimated_propeller_torque(ship, estimate)
     wanted = thrust / thrust_per_torque(law, torque, estimate.shaft_speed, pitch)
@@ -120,16 +116,16 @@ def torque_demand(
     pitch: float,
     ship_speed: float,
 ) -> float:
-    """Torque Q_m [N m] that the law asks for at one instant; the memory changes in place.
+    """Return the torque set-point Q_m [N m] at one instant; the memory changes in place.
 
     Args:
         law: THRUST_LAW record.
-        memory: with the fields THRUST_LAW_MEMORY, all zeros at the first instant.
-        thrust: T_pd, of one propeller [N].
-        ventilated_ahead: omega_v,opt, which a shaft in air does not exceed [rad/s].
-        ventilated_astern: the same of a shaft that turns astern, positive [rad/s].
+        memory: record with the fields THRUST_LAW_MEMORY, zero at the first instant.
+        thrust: T_pd, thrust set-point of one propeller [N].
+        ventilated_ahead: omega_v,opt, limit of the shaft speed in ventilation [rad/s].
+        ventilated_astern: the limit astern, positive [rad/s].
         shaft_speed: omega, measured [rad/s].
-        shaft_torque: Q_m, where the observer knows it [N m].
+        shaft_torque: Q_m at the place where the torque is known [N m].
         pitch: P/D [-].
         ship_speed: v_s, measured [m/s].
     """
@@ -143,10 +139,10 @@ def torque_demand(
 
     wanted = desired_speed(law, estimate, thrust, pitch)
     if law.anti_spin != 0 and detection.ventilating != 0:
-        # limited before the filter, so that its output and the feed-forward stay smooth
+        # The limit acts before the filter, so that its output and the feed-forward are smooth.
         wanted = float(clip(wanted, -ventilated_astern, ventilated_ahead))
     if memory.started == 0:
-        memory.reference = shaft_speed  # at rest there
+        memory.reference = shaft_speed  # start in steady state
         memory.started = 1
     else:
         away, rate = memory.reference - wanted, memory.reference_rate
@@ -154,7 +150,7 @@ def torque_demand(
         memory.reference = wanted + turn[0, 0] * away + turn[0, 1] * rate
         memory.reference_rate = turn[1, 0] * away + turn[1, 1] * rate
 
-    # eq. 21
+    # Eq. 21.
     reference, e1, gamma = memory.reference, memory.error_integral, law.gamma
     e2 = shaft_speed - reference
     demand = law.inertia * memory.reference_rate + estimate.torque_loss
@@ -170,14 +166,14 @@ def torque_demand(
 def integrate_error(
     law: Record, memory: Record, shaft_speed: float, starved: bool, closed: bool
 ) -> None:
-    """Carry e1 over the interval, unless that pushes further against a limit of the drive.
+    """Integrate the error e1 over an interval, unless it acts further against a limit of the drive.
 
     Args:
         law: THRUST_LAW record.
-        memory: with the fields THRUST_LAW_MEMORY.
+        memory: record with the fields THRUST_LAW_MEMORY.
         shaft_speed: omega, measured [rad/s].
-        starved: whether the drive gives all it has.
-        closed: whether it gives the least it can.
+        starved: whether the drive is at its highest torque.
+        closed: whether the drive is at its lowest torque.
     """
     e2 = shaft_speed - memory.reference
     if not ((starved and e2 < 0.0) or (closed and e2 > 0.0)):
@@ -187,7 +183,7 @@ def integrate_error(
 def check_gains(
     gamma: float, proportional: float, integral: float, inertia: float, viscous: float
 ) -> None:
-    """Refuse gains of the law (21) that violate the paper's conditions B1 to B3.
+    """Refuse gains of the controller (eq. 21) that violate the conditions B1 to B3 of the paper.
 
     Args:
         gamma: [1/s].
@@ -197,31 +193,30 @@ def check_gains(
         viscous: k_f2 [N m s/rad].
 
     Raises:
-        ValueError: a gain is not finite or a condition is violated; the message names it.
+        ValueError: a gain is not finite, or a condition is violated; the message names it.
     """
     if not all(map(math.isfinite, (gamma, proportional, integral))):
-        raise ValueError("thrust law: every gain must be a finite number")
+        raise ValueError("thrust control: every gain must be a finite number")
     if not gamma > 0.0:
-        raise ValueError(f"thrust law: condition B1 is violated: gamma = {gamma:g} 1/s must be > 0")
+        raise ValueError(
+            f"thrust control: condition B1 is violated: gamma = {gamma:g} 1/s must be > 0"
+        )
     least = max(0.0, gamma * inertia - viscous)
     if not proportional > least:
         raise ValueError(
-            f"thrust law: condition B2 is violated: k_P = {proportional:g} N m s/rad must exceed "
+            f"thrust control: condition B2 is violated: k_P = {proportional:g} N m s/rad must exceed "
             f"{least:g}, the larger of 0 and gamma J_m - k_f2"
         )
     least = max(0.0, -inertia * gamma * gamma + gamma * viscous)
     if not integral > least:
         raise ValueError(
-            f"thrust law: condition B3 is violated: k_I = {integral:g} N m/rad must exceed "
+            f"thrust control: condition B3 is violated: k_I = {integral:g} N m/rad must exceed "
             f"{least:g}, the larger of 0 and -J_m gamma^2 + gamma k_f2"
         )
 
 
 def _thrust_ends(ship: Ship) -> tuple[float, float]:
-    """J over P/D [-] about which there is no thrust left, ahead and astern.
-
-    A four-quadrant propeller loses its thrust astern at a lower J; J = P/D does for the B-series.
-    """
+    """Return J over P/D [-] of zero thrust, ahead and astern; 1 is close enough for the B-series."""
     if ship.propeller.model != "four-quadrant":
         return 1.0, 1.0
     plant, pitch = ship.record(), ship.propeller.pitch_ratio_max
@@ -238,9 +233,9 @@ def _thrust_ends(ship: Ship) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class ThrustLaw:
-    """Numbers of the law that holds a thrust; the paper prints none of them.
+    """Parameters of the thrust controller; the paper prints none of them.
 
-    The defaults are the diesel frigate's, for a control interval of 0.5 s.
+    The defaults are those of the diesel frigate at a control interval of 0.5 s.
     """
 
     gamma: float = 0.1  # [1/s]
@@ -248,15 +243,15 @@ class ThrustLaw:
     integral_rate: float = 0.05  # k_I / J_m [1/s2]
     cutoff_rad_s: float = 1.5  # omega_c of the reference filter [rad/s]
     damping: float = 1.0  # xi of the reference filter [-]
-    highest_advance: float = 0.9  # highest J-hat in G_QT over that of no thrust, about P/D [-]
+    highest_advance: float = 0.9  # highest J-hat in G_QT over J of zero thrust [-]
     observer: TorqueLossObserver = field(default_factory=TorqueLossObserver)  # of the torque loss
-    detector: VentilationDetector = field(default_factory=VentilationDetector)  # of air
+    detector: VentilationDetector = field(default_factory=VentilationDetector)  # of ventilation
 
-    def tuned(self, numbers: dict[str, float]) -> Self:
-        """The same with some numbers of its own or of its parts replaced, by name.
+    def with_values(self, numbers: dict[str, float]) -> Self:
+        """Return a tuning with other values, its own or those of its observer and detector, by name.
 
         Raises:
-            TypeError: a number that it does not have.
+            TypeError: the tuning has no value of that name.
         """
         rest, parts = dict(numbers), {}
         for name in ("observer", "detector"):
@@ -268,10 +263,10 @@ class ThrustLaw:
     def settings(
         self, ship: Ship, interval_s: float, anti_spin: bool, speeds: tuple[float, float]
     ) -> Any:
-        """THRUST_LAW record.
+        """Return the THRUST_LAW record.
 
         Args:
-            ship: with a shaft that turns freely.
+            ship: ship whose shaft speed is a state.
             interval_s: control interval [s].
             anti_spin: whether ventilation limits the shaft speed.
             speeds: lowest and highest desired shaft speed [rad/s].
@@ -280,7 +275,10 @@ class ThrustLaw:
             ValueError: the tuning violates a condition of the paper.
         """
         if not (self.cutoff_rad_s > 0.0 and self.damping > 0.0):
-            raise ValueError("thrust law: the reference filter's cut-off and damping must be > 0")
+            raise ValueError(
+                f"thrust control: cutoff_rad_s = {self.cutoff_rad_s:g} and damping = {self.damping:g} "
+                "must be above 0"
+            )
         law = np.zeros(1, THRUST_LAW)[0]
         law["observer"] = self.observer.discretise(ship, interval_s)
         law["detector"] = self.detector.discretise(interval_s)
@@ -299,7 +297,7 @@ class ThrustLaw:
         )
         law["highest_advance"] = self.highest_advance * np.array(_thrust_ends(ship))
         law["speed_min"], law["speed_max"] = speeds
-        # eq. 20 for an input held over the step, exactly
+        # Eq. 20, exact for a constant input over the step.
         cutoff = self.cutoff_rad_s
         law["filter"] = scipy.linalg.expm(
             interval_s * np.array([[0.0, 1.0], [-(cutoff**2), -2.0 * cutoff * self.damping]])
@@ -320,8 +318,8 @@ THRUST_CONTROL = np.dtype(
 THRUST_CONTROL_MEMORY = np.dtype(
     [
         *THRUST_LAW_MEMORY,
-        ("command", np.float64),  # torque of the drive until now [N m]
-        ("shaft_speed", np.float64),  # last good readings [rad/s]
+        ("command", np.float64),  # last torque command [N m]
+        ("shaft_speed", np.float64),  # last finite measurements [rad/s]
         ("water_speed", np.float64),  # [m/s]
     ],
     align=True,
@@ -330,9 +328,9 @@ THRUST_CONTROL_MEMORY = np.dtype(
 
 @dataclass(frozen=True)
 class ThrustControlTuning(ThrustLaw):
-    """The law's numbers for a rig with a propeller of 0.25 m, and the limits of its shaft speed.
+    """Parameters of the thrust controller for a rig with a propeller of 0.25 m.
 
-    The limits are the paper's; it prints nothing else.
+    The limits of the shaft speed are those of the paper, which prints no other values.
     """
 
     gamma: float = 0.5
@@ -354,14 +352,14 @@ class ThrustControlTuning(ThrustLaw):
 def command_torque(
     controller: Record, memory: Record, thrust: float, shaft_speed: float, water_speed: float
 ) -> float:
-    """Torque [N m] to tell the drive of one propeller at one instant; the memory changes in place.
+    """Return the torque command [N m] of one drive at one instant; the memory changes in place.
 
     Args:
         controller: THRUST_CONTROL record.
-        memory: THRUST_CONTROL_MEMORY record, all zeros at the first instant.
-        thrust: T_pd [N], negative astern.
+        memory: THRUST_CONTROL_MEMORY record, zero at the first instant.
+        thrust: T_pd, thrust set-point [N], negative astern.
         shaft_speed: omega, measured [rad/s].
-        water_speed: of ship or carriage through the water [m/s].
+        water_speed: speed of ship or carriage through the water [m/s].
     """
     law = controller.law
     ship = law.observer.ship
@@ -385,8 +383,8 @@ def command_torque(
     command = float(clip(demand / through, ship.drive_min, ship.drive_max))
     integrate_error(law, memory, shaft_speed, command >= ship.drive_max, command <= ship.drive_min)
     memory.command = command
-    # the drive obeys at once: what the observer integrates from here on begins with this torque
-    memory.estimate.torque_reading = through * command
+    # The drive has no lag, so the observer integrates from here on with this torque.
+    memory.estimate.measured_torque = through * command
     return command
 
 
@@ -401,24 +399,31 @@ def _command_all(
 
 
 class ThrustControl:
-    """Holds an ordered thrust, ahead or astern, and the shaft speed where air comes in.
+    """Hold a thrust by the torque of an electric drive, and limit the shaft speed in ventilation.
 
-    It needs the shaft speed and the speed through the water; the torque is the one it has told. A
-    reading that is not finite is replaced by the last good one.
+    The controller measures the shaft speed and the speed through the water; the torque is the last
+    command. A measurement that is not finite is replaced by the last finite one.
 
     Args:
-        ship: with a drive that gives the torque that it is told, or its name. With four-quadrant curves
-            the shaft turns either way, with others ahead only.
-        interval_s: control interval [s]; the ship's time step by default.
-        anti_spin: whether ventilation limits the shaft speed; False is the paper's comparison.
+        ship: ship or rig with a torque-controlled drive and a fixed pitch, or its name. With
+            four-quadrant curves the shaft turns in both directions, otherwise ahead only.
+        interval_s: control interval [s]; the time step of the ship by default.
+        anti_spin: whether ventilation limits the shaft speed; False for the comparison in the paper.
         tuning: gains and thresholds.
-        numbers: single numbers of the tuning, its observer or its detector by name, for example
+        numbers: values of the tuning, its observer or its detector by name, for example
             ``ventilated_ahead_rad_s=40.0``.
 
     Raises:
-        TypeError: a number that the tuning does not have.
-        ValueError: another drive, a pitch that can be controlled, or tuning that violates a condition of
-            the paper.
+        TypeError: the tuning has no value of that name.
+        ValueError: the drive is of another kind, the pitch is controllable, or the tuning violates a
+            condition of the paper.
+
+    Example:
+        >>> controller = ThrustControl("towing-tank")
+        >>> memory = controller.initial_state()
+        >>> torque = controller.act(80.0, shaft_speed=45.0, water_speed=0.6, memory=memory)
+        >>> torque.shape
+        (1,)
     """
 
     source = "Pivano et al. 2008"
@@ -434,17 +439,17 @@ class ThrustControl:
     ) -> None:
         self.ship = load_ship(ship)
         self.interval_s = self.ship.time_step_s if interval_s is None else interval_s
-        tuning = (ThrustControlTuning() if tuning is None else tuning).tuned(numbers)
+        tuning = (ThrustControlTuning() if tuning is None else tuning).with_values(numbers)
         propeller = self.ship.propeller
         if not (self.ship.prime_mover.gives_torque and self.ship.has_propeller):
             raise ValueError(
-                f"{self.ship.name}: thrust control needs a propeller and a drive that gives the torque "
-                f"that it is told, not {self.ship.prime_mover.type!r}"
+                f"{self.ship.name}: thrust control needs a propeller and a torque-controlled drive "
+                f"(prime_mover.type 'torque-command'), not {self.ship.prime_mover.type!r}"
             )
         if propeller.pitch_ratio_min != propeller.pitch_ratio_max:
             raise ValueError(
-                f"{self.ship.name}: thrust control needs a fixed pitch, propeller.pitch_ratio_min = "
-                "pitch_ratio_max"
+                f"{self.ship.name}: thrust control needs a fixed pitch: propeller.pitch_ratio_min must "
+                "equal pitch_ratio_max"
             )
         limits = (
             tuning.ventilated_ahead_rad_s,
@@ -467,8 +472,8 @@ class ThrustControl:
         self.tuning = tuning
         self.settings = settings
 
-    def fresh(self, ships: int = 1) -> NDArray[Any]:
-        """Memory of so many propellers that have seen nothing, shape (ships,)."""
+    def initial_state(self, ships: int = 1) -> NDArray[Any]:
+        """Return the initial controller state of a number of propellers, shape (ships,)."""
         return np.zeros(ships, THRUST_CONTROL_MEMORY)
 
     def act(
@@ -478,23 +483,23 @@ class ThrustControl:
         water_speed: ArrayLike,
         memory: NDArray[Any],
     ) -> NDArray[np.float64]:
-        """Torques to tell the drives [N m], shape (n,).
+        """Return the torque commands of the drives [N m], shape (n,).
 
         Args:
-            thrust: ordered [N], shape (n,) or one for all.
-            shaft_speed: omega, measured [rad/s], likewise.
-            water_speed: of ship or carriage through the water [m/s], likewise.
-            memory: of :meth:`fresh`, shape (n,); changed in place.
+            thrust: thrust set-point [N], shape (n,) or one value for all.
+            shaft_speed: omega, measured [rad/s], shape (n,) or one value for all.
+            water_speed: speed of ship or carriage through the water [m/s], shape (n,) or one value.
+            memory: controller state of :meth:`initial_state`, shape (n,); changed in place.
 
         Raises:
-            ValueError: an order that is not finite.
+            ValueError: a set-point is not finite.
         """
         order, turned, water = (
             np.array(np.broadcast_to(np.asarray(x, np.float64), memory.shape), order="C")
             for x in (thrust, shaft_speed, water_speed)
         )
         if not np.all(np.isfinite(order)):
-            raise ValueError("thrust control: the ordered thrust [N] must be finite")
+            raise ValueError("thrust control: the thrust set-point [N] must be finite")
         found = np.empty(len(memory))
         _command_all(self.settings, memory, order, turned, water, found)
         return found

@@ -1,20 +1,20 @@
-"""Pitch placed for the advance velocity that is about to come: what an observer of it is worth.
+"""Pitch control by the estimated advance velocity: holds blade torque or angle of attack in waves.
 
-    v+    = v + T_p v'                       the estimate, carried on by its own slope
-    M*    = mean of M_p(v, w, p_0)            torque mode: what the blades take on average
-    p+    : M_p(v+, w, p+) = M*               by inverting KQ
-    alpha* = mean of alpha(v, w, p_0)          cavitation mode: their effective angle of attack
-    p+    : alpha(v+, w, p+) = alpha*          by inverting its arctangents
+    v+    = v + T_p v'                       advance velocity ahead, from its present slope
+    M*    = mean of M_p(v, w, p_0)           torque mode: mean blade torque
+    p+    : M_p(v+, w, p+) = M*              by inverting KQ
+    alpha* = mean of alpha(v, w, p_0)        cavitation mode: mean effective angle of attack
+    p+    : alpha(v+, w, p+) = alpha*        by inverting its arctangents
     p_d   = p_0 + g (p+ - p_0)
     P_d   = p + (p_d - p) / (1 - exp(-T_c / tau_p))
 
-p_0 is the pitch and the rack is the command of the speed pilot, here without its own answer to waves: so
-the rack holds the ship's speed slowly. The means over 20 s are taken at p_0, and there the mean pitch
-stays. The last line inverts the actuator's lag: the pitch has arrived when the next command comes. T_p
-makes up for the actuator, half a second ahead. g is less than one because the blades cannot follow the
-whole of a steep wave: where their rate binds they come late, and what comes late does harm. Without a
-valid estimate the wake's share of the log's speed stands in, and the law answers to nothing but the
-ship's own speed.
+p_0 and the fuel rack are the commands of the speed pilot without its response to waves, so the rack
+holds the ship speed slowly. The means over 20 s are taken at p_0, so the mean pitch is p_0. The last
+line inverts the lag of the actuator: the pitch reaches p_d at the next command. T_p compensates the lag
+of the actuator, about half a second. g is less than one if the pitch rate is limited: in a steep wave
+the pitch then lags behind, and a late correction increases the fluctuation. Without a valid estimate
+the advance velocity follows from wake fraction and measured ship speed, and there is no response to
+waves.
 """
 
 from __future__ import annotations
@@ -30,56 +30,55 @@ from ..observers.torque_curve import model_torque
 from ..plant.cavitation import effective_attack
 from ..plant.hull import wake_inflow
 from ..plant.ship import Ship
-from .controller import PREVIEW_S, Readings
-from .speed_pilot import SpeedPilot
+from .controller import PREVIEW_S, Measurements
+from .speed_pilot import NO_WAVE_RESPONSE, PILOT_COLUMNS, SpeedPilot
 
 MEAN_S = 20.0
-"""Over which the means are taken [s]: two or three waves."""
+"""Time constant of the means [s]: two or three wave periods."""
 
 SLOPE_S = 0.5
-"""Time constant of the estimate's slope [s]."""
+"""Time constant of the slope of the estimate [s]."""
 
 _HALVINGS = 30
 _LIMITED_SHARE = 0.5
-_OWN = 4  # the pilot's columns of the memory, before these
-VELOCITY, SLOPE, AIM = range(_OWN, _OWN + 3)
-"""Columns of the memory: last estimate [m/s], its slope [m/s2], M* [N m] or alpha* [deg]."""
+VELOCITY, SLOPE, LOAD_MEAN = range(PILOT_COLUMNS, PILOT_COLUMNS + 3)
+"""Columns of the controller state: last estimate [m/s], its slope [m/s2], M* [N m] or alpha* [deg]."""
 
 
 @compiled
-def load_of(
+def blade_load(
     plant: Record, cavitation: bool, velocity: float, shaft_speed: float, pitch: float
 ) -> float:
-    """What is held: torque of the blades [N m], or their effective angle of attack [deg]."""
+    """Return the blade torque [N m], or the effective angle of attack [deg] in cavitation mode."""
     if cavitation:
         return float(effective_attack(plant, velocity, shaft_speed, pitch))
     return model_torque(plant, velocity, shaft_speed, pitch)
 
 
 @compiled
-def loads_of(
+def blade_loads(
     plant: Record,
     cavitation: bool,
     velocity: NDArray[np.float64],
     shaft_speed: NDArray[np.float64],
     pitch: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """The same of many ships, each of shape (n,)."""
+    """Return the blade load of n ships, as :func:`blade_load`; each argument of shape (n,)."""
     found = np.empty(len(velocity))
     for i in range(len(velocity)):
-        found[i] = load_of(plant, cavitation, velocity[i], shaft_speed[i], pitch[i])
+        found[i] = blade_load(plant, cavitation, velocity[i], shaft_speed[i], pitch[i])
     return found
 
 
 @compiled
-def pitch_of(
-    plant: Record, cavitation: bool, velocity: float, shaft_speed: float, aim: float
+def pitch_at_load(
+    plant: Record, cavitation: bool, velocity: float, shaft_speed: float, load: float
 ) -> float:
-    """P/D [-] within its range at which the load is as aimed at; both rise with the pitch."""
+    """Return the P/D [-] within its range at a blade load, which rises with the pitch."""
     low, high = plant.pitch_ratio_min, plant.pitch_ratio_max
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        if load_of(plant, cavitation, velocity, shaft_speed, middle) < aim:
+        if blade_load(plant, cavitation, velocity, shaft_speed, middle) < load:
             low = middle
         else:
             high = middle
@@ -87,7 +86,7 @@ def pitch_of(
 
 
 @compiled
-def place_all(
+def command_pitches(
     plant: Record,
     cavitation: bool,
     ahead_s: float,
@@ -100,19 +99,19 @@ def place_all(
     memory: NDArray[np.float64],
     pitch: NDArray[np.float64],
 ) -> None:
-    """Pitch for the advance velocity ahead, one ship after the other; memory and pitch are filled.
+    """Fill the pitches for the advance velocity ahead, ship by ship; the memory changes in place.
 
     Args:
         plant: ship record.
-        cavitation: as of :func:`load_of`.
-        ahead_s: time by which the slope of the velocity carries it on [s].
+        cavitation: whether the angle of attack is held instead of the torque.
+        ahead_s: time of the extrapolation by the slope [s].
         interval_s: control interval [s].
-        velocity: now [m/s], shape (n,).
-        change: of the velocity until it counts that is known besides [m/s], shape (n,).
+        velocity: present advance velocity [m/s], shape (n,).
+        change: known change of the advance velocity until it acts [m/s], shape (n,).
         shaft_speed: [rad/s], shape (n,).
-        base: P/D of the pilot [-], shape (n,).
+        base: p_0 [-], shape (n,).
         share: g [-].
-        memory: shape (n, 7), changed in place.
+        memory: controller state, shape (n, 7), changed in place.
         pitch: filled, shape (n,).
     """
     keep, slow = np.exp(-interval_s / SLOPE_S), np.exp(-interval_s / MEAN_S)
@@ -121,39 +120,39 @@ def place_all(
         rate = (velocity[i] - row[VELOCITY]) / interval_s
         row[SLOPE] = keep * row[SLOPE] + (1.0 - keep) * rate
         row[VELOCITY] = velocity[i]
-        now = load_of(plant, cavitation, velocity[i], shaft_speed[i], base[i])
-        row[AIM] = slow * row[AIM] + (1.0 - slow) * now
+        now = blade_load(plant, cavitation, velocity[i], shaft_speed[i], base[i])
+        row[LOAD_MEAN] = slow * row[LOAD_MEAN] + (1.0 - slow) * now
         ahead = velocity[i] + ahead_s * row[SLOPE] + change[i]
-        wanted = pitch_of(plant, cavitation, ahead, shaft_speed[i], row[AIM])
+        wanted = pitch_at_load(plant, cavitation, ahead, shaft_speed[i], row[LOAD_MEAN])
         pitch[i] = base[i] + share * (wanted - base[i])
 
 
-def _at(wave_inflow: NDArray[np.float64], ahead_s: float) -> NDArray[np.float64]:
-    """Return the inflow [m/s] at a time ahead, shape (n,), between those of :data:`PREVIEW_S`."""
+def _interpolate_preview(wave_inflow: NDArray[np.float64], ahead_s: float) -> NDArray[np.float64]:
+    """Return the inflow [m/s] at a time ahead, shape (n,), interpolated in :data:`PREVIEW_S`."""
     weights = [np.interp(ahead_s, PREVIEW_S, row) for row in np.eye(len(PREVIEW_S))]
     return np.asarray(wave_inflow @ np.array(weights))
 
 
 class VaPitch(SpeedPilot):
-    """Holds the blades' torque, or their angle of attack, in waves by the pitch; see the module.
+    """Hold blade torque or angle of attack in waves by the pitch, from the estimated advance velocity.
 
     Args:
-        ship: a ship with a diesel and a controllable pitch, or its name.
+        ship: ship with a diesel and a controllable pitch, or its name.
         interval_s: control interval of the environment [s].
         cavitation: hold the angle of attack instead of the torque.
         ahead_s: T_p [s].
-        share: g [-], 0 to 1; by default 1, or 0.5 where the blades' rate is limited.
-        preview: take the inflow of the waves T_p ahead from a sensor at the bow, in place of the
-            estimate and its slope.
-        settings: as of :class:`SpeedPilot`, whose gains on torque and shaft speed are 0 here by default.
+        share: g [-], 0 to 1; by default 1, or 0.5 if the pitch rate is limited.
+        preview: use the inflow of the waves T_p ahead from a sensor at the bow, in place of the estimate
+            and its slope.
+        settings: settings of :class:`SpeedPilot`; its gains on torque and shaft speed are 0 by default.
 
-    State: that of the pilot, and the columns :data:`VELOCITY`, :data:`SLOPE` and :data:`AIM`; shape
+    State: columns of the speed pilot, then :data:`VELOCITY`, :data:`SLOPE` and :data:`LOAD_MEAN`; shape
     (n, 7).
 
     Raises:
         ShipError: the ship has no diesel or cannot move.
-        TypeError: an unknown setting.
-        ValueError: the ship's pitch is fixed, ``ahead_s`` is no time from 0 s on, or ``share`` no share.
+        TypeError: a setting is unknown.
+        ValueError: the pitch is fixed, or an option is out of range.
     """
 
     name = "va-pitch"
@@ -161,6 +160,8 @@ class VaPitch(SpeedPilot):
     variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         "va-pitch-silent": {"cavitation": True}, "va-pitch-preview": {"preview": True},
     }  # fmt: skip
+    base_settings = NO_WAVE_RESPONSE
+    needs_variable_pitch = True
     tunable: ClassVar[Mapping[str, tuple[float, float]]] = {
         **SpeedPilot.tunable, "share": (0.0, 1.0), "ahead_s": (0.0, 2.0),
     }  # fmt: skip
@@ -176,10 +177,7 @@ class VaPitch(SpeedPilot):
         preview: bool = False,
         **settings: float,
     ) -> None:
-        calm = {"torque_gain": 0.0, "shaft_gain": 0.0, "pitch_gain": 0.0}
-        super().__init__(ship, interval_s, **calm | settings)
-        if not self.ship.has_variable_pitch:
-            raise ValueError(f"{self.ship.name}: va-pitch needs a controllable pitch")
+        super().__init__(ship, interval_s, **settings)
         if not (np.isfinite(ahead_s) and ahead_s >= 0.0):
             raise ValueError(f"va-pitch: ahead_s = {ahead_s!r} s: must be 0 or more")
         if share is None:
@@ -191,36 +189,38 @@ class VaPitch(SpeedPilot):
         lag = self.ship.pitch_actuator.time_constant_s
         self._arrives = 1.0 - float(np.exp(-interval_s / lag))
 
-    def velocity(self, seen: Readings) -> NDArray[np.float64]:
-        """The estimate [m/s] where it is valid, else what the wake leaves of the log's speed.
+    def velocity(self, signals: Measurements) -> NDArray[np.float64]:
+        """Return the estimated advance velocity [m/s]; without a valid one that of the wake fraction.
 
-        With a preview: the latter, and the inflow of the waves.
+        With a preview it is that of the wake fraction plus the inflow of the waves.
         """
-        from_log = wake_inflow(self.plant, seen.ship_speed)
-        if seen.wave_inflow is not None:
-            return np.asarray(from_log + seen.wave_inflow[:, 0])
-        valid = (seen.estimate_valid > 0.5) & np.isfinite(seen.advance_velocity)
-        return np.where(valid, seen.advance_velocity, from_log)
+        from_log = wake_inflow(self.plant, signals.ship_speed)
+        if signals.wave_inflow is not None:
+            return np.asarray(from_log + signals.wave_inflow[:, 0])
+        valid = (signals.estimate_valid > 0.5) & np.isfinite(signals.advance_velocity)
+        return np.where(valid, signals.advance_velocity, from_log)
 
-    def fresh(self, seen: Readings) -> NDArray[np.float64]:
-        """The pilot's memory, and the load of the present as the mean."""
-        velocity = self.velocity(seen)
-        base = np.interp(seen.speed_order, self._speeds, self._pitch)
-        aim = loads_of(self.plant, self.cavitation, velocity, seen.shaft_speed, base)
-        return np.column_stack([super().fresh(seen), velocity, np.zeros_like(velocity), aim])
+    def initial_state(self, signals: Measurements) -> NDArray[np.float64]:
+        """Return the initial state of the speed pilot, with the present blade load as the mean."""
+        velocity = self.velocity(signals)
+        base = np.interp(signals.speed_order, self._speeds, self._pitch)
+        load = blade_loads(self.plant, self.cavitation, velocity, signals.shaft_speed, base)
+        return np.column_stack(
+            [super().initial_state(signals), velocity, np.zeros_like(velocity), load]
+        )
 
     def act(
-        self, seen: Readings, memory: NDArray[np.float64]
+        self, signals: Measurements, memory: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The pilot's rack, and the pitch of the module's equations."""
-        base, rack = super().act(seen, memory[:, :_OWN])
+        """Return the pitch by the equations of the module and the fuel rack of the speed pilot."""
+        base, rack = super().act(signals, memory[:, :PILOT_COLUMNS])
         target, change, ahead_s = np.empty(len(base)), np.zeros(len(base)), self.ahead_s
-        if seen.wave_inflow is not None:
-            change = _at(seen.wave_inflow, ahead_s) - seen.wave_inflow[:, 0]
+        if signals.wave_inflow is not None:
+            change = _interpolate_preview(signals.wave_inflow, ahead_s) - signals.wave_inflow[:, 0]
             ahead_s = 0.0
-        place_all(
-            self.plant, self.cavitation, ahead_s, self.interval_s, self.velocity(seen), change,
-            seen.shaft_speed, base, self.share, memory, target,
+        command_pitches(
+            self.plant, self.cavitation, ahead_s, self.interval_s, self.velocity(signals), change,
+            signals.shaft_speed, base, self.share, memory, target,
         )  # fmt: skip
-        pitch = seen.pitch_ratio + (target - seen.pitch_ratio) / self._arrives
+        pitch = signals.pitch_ratio + (target - signals.pitch_ratio) / self._arrives
         return pitch, rack

@@ -1,21 +1,20 @@
-"""Observer of the torque that a propeller loses against bollard pull (Pivano et al. 2008, section 3).
+"""Observer of the torque loss, and detection of ventilation (Pivano et al. 2008, sections 3 and 4.2).
 
-The paper ("A four-quadrant thrust controller for marine propellers with loss estimation and
-anti-spin", eqs. 1 to 13) puts a fixed-pitch propeller behind an electric motor whose torque is known.
-The known torque is the shaft gauge's where there is one, so that the inertia is what turns behind the
-gauge alone; else, as in the paper, it is the torque of an electric drive, which has the whole line and
-its friction to bear. The propeller's torque at zero advance follows the measured pitch.
+The paper ("A four-quadrant thrust controller for marine propellers with loss estimation and anti-spin",
+eqs. 1 to 13) has a fixed-pitch propeller and an electric motor of known torque. Here the known torque is
+that of the shaft torque meter, which acts on the inertia behind it; without a torque meter it is that of
+an electric drive, as in the paper, which acts on the inertia and friction of the whole shaft line. The
+propeller torque at zero advance speed depends on the measured pitch.
 
-Detection of ventilation from the torque that is missing (Pivano et al. 2008, section 4.2).
+The torque reduction coefficient beta_Q is the estimated propeller torque over the nominal torque at the
+ship speed. Ventilation is detected below one threshold and ends above another.
 
-The estimated propeller torque over the nominal one at the ship's speed is the torque reduction
-coefficient beta_Q; ventilation is called below one threshold and called off above another.
-
-Waves take torque too. Their orbital motion, though, adds to the inflow as often as it takes from it,
-whereas air only takes torque. So the side on which torque is gained tells the sea's own share, and an
-option beyond the paper (``sea_margin``) calls ventilation only where the loss is more than that: the
-inflow at which a propeller without air would take the estimated torque must exceed the calm one by
-some standard deviations of the sea's, a threshold of constant false-alarm rate as in a radar.
+Waves also change the torque. Their orbital motion increases the inflow as often as it reduces it, but
+air only reduces the torque. The gains of torque therefore measure the effect of the sea. With the
+option ``sea_margin``, which is not in the paper, ventilation is detected only if the loss is larger
+than this effect: the inflow that explains the estimated torque without air must exceed the inflow in
+calm water by a number of standard deviations of that of the sea, a constant-false-alarm-rate threshold
+as in a radar.
 """
 
 from __future__ import annotations
@@ -27,19 +26,29 @@ from typing import Any
 import numpy as np
 
 from ..core.compiled import Record, compiled
-from ..observers.torque_curve import believed, model_torque, read_at_drive, velocity_from_torque
+from ..observers.torque_curve import (
+    model_torque,
+    observer_plant,
+    uses_drive_torque,
+    velocity_from_torque,
+)
 from ..plant.hull import wake_inflow
 from ..plant.propeller import FOUR_QUADRANT
 from ..plant.record import PLANT
-from ..plant.shaft import arctangent_friction, by_direction, friction_torque, inertia_behind_gauge
+from ..plant.shaft import (
+    arctangent_friction,
+    directional_value,
+    friction_torque,
+    inertia_behind_meter,
+)
 from ..plant.ship import Ship
 
 TORQUE_LOSS_OBSERVER = np.dtype(
     [
         ("dt", np.float64),  # [s]
-        ("whole_line", np.int64),  # whether the torque is the drive's, for want of a gauge
-        ("inertia", np.float64),  # J_m, behind the place where the torque is known [kg m2]
-        ("viscous", np.float64),  # k_f2 there [N m s/rad]
+        ("whole_line", np.int64),  # 1 if the torque is that of the drive
+        ("inertia", np.float64),  # J_m, on which the known torque acts [kg m2]
+        ("viscous", np.float64),  # k_f2 of the same part of the line [N m s/rad]
         ("speed_gain", np.float64),  # l1 [N m s/rad]
         ("loss_gain", np.float64),  # l2 [N m/rad]
         ("time_constant", np.float64),  # tau [s]
@@ -53,9 +62,9 @@ TORQUE_LOSS = np.dtype(
         ("started", np.int64),
         ("shaft_speed", np.float64),  # omega-hat [rad/s]
         ("torque_loss", np.float64),  # Delta_q-hat [N m]; negative where torque is lost
-        ("speed_reading", np.float64),  # of the last sample
-        ("torque_reading", np.float64),
-        ("pitch_reading", np.float64),
+        ("measured_speed", np.float64),  # of the last sample
+        ("measured_torque", np.float64),
+        ("measured_pitch", np.float64),
     ],
     align=True,
 )
@@ -64,11 +73,11 @@ TORQUE_LOSS = np.dtype(
 def observer_weights(
     speed_gain: float, loss_gain: float, time_constant: float, inertia: float, viscous: float
 ) -> tuple[float, float]:
-    """Weights a11, a22 > 0 of the Lyapunov function that satisfy the paper's condition A2.
+    """Return weights a11, a22 > 0 of the Lyapunov function that satisfy condition A2 of the paper.
 
-    With r = a11 / (J a22), A2 reads |r + l2| < 2 sqrt(r c), c = (k_f2 + l1) / tau. For l2 < 0 the
-    left side vanishes at r = -l2. For l2 >= 0, r - 2 sqrt(c r) + l2 < 0 is easiest at r = c, where it
-    says l2 < c: then and only then weights exist.
+    With r = a11 / (J a22), A2 is |r + l2| < 2 sqrt(r c), c = (k_f2 + l1) / tau. For l2 < 0 the left side
+    is 0 at r = -l2. For l2 >= 0, r - 2 sqrt(c r) + l2 is least at r = c, where the condition is l2 < c;
+    weights exist if and only if it holds.
 
     Args:
         speed_gain: l1 [N m s/rad].
@@ -78,11 +87,15 @@ def observer_weights(
         viscous: k_f2 [N m s/rad].
 
     Returns:
-        a11 and a22 = 1; only their ratio matters.
+        a11 and a22 = 1; only their ratio has a meaning.
 
     Raises:
-        ValueError: a gain is not finite, tau or J is not positive, or A1 or A2 is violated; the
-            message names the condition.
+        ValueError: a gain is not finite, tau or J is not positive, or A1 or A2 is violated; the message
+            names the condition.
+
+    Example:
+        >>> observer_weights(12.0, -32.0, time_constant=500.0, inertia=1.0, viscous=0.0)
+        (32.0, 1.0)
     """
     if not all(map(math.isfinite, (speed_gain, loss_gain, time_constant, inertia, viscous))):
         raise ValueError("torque-loss observer: every gain must be a finite number")
@@ -108,12 +121,12 @@ def observer_weights(
 
 @dataclass(frozen=True)
 class TorqueLossObserver:
-    """Tuning of the observer, per inertia, so that it carries over from ship to ship.
+    """Tuning of the torque-loss observer, per inertia, so that it suits ships of every size.
 
-    The paper prints no gains. Ours place the poles of shaft and loss at -4 and -8 rad/s where the
-    propeller gives no damping; it adds some. Faster ones gain little on readings 0.5 s apart. The time
+    The paper prints no gains. The defaults place the poles of shaft and loss at -4 and -8 rad/s without
+    the damping of the propeller. Faster poles improve little with measurements every 0.5 s. The time
     constant is long because in a steady state the estimate is tau |l2| / (tau |l2| + l1 + slope of psi)
-    of the loss.
+    times the loss.
     """
 
     speed_rate: float = 12.0  # l1 / J [1/s]
@@ -121,21 +134,21 @@ class TorqueLossObserver:
     time_constant_s: float = 500.0  # tau [s]
 
     def discretise(self, ship: Ship, dt: float) -> Any:
-        """TORQUE_LOSS_OBSERVER record for a time step ``dt`` [s].
+        """Return the TORQUE_LOSS_OBSERVER record for a sample time ``dt`` [s].
 
         Raises:
             ValueError: the step is not positive, or the gains violate A1 or A2.
         """
         if not (math.isfinite(dt) and dt > 0.0):
             raise ValueError(f"torque-loss observer: time step {dt} s must be positive")
-        plant = believed(ship)
+        plant = observer_plant(ship)
         record = np.zeros(1, TORQUE_LOSS_OBSERVER)[0]
-        inertia = inertia_behind_gauge(plant)
+        inertia = inertia_behind_meter(plant)
         record["dt"] = dt
-        record["whole_line"] = read_at_drive(ship)
+        record["whole_line"] = uses_drive_torque(ship)
         record["inertia"] = inertia
         record["viscous"] = plant["viscous_propeller_side"]
-        if read_at_drive(ship):
+        if uses_drive_torque(ship):
             record["viscous"] += plant["viscous_engine_side"]
         record["speed_gain"] = self.speed_rate * inertia
         record["loss_gain"] = self.loss_rate * inertia
@@ -153,29 +166,30 @@ class TorqueLossObserver:
 
 @compiled
 def direction_of(ship: Record, shaft_speed: float) -> float:
-    """Direction of rotation by a shaft speed or torque: 1 ahead; -1 astern in four quadrants alone."""
+    """Return the direction of rotation: 1 ahead; -1 astern, with four-quadrant curves only."""
     return -1.0 if shaft_speed < 0.0 and ship.propeller_model == FOUR_QUADRANT else 1.0
 
 
 @compiled
 def bollard_gain(ship: Record, pitch_ratio: float, direction: float = 1.0) -> float:
-    """G_Q [N m s2/rad2] of the torque G_Q omega |omega| at zero advance speed (eqs. 3, 7 and 16).
+    """Return G_Q [N m s2/rad2] of the torque G_Q omega |omega| at zero advance speed (eqs. 3, 7, 16).
 
-    G_Qp ahead and G_Qn astern; one value for both where the ship has no curves of a shaft astern.
+    It is G_Qp ahead and G_Qn astern; both are equal without four-quadrant curves.
     """
     return direction * model_torque(ship, 0.0, direction, pitch_ratio)
 
 
 @compiled
 def dry_friction(observer: Record, shaft_speed: float) -> float:
-    """Friction [N m] beside the viscous one, behind the place where the torque is known (eq. 2).
+    """Return the dry friction [N m] on the part of the shaft line that the known torque drives (eq. 2).
 
-    Coulomb friction is the plant's tanh instead of the paper's arc tangent; both are monotone.
+    The Coulomb friction has the tanh of the plant in place of the arc tangent of the paper; both are
+    monotonic.
     """
     ship = observer.ship
     torque = friction_torque(ship, ship.coulomb_propeller_side, 0.0, shaft_speed)
     if observer.whole_line != 0:
-        coulomb = by_direction(ship.coulomb_engine_side, ship.coulomb_asymmetry, shaft_speed)
+        coulomb = directional_value(ship.coulomb_engine_side, ship.coulomb_asymmetry, shaft_speed)
         torque += friction_torque(ship, coulomb, 0.0, shaft_speed)
         torque += arctangent_friction(ship, shaft_speed)
     return float(torque)
@@ -183,7 +197,7 @@ def dry_friction(observer: Record, shaft_speed: float) -> float:
 
 @compiled
 def shaft_load(observer: Record, pitch_ratio: float, shaft_speed: float) -> float:
-    """Psi [N m]: propeller torque without losses plus dry friction (eq. 6).
+    """Return psi [N m], the propeller torque without losses plus dry friction (eq. 6).
 
     Args:
         observer: TORQUE_LOSS_OBSERVER record.
@@ -196,9 +210,9 @@ def shaft_load(observer: Record, pitch_ratio: float, shaft_speed: float) -> floa
 
 @compiled
 def estimated_propeller_torque(ship: Record, estimate: Record) -> float:
-    """Propeller torque Q_p-hat [N m] from the two estimates (eq. 13)."""
+    """Return the propeller torque Q_p-hat [N m] from the two estimates (eq. 13)."""
     omega = estimate.shaft_speed
-    gain = bollard_gain(ship, estimate.pitch_reading, direction_of(ship, omega))
+    gain = bollard_gain(ship, estimate.measured_pitch, direction_of(ship, omega))
     return float(gain * abs(omega) * omega + estimate.torque_loss)
 
 
@@ -206,25 +220,26 @@ def estimated_propeller_torque(ship: Record, estimate: Record) -> float:
 def update_torque_loss(
     observer: Record, estimate: Record, shaft_speed: float, shaft_torque: float, pitch_ratio: float
 ) -> None:
-    """Bring the estimate to this sample (eqs. 8 to 10); it changes in place.
+    """Update the estimate by one sample (eqs. 8 to 10); it changes in place.
+
+    The trapezoidal rule is implicit in both estimates, because an explicit rule is unstable at 0.5 s.
+    The loss enters linearly and is eliminated. The remaining equation B omega + A |omega| omega = R has
+    A >= 0 and, under A1 and A2, B > 1, so it has one root, in closed form. The dry friction is that at
+    the measured speed.
 
     Args:
         observer: TORQUE_LOSS_OBSERVER record.
-        estimate: TORQUE_LOSS record, all zeros before the first sample.
+        estimate: TORQUE_LOSS record, zero before the first sample.
         shaft_speed: omega, measured [rad/s].
-        shaft_torque: Q_m at the gauge, or of the drive and at the propeller shaft [N m].
+        shaft_torque: Q_m, of the torque meter or of the drive, at the propeller shaft [N m].
         pitch_ratio: P/D, measured [-].
-
-    Trapezoidal rule, implicit in both estimates: an explicit one is unstable at 0.5 s. The loss enters
-    linearly and is eliminated; what is left, B omega + A |omega| omega = R with A >= 0 and (under A1
-    and A2) B > 1, has one root, in closed form. Dry friction is taken at the measured speed.
     """
     ship = observer.ship
     viscous = observer.viscous
     l1, l2 = observer.speed_gain, observer.loss_gain
     friction = dry_friction(observer, shaft_speed)
     if estimate.started == 0:
-        # as if this sample had stood for ever
+        # Start in steady state at this sample.
         estimate.shaft_speed = shaft_speed
         load = shaft_load(observer, pitch_ratio, shaft_speed) + viscous * shaft_speed
         estimate.torque_loss = shaft_torque - load
@@ -232,13 +247,13 @@ def update_torque_loss(
         half = 0.5 * observer.dt
         share = half / observer.inertia
         omega, loss = estimate.shaft_speed, estimate.torque_loss
-        error = estimate.speed_reading - omega
-        gain = bollard_gain(ship, estimate.pitch_reading, direction_of(ship, omega))
-        friction_before = dry_friction(observer, estimate.speed_reading)
-        before = estimate.torque_reading - gain * abs(omega) * omega - friction_before
+        error = estimate.measured_speed - omega
+        gain = bollard_gain(ship, estimate.measured_pitch, direction_of(ship, omega))
+        friction_before = dry_friction(observer, estimate.measured_speed)
+        before = estimate.measured_torque - gain * abs(omega) * omega - friction_before
         before = before - viscous * omega - loss
         before += l1 * error
-        # Delta_q+ = loss_free - follow omega+
+        # Delta_q+ = loss_free - follow omega+.
         damping = 1.0 / (1.0 + half / observer.time_constant)
         loss_free = loss + half * (-loss / observer.time_constant + l2 * (error + shaft_speed))
         loss_free *= damping
@@ -251,22 +266,22 @@ def update_torque_loss(
         estimate.shaft_speed = following
         estimate.torque_loss = loss_free - follow * following
     estimate.started = 1
-    estimate.speed_reading = shaft_speed
-    estimate.torque_reading = shaft_torque
-    estimate.pitch_reading = pitch_ratio
+    estimate.measured_speed = shaft_speed
+    estimate.measured_torque = shaft_torque
+    estimate.measured_pitch = pitch_ratio
 
 
 @compiled
 def update_torque_losses(
     observer: Record, estimates: Any, shaft_speed: Any, shaft_torque: Any, pitch_ratio: Any
 ) -> None:
-    """The same for n ships: estimates of shape (n,), readings of shape (n,) each."""
+    """Update the estimates of n ships, shape (n,), by measurements of shape (n,) each."""
     for i in range(len(estimates)):
         update_torque_loss(observer, estimates[i], shaft_speed[i], shaft_torque[i], pitch_ratio[i])
 
 
 _LEAST_NOMINAL = 0.05
-"""Share of the bollard torque below which the nominal torque says nothing: the propeller idles."""
+"""Nominal torque over bollard torque below which a torque loss cannot be detected [-]."""
 
 DETECTOR = np.dtype(
     [
@@ -276,7 +291,7 @@ DETECTOR = np.dtype(
         ("on_below", np.float64),  # beta_v,on
         ("off_above", np.float64),  # beta_v,off
         ("hold", np.float64),  # T_hold [s]
-        ("sea_margin", np.float64),  # 0: the paper's detection
+        ("sea_margin", np.float64),  # 0 for the detection of the paper
         ("sea_memory", np.float64),  # [s]
     ],
     align=True,
@@ -287,8 +302,8 @@ DETECTION = np.dtype(
         ("ventilating", np.int64),  # nu
         ("torque_ratio", np.float64),  # beta_Q-hat [-]
         ("since", np.float64),  # time since the last detection [s]
-        ("excess_inflow", np.float64),  # that would explain the torque without air [m/s]
-        ("sea_square", np.float64),  # mean square of the sea's inflow [m2/s2]
+        ("excess_inflow", np.float64),  # inflow that explains the torque without air [m/s]
+        ("sea_square", np.float64),  # mean square of the inflow of the sea [m2/s2]
         ("samples", np.float64),
     ],
     align=True,
@@ -297,11 +312,11 @@ DETECTION = np.dtype(
 
 @dataclass(frozen=True)
 class VentilationDetector:
-    """Tuning of the detector.
+    """Tuning of the ventilation detector.
 
-    The paper prints none of these, and does not know the last two. The blend gives 0.85 at 2 rad/s
-    and 0.08 at 5 rad/s, the frigate's idle speed. The thresholds lie below most of what the waves'
-    orbital motion alone takes from the torque.
+    The paper prints no values, and the last two are not in the paper. The blend is 0.85 at 2 rad/s and
+    0.08 at 5 rad/s, the idle speed of the frigate. The thresholds lie below most of the torque ratios
+    that the orbital motion of the waves causes.
     """
 
     blend_gain: float = 0.02  # k [(s/rad)^p]
@@ -309,17 +324,15 @@ class VentilationDetector:
     on_below: float = 0.65  # beta_v,on [-]
     off_above: float = 0.70  # beta_v,off [-]
     hold_s: float = 1.0  # T_hold [s]
-    sea_margin: float = (
-        0.0  # standard deviations of the sea's inflow; 0 as in the paper, else 3 [-]
-    )
-    sea_memory_s: float = 120.0  # over which the sea's inflow is averaged [s]
+    sea_margin: float = 0.0  # standard deviations of the sea; 0 as in the paper, otherwise 3 [-]
+    sea_memory_s: float = 120.0  # time constant of the mean inflow of the sea [s]
 
     def discretise(self, dt: float) -> Any:
-        """DETECTOR record for a time step ``dt`` [s].
+        """Return the DETECTOR record for a sample time ``dt`` [s].
 
         Raises:
-            ValueError: the blend or the sea's memory is not positive, the thresholds are not in
-                order, or the hold time, sea margin or step is negative.
+            ValueError: blend, sea memory or step is not positive, the thresholds are not in order, or
+                hold time or sea margin is negative.
         """
         if not (self.blend_gain > 0.0 and self.blend_power > 0.0):
             raise ValueError("ventilation detector: k and p of the blend must be positive")
@@ -349,18 +362,18 @@ def torque_ratio(
     pitch_ratio: float,
     ship_speed: float,
 ) -> float:
-    """Torque reduction coefficient beta_Q-hat [-] (eqs. 23 to 26).
+    """Return the torque reduction coefficient beta_Q-hat [-] (eqs. 23 to 26).
 
     Args:
         detector: DETECTOR record.
-        ship: PLANT record of the ship as believed.
+        ship: PLANT record of the ship model.
         propeller_torque: Q_p-hat [N m].
         shaft_speed: omega [rad/s].
         pitch_ratio: P/D [-].
         ship_speed: v_s [m/s]; the nominal advance velocity is (1 - w) v_s.
 
     Returns:
-        1 where nothing is missing; also 1 where the nominal torque is too small to compare with.
+        1 without a torque loss, and if the nominal torque is too small for a comparison.
     """
     blend = math.exp(-detector.blend_gain * abs(shaft_speed) ** detector.blend_power)
     direction = direction_of(ship, shaft_speed)
@@ -375,29 +388,29 @@ def torque_ratio(
 def excess_inflow(
     ship: Record, propeller_torque: float, shaft_speed: float, pitch_ratio: float, ship_speed: float
 ) -> float:
-    """Inflow beyond the calm one (1 - w) v_s [m/s] that would explain a torque without air.
+    """Return the inflow [m/s], less that in calm water, that explains a torque without air.
 
-    Positive where it takes torque: of a shaft that turns astern, as the flow goes astern.
+    It is positive if it reduces the torque, in both directions of rotation.
 
     Args:
-        ship: PLANT record of the ship as believed.
+        ship: PLANT record of the ship model.
         propeller_torque: Q_p-hat [N m].
         shaft_speed: omega [rad/s].
         pitch_ratio: P/D [-].
-        ship_speed: v_s [m/s].
+        ship_speed: v_s [m/s]; the inflow in calm water is (1 - w) v_s.
     """
     calm = wake_inflow(ship, ship_speed)
-    told, _ = velocity_from_torque(ship, propeller_torque, shaft_speed, pitch_ratio, calm)
-    return float(direction_of(ship, shaft_speed) * (told - calm))
+    velocity, _ = velocity_from_torque(ship, propeller_torque, shaft_speed, pitch_ratio, calm)
+    return float(direction_of(ship, shaft_speed) * (velocity - calm))
 
 
 @compiled
 def update_detection(detector: Record, detection: Record, ratio: float, inflow: float) -> None:
-    """Bring the ventilation state nu to this sample; it changes in place.
+    """Update the ventilation state nu by one sample; it changes in place.
 
     Args:
         detector: DETECTOR record.
-        detection: DETECTION record, all zeros at first.
+        detection: DETECTION record, zero before the first sample.
         ratio: beta_Q-hat [-].
         inflow: from :func:`excess_inflow` [m/s].
     """
@@ -406,7 +419,8 @@ def update_detection(detector: Record, detection: Record, ratio: float, inflow: 
     detection.since += detector.dt
     limit = detector.sea_margin * math.sqrt(detection.sea_square)
     beyond = detector.sea_margin == 0.0 or inflow > limit
-    # a mean over all samples at first, later over the memory; twice the half that gains torque
+    # The mean is over all samples at first, later over the memory. It uses twice the half of the
+    # samples in which the torque increases.
     detection.samples += 1.0
     share = max(1.0 / detection.samples, min(detector.dt / detector.sea_memory, 1.0))
     gained = min(inflow, 0.0)
@@ -415,7 +429,7 @@ def update_detection(detector: Record, detection: Record, ratio: float, inflow: 
         if detection.ventilating == 0:
             detection.since = 0.0
         detection.ventilating = 1
-    # half a step of slack: sums of dt are not exact
+    # The tolerance of half a step allows for rounding in the sum of dt.
     elif (ratio >= detector.off_above or not beyond) and (
         detection.since >= detector.hold - 0.5 * detector.dt
     ):

@@ -1,10 +1,9 @@
-"""One working point of propeller and engine as the CPP optimiser sees it, and a search over many.
+"""Working points of propeller and engine for the CPP optimiser, with fitted open-water surfaces.
 
-Open-water curves of a controllable-pitch propeller as polynomial surfaces K(J; p) = J' A p.
-
-The CPP optimiser paper's section 2.1: each coefficient of the usual polynomial in the advance ratio J
-is itself a polynomial in the blade's position, here the pitch ratio p = P/D. The surfaces are fitted to
-the plant's own curves, so whatever model a ship uses, the optimiser sees one smooth function.
+Section 2.1 of the CPP optimiser paper: the open-water curves of a controllable-pitch propeller are
+polynomial surfaces K(J; p) = J' A p. Each coefficient of the usual polynomial in the advance ratio J is
+a polynomial in the pitch ratio p = P/D. The surfaces are fitted to the curves of the plant, so the
+optimiser uses one smooth function for every propeller model.
 """
 
 from __future__ import annotations
@@ -26,8 +25,8 @@ from ..plant.ship import Ship, ShipError
 from .combinator import TORQUE_MARGIN
 
 
-class Working(NamedTuple):
-    """One propeller and its engine at an advance speed, shaft speed and pitch, by the fit."""
+class WorkingPoint(NamedTuple):
+    """Working point of one propeller and its engine, from the fitted surfaces."""
 
     thrust: float  # [N]
     torque_share: float  # brake torque / torque limit [-]
@@ -38,20 +37,20 @@ class Working(NamedTuple):
 
 
 @compiled
-def working(
+def working_point(
     plant: Record,
     thrust: NDArray[np.float64],
     torque: NDArray[np.float64],
     advance_velocity: float,
     shaft_speed: float,
     pitch_ratio: float,
-) -> Working:
-    """Thrust, load, cost and margins of one working point.
+) -> WorkingPoint:
+    """Return thrust, engine load, cost and margins of one working point.
 
     Args:
         plant: ship record.
-        thrust: matrix A of the open-water fit.
-        torque: matrix B.
+        thrust: matrix A of the open-water fit of KT.
+        torque: matrix B of the open-water fit of KQ.
         advance_velocity: v_a [m/s].
         shaft_speed: omega [rad/s].
         pitch_ratio: P/D [-].
@@ -75,12 +74,12 @@ def working(
         plant, kt * force, advance_velocity, shaft_speed, pitch_ratio, plant.depth
     )
     share = brake / torque_limit(plant, engine_speed)
-    return Working(kt * force, share, cost, slope, margin, highest_j(pitch_ratio) - j)
+    return WorkingPoint(kt * force, share, cost, slope, margin, highest_j(pitch_ratio) - j)
 
 
 @compiled
-def slack(w: Working, torque_share: float = TORQUE_MARGIN) -> float:
-    """Distance to the nearest inequality constraint; negative where one is broken.
+def slack(w: WorkingPoint, torque_share: float = TORQUE_MARGIN) -> float:
+    """Return the margin to the nearest inequality constraint, negative if one is violated.
 
     Args:
         w: working point.
@@ -101,11 +100,11 @@ def search(
     torque_share: float,
     found: NDArray[np.float64],
 ) -> int:
-    """Fill rows (omega, p, thrust, cost) of all allowed settings of a grid; gives their number."""
+    """Fill rows (omega, p, thrust, cost) with the allowed settings of a grid; return their number."""
     count = 0
     for shaft_speed in shaft_speeds:
         for pitch_ratio in pitch_ratios:
-            w = working(plant, thrust, torque, advance_velocity, shaft_speed, pitch_ratio)
+            w = working_point(plant, thrust, torque, advance_velocity, shaft_speed, pitch_ratio)
             if w.thrust > 0.0 and slack(w, torque_share) >= 0.0:
                 found[count, 0], found[count, 1] = shaft_speed, pitch_ratio
                 found[count, 2], found[count, 3] = w.thrust, w.cost
@@ -115,14 +114,14 @@ def search(
 
 J_DEGREE, PITCH_DEGREE = 4, 5
 LARGEST_ERROR = 0.004
-"""Of the fit over the working range, as a share of the curve's largest value: the paper's 0.4 %."""
+"""Largest allowed error of the fit over the largest value of the curve [-], as in the paper."""
 
 _GRID = (41, 25)  # advance ratios and pitch ratios
 
 
 @compiled
 def highest_j(pitch_ratio: float) -> float:
-    """J_max(p), the end of the working range: thrust ends a little above J = P/D."""
+    """Return J_max(p), the end of the working range, slightly above J = P/D where the thrust is 0."""
     return 1.05 * pitch_ratio + 0.15
 
 
@@ -131,13 +130,13 @@ class OpenWaterFit(NamedTuple):
 
     thrust: NDArray[np.float64]  # A, shape (5, 6)
     torque: NDArray[np.float64]  # B, shape (5, 6)
-    thrust_error: float  # largest error / largest KT of the working range [-]
-    torque_error: float  # likewise of KQ [-]
+    thrust_error: float  # largest error over largest KT of the working range [-]
+    torque_error: float  # largest error over largest KQ of the working range [-]
 
 
 @compiled
 def surface(matrix: NDArray[np.float64], advance_ratio: float, pitch_ratio: float) -> float:
-    """K(J; p) [-] of one matrix, by Horner's rule in both."""
+    """Return K(J; p) [-] of one matrix, by Horner's rule in J and p."""
     value = 0.0
     for i in range(matrix.shape[0] - 1, -1, -1):
         row = 0.0
@@ -149,7 +148,7 @@ def surface(matrix: NDArray[np.float64], advance_ratio: float, pitch_ratio: floa
 
 @compiled
 def surface_slope(matrix: NDArray[np.float64], advance_ratio: float, pitch_ratio: float) -> float:
-    """DK / dJ [-] of one matrix."""
+    """Return dK / dJ [-] of one matrix."""
     value = 0.0
     for i in range(matrix.shape[0] - 1, 0, -1):
         row = 0.0
@@ -160,20 +159,26 @@ def surface_slope(matrix: NDArray[np.float64], advance_ratio: float, pitch_ratio
 
 
 def fit_open_water(ship: Ship) -> OpenWaterFit:
-    """Least-squares surfaces over the working range: 0 <= J up to zero thrust, the ship's pitches.
+    """Fit the open-water surfaces by least squares, for 0 <= J up to zero thrust and all pitches.
 
     Args:
-        ship: a ship with a propeller of controllable pitch.
+        ship: ship with a controllable-pitch propeller.
 
     Raises:
-        ShipError: the propeller has a fixed pitch, or the fit is worse than :data:`LARGEST_ERROR`.
+        ShipError: the pitch is fixed, or an error of the fit exceeds :data:`LARGEST_ERROR`.
+
+    Example:
+        >>> from shaftline.plant import load_ship
+        >>> fit = fit_open_water(load_ship("frigate"))
+        >>> fit.thrust.shape, fit.thrust_error < LARGEST_ERROR
+        ((5, 6), True)
     """
     screw = ship.propeller
     if not ship.has_variable_pitch:
-        raise ShipError(f"{ship.name}: the CPP optimiser needs a propeller of controllable pitch")
+        raise ShipError(f"{ship.name}: the CPP optimiser needs a controllable-pitch propeller")
     plant = ship.record()
     diameter = screw.diameter_m
-    force = ship.water.density_kg_m3 * diameter**4  # of KT at one revolution per second
+    force = ship.water.density_kg_m3 * diameter**4  # force of KT = 1 at one revolution per second
     rows = []
     for p in np.linspace(max(screw.pitch_ratio_min, 0.1), screw.pitch_ratio_max, _GRID[1]):
         for j in np.linspace(0.0, highest_j(float(p)), _GRID[0]):
@@ -193,7 +198,7 @@ def fit_open_water(ship: Ship) -> OpenWaterFit:
         matrices.append(np.ascontiguousarray(coefficients.reshape(shape)))
     if max(errors) > LARGEST_ERROR:
         raise ShipError(
-            f"{ship.name}: the open-water surfaces miss the curves by {100 * max(errors):.2f} %, "
-            f"more than {100 * LARGEST_ERROR:.1f} %"
+            f"{ship.name}: the polynomial surfaces differ from the open-water curves by "
+            f"{100 * max(errors):.2f} % of the largest value (allowed: {100 * LARGEST_ERROR:.1f} %)"
         )
     return OpenWaterFit(matrices[0], matrices[1], errors[0], errors[1])

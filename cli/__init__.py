@@ -7,13 +7,13 @@ import sys
 from types import TracebackType
 
 STOPPED = 130
-"""Exit code after Ctrl-C: 128 and the number of SIGINT, as shells count."""
+"""Exit code after Ctrl-C: 128 plus the number of SIGINT, as in shells."""
 
 _before = sys.excepthook
 
 
 def _one_line(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-    """Answer Ctrl-C while modules are imported, when no command is there yet to catch it."""
+    """Print one line after Ctrl-C while modules are imported, before a command can catch it."""
     if not issubclass(kind, KeyboardInterrupt):
         _before(kind, error, trace)
         return

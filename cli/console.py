@@ -1,7 +1,4 @@
-"""Progress of long work on the error stream: a bar on a terminal, a line now and then in a log.
-
-What the sub-commands share: the console, errors, progress, tables.
-"""
+"""Shared parts of the sub-commands: console output, errors, progress, tables and options."""
 
 from __future__ import annotations
 
@@ -13,9 +10,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import pandas as pd
 import typer
 from rich import box
 from rich.console import Console
@@ -24,23 +20,27 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from ..core.files import check_writable
-from ..plant import Ship
 from . import STOPPED
-from .machine import told
+from .machine import captured_output
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..plant import Ship
 
 errors = Console(stderr=True, emoji=False)
 
 EVERY_S = 10.0
-"""Between two lines of a log [s]."""
+"""Time between two lines of a log [s]."""
 
 
 class Log:
-    """Lines of work that is under way.
+    """Log lines of work in progress.
 
     Args:
-        label: what is done.
-        say: writes a line.
-        clock: time [s].
+        label: name of the work.
+        say: function that writes a line.
+        clock: function that returns the time [s].
     """
 
     def __init__(
@@ -54,12 +54,12 @@ class Log:
         self._stage = ""
 
     def at(self, done: int, total: int, stage: str = "") -> None:
-        """Tell how far it is: at every new stage, else every :data:`EVERY_S` seconds and at the end.
+        """Write the progress at every new stage, every :data:`EVERY_S` seconds, and at the end.
 
         Args:
-            done: parts of the work, or of its stage.
-            total: all of them.
-            stage: of the work.
+            done: finished parts of the work or of its stage.
+            total: number of all parts.
+            stage: name of the stage.
         """
         now, new = self._clock(), stage != self._stage
         if not (new or done >= total or now - self._last >= EVERY_S):
@@ -69,26 +69,26 @@ class Log:
         self._say(f"{what}, {done} of {total}, {now - self._begun:.0f} s")
 
 
-def tell_compiling(say: Callable[[str], None] | None = None, patience_s: float = 1.0) -> None:
-    """Say once, where kernels are compiled and not found compiled, what takes so long.
+def announce_compilation(say: Callable[[str], None] | None = None, patience_s: float = 1.0) -> None:
+    """Print a line once if kernels are compiled because no compiled version is cached.
 
     Args:
-        say: writes a line.
-        patience_s: compiling that is too short to speak of [s].
+        say: function that writes a line.
+        patience_s: longest compilation without a line [s].
     """
     from numba.core import event
 
     class Once(event.Listener):  # type: ignore[misc]
         begun: float | None = None
-        told = False
+        announced = False
 
         def on_start(self, event: object) -> None:
             now = time.monotonic()
             self.begun = now if self.begun is None else self.begun
-            if not self.told and now - self.begun > patience_s:
-                self.told = True
+            if not self.announced and now - self.begun > patience_s:
+                self.announced = True
                 (say or _line)(
-                    "compiling the equations for this machine; once, about half a minute"
+                    "compiling the equations for this machine: once, about half a minute"
                 )
 
         def on_end(self, event: object) -> None:
@@ -102,11 +102,11 @@ def _line(text: str) -> None:
 
 
 @contextmanager
-def loading(patience_s: float = 0.4) -> Iterator[None]:
-    """Say that libraries are loaded, where that takes long: on a terminal until it is done.
+def announce_loading(patience_s: float = 0.4) -> Iterator[None]:
+    """Show that libraries are loading if that takes long; on a terminal until it is finished.
 
     Args:
-        patience_s: loading that is too short to speak of [s].
+        patience_s: longest loading time without a message [s].
     """
     shown = errors.status("loading") if errors.is_terminal else None
     late = threading.Timer(patience_s, shown.start if shown else lambda: _line("loading"))
@@ -116,22 +116,22 @@ def loading(patience_s: float = 0.4) -> Iterator[None]:
         yield
     finally:
         late.cancel()
-        late.join()  # a spinner that is about to begin would never end
+        late.join()  # A spinner that starts after this would never stop.
         if shown:
             shown.stop()
 
 
 @contextmanager
 def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
-    """Progress of work in equal parts; gives the function that moves it by one.
+    """Show the progress of work in equal parts; yield the function that counts one part.
 
     Args:
-        label: what is done.
-        total: how many parts.
+        label: name of the work.
+        total: number of parts.
     """
     if not errors.is_terminal:
         log, done = Log(label, _line), 0
-        _line(f"{label}, {total} in all")
+        _line(f"{label}, {total} in total")
 
         def count() -> None:
             nonlocal done
@@ -150,10 +150,10 @@ def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
 
 @contextmanager
 def stages(label: str) -> Iterator[Callable[[str, int, int], None]]:
-    """Progress that begins anew with every stage; gives the function ``(stage, done, total)``.
+    """Show the progress of work with stages; yield the function ``(stage, done, total)`` for it.
 
     Args:
-        label: what is done.
+        label: name of the work.
     """
     if not errors.is_terminal:
         log = Log(label, _line)
@@ -173,17 +173,18 @@ def stages(label: str) -> Iterator[Callable[[str, int, int], None]]:
 
 
 MOST_SEEDS = 10_000
-"""Episodes of one cell or candidate: they are sailed at once, and take 100 kB each."""
+"""Largest number of episodes of one cell: they are simulated together, with 100 kB for each."""
 
-_LONGEST = 1000  # half of an error's line
-_LARGE = 1e9  # from which a number in a table is written with an exponent
-_PIPE_WIDTH = 180  # columns where the output is no terminal, so that no table is folded
+_LONGEST = 1000  # half of the longest line of an error message
+_LARGE = 1e9  # smallest number that a table shows with an exponent
+_PIPE_WIDTH = 180  # columns of the output if it is not a terminal
 
-console = Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH, emoji=False)
+_ON_TERMINAL = sys.stdout is not None and sys.stdout.isatty()  # None: the shell closed the output
+console = Console(width=None if _ON_TERMINAL else _PIPE_WIDTH, emoji=False)
 
 
 class Backend(StrEnum):
-    """Where the cells of a sweep are worked on."""
+    """Where the cells of a sweep are computed."""
 
     PROCESSES = "processes"
     DASK = "dask"
@@ -192,59 +193,63 @@ class Backend(StrEnum):
 BelievedShip = Annotated[
     str,
     typer.Option(
-        help="The ship as you believe it to be: a preset (see `shaftline list`) or a .toml file.",
+        help="Ship to compare with: a preset (see `shaftline list`) or a ship file (.toml).",
         show_default=False,
     ),
 ]
-"""``--ship`` of the commands that hold a ship against recordings."""
+"""``--ship`` of the commands that compare a ship with recordings."""
 
 ColumnMap = Annotated[
     Path | None,
     typer.Option(
-        help="Column map MAP.toml, for recordings with other names, units or signs.",
+        help="Column map MAP.toml for recordings with other names, units or signs.",
         show_default=False,
     ),
 ]
-"""``--columns`` of the same."""
+"""``--columns`` of these commands."""
 
 SteadyRows = Annotated[
     bool,
     typer.Option(
         "--steady",
-        help="Take each row as an equilibrium of the ship at the inputs of that row.",
-        show_default="where rows are slower than the ship",
+        help="Treat each row as an equilibrium of the ship at the inputs of that row.",
+        show_default="if rows are slower than the ship",
     ),
 ]
-"""``--steady`` of the same."""
+"""``--steady`` of these commands."""
 
 OwnHeight = Annotated[
     float | None,
-    typer.Option("--hs", help="Significant height [m] of a sea of your own, with --tp."),
+    typer.Option("--hs", help="Significant wave height [m] of a user-defined sea; needs --tp."),
 ]
-OwnPeriod = Annotated[float | None, typer.Option("--tp", help="Its peak period [s].")]
+OwnPeriod = Annotated[
+    float | None, typer.Option("--tp", help="Peak period [s] of a user-defined sea; needs --hs.")
+]
 
 
-def own_sea(height: float | None, period: float | None) -> list[str]:
-    """What ``--hs`` and ``--tp`` ask for, as ``--sea`` says it; nothing where neither is given.
+def read_own_sea(height: float | None, period: float | None) -> list[str]:
+    """Return ``--hs`` and ``--tp`` in the form of ``--sea``; an empty list if neither is given.
 
     Raises:
-        ValueError: one without the other.
+        ValueError: only one of them is given.
     """
     if (height is None) != (period is None):
-        raise ValueError("a sea of your own needs both --hs and --tp [m, s]: --hs 3.2 --tp 9.1")
+        raise ValueError(
+            "--hs and --tp must be given together, such as --hs 3.2 --tp 9.1 (in m and s)"
+        )
     return [] if height is None else [f"hs={height!r},tp={period!r}"]
 
 
 def check_folder(out: Path, ship: str = "", result: str = "") -> None:
-    """Refuse a folder for results that is a file, that cannot be written to, or that holds the ship.
+    """Refuse a folder for results that is a file, is not writable, or contains the ship file itself.
 
     Args:
-        out: the folder.
-        ship: that the command reads, where it writes one as well.
-        result: name of the one that it writes.
+        out: folder.
+        ship: ship that the command reads, where the command also writes one.
+        result: file name of the written ship.
 
     Raises:
-        ValueError: names it.
+        ValueError: the message names the folder or the file.
     """
     if (
         ship
@@ -252,56 +257,60 @@ def check_folder(out: Path, ship: str = "", result: str = "") -> None:
         and Path(ship).is_file()
         and Path(ship).resolve() == (out / result).resolve()
     ):
-        raise ValueError(f"--out {out}: --ship {ship} would be replaced; give another folder")
+        raise ValueError(
+            f"--out {out}: the result would replace --ship {ship}; give another folder"
+        )
     if out.exists() and not out.is_dir():
-        raise ValueError(f"--out {out}: is a file; a folder is needed")
+        raise ValueError(f"--out {out}: is a file; give a folder")
     check_writable(out, folder=True)
 
 
 def check_pitch(ship: Ship, pitch: float | None) -> None:
-    """Refuse a P/D that the ship's blades do not reach.
+    """Refuse a pitch ratio that the propeller does not reach.
 
     Raises:
-        ValueError: names the ship's range.
+        ValueError: the message gives the range of the ship.
     """
     low, high = ship.propeller.pitch_ratio_min, ship.propeller.pitch_ratio_max
     if pitch is not None and not low <= pitch <= high:
-        raise ValueError(f"--pitch {pitch:g}: {ship.name} has P/D from {low:g} to {high:g}")
+        raise ValueError(
+            f"--pitch {pitch:g}: the P/D of {ship.name} must be from {low:g} to {high:g}"
+        )
 
 
 def say(text: str) -> None:
-    """Print a text as it is: no colours, no folding, brackets left alone."""
-    if (heard := told()) is not None:
-        heard.said += text.strip().splitlines()
+    """Print a text without colours, line breaks or interpretation of brackets."""
+    if (output := captured_output()) is not None:
+        output.said += text.strip().splitlines()
     console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
 def _each_once() -> Callable[..., None]:
-    """Return a printer of warnings: one line each, without the place in the source, none repeated."""
+    """Return a printer of warnings: each warning once, in one line, without its place in the source."""
     printed: set[str] = set()
 
-    def in_one_line(message: Warning | str, *_: Any, **__: Any) -> None:
+    def print_warning(message: Warning | str, *_: Any, **__: Any) -> None:
         text = " ".join(str(message).split())
         if text not in printed:
             printed.add(text)
             errors.print(f"[yellow]warning:[/] {escape(text)}", highlight=False, soft_wrap=True)
 
-    return in_one_line
+    return print_warning
 
 
 def _cut(line: str) -> str:
-    """A line without the middle of what somebody gave at great length."""
+    """Return a line without its middle part where it is very long."""
     if len(line) <= 2 * _LONGEST:
         return line
     return f"{line[:_LONGEST]} ... {line[-_LONGEST:]}"
 
 
 @contextmanager
-def clear_errors() -> Iterator[None]:
-    """Turn bad input and unwritable files into one message and exit code 2.
+def report_errors() -> Iterator[None]:
+    """Turn invalid input and files that cannot be written into one message and exit code 2.
 
-    Only what a user can mend is caught: errors that the package raises by intent are ValueErrors
-    whose message was written for the reader.
+    Only errors that the user can correct are caught: those that the package raises deliberately are
+    ValueErrors with a message for the user.
     """
     try:
         with warnings.catch_warnings():
@@ -315,13 +324,18 @@ def clear_errors() -> Iterator[None]:
         errors.print(f"[bold red]error:[/] {escape(said)}", highlight=False, soft_wrap=True)
         raise typer.Exit(2) from None
     except KeyboardInterrupt:
-        errors.print("stopped; what is finished is kept", highlight=False)
+        errors.print("stopped; finished results are kept", highlight=False)
         raise typer.Exit(STOPPED) from None
 
 
 @contextmanager
-def needs(extra: str, what: str) -> Iterator[None]:
-    """Say how to install what is missing; ``what`` needs an extra of the package."""
+def require_extra(extra: str, what: str) -> Iterator[None]:
+    """Turn a missing optional library into a message that says how to install it.
+
+    Args:
+        extra: name of the extra of the package.
+        what: feature that needs it, for the message.
+    """
     try:
         yield
     except ModuleNotFoundError as error:
@@ -330,10 +344,19 @@ def needs(extra: str, what: str) -> Iterator[None]:
         ) from None
 
 
-def print_table(frame: pd.DataFrame, title: str, digits: int = 2) -> None:
-    """Print a table; floats rounded, missing ones as a dash; words stay whole where there is room."""
-    if (heard := told()) is not None:
-        heard.tables[title] = frame.to_dict(orient="records")  # type: ignore[assignment]
+def print_table(frame: pd.DataFrame, title: str, digits: int = 2, width: int | None = None) -> None:
+    """Print a table with rounded numbers, a dash for a missing value, and whole words if possible.
+
+    Args:
+        frame: table.
+        title: title above the table.
+        digits: digits after the decimal point.
+        width: largest width in columns; that of the console by default.
+    """
+    import pandas as pd  # It takes a quarter of a second, and --help does not need it.
+
+    if (output := captured_output()) is not None:
+        output.tables[title] = frame.to_dict(orient="records")  # type: ignore[assignment]
 
     def cell(value: Any) -> str:
         if isinstance(value, float):
@@ -344,7 +367,8 @@ def print_table(frame: pd.DataFrame, title: str, digits: int = 2) -> None:
 
     texts = {str(name): [cell(value) for value in values] for name, values in frame.items()}
     words = [max(map(len, " ".join([name, *cells]).split())) for name, cells in texts.items()]
-    spare = console.width - sum(words) - 3 * len(words) - 1  # beside the space between them
+    most = min(console.width, width or console.width)
+    spare = most - sum(words) - 3 * len(words) - 1  # beside the space between them
     fits = spare >= 0
     console.print(escape(title), style="italic", highlight=False)
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
@@ -360,4 +384,4 @@ def print_table(frame: pd.DataFrame, title: str, digits: int = 2) -> None:
         spare -= more
     for row in zip(*texts.values(), strict=True):
         table.add_row(*map(escape, row))
-    console.print(table)
+    console.print(table, width=most)

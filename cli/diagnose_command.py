@@ -12,7 +12,7 @@ from ..core.sweep import check_backend
 from ..mismatch import Options
 from ..mismatch.diagnosis import SHIP
 from ..mismatch.example import concealed, copy_example
-from ..mismatch.folder import recordings_in
+from ..mismatch.folder import find_recordings
 from ..mismatch.report.index import INDEX_PAGE, INDEX_TABLE, PAGE, REPORT
 from ..plant import Ship, load_ship
 from .console import (
@@ -21,8 +21,8 @@ from .console import (
     ColumnMap,
     SteadyRows,
     check_folder,
-    clear_errors,
     progress,
+    report_errors,
     say,
     stages,
 )
@@ -33,7 +33,7 @@ def diagnose(
         list[Path] | None,
         typer.Argument(
             help="Recordings (CSV or Parquet) of one condition of the ship, diagnosed together; "
-            "or one FOLDER, each of whose recordings is diagnosed for itself.",
+            "or one FOLDER, whose recordings are diagnosed one by one.",
             metavar="RECORDING... | FOLDER",
             show_default=False,
         ),
@@ -48,28 +48,28 @@ def diagnose(
         bool,
         typer.Option(
             "--example",
-            help="Diagnose the recording that comes with the package, to see how it is done; its files "
-            "are copied to --out (out/example if it is left out).",
+            help="Diagnose the example recording of the package; its files are copied to --out "
+            "(default: out/example).",
         ),
     ] = False,
     hold_out: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Recording that is only judged on, never fitted; repeatable.",
+            help="Held-out recording, used for evaluation only; repeatable.",
             show_default="a quarter of the longest recording; of three or more, whole ones",
         ),
     ] = None,
     exclude: Annotated[
         list[str] | None,
         typer.Option(
-            help="Id of an effect that cannot be the reason (see `shaftline list`); repeatable.",
+            help="Id of an effect to exclude (see `shaftline list --effects`); repeatable.",
             show_default=False,
         ),
     ] = None,
     effects: Annotated[
         list[Path] | None,
         typer.Option(
-            help="File MY.toml with physics of your own, tried beside the catalogue; repeatable.",
+            help="File MY.toml with user-defined effects, added to the catalogue; repeatable.",
             show_default=False,
         ),
     ] = None,
@@ -77,33 +77,34 @@ def diagnose(
         float,
         typer.Option(
             min=0.0,
-            help="Factor on how far the ship's numbers may be off before it counts as physics; "
-            "2 for a ship file that was guessed.",
+            help="Factor on the tolerances of the ship's parameters, within which a difference does not "
+            "count as physics; 2 for a ship file with guesses.",
         ),
     ] = 1.0,
     calibrate: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Recording of a period in which the ship was healthy: its numbers are found there "
-            "first, and what differs now is not blamed on them; repeatable.",
+            help="Recording of a reference period without missing physics, from which parameters are "
+            "estimated first; repeatable.",
             show_default=False,
         ),
     ] = None,
     free: Annotated[
         str,
         typer.Option(
-            help="Keys of the ship's file, with commas between. With --calibrate, the numbers to find "
-            "there; without, numbers that may be far off (30 %) and move beside the effects.",
+            help="Keys of the ship file, separated by commas. With --calibrate: parameters to estimate "
+            "from the reference period; without: parameters that are uncertain by 30 % and are "
+            "estimated together with the effects.",
             metavar="KEY,KEY",
-            show_default="with --calibrate those that it tells, without none",
+            show_default="with --calibrate: the identifiable ones; without: none",
         ),
     ] = "",
     quick: Annotated[
         bool,
         typer.Option(
             "--quick",
-            help="Leave out the second search, which estimates effects and ship-file parameters "
-            "together where the first one leaves a residual, and takes up to two minutes.",
+            help="Leave out the second search, which estimates effects and parameters of the ship file "
+            "together if the first one leaves a residual; it takes up to two minutes.",
         ),
     ] = False,
     steady: SteadyRows = False,
@@ -114,7 +115,7 @@ def diagnose(
         ),
     ] = None,
     backend: Annotated[
-        Backend, typer.Option(help="FOLDER only: here, or on a dask cluster.")
+        Backend, typer.Option(help="FOLDER only: processes of this machine, or a dask cluster.")
     ] = Backend.PROCESSES,
     scheduler: Annotated[
         str | None,
@@ -123,50 +124,52 @@ def diagnose(
         ),
     ] = None,
 ) -> None:
-    """Find where a recording and the simulation differ, and what physics was left out.
+    """Diagnose why a recording and the simulation differ, and identify missing physics.
 
-    The recording's orders drive the simulated ship. What the ship then does otherwise than it was
-    measured is looked at balance by balance (engine, propeller, hull, pitch actuator, instruments),
-    compared with a catalogue of effects, fitted, and judged on a part that was set aside before
-    anything was fitted. There are four verdicts, and each ends with exit code 0:
+    The commands of the recording drive the simulated ship. The differences between measurement and
+    simulation are analysed for each balance (engine, propeller, hull, pitch actuator, instruments),
+    compared with a catalogue of effects, fitted, and evaluated on a held-out part of the recording.
+    There are four verdicts, and each ends with exit code 0:
 
-    - **explained**: this effect, of this size, with a 95 % interval, and the names that the recording
-      cannot tell from it;
+    - **explained**: one effect or several, with sizes and 95 % intervals, and the effects that the
+    recording
+      cannot distinguish from them;
 
-    - **partly-explained**: this effect holds for itself, and something else is left, whose balance is
-      named;
+    - **partly-explained**: an effect is identified, and a residual remains in a balance that is named;
 
-    - **nothing-missing**: noise and the tolerances of the ship's numbers explain the difference, or
-      the recording is too short or too dull to decide, and the sentence says so;
+    - **nothing-missing**: noise and the tolerances of the ship's parameters explain the difference, or
+    the
+      recording is too short or has too little excitation to decide, and the report says so;
 
-    - **unexplained**: something is missing that has no name; its size as a function of a signal.
+    - **unexplained**: physics is missing that matches no effect; the report shows it as a function of a
+    signal.
 
     Written: `report.html` (read this), `report.json` (for programs), `corrected_ship.toml` (the ship
-    with what was found; accepted wherever a ship is). Bad input ends with exit code 2 and a message
-    that names file, column and row; nothing is written then.
+    with the identified effects; accepted wherever a ship is). Invalid input ends with exit code 2 and a
+    message that names file, column and row; nothing is written then.
 
     A recording needs `time_s`, `fuel_rack_mm` (or `motor_voltage_V`), `pitch_ratio_command` and
-    `shaft_speed_rad_s` (or `shaft_angle_rad`), and tells more with `shaft_torque_N_m`,
-    `ship_speed_m_s`, `pitch_ratio`; see docs/recordings.md. Ten samples a second over 20 minutes with
-    steps of rack and pitch is good.
+    `shaft_speed_rad_s` (or `shaft_angle_rad`). The columns `shaft_torque_N_m`, `ship_speed_m_s` and
+    `pitch_ratio` make more effects identifiable; see docs/recordings.md. Recommended are 20 minutes at
+    ten samples a second with steps of rack and pitch.
 
-    Logs of ships in service have a row every ten minutes, hour or day. Rows that are slower than the
-    ship are each taken as an equilibrium at the inputs of that row, and effects that act in transients
-    are left out; `--steady` asks for it.
+    Logs of ships in service have a row every ten minutes, hour or day. If rows are slower than the ship,
+    each row is treated as an equilibrium at the inputs of that row, and effects of transients are left
+    out; `--steady` enforces this.
 
-    A wrong number looks like missing physics. So the report tells which numbers moved inside their
-    tolerances, and whether a wrong one would explain the difference as well as the effect that is
-    named. Better is to settle it: `--calibrate` finds the numbers where nothing was wrong yet, with
-    their errors, and `--free` lets those move that you do not trust. What they take up is then not
-    called physics: a free resistance takes up fouling.
+    A biased parameter of the ship file can look like missing physics. The report therefore lists the
+    parameters that moved within their tolerances, and whether a biased parameter would explain the
+    difference equally well. To decide between them, `--calibrate` first estimates parameters from a
+    recording of a reference period, and `--free` frees parameters that are uncertain. A difference that
+    a free parameter can explain is not reported as physics: a free resistance explains fouling.
 
     If the ship file contains guesses, or the recording comes from a test rig, a biased inertia can
-    absorb friction, and two effects may improve the fit only as a pair. Where the first search leaves
-    more than noise, a second one therefore estimates the doubtful parameters of the file together with
-    each set of effects. Its model is reported if it is clearly closer to the held-out data. `--quick`
-    leaves it out.
+    absorb friction, and two effects may improve the fit only as a pair. If the first search leaves a
+    residual above the noise, a second search therefore estimates the uncertain parameters of the file
+    together with each set of effects. Its model is reported if it is clearly closer to the held-out
+    data. `--quick` leaves it out.
 
-    What the catalogue does not know you can write yourself. A file MY.toml holds
+    You can define physics that the catalogue does not contain. A file MY.toml has the form
 
         [[term]]
         id = "apparent-wind"
@@ -175,13 +178,14 @@ def diagnose(
         expression = "k * wind_speed ** 2 * cos(wind_angle)"
         parameters = { k = { unit = "N s2/m2", probes = [20.0, 200.0] } }
 
-    and `--effects MY.toml` has it tried like any other: fitted, named if it holds on the part set
-    aside, carried by the corrected ship. `wind_speed` and `wind_angle` are columns of the recording,
-    or named by the column map under `[signals]`. An expression is data and is never run as code. See
-    docs/own-physics.md.
+    and `--effects MY.toml` adds it to the candidates: it is fitted, reported if it holds on the held-out
+    part, and included in the corrected ship. `wind_speed` and `wind_angle` are columns of the recording,
+    or are mapped under `[signals]` of the column map. An expression is data and is never run as code.
+    See docs/own-physics.md.
 
-    A FOLDER's recordings each get a folder in DIR, and `index.html` lists them, worst first. Bad ones
-    are listed with their error and do not stop the rest. What is finished is not done again.
+    For a FOLDER, each recording gets a folder in DIR, and `index.html` lists them, worst first.
+    Recordings with errors are listed with their error and do not stop the others. Finished recordings
+    are not diagnosed again.
 
     Examples:
         shaftline diagnose --example
@@ -197,16 +201,16 @@ def diagnose(
         shaftline diagnose log.csv --free hull.resistance_coefficient_N_s2_m2 --ship mine.toml
             --out out/log
 
-        shaftline diagnose run1.csv run2.csv --hold-out run3.csv --ship rig.toml --out out/rig
-
         shaftline diagnose log.csv --columns map.toml --effects MY.toml --ship mine.toml --out out/wind
 
         shaftline diagnose trials/ --ship frigate --out out/trials --jobs 8
     """
-    with clear_errors():
+    with report_errors():
         if example:
             if recordings or ship or columns:
-                raise ValueError("--example brings its own recording, ship and column map")
+                raise ValueError(
+                    "--example has its own recording, ship and column map: leave yours out"
+                )
             out = out or Path("out/example")
             check_folder(out)
             recording, columns, file = copy_example(out)
@@ -230,13 +234,15 @@ def diagnose(
         if folders:
             if len(recordings) > 1 or hold_out:
                 raise ValueError(
-                    f"{folders[0]}: a folder stands alone, without other recordings or --hold-out"
+                    f"{folders[0]}: give a folder alone, without other recordings and without --hold-out"
                 )
             check_backend(jobs, backend, scheduler)
             _folder(folders[0], vessel, out, options, jobs, backend, scheduler)
             return
         if jobs is not None or scheduler is not None or backend is not Backend.PROCESSES:
-            raise ValueError("--jobs, --backend and --scheduler spread a FOLDER of recordings")
+            raise ValueError(
+                "--jobs, --backend and --scheduler are for a FOLDER of recordings only"
+            )
         with stages("diagnosing") as tick:
             diagnosis = mismatch.diagnose(
                 vessel, *recordings, hold_out=hold_out or (), options=options, tick=tick
@@ -246,7 +252,7 @@ def diagnose(
         say(diagnosis.summary())
         say(f"\nreport: {out / PAGE}   data: {out / REPORT}   corrected ship: {out / SHIP}")
         if example:
-            say(f"what was concealed: {concealed()}; the report was made without knowing it")
+            say(f"concealed effect: {concealed()}; the diagnosis did not know it")
 
 
 def _folder(
@@ -258,7 +264,7 @@ def _folder(
     backend: str,
     scheduler: str | None,
 ) -> None:
-    with progress("diagnosing", len(recordings_in(folder))) as tick:
+    with progress("diagnosing", len(find_recordings(folder))) as tick:
         index = mismatch.diagnose_folder(
             folder, ship, out, options, jobs=jobs, backend=backend, scheduler=scheduler, tick=tick
         )

@@ -10,16 +10,16 @@ import numpy as np
 import typer
 
 from .. import display
-from ..agents.evaluation.episodes import Setting, known, label, load_controller
+from ..agents.evaluation.episodes import Setting, known_controllers, label, load_controller
 from ..agents.evaluation.kpis import KPIS
-from ..agents.evaluation.page import distinct, zero_everywhere
+from ..agents.evaluation.page import merge_equal_rows, zero_columns
 from ..agents.evaluation.scores import bounds
 from ..agents.evaluation.sweeps import evaluate as evaluate_all
 from ..baselines.controller import Predictor
 from ..core.sweep import check_backend
 from ..envs import CLASSIC, DEFAULTS, get_task, tasks
 from ..envs.settings import EPISODE_S, LONGEST_S
-from ..envs.steering import kinds
+from ..envs.steering import environment_classes
 from ..observers import get_observer, observer_names
 from ..plant import get_sea
 from .console import (
@@ -28,13 +28,13 @@ from .console import (
     OwnHeight,
     OwnPeriod,
     check_folder,
-    clear_errors,
-    own_sea,
     print_table,
     progress,
+    read_own_sea,
+    report_errors,
     say,
 )
-from .machine import numbers
+from .machine import add_results
 
 _INTERVAL = DEFAULTS.control_interval_s
 _SHOWN = (
@@ -47,84 +47,90 @@ _SHOWN = (
 def evaluate(
     controller: Annotated[
         list[str],
-        typer.Option(help=f"NAME, NAME:option=number or policy:FILE; repeatable. {known()}."),
+        typer.Option(
+            help=f"NAME, NAME:option=number or policy:FILE; repeatable. {known_controllers()}."
+        ),
     ],
-    task: Annotated[str, typer.Option(help=f"One of {', '.join(tasks(None))}.")] = "transit",
+    task: Annotated[str, typer.Option(help=f"Task: {', '.join(tasks(None))}.")] = "transit",
     sea: Annotated[
         list[str] | None,
         typer.Option(
-            help="Sea: a preset, hs=3.2,tp=9.1 with gamma= and heading= where wanted, or task for "
-            "those of the task; repeatable.",
+            help="Sea: a preset; hs=3.2,tp=9.1 with optional gamma= and heading=; or `task` for the "
+            "seas of the task; repeatable.",
             show_default="task",
         ),
     ] = None,
     hs: OwnHeight = None,
     tp: OwnPeriod = None,
-    observer: Annotated[list[str], typer.Option(help="Observer, or `all` of them; repeatable.")] = [  # noqa: B006
+    observer: Annotated[list[str], typer.Option(help="Observer, or `all`; repeatable.")] = [  # noqa: B006
         DEFAULTS.observer
     ],
     ship: Annotated[
         str | None,
-        typer.Option(
-            help="Ship: a preset or a .toml file.", show_default="the one the task is made for"
-        ),
+        typer.Option(help="Ship: a preset or a .toml file.", show_default="that of the task"),
     ] = None,
     seeds: Annotated[
-        int, typer.Option(min=1, max=MOST_SEEDS, help="Episodes; equal seeds meet equal seas.")
+        int,
+        typer.Option(
+            min=1, max=MOST_SEEDS, help="Number of episodes; all controllers get the same seas."
+        ),
     ] = 20,
     episode_s: Annotated[
         float, typer.Option(min=1.0, max=LONGEST_S, help="Length of an episode [s].")
     ] = EPISODE_S,
-    out: Annotated[Path, typer.Option(help="Folder for table, CSV, JSON, figures.")] = Path(
+    out: Annotated[Path, typer.Option(help="Folder for tables and figures.")] = Path(
         "out/evaluate"
     ),
-    render: Annotated[bool, typer.Option(help="Also save a dashboard frame of each.")] = False,
+    render: Annotated[bool, typer.Option(help="Also save a dashboard of each controller.")] = False,
     jobs: Annotated[
         int | None,
         typer.Option(min=1, help="Processes on this machine.", show_default="one a core"),
     ] = None,
     backend: Annotated[
-        Backend, typer.Option(help="Where cells are sailed: here, or on a dask cluster.")
+        Backend, typer.Option(help="Where cells are simulated: this machine or a dask cluster.")
     ] = Backend.PROCESSES,
     scheduler: Annotated[
         str | None,
         typer.Option(help="Address of the dask cluster, such as tcp://10.0.0.1:8786."),
     ] = None,
 ) -> None:
-    """Sail controllers through paired seas and compare them.
+    """Evaluate controllers in the same seas and compare them.
 
-    Every combination of controller, sea and observer is a cell; cells that already stand in the output
-    folder are not sailed again, so an interrupted evaluation goes on where it stopped. Each figure is
-    the interquartile mean over the episodes, in the files with its 95 % interval (from 4 episodes on).
+    Each combination of controller, sea and observer is a cell. Cells that the output folder already
+    contains are not simulated again, so an interrupted evaluation resumes. Each figure is the
+    interquartile mean over the episodes; the files also give its 95 % interval (from 4 episodes).
 
-    Cells are spread over the cores of this machine. To spread them over several: install
-    `shaftline[cluster]` on all, run `dask scheduler` on one and `dask worker ADDRESS` on each, and give
-    `--backend dask --scheduler ADDRESS`. The figures are the same to the last digit.
+    Cells are distributed over the cores of this machine. To use several machines, install
+    `shaftline[cluster]` on all of them, run `dask scheduler` on one and `dask worker ADDRESS` on each,
+    and give `--backend dask --scheduler ADDRESS`. The results agree to the last digit.
 
     A policy from `shaftline train` is given as `policy:FILE`. It must have been trained for this ship,
-    these observations and this control interval; where it was not, the message says what differs.
+    these observations and this control interval; otherwise the message says what differs.
+
+    Written: `table.csv`, `table.json` and `table.md` with all figures, `comparison.png` with one episode
+    of each controller, and `cells/` with every episode. `--render` adds a dashboard of each controller.
 
     Examples:
         shaftline evaluate --controller combinator --controller cpp-optimiser --task transit
 
         shaftline evaluate --task rough-sea --controller combinator-trimmed --controller policy:rough-sea
     """
-    with clear_errors():
+    with report_errors():
         check_folder(out)
         check_backend(jobs, backend, scheduler)
         model = get_task(task)
-        sailed = model.sailed(ship)
+        vessel = model.load_ship(ship)
         if "all" in observer:
             observer = observer_names()
         for name in observer:
             get_observer(name)
-        seas = [*(sea or ()), *own_sea(hs, tp)] or ["task"]
+        seas = [*(sea or ()), *read_own_sea(hs, tp)] or ["task"]
         for name in seas:
             if name != "task":
                 get_sea(name)
         made: dict[str, Predictor] = {}
         for text in controller:
-            commander = load_controller(text, sailed, _INTERVAL, model)
+            commander = load_controller(text, vessel, _INTERVAL, model)
             made[label(text)] = commander
         grid = itertools.product(*map(dict.fromkeys, (made, seas, observer)))
         cells = [Setting(c, task, s, o, seeds, ship, episode_s) for c, s, o in grid]
@@ -136,13 +142,13 @@ def evaluate(
             found = evaluate_all(
                 cells, make, out, jobs=jobs, backend=backend, scheduler=scheduler, tick=tick
             )
-        title = f"{sailed.name}, {task}, {seeds} episodes of {episode_s:g} s"
+        title = f"{vessel.name}, {task}, {seeds} episodes of {episode_s:g} s"
         if (bound := bounds().get(task)) is not None and seas == ["task"] and ship is None:
             intervals = max(round(episode_s / _INTERVAL), 1)
             found.table["score"] = [bound.score(r / intervals) for r in found.table["reward"]]
-        shown = distinct(found.table)
+        shown = merge_equal_rows(found.table)
         varied = [c for c in ("controller", "sea", "observer") if shown[c].nunique() > 1]
-        zero = zero_everywhere(found.table, _SHOWN)
+        zero = zero_columns(found.table, _SHOWN)
         figures = [name for name in _SHOWN if name not in zero]
         scored = ["score"] if "score" in shown else []
         print_table(shown[[*(varied or ["controller"]), *scored, *figures]], title)
@@ -151,12 +157,12 @@ def evaluate(
         if scored:
             say("score: 0 is the combinator, 1 the clairvoyant bound of the task")
         say("\n".join(f"{name}: {KPIS[name]}" for name in figures))
-        numbers({"cells": found.table.to_dict(orient="records")})
+        add_results({"cells": found.table.to_dict(orient="records")})
         found.save(out, title, _SHOWN)
         lasts = {cell.controller: i for i, cell in enumerate(cells)}
-        drawn = {name: found.traces[lasts[name]] for name in made}
+        traces = {name: found.traces[lasts[name]] for name in made}
         picture = out / "comparison.png"
-        display.figures.save(display.figures.controllers(drawn, sailed), picture)
+        display.figures.save(display.figures.controllers_figure(traces, vessel), picture)
         if render:
             for cell in (cells[lasts[name]] for name in made):
                 name = "".join(c if c.isalnum() or c == "-" else "-" for c in cell.controller)
@@ -166,7 +172,7 @@ def evaluate(
 
 
 def _last_frame(setting: Setting, controller: Predictor) -> np.ndarray:  # type: ignore[type-arg]
-    env = kinds(get_task(setting.task).steered).single(
+    env = environment_classes(get_task(setting.task).steered).single(
         ship=setting.vessel,
         task=setting.task,
         sea=None if setting.sea == "task" else setting.sea,

@@ -16,19 +16,19 @@ from .console import (
     BelievedShip,
     ColumnMap,
     check_folder,
-    clear_errors,
+    report_errors,
     say,
     stages,
 )
-from .machine import numbers
+from .machine import add_results
 
 
 def identify(
     recordings: Annotated[
         list[Path],
         typer.Argument(
-            help="Recordings (CSV or Parquet) of one condition of the ship, fitted together; by "
-            "`steady` also tables of points, a row each steady state, without time_s.",
+            help="Recordings (CSV or Parquet) of one condition of the ship, fitted together; with "
+            "`--method steady` also tables without time_s, one row for each steady state.",
             metavar="RECORDING...",
             show_default=False,
         ),
@@ -41,30 +41,30 @@ def identify(
     free: Annotated[
         str,
         typer.Option(
-            help="Keys of the ship's file that may move, with commas between; or `auto`: those that "
-            "the recordings tell, or that the method usually finds."
+            help="Keys of the ship file to estimate, separated by commas; or `auto`: the parameters "
+            "that are identifiable from the recordings, or usual for the method."
         ),
     ] = AUTO,
     method: Annotated[
-        str, typer.Option(help=f"How: {', '.join(METHODS)}.", metavar="METHOD")
+        str, typer.Option(help=f"Method of estimation: {', '.join(METHODS)}.", metavar="METHOD")
     ] = DEFAULT,
     columns: ColumnMap = None,
     hold_out: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Recording that is only judged on, never fitted; repeatable.",
-            show_default="a quarter of the longest recording, where the method can do without",
+            help="Held-out recording, used for evaluation only; repeatable.",
+            show_default="a quarter of the longest recording, if the method allows it",
         ),
     ] = None,
     tolerance: Annotated[
         float,
-        typer.Option(min=0.0, help="Factor on how far the numbers that are not free may be off."),
+        typer.Option(min=0.0, help="Factor on the tolerances of the fixed parameters."),
     ] = 1.0,
 ) -> None:
-    """Find a ship's numbers from recordings, and how sure they are.
+    """Identify parameters of a ship from recordings, with their uncertainties.
 
-    A file's numbers are never right to half a per cent, and a wrong number looks like missing
-    physics. So find the numbers first, then look for physics:
+    The parameters of a ship file are rarely exact to half a per cent, and a biased parameter looks like
+    missing physics. Therefore identify the parameters first, and diagnose afterwards:
 
         shaftline identify trial.csv --ship mine.toml --free auto --out out/numbers
 
@@ -73,24 +73,25 @@ def identify(
         shaftline train --ship out/physics/corrected_ship.toml ...
 
     Written: `report.html` (read this), `report.json` (for programs), `identified_ship.toml` (the ship
-    with the numbers, and how well each is known under `[tolerances]`, so that `diagnose` knows it
-    too), and the tables of the method. Numbers that the recording does not tell, or of which it tells
-    only a ratio or a product, are refused by name: exit code 2, nothing written.
+    with the estimated parameters and their uncertainties under `[tolerances]`, which `diagnose` uses),
+    and the tables of the method. If the recordings do not identify a parameter, or only its ratio or
+    product with another one, the message names it; the exit code is then 2 and nothing is written.
 
-    Steps of the demands over the whole range, for many of the ship's time constants, tell most.
+    Recordings with steps of the commands over the whole range, much longer than the time constants of
+    the ship, identify most parameters.
 
     Examples:
         shaftline identify run1.csv run2.csv --hold-out run3.csv --ship mine.toml --out out/id
             --free hull.resistance_coefficient_N_s2_m2,transmission.inertia_engine_side_kg_m2
     """
-    with clear_errors():
+    with report_errors():
         check_folder(out, ship, SHIP)
         vessel = load_ship(ship)
         keys = [key.strip() for key in free.split(",") if key.strip()]
         if not keys:
             raise ValueError(
-                f"--free {free!r} names no key; give {AUTO}, or keys of the ship's file with commas "
-                f"between: {', '.join(doubtful(vessel))}"
+                f"--free {free!r} contains no key; give {AUTO}, or keys of the ship file separated by "
+                f"commas: {', '.join(doubtful(vessel))}"
             )
         with stages("identifying") as tick:
             found = mismatch.identify(
@@ -99,6 +100,6 @@ def identify(
             )  # fmt: skip
             tick("writing the report", 0, 1)
             found.save(out)
-        numbers(found.to_dict())
+        add_results(found.to_dict())
         say(found.summary())
         say(f"\nreport: {out / PAGE}   data: {out / REPORT}   identified ship: {out / SHIP}")

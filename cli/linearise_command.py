@@ -14,7 +14,7 @@ from .. import display
 from ..core.files import write_atomically, write_json
 from ..core.lazy import control
 from ..plant import Equilibrium, Ship, approach, equilibrium, linearise, load_ship
-from .console import check_folder, check_pitch, clear_errors, print_table, say
+from .console import check_folder, check_pitch, print_table, report_errors, say
 
 _USUAL = "pitch_ratio,shaft_speed,ship_speed,shaft_torque"
 
@@ -25,34 +25,34 @@ def linearise_ship(
     ] = "frigate",
     speed: Annotated[
         float | None,
-        typer.Option(help="Ship speed [m/s] about which to linearise.", show_default=False),
+        typer.Option(help="Ship speed [m/s] of the working point.", show_default=False),
     ] = None,
     drive: Annotated[
         float | None,
         typer.Option(
-            help="Instead of a speed: the demand on the prime mover, in its own unit (fuel rack [mm], "
-            "voltage [V], torque [N m], shaft speed [rad/s]).",
+            help="Command of the prime mover in its unit, in place of --speed (fuel rack [mm], voltage "
+            "[V], torque [N m], shaft speed [rad/s]).",
             show_default=False,
         ),
     ] = None,
     pitch: Annotated[
-        float | None, typer.Option(help="P/D [-].", show_default="the highest of the ship")
+        float | None, typer.Option(help="P/D [-].", show_default="highest P/D of the ship")
     ] = None,
     output: Annotated[
-        str, typer.Option(help="Outputs, by commas: states or quantities such as thrust.")
+        str, typer.Option(help="Outputs, separated by commas: states or quantities such as thrust.")
     ] = _USUAL,
     out: Annotated[Path, typer.Option(help="Folder for the model and the figure.")] = Path(
         "out/linear"
     ),
 ) -> None:
-    """Write the ship's linear model about a working point, with poles, zeros, Bode plot and margins.
+    """Linearise a ship about a working point: state-space model, poles, zeros, Bode plot and margins.
 
-    The model is x' = A x + B u, y = C x + D u in deviations from a steady state, in SI units; its
-    derivatives are those of the simulated equations, exact to rounding. Rate limits, dead bands and
-    dead times are not in it.
+    The model is x' = A x + B u, y = C x + D u in deviations from a steady state, in SI units. Its
+    derivatives are those of the simulated equations, exact to rounding. Rate limits, dead bands and dead
+    times are not included.
 
-    A channel's margins are those of the channel closed by a gain of 1 in its units (-1 where its steady
-    gain is negative); a controller's own stand in `shaftline loop`.
+    The margins of a channel are those of the channel closed by a gain of 1 in its units (-1 if its
+    steady gain is negative). `shaftline loop` gives the margins of a controller.
 
     Written: `linear.json` (point, A, B, C, D, names, units, poles), `linear.mat` (the same matrices for
     MATLAB or Octave: `ss(A,B,C,D)`) and `bode.png` (gain and phase of every channel).
@@ -62,25 +62,25 @@ def linearise_ship(
 
         shaftline linearise --ship my_ship.toml --speed 7 --output shaft_speed,thrust
     """
-    with clear_errors():
+    with report_errors():
         check_folder(out)
         vessel = load_ship(ship)
         check_pitch(vessel, pitch)
         point = _point(vessel, speed, drive, pitch)
         names = tuple(filter(None, (name.strip() for name in output.split(","))))
         if not names:
-            raise ValueError(f"--output {output!r}: at least one output is needed")
+            raise ValueError(f"--output {output!r}: give at least one output, such as shaft_speed")
         system = linearise(vessel, point, outputs=names)
         about = _about(vessel, point)
         say(about)
         print_table(display.linear.modes(system), "modes", 4)
-        told = display.linear.channels(system, vessel)
-        print_table(told, "channels", 4)
+        channels = display.linear.channels(system, vessel)
+        print_table(channels, "channels", 4)
         display.figures.save(
             display.linear.frequency_response(system, vessel, about), out / "bode.png"
         )
         matrices = {name: np.asarray(getattr(system, name)) for name in "ABCD"}
-        _write(out, about, system, matrices, told)
+        _write(out, about, system, matrices, channels)
         say(f"\nModel: {out / 'linear.json'}, {out / 'linear.mat'}   picture: {out / 'bode.png'}")
 
 
@@ -88,7 +88,7 @@ def _point(
     ship: Ship, speed: float | None, drive: float | None, pitch: float | None
 ) -> Equilibrium:
     if (speed is None) == (drive is None):
-        raise ValueError("give either --speed or --drive (with --pitch)")
+        raise ValueError("give either --speed or --drive, but not both")
     if drive is None:
         assert speed is not None
         return approach(ship, speed, pitch)
@@ -110,7 +110,7 @@ def _about(ship: Ship, point: Equilibrium) -> str:
 
 def _write(
     out: Path, about: str, system: control.StateSpace, matrices: dict[str, NDArray[np.float64]],
-    told: pd.DataFrame,
+    channels: pd.DataFrame,
 ) -> None:  # fmt: skip
     from scipy.io import savemat
 
@@ -121,7 +121,7 @@ def _write(
     }
     poles = [{"real": p.real, "imag": p.imag} for p in map(complex, system.poles())]
     plain = {key: value.tolist() for key, value in matrices.items()}
-    finite = told.replace([np.inf, -np.inf], np.nan).astype(object)
+    finite = channels.replace([np.inf, -np.inf], np.nan).astype(object)
     rows = finite.where(finite.notna(), None).to_dict("records")
     write_json(
         out / "linear.json", {"about": about} | names | plain | {"poles": poles, "channels": rows}

@@ -13,27 +13,27 @@ from .. import display
 from ..baselines import ControllerError, helmsman_names, make_controller, make_helmsman
 from ..baselines.controller import Controller
 from ..baselines.helmsman import ShapedHelmsman
-from ..baselines.loops import controller_loop, helmsman_loop, readable
+from ..baselines.loops import controller_loop, helmsman_loop, linear_plant
 from ..core.files import check_writable, write_json
 from ..core.lazy import control
 from ..plant import Ship, approach, load_ship
 from ..plant.loops import Loop
-from .console import check_folder, check_pitch, clear_errors, print_table, say
+from .console import check_folder, check_pitch, print_table, report_errors, say
 
 _UNITS = {
     "gain_margin_dB": ("gain margin", "dB"),
     "gain_margin_down_dB": ("gain margin downwards", "dB"),
     "phase_margin_deg": ("phase margin", "deg"),
-    "delay_margin": ("dead time that takes it away", "s"),
+    "delay_margin": ("dead time at the stability limit", "s"),
     "crossover": ("crossover, |L| = 1", "rad/s"),
-    "phase_crossover": ("where L turns by 180 deg", "rad/s"),
+    "phase_crossover": ("frequency at a phase of -180 deg", "rad/s"),
     "peak_sensitivity": ("largest |S|", "-"),
     "peak_complementary": ("largest |T|", "-"),
-    "overshoot_percent": ("overshoot of a step of the order", "%"),
-    "settling": ("within 2 % after", "s"),
-    "rise": ("from 10 to 90 % in", "s"),
-    "peak": ("highest after", "s"),
-    "last_value": ("comes to rest at", "-"),
+    "overshoot_percent": ("overshoot of the step response", "%"),
+    "settling": ("settling time to 2 %", "s"),
+    "rise": ("rise time from 10 to 90 %", "s"),
+    "peak": ("time of the peak", "s"),
+    "last_value": ("final value", "-"),
 }
 
 
@@ -41,17 +41,17 @@ def loop(
     controller: Annotated[
         str,
         typer.Argument(
-            help="A controller, `NAME` or `NAME:option=number,...` (see `shaftline list`), or a law of "
-            "your own, `numerator/denominator` by falling powers of s.",
+            help="Controller: `NAME` or `NAME:option=number,...` (see `shaftline list`), or a transfer "
+            "function `numerator/denominator` with falling powers of s.",
             show_default=False,
         ),
     ],
     ship: Annotated[
         str, typer.Option(help="Ship: a preset (see `shaftline list`) or a .toml file.")
     ] = "frigate",
-    speed: Annotated[float, typer.Option(help="Ship speed [m/s] about which all is linear.")] = 8.0,
+    speed: Annotated[float, typer.Option(help="Ship speed [m/s] of the working point.")] = 8.0,
     interval: Annotated[
-        float, typer.Option(help="Control interval [s]; a law of your own acts all the time.")
+        float, typer.Option(help="Control interval [s]; a transfer function is continuous.")
     ] = 0.5,
     command: Annotated[
         str,
@@ -62,30 +62,31 @@ def loop(
     reading: Annotated[
         str | None,
         typer.Option(
-            help="What a law of your own is to hold, such as ship_speed.",
+            help="Controlled signal of a transfer function, such as ship_speed.",
             show_default="shaft_speed",
         ),
     ] = None,
     pitch: Annotated[
         float | None,
-        typer.Option(help="P/D at which a law of your own is looked at; the highest by default."),
+        typer.Option(help="P/D for a transfer function; the highest by default."),
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for figure and numbers.")] = Path("out/loop"),
+    out: Annotated[Path, typer.Option(help="Folder for the figure and the results.")] = Path(
+        "out/loop"
+    ),
     json: Annotated[
-        Path | None, typer.Option(help="File for the numbers; OUT/loop.json by default.")
+        Path | None, typer.Option(help="File for the results; OUT/loop.json by default.")
     ] = None,
 ) -> None:
-    """Tell how far a control loop stands from instability, and how fast it is.
+    """Compute stability margins and step response of a control loop.
 
-    The ship is linearised about a steady course, the controller about what it does there
-    (differentiated as it stands), and the loop is opened at one command; other commands stay under
-    control. A controller that acts at intervals is seen as it acts: commands are held in between,
-    readings are those just before. Helmsmen (`autopilot`, `track-keeper`) hold heading or track of a
-    ship that turns.
+    The ship is linearised about a steady course, the controller about its commands there, and the loop
+    is opened at one command; the other commands stay under control. A controller that acts at intervals
+    is analysed in discrete time: commands are held in between, and measurements are those just before.
+    Helmsmen (`autopilot`, `track-keeper`) control heading or track of a ship that turns.
 
-    Linear means small: limits, rates, dead bands and dead times of the ship are not in it.
+    The analysis is linear: limits, rates, dead bands and dead times of the ship are not included.
 
-    Written: `loop.png` (gain, phase, S, T, a step of the order) and `loop.json`.
+    Written: `loop.png` (gain, phase, S, T, step response) and `loop.json`.
 
     Examples:
         shaftline loop combinator --ship frigate-at-sea --speed 8
@@ -94,7 +95,7 @@ def loop(
 
         shaftline loop "3,0.4/1,0" --command drive --reading shaft_speed --speed 7
     """
-    with clear_errors():
+    with report_errors():
         check_folder(out)
         if json is not None:
             check_writable(json)
@@ -114,31 +115,31 @@ def loop(
         plain = {key: value if np.isfinite(value) else None for key, value in numbers.items()}
         target = json or out / "loop.json"
         write_json(target, {"loop": about} | plain)
-        say(f"\nPicture: {out / 'loop.png'}   numbers: {target}")
+        say(f"\nPicture: {out / 'loop.png'}   results: {target}")
 
 
 def _loop(
     text: str, ship: Ship, speed: float, interval: float, command: str, reading: str | None,
     pitch: float | None,
 ) -> tuple[Loop, str]:  # fmt: skip
-    """The loop, and what it is, in words."""
+    """Return the loop and its description."""
     name = text.partition(":")[0]
     if "/" not in name and (reading is not None or pitch is not None):
         raise ValueError(
-            f"--reading and --pitch are of a law of your own, such as 3,0.4/1,0; {name} has its own"
+            f"--reading and --pitch are for a transfer function such as 3,0.4/1,0 only, not for {name}"
         )
     if "/" in name:
         reading = reading or "shaft_speed"
         law = _law(text)
         point = approach(ship, speed, pitch)
-        plant = readable(ship, point)
+        plant = linear_plant(ship, point)
         for known, wanted, kind in (
             (plant.input_labels, command, "--command"), (plant.output_labels, reading, "--reading"),
         ):  # fmt: skip
             if wanted not in known:
-                raise ValueError(f"{kind} {wanted}: known are {', '.join(known)}")
+                raise ValueError(f"{kind} {wanted}: must be one of {', '.join(known)}")
         own = f"{text} from {reading} to {command} of {ship.name} at {speed:g} m/s"
-        return Loop.of(plant[reading, command], law), own
+        return Loop.from_plant(plant[reading, command], law), own
     if name in helmsman_names():
         helmsman = make_helmsman(text, ship, interval, speed)
         held: ShapedHelmsman = helmsman
@@ -147,18 +148,20 @@ def _loop(
         made = make_controller(text, ship, interval)
     except ControllerError as error:
         helmsmen = ", ".join(helmsman_names())
-        raise ValueError(f"{error}; a helmsman ({helmsmen}); or a law such as 3,0.4/1,0") from None
+        raise ValueError(
+            f"{error}; a helmsman ({helmsmen}); or a transfer function such as 3,0.4/1,0"
+        ) from None
     if not isinstance(made, Controller):
         raise ValueError(
-            f"{name}: a loop is looked at where a controller tells its memory (`fresh`) and its law "
-            "(`act`); derive the class from shaftline.baselines.Controller"
+            f"{name}: the analysis needs the methods initial_state and act; derive the class from "
+            "shaftline.baselines.Controller"
         )
     what = f"{text} on {ship.name} at {speed:g} m/s, every {interval:g} s, opened at {command}"
     return controller_loop(made, speed, command), what
 
 
 def _law(text: str) -> control.TransferFunction:
-    """A transfer function of ``numerator/denominator``."""
+    """Return the transfer function of ``numerator/denominator``."""
     try:
         numerator, denominator = (
             [float(part) for part in side.split(",")] for side in text.split("/")
@@ -168,11 +171,13 @@ def _law(text: str) -> control.TransferFunction:
         law = control.tf(numerator, denominator)
     except (ValueError, TypeError):
         raise ValueError(
-            f"law {text!r}: must be numerator/denominator, each numbers by falling powers of s, such as "
-            "3,0.4/1,0 for 3 + 0.4/s"
+            f"transfer function {text!r}: must be numerator/denominator with falling powers of s, such "
+            "as 3,0.4/1,0 for 3 + 0.4/s"
         ) from None
     if len(numerator) > len(denominator):
-        raise ValueError(f"law {text!r}: differentiates; the denominator must be as long")
+        raise ValueError(
+            f"transfer function {text!r}: the numerator must not be longer than the denominator"
+        )
     return law
 
 

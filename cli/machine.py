@@ -1,7 +1,8 @@
-"""``--json``: what a command tells, for programs; every command has it, and none spells it out.
+"""Option ``--json``: the output of a command as JSON, for programs.
 
-What is said goes through :func:`~.console.say` and :func:`~.console.print_table`, which hand it on to
-here. A command that has numbers of its own to give adds them with :func:`numbers`.
+Every command gets the option by :func:`add_json_option`. :func:`~.console.say` and
+:func:`~.console.print_table` pass their output to this module. A command adds further results with
+:func:`add_results`.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ Json = Annotated[
     Path | None,
     typer.Option(
         "--json",
-        help="File for all that is told, for programs; `-` is the standard output, with nothing else.",
+        help="File for all results as JSON; `-` writes them to the standard output, without other text.",
         show_default=False,
     ),
 ]
@@ -32,11 +33,11 @@ Json = Annotated[
 _STANDARD = Path("-")
 
 RESULTS = ("out", "figure", "json", "draft", "markdown_file")
-"""Options that name a file to be written."""
+"""Parameters of commands that name a file or folder to write."""
 
 
-class Told:
-    """What a command tells while it runs."""
+class CapturedOutput:
+    """Output of a command while it runs."""
 
     def __init__(self) -> None:
         self.tables: dict[str, list[dict[str, Any]]] = {}
@@ -44,39 +45,39 @@ class Told:
         self.numbers: dict[str, Any] = {}
 
     def to_dict(self) -> dict[str, Any]:
-        """As JSON allows: numbers that are not finite are null."""
+        """Return the output as JSON values; numbers that are not finite become None."""
         found = {"said": self.said, "tables": self.tables} | self.numbers
-        return {key: plain(value) for key, value in found.items()}
+        return {key: to_json(value) for key, value in found.items()}
 
 
-_told: Told | None = None
+_captured: CapturedOutput | None = None
 
 
-def told() -> Told | None:
-    """Where to tell it; None where nobody asked for JSON."""
-    return _told
+def captured_output() -> CapturedOutput | None:
+    """Return the captured output; None without ``--json``."""
+    return _captured
 
 
-def numbers(values: dict[str, Any]) -> None:
-    """Add numbers of one's own to what is told.
+def add_results(values: dict[str, Any]) -> None:
+    """Add results to the JSON output.
 
     Args:
-        values: by name, of anything that JSON allows, NumPy's scalars among it.
+        values: JSON values by name; scalars of NumPy are allowed.
     """
-    if _told is not None:
-        _told.numbers.update(values)
+    if _captured is not None:
+        _captured.numbers.update(values)
 
 
-def plain(value: Any) -> Any:
-    """A value as JSON allows it.
+def to_json(value: Any) -> Any:
+    """Return a value as JSON allows it: paths as text, numbers that are not finite as None.
 
     Args:
-        value: of dictionaries, lists, numbers, paths and texts.
+        value: value of dictionaries, lists, numbers, paths and texts.
     """
     if isinstance(value, dict):
-        return {str(key): plain(part) for key, part in value.items()}
+        return {str(key): to_json(part) for key, part in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(part) for part in value]
+        return [to_json(part) for part in value]
     if hasattr(value, "item") and getattr(value, "ndim", 0) == 0:
         value = value.item()
     if isinstance(value, float) and not math.isfinite(value):
@@ -86,22 +87,22 @@ def plain(value: Any) -> Any:
     return str(value)
 
 
-def with_json(function: Callable[..., None]) -> Callable[..., None]:
-    """A command with ``--json``, where it has none of its own, that replaces nothing that it reads.
+def add_json_option(function: Callable[..., None]) -> Callable[..., None]:
+    """Return a command with the option ``--json`` and a protection of its input files.
 
     Args:
-        function: the command.
+        function: function of the command.
     """
     signature = inspect.signature(function, eval_str=True)
     own = "json" in signature.parameters
 
     @functools.wraps(function)
     def run(**given: Any) -> None:
-        _keep_what_is_read(given)
+        _protect_inputs(given)
         if own:
             function(**given)
         else:
-            with _telling(given.pop("json", None)):
+            with _capture(given.pop("json", None)):
                 function(**given)
 
     if own:
@@ -113,75 +114,75 @@ def with_json(function: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-def _keep_what_is_read(given: Mapping[str, Any]) -> None:
-    """Refuse a file for results that is one of those that the command reads."""
-    from .console import clear_errors
+def _protect_inputs(given: Mapping[str, Any]) -> None:
+    """Refuse an output file that is one of the input files of the command."""
+    from .console import report_errors
 
-    with clear_errors():
-        _keep_apart({n: given[n] for n in RESULTS if isinstance(given.get(n), Path)})
+    with report_errors():
+        _require_separate_files({n: given[n] for n in RESULTS if isinstance(given.get(n), Path)})
         for name in (name for name in RESULTS if isinstance(given.get(name), Path)):
             for other, values in given.items():
                 for value in values if isinstance(values, list | tuple) else (values,):
                     read = other not in RESULTS and isinstance(value, str | Path)
                     if read and _same_file(given[name], value):
                         raise ValueError(
-                            f"{_option(name)} {given[name]}: is read as "
+                            f"{_option(name)} {given[name]}: this file is also the input "
                             f"{other.replace('_', '-')} and would be replaced; give another file"
                         )
 
 
 def _option(name: str) -> str:
-    """Return an option as it is typed."""
+    """Return an option as the user types it."""
     return "--" + name.removesuffix("_file").replace("_", "-")
 
 
-def _keep_apart(results: Mapping[str, Path]) -> None:
-    """Refuse two options that name one file, or a folder where another one asks for a file.
+def _require_separate_files(results: Mapping[str, Path]) -> None:
+    """Refuse two options that name the same file, or a folder and a file at the same place.
 
     Raises:
-        ValueError: names both.
+        ValueError: the message names both options.
     """
     places = [(name, p) for name, p in results.items() if p != _STANDARD]
     for (name, path), (other, second) in itertools.combinations(places, 2):
         if os.path.realpath(path) == os.path.realpath(second) or _same_file(path, second):
             raise ValueError(
-                f"{_option(name)} {path} and {_option(other)} {second} are one file: the second "
-                "would replace the first. Give each a file of its own"
+                f"{_option(name)} {path} and {_option(other)} {second} are the same file: the second "
+                "would replace the first. Give two different files"
             )
 
 
 def _same_file(path: Path, other: str | Path) -> bool:
     try:
         return path.is_file() and os.path.samefile(path, other)
-    except (OSError, ValueError):  # no file, or a name that none can have
+    except (OSError, ValueError):  # The file does not exist, or its name is not valid.
         return False
 
 
 @contextmanager
-def _telling(file: Path | None) -> Iterator[None]:
-    global _told
+def _capture(file: Path | None) -> Iterator[None]:
+    global _captured
     if file is None:
         yield
         return
-    from ..core.files import check_writable, recorded, write_json
-    from .console import clear_errors, console
+    from ..core.files import check_writable, record_written_files, write_json
+    from .console import console, report_errors
 
     if file != _STANDARD:
-        with clear_errors():
+        with report_errors():
             check_writable(file)
-    _told, console.quiet = Told(), file == _STANDARD
+    _captured, console.quiet = CapturedOutput(), file == _STANDARD
     try:
-        with recorded() as written:
+        with record_written_files() as written:
             yield
         if file != _STANDARD and os.path.realpath(file) in written:
-            with clear_errors():
+            with report_errors():
                 raise ValueError(
-                    f"--json {file}: the command has written a result of its own there, which "
-                    "is kept. Give another file"
+                    f"--json {file}: the command wrote another result to this file, which is "
+                    "kept. Give another file"
                 )
         if file == _STANDARD:
-            sys.stdout.write(json.dumps(_told.to_dict(), indent=2, allow_nan=False) + "\n")
+            sys.stdout.write(json.dumps(_captured.to_dict(), indent=2, allow_nan=False) + "\n")
         else:
-            write_json(file, _told.to_dict())
+            write_json(file, _captured.to_dict())
     finally:
-        _told, console.quiet = None, False
+        _captured, console.quiet = None, False

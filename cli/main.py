@@ -1,7 +1,7 @@
-"""The ``shaftline`` command: one sub-command per job, each in a file of its own.
+"""The ``shaftline`` command with one sub-command for each task, each in its own file.
 
-A sub-command's file is imported when it is called: together they take seconds, and ``--help``, a typing
-slip or the shell's completion need none of them.
+The file of a sub-command is imported when it is called: importing all of them takes seconds, and
+``--help``, a misspelt name and the completion of the shell need none of them.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from . import STOPPED
-from .console import loading, tell_compiling
-from .machine import with_json
+from .console import announce_compilation, announce_loading
+from .machine import add_json_option
 
 COMMANDS = (
     "tour", "new-ship", "simulate", "manoeuvre", "linearise", "loop", "reproduce", "train", "tune",
     "tune-recipe", "evaluate", "dataset", "video", "check", "identify", "diagnose", "validate", "list",
 )  # fmt: skip
-"""In the order of ``--help``; ``new-ship`` is ``new_ship`` in ``new_ship_command.py``."""
+"""Sub-commands in the order of ``--help``; ``new-ship`` is ``new_ship`` in ``new_ship_command.py``."""
 
 HERE = Path(__file__).parent
-NAMED_OTHERWISE = {"list": "list_names", "linearise": "linearise_ship"}
-"""Functions whose command's name is taken."""
+FUNCTION_NAMES = {"list": "list_names", "linearise": "linearise_ship"}
+"""Functions whose name differs from that of the command."""
 
 
 def _stem(name: str) -> str:
@@ -38,14 +38,14 @@ def _stem(name: str) -> str:
 
 
 def _function(name: str) -> str:
-    return NAMED_OTHERWISE.get(name, _stem(name))
+    return FUNCTION_NAMES.get(name, _stem(name))
 
 
-def first_words(name: str) -> str:
-    """First paragraph of a command's docstring, read without running its file.
+def command_summary(name: str) -> str:
+    """Return the first paragraph of a command's docstring without importing its file.
 
     Args:
-        name: of the command.
+        name: name of the command.
     """
     tree = ast.parse((HERE / f"{_stem(name)}_command.py").read_text(encoding="utf-8"))
     for node in tree.body:
@@ -54,41 +54,41 @@ def first_words(name: str) -> str:
     raise LookupError(f"{name}: no function {_function(name)} in its file")
 
 
-class Later(TyperCommand):
-    """A command whose file is imported when it is called."""
+class LazyCommand(TyperCommand):
+    """Sub-command whose file is imported when it is called."""
 
     def __init__(self, name: str) -> None:
-        super().__init__(name, help=first_words(name), rich_markup_mode="markdown")
+        super().__init__(name, help=command_summary(name), rich_markup_mode="markdown")
 
     def make_context(self, info_name: str | None, args: list[str], *rest: Any, **extra: Any) -> Any:
-        """That of the command itself, which is thereby the one that runs."""
-        with nullcontext() if "--help" in args else loading():
+        """Return the context of the imported command, so that this command runs."""
+        with nullcontext() if "--help" in args else announce_loading():
             command = self.itself()
         if "numba" in sys.modules:
-            tell_compiling()
+            announce_compilation()
         return command.make_context(info_name, args, *rest, **extra)
 
     def itself(self) -> Any:
-        """The command, imported."""
-        from ..core.lazy import when_used
+        """Import the command and return it."""
+        from ..core.lazy import lazy_import
 
-        when_used("pandas")  # a quarter of a second, and the first words need none of it
+        lazy_import("pandas")  # Importing it takes time, and --help does not need it.
         assert self.name is not None
         module = import_module(f".{_stem(self.name)}_command", __package__)
         alone = typer.Typer(rich_markup_mode="markdown", pretty_exceptions_enable=False)
-        alone.command(self.name)(with_json(getattr(module, _function(self.name))))
+        alone.command(self.name)(add_json_option(getattr(module, _function(self.name))))
         return typer.main.get_command(alone)
 
 
 class Commands(TyperGroup):
-    """The sub-commands, none of them imported."""
+    """Group of the sub-commands, which are not imported yet."""
 
     def __init__(self, **given: Any) -> None:
         super().__init__(**given)
-        self.commands = {name: Later(name) for name in COMMANDS}
+        self.commands = {name: LazyCommand(name) for name in COMMANDS}
 
     def invoke(self, ctx: Any) -> Any:
-        """Run a sub-command; Ctrl-C at any time, also while its modules load, ends with one line."""
+        """Run a sub-command; Ctrl-C ends it with one line, also while its modules are imported."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
@@ -99,8 +99,8 @@ class Commands(TyperGroup):
 app = typer.Typer(
     name="shaftline",
     cls=Commands,
-    help="A workbench for ship propulsion control.\n\n"
-    "Start with `shaftline tour`. Every command explains itself with --help.",
+    help="Simulate, control and diagnose the propulsion of ships.\n\n"
+    "Start with `shaftline tour`. `shaftline COMMAND --help` explains each command with examples.",
     no_args_is_help=True,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
@@ -119,17 +119,16 @@ def _root(
 
 
 def main() -> None:
-    """Entry point of the installed command."""
-    os.environ["MPLBACKEND"] = "agg"  # pictures are files, whatever the shell asks for
-    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115 - it was closed
+    """Run the command line; entry point of the installed command."""
+    os.environ["MPLBACKEND"] = "agg"  # All pictures are files, so no display is needed.
+    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115 (the stream was closed)
     sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(
-                errors="replace"
-            )  # where it knows ASCII only, a dash is a question mark
+            # In an ASCII stream a dash becomes a question mark.
+            stream.reconfigure(errors="replace")
     try:
         Path.cwd()
-    except OSError:  # removed while the shell stood in it; half of what is imported asks for it
-        sys.exit("error: the folder in which this was called does not exist any more")
+    except OSError:  # The working folder was removed, and many libraries ask for it.
+        sys.exit("error: the working folder does not exist any more; change to another one")
     app()

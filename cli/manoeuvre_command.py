@@ -12,7 +12,7 @@ from ..core.files import check_writable, write_json
 from ..display.tables import write_csv
 from ..plant import approach, load_ship
 from ..plant.manoeuvres import MANOEUVRES, Trials, criteria, trials
-from .console import check_folder, clear_errors, print_table, progress, say
+from .console import check_folder, print_table, progress, report_errors, say
 
 
 def manoeuvre(
@@ -33,27 +33,28 @@ def manoeuvre(
     ] = None,
     scale: Annotated[
         float,
-        typer.Option(help="Of a model: length of the ship over its own; L/V goes with its root."),
+        typer.Option(help="For a model: length of the ship over that of the model."),
     ] = 1.0,
-    out: Annotated[Path, typer.Option(help="Folder for tracks, figures and numbers.")] = Path(
+    out: Annotated[Path, typer.Option(help="Folder for tracks, figures and results.")] = Path(
         "out/manoeuvre"
     ),
     json: Annotated[
         Path | None,
-        typer.Option(help="File for the numbers; OUT/manoeuvres.json by default."),
+        typer.Option(help="File for the results; OUT/manoeuvres.json by default."),
     ] = None,
 ) -> None:
-    """Sail a ship's standard manoeuvres, beside IMO's limits.
+    """Simulate standard manoeuvres of a ship and compare them with IMO's limits.
 
-    Turning circles with the rudder hard over (35 degrees, or what the ship has), 10/10 and 20/20
-    zig-zags, each to both sides, and a spiral, which shows whether the ship holds her course by herself.
-    Each begins on a straight course at the given speed in calm water; the drive keeps its demand, so
-    what the turn does to speed, shaft and propeller follows. The ship's file has a `[manoeuvring]`
-    and a `[rudder]` section (`kvlcc2`, `esso-osaka` and `ddg-51-surrogate` do).
+    The manoeuvres are turning circles with the rudder hard over (35 degrees, or the largest angle of the
+    ship), 10/10 and 20/20 zig-zags, each to both sides, and a spiral, which shows whether the ship is
+    directionally stable. Each starts on a straight course at the given speed in calm water. The command
+    of the drive stays constant, so the results include the loss of speed and the load of shaft and
+    propeller. The ship file needs a `[manoeuvring]` and a `[rudder]` section (as those of `kvlcc2`,
+    `esso-osaka` and `ddg-51-surrogate`).
 
-    The table holds IMO's criteria (MSC.137(76)): advance and tactical diameter, the way until the
-    heading has changed by 10 degrees, overshoots. Limits of the overshoots go with the time in which
-    the ship sails her own length; for a model give its `--scale`.
+    The table contains IMO's criteria (MSC.137(76)): advance and tactical diameter, distance until the
+    heading has changed by 10 degrees, overshoot angles. The limits of the overshoot angles depend on the
+    time in which the ship travels her own length; for a model give its `--scale`.
 
     Written: a CSV of each track (`turning-circle-port.csv`, `zig-zag-10-10-starboard.csv`, ...),
     `spiral.csv`, `criteria.csv`, `turning-circles.png`, `zig-zags.png`, `spiral.png`, and
@@ -65,7 +66,7 @@ def manoeuvre(
 
         shaftline manoeuvre --ship ddg-51-surrogate --speed 11.3
     """
-    with clear_errors():
+    with report_errors():
         check_folder(out)
         if json is not None:
             check_writable(json)
@@ -73,40 +74,40 @@ def manoeuvre(
         if not 0.0 < scale < float("inf"):
             raise ValueError(f"--scale {scale:g} (unit -; allowed: > 0)")
         point = approach(vessel, speed, pitch)
-        with progress("sailing (the first run compiles the kernels)", MANOEUVRES) as tick:
-            sailed = trials(vessel, point, tick)
-        table = criteria(sailed, scale)
+        with progress("simulating (the first run compiles the kernels)", MANOEUVRES) as tick:
+            results = trials(vessel, point, tick)
+        table = criteria(results, scale)
         demand = vessel.prime_mover.demand
         print_table(
             table,
             f"{vessel.name} at {speed:g} m/s, {demand.symbol} = {point.inputs.drive:.6g} "
             f"{demand.unit}: IMO's criteria",
         )
-        for sentence in _sentences(sailed):
+        for sentence in _sentences(results):
             say(sentence)
-        for name, track in sailed.tracks().items():
+        for name, track in results.tracks().items():
             write_csv(out, name, track, digits=10)
         write_csv(out, "criteria", table)
-        for name, figure in display.manoeuvres.pictures(sailed).items():
+        for name, figure in display.manoeuvres.trial_figures(results).items():
             display.figures.save(figure, out / f"{name}.png")
-        numbers = json or out / "manoeuvres.json"
+        file = json or out / "manoeuvres.json"
         rows = table.astype(object).where(table.notna(), None).to_dict("records")
-        write_json(numbers, sailed.numbers() | {"scale": scale, "criteria": rows})
-        say(f"\nPictures and tracks: {out}   numbers: {numbers}")
+        write_json(file, results.results() | {"scale": scale, "criteria": rows})
+        say(f"\nPictures and tracks: {out}   results: {file}")
 
 
-def _sentences(sailed: Trials) -> list[str]:
-    """What the table does not say."""
-    told = []
-    for side, turn in sailed.turns.items():
-        told.append(
-            f"- Turning to {side} she keeps {100.0 * turn.speed_ratio:.0f} % of her speed and "
-            f"{100.0 * turn.shaft_speed_ratio:.0f} % of her revolutions, on a circle of "
+def _sentences(results: Trials) -> list[str]:
+    """Return the results that the table does not contain, as sentences."""
+    lines = []
+    for side, turn in results.turns.items():
+        lines.append(
+            f"- In a turn to {side} the ship keeps {100.0 * turn.speed_ratio:.0f} % of the speed and "
+            f"{100.0 * turn.shaft_speed_ratio:.0f} % of the shaft speed, with a steady diameter of "
             f"{turn.steady_diameter:.2f} L."
         )
-    if sailed.spiral is not None:
-        wide = abs(sailed.spiral.width_deg)
-        holds = "holds her course by herself" if wide < 0.05 else "is unstable on her course"
-        told.append(f"- By the spiral she {holds}: its loop is {wide:.2f} deg wide.")
-    told += [f"- Not sailed, {name}: {why}" for name, why in sailed.not_sailed.items()]
-    return told
+    if results.spiral is not None:
+        wide = abs(results.spiral.width_deg)
+        holds = "directionally stable" if wide < 0.05 else "directionally unstable"
+        lines.append(f"- The ship is {holds}: the loop of the spiral is {wide:.2f} deg wide.")
+    lines += [f"- Not simulated, {name}: {why}" for name, why in results.not_completed.items()]
+    return lines

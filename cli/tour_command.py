@@ -1,10 +1,8 @@
-"""The tour: a frigate in a seaway with every observer, then a measured drive train and its models.
+"""``shaftline tour``: a frigate in a seaway with every observer, then a measured drive train.
 
 The drive train is that of the tug Tito Neri (Vrijdag & Martelli 2021): five measured steady states
-(Table 4) and a frequency response of nine points about point C (Table 2), beside the model with each of
-the two parameter sets that the authors identified (Table 5).
-
-``shaftline tour``.
+(Table 4) and a frequency response of nine points about point C (Table 2), compared with the model with
+each of the two parameter sets that the authors identified (Table 5).
 """
 
 from __future__ import annotations
@@ -20,14 +18,14 @@ import pandas as pd
 import typer
 from numpy.typing import NDArray
 
+from .. import display
 from ..core.files import write_atomically
-from ..display.figures import ESTIMATE, PALETTE, THESIS, TRUTH, new_figure, save
-from ..observers import follow, get_observer, readings_of
+from ..observers import follow, get_observer, simulated_measurements
 from ..observers.following import variance_accounted_for
 from ..plant import Schedule, Ship, equilibrium, linearise, load_ship, simulate
 from ..plant.load_cases import CASES
 from ..plant.state import State
-from .console import check_folder, clear_errors, print_table, progress, say
+from .console import check_folder, print_table, progress, report_errors, say
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,7 +37,7 @@ OBSERVERS = (
     "immersion-invariance-moderate", "immersion-invariance-high", "random-walk-kalman-printed",
     "random-walk-kalman",
 )  # fmt: skip
-"""Observers that are compared: the eleven of the thesis, and the last with an estimated noise."""
+"""Compared observers: the eleven of the thesis, and the last one with an estimated noise."""
 
 METER_NOISE = {
     "shaft_speed_rad_s": 0.01,
@@ -47,51 +45,52 @@ METER_NOISE = {
     "pitch_ratio": 0.004,
     "shaft_acceleration_rad_s2": 0.02,
 }
-"""Rms noise per reading at 20 Hz of good shipboard instruments: encoder, strain gauge (1 % of full
-torque), pitch feedback, accelerometer. Assumed, as orders of magnitude."""
+"""Rms noise per sample at 20 Hz of good shipboard instruments, assumed as orders of magnitude."""
 
-PERFECT, NOISY = "VAF perfect readings [%]", "VAF noisy readings [%]"
+PERFECT, NOISY = "VAF without noise [%]", "VAF with noise [%]"
 
 
 MODELS = ("tito-neri-staircase", "tito-neri-sine")
-REFERENCE_VOLTAGE = 5.89  # point C, about which the frequency response was measured
-DISCARDED_ABOVE = 900.0  # rad/s; the authors discard 1000 and 5000 rad/s: too little signal
+REFERENCE_VOLTAGE = 5.89  # [V] point C, about which the frequency response was measured
+DISCARDED_ABOVE = (
+    900.0  # [rad/s] The authors discard 1000 and 5000 rad/s because of the weak signal.
+)
 
 
 @dataclass(frozen=True)
 class Seaway:
-    """The frigate's voyage: a table of observers and a picture."""
+    """Simulation of the frigate: a table of observers and a figure."""
 
     table: pd.DataFrame
     figure: Figure
 
     @property
     def sentence(self) -> str:
-        """Which observers follow best."""
+        """Sentence on the most accurate observers."""
         by_name = self.table.set_index("observer")
         perfect, noisy = by_name[PERFECT], by_name[NOISY].drop("shaft-acceleration")
         return (
-            f"With noisy readings and no accelerometer, {noisy.idxmax()} follows best "
+            f"With noisy sensors and no accelerometer, {noisy.idxmax()} is the most accurate "
             f"({noisy.max():.1f} %); {perfect.drop('shaft-acceleration').idxmax()}, the best with "
-            "perfect readings, amplifies the noise and falls to "
+            "perfect sensors, amplifies the noise and falls to "
             f"{noisy[perfect.drop('shaft-acceleration').idxmax()]:.1f} %."
         )
 
 
 def simulate_seaway(seed: int = 0, tick: Callable[[], None] = lambda: None) -> Seaway:
-    """Sail 300 s of head seas and let every observer estimate the advance velocity.
+    """Simulate 300 s of head seas, and estimate the advance velocity with every observer.
 
     Args:
-        seed: of the sea and of the noise.
-        tick: called after each observer.
+        seed: seed of the sea and of the noise.
+        tick: function called after each observer.
 
     Returns:
-        Table with VAF [%] and rms error [m/s], with perfect and with noisy readings.
+        Table with VAF [%] and rms error [m/s], with perfect and with noisy measurements.
     """
     frigate = load_ship("frigate")
     samples = CASES["jonswap"].run(frigate, seed=seed)
     dt, truth = frigate.time_step_s, samples["advance_velocity"]
-    clean = readings_of(samples)
+    clean = simulated_measurements(samples)
     rms = np.array([*METER_NOISE.values(), 0.0])
     noisy = clean + np.random.default_rng(seed).standard_normal(clean.shape) * rms
     rows, estimates, scores = [], {}, {}
@@ -115,7 +114,7 @@ def simulate_seaway(seed: int = 0, tick: Callable[[], None] = lambda: None) -> S
 
 @dataclass(frozen=True)
 class DriveTrain:
-    """Tito Neri: tables, sentences and a picture."""
+    """Comparison of Tito Neri with its models: tables, sentences and a figure."""
 
     points: pd.DataFrame
     response: pd.DataFrame
@@ -124,7 +123,7 @@ class DriveTrain:
 
     @property
     def gains(self) -> pd.DataFrame:
-        """Gains of the frequency response, measured beside each parameter set's."""
+        """Gains of the frequency response: measured, and of each parameter set."""
         columns: dict[str, object] = {}
         for quantity in ("speed", "current"):
             for model, lines in self.response.groupby("model", sort=False):
@@ -157,14 +156,14 @@ def _measured(name: str) -> pd.DataFrame:
 
 
 def _settled(ship: Ship, voltage: float) -> tuple[float, float]:
-    """Motor speed [rad/s] and current [A], two seconds after switching on from standstill."""
+    """Return motor speed [rad/s] and current [A] two seconds after switching on from standstill."""
     rest = State(ship.propeller.pitch_ratio_max, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     last = simulate(ship, Schedule(voltage, ship.propeller.pitch_ratio_max), 2.0, initial=rest)[-1]
     return float(last["shaft_speed"]) * ship.transmission.gear_ratio, float(last["motor_current"])
 
 
 def speed_errors_percent(ship: Ship) -> NDArray[np.float64]:
-    """Steady speed at the five voltages less the measured one [%], shape (5,)."""
+    """Return the errors of the steady speed at the five voltages [%], shape (5,)."""
     found = []
     for point in _measured("tito_neri_operating_points").itertuples():
         steady = equilibrium(ship, float(point.motor_voltage_V), ship.propeller.pitch_ratio_max)
@@ -174,13 +173,12 @@ def speed_errors_percent(ship: Ship) -> NDArray[np.float64]:
 
 
 def operating_points() -> pd.DataFrame:
-    """Measured and simulated steady states, and what each balance lacks with measured neighbours.
+    """Compare measured and simulated steady states, and compute the imbalance of each measured state.
 
     Returns:
-        One row per model and point. ``motor_balance_V`` is U - K_e omega - R_a i and
-        ``shaft_balance_N_m`` is K_e i - M_f - M_p, both of the *measured* speed and current: what
-        the model's equation is off by when nothing else can be to blame. In percent: of the
-        voltage, and of the motor's torque.
+        One row for each model and point. ``motor_balance_V`` is U - K_e omega - R_a i and
+        ``shaft_balance_N_m`` is K_e i - M_f - M_p, both with the *measured* speed and current: the error
+        of one equation of the model alone. The percentages refer to the voltage and to the motor torque.
     """
     rows = []
     for name in MODELS:
@@ -224,10 +222,10 @@ def operating_points() -> pd.DataFrame:
 
 
 def frequency_response() -> pd.DataFrame:
-    """Measured and linearised response to the voltage about point C, normalised as in the paper.
+    """Compare measured and linearised responses to the voltage about point C, normalised as published.
 
     Returns:
-        One row per model and frequency: gains [-] of d(i/i_0)/d(U/U_0) and d(omega/omega_0)/
+        One row for each model and frequency: gains [-] of d(i/i_0)/d(U/U_0) and d(omega/omega_0)/
         d(U/U_0), phases [deg].
     """
     measured = _measured("tito_neri_frequency_response")
@@ -260,18 +258,18 @@ def frequency_response() -> pd.DataFrame:
 
 
 def response_error(response: pd.DataFrame, model: str, quantity: str) -> float:
-    """Rms error of a gain [dB] over the frequencies that the authors kept."""
+    """Return the rms error of a gain [dB] over the frequencies that the authors used."""
     line = response[(response["model"] == model) & (response["frequency_rad_s"] < DISCARDED_ABOVE)]
     ratio = line[f"{quantity}_gain"] / line[f"{quantity}_gain_measured"]
     return float(np.sqrt(np.mean((20.0 * np.log10(ratio)) ** 2)))
 
 
 def verdict(points: pd.DataFrame, model: str) -> str:
-    """In which balance and at which voltages a model differs most, as a sentence."""
+    """Return a sentence on the balance and the voltage at which a model differs most."""
     line = points[points["model"] == model].set_index("voltage_V")
     motor = line["motor_balance_percent"].abs()
     shaft = line["shaft_balance_percent"].abs()
-    name, worst, left_over, unit = (
+    name, worst, imbalance, unit = (
         ("motor", motor, line["motor_balance_V"], "V of the supply")
         if motor.mean() > shaft.mean()
         else ("shaft", shaft, line["shaft_balance_N_m"], "N m of the motor's torque")
@@ -280,7 +278,7 @@ def verdict(points: pd.DataFrame, model: str) -> str:
     return (
         f"{model}: the {name} balance differs most (mean {worst.mean():.1f} %, the other "
         f"{min(motor.mean(), shaft.mean()):.1f} %), worst at {at:.2f} V, where the measured speed and "
-        f"current leave {left_over.loc[at]:+.3g} {unit} unaccounted for ({worst.loc[at]:.1f} %)."
+        f"current leave {imbalance.loc[at]:+.3g} {unit} unaccounted for ({worst.loc[at]:.1f} %)."
     )
 
 
@@ -291,19 +289,19 @@ def _draw_seaway(
     scores: dict[str, float],
     window: tuple[float, float],
 ) -> Figure:
-    """Every observer's estimate beside the truth, one panel each.
+    """Draw the estimate of every observer and the true value, one panel for each observer.
 
     Args:
-        time: [s], shape (n,).
-        truth: advance velocity [m/s], shape (n,).
-        estimates: by observer [m/s].
+        time: time [s], shape (n,).
+        truth: true advance velocity [m/s], shape (n,).
+        estimates: estimates by observer [m/s].
         scores: VAF [%] by observer.
-        window: part of the record to show [s].
+        window: shown part of the time [s].
     """
     shown = (time >= window[0]) & (time <= window[1])
     columns = 3
     rows = -(-len(estimates) // columns)
-    figure, axes = new_figure(rows, columns, (12.0, 2.0 * rows + 0.6))
+    figure, axes = display.figures.new_figure(rows, columns, (12.0, 2.0 * rows + 0.6))
     figure.suptitle(
         "Advance velocity of the frigate in head seas, Hs 2.9 m: true (dark), estimated from noisy "
         "speed, torque and pitch (red)",
@@ -311,8 +309,10 @@ def _draw_seaway(
     )
     low, high = truth[shown].min() - 0.6, truth[shown].max() + 0.6
     for axis, (name, estimate) in zip(axes.flat, estimates.items(), strict=False):
-        axis.plot(time[shown], truth[shown], color=TRUTH, linewidth=1.3)
-        axis.plot(time[shown], estimate[shown], color=ESTIMATE, linewidth=0.8, alpha=0.9)
+        axis.plot(time[shown], truth[shown], color=display.figures.TRUTH, linewidth=1.3)
+        axis.plot(
+            time[shown], estimate[shown], color=display.figures.ESTIMATE, linewidth=0.8, alpha=0.9
+        )
         axis.set_title(f"{name}: VAF {scores[name]:.1f} %", fontsize=9)
         axis.set_ylim(low, high)
         axis.tick_params(labelsize=8)
@@ -326,13 +326,13 @@ def _draw_seaway(
 
 
 def _draw_drive_train(points: pd.DataFrame, response: pd.DataFrame) -> Figure:
-    """Tito Neri: measured and simulated operating points and frequency response.
+    """Draw measured and simulated operating points and frequency response of Tito Neri.
 
     Args:
-        points: from :func:`operating_points`.
-        response: from :func:`frequency_response`.
+        points: table from :func:`operating_points`.
+        response: table from :func:`frequency_response`.
     """
-    figure, axes = new_figure(2, 2, (10.0, 7.0))
+    figure, axes = display.figures.new_figure(2, 2, (10.0, 7.0))
     figure.suptitle("Tito Neri drive train: measured (black) and simulated", fontsize=12)
     volts = points["voltage_V"].unique()
     for axis, column, label in (
@@ -343,7 +343,9 @@ def _draw_drive_train(points: pd.DataFrame, response: pd.DataFrame) -> Figure:
         axis.plot(volts, first[f"{column}_measured"], "ko", label="measured")
         for i, model in enumerate(MODELS):
             line = points[points["model"] == model]
-            axis.plot(volts, line[column], color=PALETTE[i], marker="x", label=model)
+            axis.plot(
+                volts, line[column], color=display.figures.PALETTE[i], marker="x", label=model
+            )
         axis.set_xlabel("motor voltage [V]")
         axis.set_ylabel(label)
     axes[0, 0].legend(fontsize=8, frameon=False)
@@ -355,25 +357,37 @@ def _draw_drive_train(points: pd.DataFrame, response: pd.DataFrame) -> Figure:
         axis.loglog(first["frequency_rad_s"], first[f"{name}_gain_measured"].clip(lower=1e-3), "ko")
         for i, model in enumerate(MODELS):
             line = response[response["model"] == model]
-            axis.loglog(line["frequency_rad_s"], line[f"{name}_gain"], color=PALETTE[i], marker="x")
+            axis.loglog(
+                line["frequency_rad_s"],
+                line[f"{name}_gain"],
+                color=display.figures.PALETTE[i],
+                marker="x",
+            )
         axis.set_xlabel("frequency [rad/s]")
         axis.set_ylabel(label + ", normalised at point C")
-        axis.axvspan(700, 7000, color=THESIS, alpha=0.15, linewidth=0)
+        axis.axvspan(700, 7000, color=display.figures.THESIS, alpha=0.15, linewidth=0)
     return figure
 
 
 def tour(
     out: Annotated[Path, typer.Option(help="Folder for pictures and tables.")] = Path("out/tour"),
-    seed: Annotated[int, typer.Option(min=0, help="Of the sea and of the sensors' noise.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the sea and of the sensor noise.")] = 0,
 ) -> None:
-    """A first look: a frigate in a seaway, then a real drive train.
+    """Show a first example: a frigate in a seaway, then a real drive train.
 
-    First, simulates the frigate of van der Kroft's thesis for 300 s in head seas (significant wave
-    height 2.9 m). Every observer estimates the advance velocity: the speed of the water through the
-    propeller, which no ship can measure. Then simulates the model tug Tito Neri at the motor voltages
-    of its published measurements, and reports where model and measurement differ most.
+    First, the frigate of van der Kroft's thesis is simulated for 300 s in head seas (significant wave
+    height 2.9 m). Every observer estimates the advance velocity, the speed of the water at the
+    propeller, which cannot be measured on a ship. Then the model tug Tito Neri is simulated at the motor
+    voltages of its published measurements, and the largest differences are reported.
+
+    Written: `seaway.png`, `tito-neri.png`, and the tables as CSV.
+
+    Examples:
+        shaftline tour
+
+        shaftline tour --seed 1 --out out/tour-1
     """
-    with clear_errors():
+    with report_errors():
         check_folder(out)
         say(
             "A frigate is simulated for 300 s in head seas. Each observer estimates, from shaft speed, "
@@ -383,11 +397,11 @@ def tour(
             sea = simulate_seaway(seed, tick)
         print_table(sea.table, "1. The frigate in head seas: accuracy of each observer")
         say(
-            "VAF is the share of the advance velocity's variance for which an estimate accounts: 100 % "
-            "is perfect. The noise is that of good shipboard instruments."
+            "VAF is the share of the variance of the advance velocity that an estimate accounts for: "
+            "100 % is perfect. The noise is that of good shipboard instruments."
         )
         say(f"{sea.sentence}\n")
-        save(sea.figure, out / "seaway.png")
+        display.figures.save(sea.figure, out / "seaway.png")
         write_atomically(out / "seaway.csv", lambda f: sea.table.to_csv(f, index=False))
 
         train = simulate_drive_train()
@@ -407,13 +421,13 @@ def tour(
         )
         for sentence in train.sentences:
             say(f"- {sentence}")
-        save(train.figure, out / "tito-neri.png")
+        display.figures.save(train.figure, out / "tito-neri.png")
         for name, frame in (("points", train.points), ("response", train.response)):
             write_atomically(
                 out / f"tito-neri-{name}.csv",
                 lambda f, frame=frame: frame.to_csv(f, index=False),  # type: ignore[misc]
             )
         say(
-            f"\nPictures: {out / 'seaway.png'} and {out / 'tito-neri.png'}; the tables lie beside "
-            "them as CSV."
+            f"\nPictures: {out / 'seaway.png'} and {out / 'tito-neri.png'}; the tables are in the "
+            "same folder as CSV."
         )

@@ -1,7 +1,4 @@
-"""Options that the commands that train share.
-
-``shaftline train``.
-"""
+"""``shaftline train``, and the options that the commands for training share."""
 
 from __future__ import annotations
 
@@ -16,63 +13,70 @@ from ..agents import load_policy
 from ..core.files import read_json
 from ..envs import DEFAULTS, get_task, tasks
 from ..observers import get_observer
-from .console import check_folder, clear_errors, needs, print_table, say, stages
+from .console import check_folder, print_table, report_errors, require_extra, say, stages
 
 
 class Device(StrEnum):
-    """Where the network learns."""
+    """Device on which the network is trained."""
 
     AUTO = "auto"
     CPU = "cpu"
     CUDA = "cuda"
 
 
-TaskName = Annotated[str, typer.Option(help=f"One of {', '.join(tasks(None))}.")]
-Algorithm = Annotated[str, typer.Option(help="`ppo` or `sac`.")]
+TaskName = Annotated[str, typer.Option(help=f"Task: {', '.join(tasks(None))}.")]
+Algorithm = Annotated[str, typer.Option(help="Algorithm: `ppo` or `sac`.")]
 Timesteps = Annotated[
     int | None,
     typer.Option(
-        min=1, help="Control intervals, all environments together.", show_default="recipe's"
+        min=1,
+        help="Control intervals of all environments together.",
+        show_default="that of the recipe",
     ),
 ]
 Envs = Annotated[
     int | None,
-    typer.Option(min=1, max=4096, help="Environments at once.", show_default="recipe's"),
+    typer.Option(
+        min=1,
+        max=4096,
+        help="Number of environments in parallel.",
+        show_default="that of the recipe",
+    ),
 ]
 Plans = Annotated[
     int | None,
     typer.Option(
         min=0,
         max=1000,
-        help="Episodes that are planned with waves known, and imitated before the learning.",
-        show_default="recipe's",
+        help="Episodes to plan with known waves and to imitate before reinforcement learning.",
+        show_default="that of the recipe",
     ),
 ]
 TaskShip = Annotated[
     str | None,
-    typer.Option(
-        help="Ship: a preset or a .toml file.", show_default="the one the task is made for"
-    ),
+    typer.Option(help="Ship: a preset or a .toml file.", show_default="that of the task"),
 ]
-OnDevice = Annotated[Device, typer.Option(help="`auto` takes a GPU where there is one.")]
+OnDevice = Annotated[
+    Device, typer.Option(help="Device of torch; `auto` uses a GPU if there is one.")
+]
 
 
 def sizes(timesteps: int | None, envs: int | None, plans: int | None) -> dict[str, int]:
-    """Return those of a recipe's sizes that are given."""
+    """Return the sizes of a recipe that are given as options."""
     given = {"n_timesteps": timesteps, "n_envs": envs, "plans": plans}
     return {key: value for key, value in given.items() if value is not None}
 
 
 def check_device(device: Device) -> None:
-    """Refuse a GPU where there is none.
+    """Refuse a GPU that torch cannot use.
 
     Raises:
-        ValueError: torch sees none.
+        ValueError: torch finds no GPU.
     """
     import torch
 
     if device is Device.CUDA and not torch.cuda.is_available():
-        raise ValueError("--device cuda: torch sees no GPU here; give cpu or auto")
+        raise ValueError("--device cuda: torch finds no GPU; give cpu or auto")
 
 
 _CURVE = {
@@ -88,11 +92,11 @@ def train(
     recipe: Annotated[
         Path | None,
         typer.Option(
-            help="Hyperparameters, FILE.yml with a section a task.",
-            show_default="the package's own",
+            help="Recipe file (.yml) with a section for each task.",
+            show_default="that of the package",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Equal seeds give equal policies.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed; equal seeds give equal policies.")] = 0,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -101,7 +105,8 @@ def train(
         ),
     ] = None,
     observer: Annotated[
-        str | None, typer.Option(help="Observer whose estimate it sees.", show_default="recipe's")
+        str | None,
+        typer.Option(help="Observer of the advance velocity.", show_default="that of the recipe"),
     ] = None,
     timesteps: Timesteps = None,
     envs: Envs = None,
@@ -112,29 +117,29 @@ def train(
         float | None,
         typer.Option(
             min=0.0,
-            help="1: the usual instruments, 0: perfect ones.",
-            show_default="recipe's, or 1",
+            help="Factor on the sensor noise; 0: perfect sensors.",
+            show_default="that of the recipe, or 1",
         ),
     ] = None,
 ) -> None:
     """Train a policy for blade pitch and shaft speed or fuel rack.
 
     The policy is evaluated several times during the training, on seas that training does not draw; each
-    evaluation adds a row to the curve. The last policy is `policy.npz` in the output folder: one file
-    with weights and the whole recipe, which runs without torch.
+    evaluation adds a row to the curve. The last policy is kept.
 
-    A recipe may begin with plans: episodes for which the best commands are searched while waves and
-    resistance are known. The policy imitates them, from its own observations, before it learns by
-    reinforcement. Plans take some seconds each; `--plans 0` leaves them out.
+    A recipe can begin with plans: episodes whose commands are optimised with known waves and resistance.
+    The policy imitates them from its own observations before reinforcement learning. A plan takes some
+    seconds; `--plans 0` leaves them out.
 
     Stop with Ctrl-C and give the same command again: the training resumes after the last evaluation and
     ends in the same policy as without the stop. Another recipe, seed or ship needs another folder.
 
-    To try something, copy the package's recipe, change it and give it with `--recipe`; its keys are
-    those of stable-baselines3, and docs/train.md explains those that stand beside them.
+    To change hyperparameters, copy the recipe of the package, edit it and give it with `--recipe`. Its
+    keys are those of stable-baselines3; docs/train.md explains the additional ones.
 
-    To watch the losses, if tensorboard is installed (it comes with `shaftline[train]`):
-    `tensorboard --logdir OUT/log`.
+    Written: `policy.npz` (one file with weights and recipe, which runs without torch), `curve.json`,
+    `checkpoints/` and `log/`. To watch the losses, if tensorboard is installed (it comes with
+    `shaftline[train]`): `tensorboard --logdir OUT/log`.
 
     Examples:
         shaftline train --task rough-sea --algorithm ppo
@@ -145,8 +150,8 @@ def train(
 
         shaftline evaluate --task rough-sea --controller combinator-trimmed --controller policy:rough-sea
     """
-    with clear_errors():
-        get_task(task).sailed(ship)
+    with report_errors():
+        get_task(task).load_ship(ship)
         if observer is not None:
             get_observer(observer)
         read_recipe, training = _learning()
@@ -177,13 +182,13 @@ def train(
             )
             raise typer.Exit(130) from None
         if before == _evaluations(folder):
-            say("nothing was left to do")
+            say("the training is already complete")
         _print(policy, folder, plan, training)
 
 
 def _learning() -> tuple[Any, Any]:
-    """What needs the extra: ``read_recipe`` and the module that trains."""
-    with needs("train", "training"):
+    """Import what needs the extra: ``read_recipe`` and the module that trains."""
+    with require_extra("train", "training"):
         from ..agents.learning import training
         from ..agents.learning.recipe import read_recipe
     return read_recipe, training
@@ -204,7 +209,7 @@ def _print(path: Path, folder: Path, plan: Any, training: Any) -> None:
     shown.insert(0, "evaluation", range(1, len(curve) + 1))
     print_table(shown, f"{folder}: evaluations; the last policy is kept")
     if plan.plans:
-        say("evaluation 1, after no step, is that of the imitated plans")
+        say("evaluation 1 is that of the imitated plans, before reinforcement learning")
     say(f"{curve['seconds'].iloc[-1] / 60.0:.1f} minutes")
     name, reference = training.reference(plan, policy.about["ship_source"])
     own = curve["reward"].iloc[-1]

@@ -10,59 +10,57 @@ from ..baselines import controller_names
 from ..envs import DEFAULTS, get_task, tasks
 from ..envs.settings import EPISODE_S, LONGEST_S
 from ..observers import get_observer
-from .console import MOST_SEEDS, clear_errors, needs, say, stages
-from .machine import numbers
+from .console import MOST_SEEDS, report_errors, require_extra, say, stages
+from .machine import add_results
 
 
 def tune(
     controller: Annotated[
         str,
         typer.Option(
-            help=f"One of {', '.join(controller_names())}, or NAME:option=number,... whose options "
-            "stay; HELMSMAN+NAME where the rudder is an action."
+            help=f"Controller: {', '.join(controller_names())}; or NAME:option=number,... with fixed "
+            "options; HELMSMAN+NAME where the rudder is an action."
         ),
     ] = "speed-pilot",
-    task: Annotated[str, typer.Option(help=f"One of {', '.join(tasks(None))}.")] = "rough-sea",
+    task: Annotated[str, typer.Option(help=f"Task: {', '.join(tasks(None))}.")] = "rough-sea",
     vary: Annotated[
         list[str] | None,
-        typer.Option(
-            help="OPTION=LOW:HIGH; repeatable.", show_default="what the controller declares"
-        ),
+        typer.Option(help="OPTION=LOW:HIGH; repeatable.", show_default="ranges of the controller"),
     ] = None,
     rounds: Annotated[int, typer.Option(min=1, help="Generations of the search.")] = 40,
     seeds: Annotated[
-        int, typer.Option(min=1, max=MOST_SEEDS, help="Episodes that each candidate sails.")
+        int, typer.Option(min=1, max=MOST_SEEDS, help="Number of episodes for each candidate.")
     ] = 24,
     episode_s: Annotated[
         float, typer.Option(min=1.0, max=LONGEST_S, help="Length of an episode [s].")
     ] = EPISODE_S,
-    seed: Annotated[int, typer.Option(min=0, help="Equal seeds find equal constants.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed; equal seeds give equal constants.")] = 0,
     observer: Annotated[
-        str, typer.Option(help="Observer whose estimate it sees.")
+        str, typer.Option(help="Observer of the advance velocity.")
     ] = DEFAULTS.observer,
     ship: Annotated[
         str | None,
-        typer.Option(
-            help="Ship: a preset or a .toml file.", show_default="the one the task is made for"
-        ),
+        typer.Option(help="Ship: a preset or a .toml file.", show_default="that of the task"),
     ] = None,
 ) -> None:
-    """Search the constants of a classic controller for a task.
+    """Tune the constants of a classic controller for a task.
 
-    CMA-ES draws constants within their ranges; all candidates sail the same episodes of the task's own
-    seas, and the mean reward decides. What is found is judged on as many fresh episodes beside the
-    controller as it was given. A learned policy should beat what this finds.
+    CMA-ES draws constants within their ranges. All candidates are simulated in the same episodes of the
+    task's seas, and the mean reward decides. The result and the given controller are then evaluated in
+    as many unused episodes. A learned policy should be better than the result.
+
+    Written: nothing; the result is printed as `NAME:option=number,...`, and as JSON with `--json`.
 
     Examples:
         shaftline tune --controller speed-pilot --task acceleration
 
         shaftline tune --controller combinator-trimmed --vary response_s=1:20 --task transit
     """
-    with clear_errors():
-        get_task(task).sailed(ship)
+    with report_errors():
+        get_task(task).load_ship(ship)
         get_observer(observer)
         ranges = dict(map(_range, vary)) if vary else None
-        with needs("train", "tuning"):
+        with require_extra("train", "tuning"):
             from ..agents.learning.tuning import tune as search
         with stages("tuning") as tick:
             found = search(
@@ -70,12 +68,13 @@ def tune(
                 episode_s=episode_s, seed=seed, observer=observer, ship=ship,
                 tick=lambda done, total, said: tick(said, done, total),
             )  # fmt: skip
-        numbers(found._asdict())
-        say(f"{found.sailed} candidates on {seeds} episodes of {task}")
-        say(f"reward on {seeds} fresh episodes: {found.fresh:.5g}, untuned {found.untuned:.5g}")
+        results = found._asdict()
+        add_results(results | {"sailed": results.pop("candidates")})
+        say(f"{found.candidates} candidates on {seeds} episodes of {task}")
+        say(f"reward on {seeds} unused episodes: {found.fresh:.5g}, untuned {found.untuned:.5g}")
         if found.fresh <= found.untuned:
-            say("nothing was gained: keep the constants that you have")
-        say("sail it on seas that it has not seen:")
+            say("the tuned constants are not better: keep the given ones")
+        say("evaluate the result on the held-out seas:")
         say(
             f"  shaftline evaluate --controller {found.controller} --controller {controller} "
             f"--task {task}:held-out" + (f" --ship {ship}" if ship else "")
@@ -88,4 +87,6 @@ def _range(text: str) -> tuple[str, tuple[float, float]]:
     try:
         return key, (float(low), float(high))
     except ValueError:
-        raise ValueError(f"--vary {text!r}: must be OPTION=LOW:HIGH, two numbers") from None
+        raise ValueError(
+            f"--vary {text!r}: must be OPTION=LOW:HIGH, such as response_s=1:20"
+        ) from None

@@ -11,7 +11,7 @@ import typer
 
 from .. import display
 from ..envs import get_task
-from .console import check_folder, clear_errors, needs, print_table, say, stages
+from .console import check_folder, print_table, report_errors, require_extra, say, stages
 from .train_command import (
     Algorithm,
     Device,
@@ -34,8 +34,8 @@ def tune_recipe(
     recipe: Annotated[
         Path | None,
         typer.Option(
-            help="Recipe to start from, FILE.yml with a section a task.",
-            show_default="the package's own",
+            help="Recipe file (.yml) to start from.",
+            show_default="that of the package",
         ),
     ] = None,
     vary: Annotated[
@@ -43,13 +43,14 @@ def tune_recipe(
         typer.Option(help="KEY=LOW:HIGH or KEY=A,B,C; repeatable.", show_default="see below"),
     ] = None,
     trials: Annotated[
-        int, typer.Option(min=1, help="Proposals, the recipe as it is counted.")
+        int, typer.Option(min=1, help="Number of proposals, including the given recipe.")
     ] = 20,
-    seeds: Annotated[int, typer.Option(min=1, help="Trainings of each proposal.")] = 1,
+    seeds: Annotated[int, typer.Option(min=1, help="Number of trainings of each proposal.")] = 1,
     fresh: Annotated[
-        int, typer.Option(min=1, help="Trainings of the given and of the found recipe in the end.")
+        int,
+        typer.Option(min=1, help="Number of final trainings of the given and of the best recipe."),
     ] = 2,
-    seed: Annotated[int, typer.Option(min=0, help="Equal seeds propose the same.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the proposals.")] = 0,
     timesteps: Timesteps = None,
     envs: Envs = None,
     plans: Plans = None,
@@ -63,20 +64,21 @@ def tune_recipe(
         ),
     ] = None,
 ) -> None:
-    """Search a recipe's hyperparameters for a task.
+    """Search the hyperparameters of a recipe for a task.
 
-    Optuna's tree-structured Parzen estimator proposes; each proposal is trained on the same seeds, and
-    the reward at the last evaluation decides. A trial below the median of the others is stopped. The
-    best of many trials is partly the luckiest, so at the end the given and the found recipe are both
-    trained on fresh seeds and evaluated on fresh seas: believe these numbers.
+    Optuna's tree-structured Parzen estimator proposes values; each proposal is trained with the same
+    seeds, and the reward at the last evaluation decides. A trial below the median of the others is
+    stopped. The best of many trials is partly the luckiest. Therefore the given and the best recipe are
+    finally both trained with unused seeds and evaluated on unused seas: use these figures to decide.
 
-    Searched by default: learning rate, gamma, lambda and so on, as `agents/learning/recipes/spaces.yml`
-    lists them. A key is any of the recipe's, dotted where it stands under another; a range whose ends
-    are ten times apart or more is searched evenly over the logarithm. What is the score, or would make
-    it easier, cannot be searched for.
+    By default the search varies learning rate, gamma, lambda and others, as listed in
+    `agents/learning/recipes/spaces.yml`. A key is any key of the recipe, dotted where it is below
+    another; a range whose ends have a ratio of ten or more is searched on a logarithmic scale. Keys that
+    change the evaluation or make the task easier cannot be searched.
 
-    Written: `recipe.yml`, for `shaftline train --recipe`; `search.json`, every trial; `search.png`.
-    Stop with Ctrl-C; the same command goes on, and more `--trials` go on from where fewer ended.
+    Written: `recipe.yml` for `shaftline train --recipe`; `search.json` with every trial; `search.png`.
+    Stop with Ctrl-C; the same command resumes, and a larger number of `--trials` continues a finished
+    search.
 
     Examples:
         shaftline tune-recipe --task rough-sea --timesteps 200000
@@ -85,9 +87,9 @@ def tune_recipe(
 
         shaftline tune-recipe --vary env_kwargs.observer=luenberger,random-walk-kalman --seeds 3
     """
-    with clear_errors():
-        get_task(task).sailed(ship)
-        with needs("train", "a search"):
+    with report_errors():
+        get_task(task).load_ship(ship)
+        with require_extra("train", "a search"):
             from ..agents.learning.recipe import read_recipe
             from ..agents.learning.recipe_search import search_recipe
         plan = read_recipe(algorithm, task, recipe, **sizes(timesteps, envs, plans))
@@ -111,7 +113,7 @@ def _pair(text: str) -> tuple[str, str]:
 
 
 def _print(found: Any, folder: Path, task: str, algorithm: str) -> None:
-    """The best trials, what they are worth, and what to do next."""
+    """Print the best trials, the comparison, and the next command."""
     values = pd.DataFrame([trial.values for trial in found.trials])
     rewards = pd.DataFrame(
         {
@@ -123,21 +125,21 @@ def _print(found: Any, folder: Path, task: str, algorithm: str) -> None:
     whole = table.dropna(subset="reward").sort_values("reward", ascending=False)
     print_table(
         whole.head(_SHOWN).reset_index(),
-        f"{len(table)} trials (0 is the recipe as given), {len(table) - len(whole)} given up; the best "
-        "of the others",
+        f"{len(table)} trials (0 is the given recipe), {len(table) - len(whole)} stopped early; the "
+        "best of the others",
     )
     picture = folder / "search.png"
     display.figures.save(display.recipe_search.trials_figure(rewards, values), picture)
     as_given, as_found = (np.mean(found.fresh[name]) for name in ("given", "found"))
-    say("on fresh seeds and fresh seas, which decided nothing:")
+    say("on unused seeds and seas:")
     for name in ("given", "found"):
         each = ", ".join(f"{reward:.5g}" for reward in found.fresh[name])
         say(f"  {name}: reward {np.mean(found.fresh[name]):.5g} (trainings: {each})")
     spread = max(np.ptp(found.fresh[name]) for name in ("given", "found"))
     if as_found <= as_given:
-        say("nothing was gained: keep the recipe that you have")
+        say("the best recipe is not better: keep the given one")
     elif as_found - as_given < spread:
-        say("less was gained than trainings of one recipe differ by: take more --seeds and --fresh")
+        say("the gain is smaller than the spread of trainings: increase --seeds and --fresh")
     say(f"recipe: {found.recipe}   trials: {folder / 'search.json'}   picture: {picture}")
     say(f"  shaftline train --task {task} --algorithm {algorithm} --recipe {found.recipe}")
 

@@ -11,20 +11,20 @@ from typing import Annotated, Any
 import typer
 
 from ..core.files import write_json, write_text
-from ..core.sweep import refuse_another, source_digest, sweep
+from ..core.sweep import refuse_other_plan, source_digest, sweep
 from ..mismatch import Options, diagnose
 from ..plant import load_ship
-from ..validation.cases import draw_case, sealed
-from ..validation.recording import make
+from ..validation.cases import draw_case, hash_truth
+from ..validation.recording import simulate_case
 from ..validation.rivals import sindy, stepwise_bic
 from ..validation.run import Diagnose, case_folder, run_case, scores, write_page
 from ..validation.variants import PLAIN, VARIANTS
-from .console import check_folder, clear_errors, print_table, progress, say
+from .console import check_folder, print_table, progress, report_errors, say
 
 
 def validate(
-    cases: Annotated[int, typer.Option(min=1, max=100_000, help="How many concealed cases.")] = 200,
-    seed: Annotated[int, typer.Option(min=0, help="Decides every case.")] = 1,
+    cases: Annotated[int, typer.Option(min=1, max=100_000, help="Number of cases.")] = 200,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the cases.")] = 1,
     out: Annotated[
         Path, typer.Option(help="Folder for the cases, the page and its tables.")
     ] = Path("out/validate"),
@@ -34,40 +34,40 @@ def validate(
     ] = None,
     with_sindy: Annotated[
         bool,
-        typer.Option("--sindy", help="Also PySINDy beside it (`pip install 'shaftline[sindy]'`)."),
+        typer.Option("--sindy", help="Also analyse by PySINDy (`pip install 'shaftline[sindy]'`)."),
     ] = False,
     variant: Annotated[
         str,
         typer.Option(
-            help="How the recordings are: " + ", ".join(VARIANTS) + ".", metavar="VARIANT"
+            help="Variant of the recordings: " + ", ".join(VARIANTS) + ".", metavar="VARIANT"
         ),
     ] = PLAIN,
     reports: Annotated[
-        bool, typer.Option("--reports", help="Also write each case's report.html.")
+        bool, typer.Option("--reports", help="Also write report.html of each case.")
     ] = False,
 ) -> None:
-    """Prove the diagnosis on recordings in which an effect is concealed.
+    """Validate the diagnosis on recordings with concealed effects.
 
-    The recordings come from a second ship that shares no code with the one that the tool simulates:
-    its own formulas, integrated by scipy, with effects in other forms than the catalogue's (Stribeck
-    friction where that has Coulomb's, a second-order lag where it has a first-order one). The seed
-    draws effect, strength, programme, instruments, noise and sea. Two cases in five
-    conceal nothing, something the catalogue does not have, or something that the recording cannot
-    show.
+    The recordings come from an independent simulator that shares no code with the package: its own
+    formulas, integrated by scipy, with effects in other forms than those of the catalogue (Stribeck
+    friction in place of Coulomb friction, a second-order lag in place of a first-order one). The seed
+    draws effect, size, programme, instruments, noise and sea. Two cases in five conceal nothing, an
+    effect that the catalogue does not contain, or an effect that is not identifiable from the recording.
 
-    What each case conceals is written down, hashed, and the hash (its *seal*) printed before the tool
-    sees any recording. Then each is diagnosed from the recording alone, opened and scored, beside a
-    stepwise regression by the Bayesian information criterion, which is the plain way to do it.
+    The truth of each case is written to a file whose hash (its *seal*) is printed before the diagnosis
+    gets any recording. Then each recording is diagnosed, the truth is opened, and the result is scored.
+    For comparison each recording is also analysed by a stepwise regression with the Bayesian information
+    criterion.
 
-    Variants meet the same cases as recordings of real ships are. realistic: the file's inertia and
-    friction are off by 10 %, resistance, KT and KQ by 5 %, and a healthy record of the same ship is
-    there to calibrate on. 1-hz: a log of one row a second. 100-hz: a hundred rows, unfiltered.
-    one-missing: a channel was not recorded. closed-loop: a governor gives the demands by what the
-    encoder shows. The stepwise regression stands beside the plain proof only.
+    Variants make the cases more like recordings of real ships. realistic: inertia and friction of the
+    ship file have errors of 10 %, resistance, KT and KQ of 5 %, and a recording of a reference period is
+    available for calibration. 1-hz: one row a second. 100-hz: a hundred rows a second, unfiltered.
+    one-missing: one channel is missing. closed-loop: a governor sets the commands from the measured
+    shaft speed. The stepwise regression is run with the variant plain only.
 
-    Written: `validation.md` with every figure beside its target, its tables as CSV, and a folder a case
-    with recording, seal, reports, truth and score. Finished cases are kept: a proof that was
-    interrupted goes on where it stopped, and a larger N adds cases.
+    Written: `validation.md` with every figure and its target, its tables as CSV, and a folder for each
+    case with recording, seal, reports, truth and score. Finished cases are kept: an interrupted
+    validation resumes, and a larger number adds cases.
 
     Examples:
         shaftline validate --cases 20 --seed 1 --out out/validate
@@ -76,26 +76,26 @@ def validate(
 
         shaftline validate --cases 200 --seed 7 --sindy --out out/validate-7
     """
-    with clear_errors():
+    with report_errors():
         check_folder(out)
         if variant not in VARIANTS:
             known = ", ".join(VARIANTS)
-            raise ValueError(f"--variant {variant}: no such variant; known: {known}")
+            raise ValueError(f"--variant {variant}: unknown; known: {known}")
         if with_sindy and variant != PLAIN:
-            raise ValueError("--sindy: other methods are compared with in the plain proof only")
+            raise ValueError("--sindy: other methods are compared with the variant plain only")
         beside: dict[str, Diagnose] = {}
         if variant == PLAIN:
             beside["stepwise-bic"] = stepwise_bic.diagnose
         if with_sindy:
             if importlib.util.find_spec("pysindy") is None:
-                raise ValueError("--sindy: needs an extra, `pip install 'shaftline[sindy]'`")
+                raise ValueError("--sindy needs PySINDy: pip install 'shaftline[sindy]'")
             beside["pysindy"] = sindy.diagnose
         _same_validation(out, seed, variant, list(beside))
         names = {f"{seed}-{i:04d}": (seed, i, variant) for i in range(cases)}
         with progress("sealing", cases) as tick:
             work = functools.partial(_seal, out)
             seals = sweep(work, names, out / "cells" / "seals", jobs=jobs, tick=tick)
-        lines = [f"case {name}  sealed {seal}" for name, seal in seals.items()]
+        lines = [f"case {name}  sealed {digest}" for name, digest in seals.items()]
         say("\n".join(lines))
         whole = hashlib.sha256("\n".join(lines).encode()).hexdigest()
         say(f"all {cases} cases sealed, before any is diagnosed: {whole}\n")
@@ -114,7 +114,7 @@ def validate(
 
 
 def _same_validation(out: Path, seed: int, variant: str, beside: list[str]) -> None:
-    """Refuse to mix cases of two seeds or variants, of two sets of tools or of two versions of them."""
+    """Refuse to mix cases of two seeds, variants, sets of methods or versions."""
     note = out / "cells" / "validation.json"
     mine = {
         "seed": seed,
@@ -122,24 +122,24 @@ def _same_validation(out: Path, seed: int, variant: str, beside: list[str]) -> N
         "beside": beside,
         "version": source_digest("core", "plant", "mismatch", "validation"),
     }
-    refuse_another(out, note, mine, "validation")
+    refuse_other_plan(out, note, mine, "validation")
     if not note.is_file() and any(out.glob("case-*")):
-        raise ValueError(f"{out}: holds cases that this command did not make; give another --out")
+        raise ValueError(f"{out}: contains cases of another command; give another --out")
     write_json(note, mine)
 
 
 def _seal(out: Path, cell: tuple[int, int, str]) -> str:
-    """Make a case's truth, and leave its seal where the diagnosis will look for it."""
+    """Write the seal of a case's truth to the folder of the case, and return it."""
     case = draw_case(*cell)
-    seal = sealed(make(case).truth)
-    write_text(case_folder(out, case) / "sealed.sha256", seal + "\n")
-    return seal
+    digest = hash_truth(simulate_case(case).truth)
+    write_text(case_folder(out, case) / "sealed.sha256", digest + "\n")
+    return digest
 
 
 def _run(
     out: Path, beside: dict[str, Diagnose], reports: bool, cell: tuple[int, int, str]
 ) -> list[dict[str, Any]]:
-    """Diagnose, open and score a case, whose truth must still be the one that was sealed."""
+    """Diagnose, open and score a case, whose truth must match its seal."""
     tool = functools.partial(_tool, reports)
     return run_case(draw_case(*cell), out, tool, beside)
 
@@ -152,7 +152,7 @@ def _tool(
     exclude: tuple[str, ...],
     healthy: Path | None = None,
 ) -> dict[str, Any]:
-    """The tool under test: what ``shaftline diagnose`` does with the recording alone, or calibrated."""
+    """Diagnose a recording as ``shaftline diagnose`` does, with or without calibration."""
     options = Options(exclude=exclude, calibrate=() if healthy is None else (healthy,))
     diagnosis = diagnose(load_ship(ship), recording, options=options)
     diagnosis.save(folder, page=page)

@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from ..agents.evaluation.film import Span, sailed, sea_of, write
+from ..agents.evaluation.film import Span, draw_sea, simulate_episode, write_animation
 from ..core.files import check_writable
 from ..envs import DEFAULTS, get_task, tasks
 from ..envs.settings import EPISODE_S
 from ..observers import get_observer
-from .console import clear_errors, say, stages
+from .console import report_errors, say, stages
 
 _MOST = 4
 
@@ -21,58 +21,64 @@ def video(
     controllers: Annotated[
         list[str],
         typer.Argument(
-            help="Controllers as of `shaftline evaluate`, one a column: NAME, NAME:option=number, "
-            "policy:FILE.npz, module:Class."
+            help="Controllers as for `shaftline evaluate`, one for each column: NAME, "
+            "NAME:option=number, policy:FILE.npz, module:Class."
         ),
     ],
     task: Annotated[
         str, typer.Option(help=f"Task, or TASK:held-out: {', '.join(tasks(None))}.")
     ] = "rough-sea",
-    seed: Annotated[int, typer.Option(min=0, help="Of the episode: all meet the same.")] = 1,
-    begin_s: Annotated[float, typer.Option(min=0.0, help="Where the film begins [s].")] = 60.0,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the episode, which is the same for all controllers.")
+    ] = 1,
+    begin_s: Annotated[float, typer.Option(min=0.0, help="Start of the animation [s].")] = 60.0,
     seconds: Annotated[
-        float, typer.Option(min=1.0, max=600.0, help="Of the ship's time that it shows.")
+        float,
+        typer.Option(min=1.0, max=600.0, help="Length of the animation in simulated time [s]."),
     ] = 40.0,
     observer: Annotated[
-        str, typer.Option(help="Observer whose estimate they see.")
+        str, typer.Option(help="Observer of the advance velocity.")
     ] = DEFAULTS.observer,
-    out: Annotated[Path, typer.Option(help="File, .gif.")] = Path("out/film.gif"),
+    out: Annotated[Path, typer.Option(help="File to write (.gif).")] = Path("out/film.gif"),
 ) -> None:
-    """Film controllers in the same waves, side by side.
+    """Animate controllers in the same waves, side by side.
 
-    The ship in the waves that pass her, and the last seconds of torque at the gauge, torque of the
-    engine and pitch, at two and a half times the sea's pace. She surges only, so she is drawn level.
+    The animation shows the ship in the passing waves, and below it the last seconds of shaft torque,
+    engine torque and pitch, 2.5 times faster than real time. The simulation includes surge only, so the
+    ship is drawn level.
+
+    Written: an animated GIF.
 
     Examples:
         shaftline video combinator va-pitch --task rough-sea --out out/film.gif
 
         shaftline video combinator-trimmed policy:rough-sea --task rough-sea:held-out --seed 900002
     """
-    with clear_errors():
+    with report_errors():
         if out.suffix != ".gif":
-            raise ValueError(f"--out {out}: a film's file ends in .gif")
+            raise ValueError(f"--out {out}: the name of an animation must end in .gif")
         check_writable(out)
         if len(controllers) > _MOST:
-            raise ValueError(f"{len(controllers)} controllers: at most {_MOST} fit side by side")
+            raise ValueError(f"{len(controllers)} controllers: give at most {_MOST}")
         if begin_s + seconds > EPISODE_S:
             raise ValueError(
-                f"--begin-s {begin_s:g} and --seconds {seconds:g}: an episode ends after "
-                f"{EPISODE_S:g} s"
+                f"--begin-s {begin_s:g} and --seconds {seconds:g}: their sum must be at most the length "
+                f"of an episode, {EPISODE_S:g} s"
             )
         get_task(task)
         get_observer(observer)
-        with stages("filming") as tick:
+        with stages("animating") as tick:
             runs = []
             for i, text in enumerate(controllers):
-                tick(f"sailing {text}", i, len(controllers))
-                runs.append(sailed(text, task, seed, observer))
+                tick(f"simulating {text}", i, len(controllers))
+                runs.append(simulate_episode(text, task, seed, observer))
             span = Span(begin_s, seconds)
-            sea = sea_of(task, seed, observer)
-            write(out, runs, sea, span, lambda done, total: tick("drawing", done, total))
+            sea = draw_sea(task, seed, observer)
+            write_animation(out, runs, sea, span, lambda done, total: tick("drawing", done, total))
         for run in runs:
-            gauge, engine = run.swings
+            shaft, engine = run.fluctuations
             say(
-                f"{run.words}: fluctuation in waves {gauge:.1f} kN m at the gauge, {engine:.2f} kN m "
+                f"{run.words}: fluctuation in waves {shaft:.1f} kN m of the shaft, {engine:.2f} kN m "
                 "of the engine"
             )
-        say(f"film: {out}")
+        say(f"animation: {out}")

@@ -1,1 +1,1 @@
-"""What is not physics: compiled machine code, atomic files, sweeps over cores and clusters."""
+"""Infrastructure without physics: compiled kernels, atomic files, sweeps over cores and clusters."""

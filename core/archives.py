@@ -1,4 +1,4 @@
-"""Numbers on disk that anyone may hand over: NumPy archives without objects, and not too large."""
+"""NumPy archives that are safe to load from others: without Python objects, and of limited size."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 from .files import write_atomically
 
 SKELETON = "skeleton"
-"""Member that tells how the others belong together."""
+"""Member that describes the structure of the tree in :func:`pack_tree`."""
 
 _ARRAY, _PAIRS, _TUPLE = "array", "pairs", "tuple"
 
 
 class ArchiveError(ValueError):
-    """A file that is no archive of numbers, or too large a one."""
+    """A file that is no archive of numbers, or one that is too large."""
 
 
 def write_archive(path: Path, arrays: dict[str, NDArray[Any]], *, compressed: bool = True) -> None:
-    """Write named arrays to one file."""
+    """Write named arrays to one file, atomically."""
     save: Any = np.savez_compressed if compressed else np.savez
 
     def write(temporary: Path) -> None:
@@ -34,14 +34,15 @@ def write_archive(path: Path, arrays: dict[str, NDArray[Any]], *, compressed: bo
 
 
 def read_archive(path: Path, limit_bytes: float = 1e8) -> dict[str, NDArray[Any]]:
-    """Arrays of a file, by name.
+    """Return the arrays of a file, by name.
 
     Args:
-        path: of the file.
-        limit_bytes: that its arrays may take in memory, together.
+        path: path of the file.
+        limit_bytes: largest total size of the arrays in memory [bytes].
 
     Raises:
-        ArchiveError: not an archive of numbers, damaged, or larger; nothing large was read by then.
+        ArchiveError: the file is no archive of numbers, is damaged, or exceeds the limit, which is
+            checked before the arrays are read.
     """
     try:
         with zipfile.ZipFile(path) as members:
@@ -54,28 +55,29 @@ def read_archive(path: Path, limit_bytes: float = 1e8) -> dict[str, NDArray[Any]
             return {name: archive[name] for name in archive.files}
     except ArchiveError:
         raise
-    except Exception as error:  # damaged files make zipfile, zlib and numpy raise nearly anything
+    except Exception as error:  # Damaged files make zipfile, zlib and numpy raise nearly any error.
         raise ArchiveError(
-            f"{path}: not an archive of numbers, or a damaged one ({type(error).__name__}: {error})"
+            f"{path}: not a NumPy archive of numbers, or damaged ({type(error).__name__}: {error}); "
+            "write or download it again"
         ) from None
 
 
-def packed(tree: Any) -> dict[str, NDArray[Any]]:
-    """A tree of dicts, lists, tuples, arrays, numbers and texts as arrays by name.
+def pack_tree(tree: Any) -> dict[str, NDArray[Any]]:
+    """Return a tree of dicts, lists, tuples, arrays, numbers and texts as named arrays.
 
     Args:
-        tree: its leaves may also be anything with ``numpy()``, as tensors of torch.
+        tree: the tree; leaves may also be torch tensors.
 
     Raises:
-        TypeError: a leaf of another kind.
+        TypeError: a leaf of another type.
     """
     arrays: dict[str, NDArray[Any]] = {}
 
-    def told(value: Any) -> Any:
+    def skeleton_of(value: Any) -> Any:
         if isinstance(value, dict):
-            return {_PAIRS: [[key, told(part)] for key, part in value.items()]}
+            return {_PAIRS: [[key, skeleton_of(part)] for key, part in value.items()]}
         if isinstance(value, (list, tuple)):
-            parts = [told(part) for part in value]
+            parts = [skeleton_of(part) for part in value]
             return {_TUPLE: parts} if isinstance(value, tuple) else parts
         if hasattr(value, "detach"):
             value = value.detach().cpu().numpy()
@@ -85,32 +87,34 @@ def packed(tree: Any) -> dict[str, NDArray[Any]]:
             return {_ARRAY: name}
         if value is None or isinstance(value, (bool, int, float, str)):
             return value
-        raise TypeError(f"{type(value).__name__} cannot be packed")
+        raise TypeError(
+            f"{type(value).__name__} cannot be stored; use dicts, lists, tuples, arrays, numbers, texts"
+        )
 
-    skeleton = json.dumps(told(tree))
+    skeleton = json.dumps(skeleton_of(tree))
     return {SKELETON: np.frombuffer(skeleton.encode(), dtype=np.uint8), **arrays}
 
 
-def unpacked(arrays: dict[str, NDArray[Any]]) -> Any:
-    """The tree that :func:`packed` took; tensors come back as arrays.
+def unpack_tree(arrays: dict[str, NDArray[Any]]) -> Any:
+    """Return the tree that :func:`pack_tree` stored; tensors are returned as arrays.
 
     Raises:
-        ArchiveError: the arrays are no packed tree.
+        ArchiveError: the arrays are no stored tree.
     """
 
-    def tree(told: Any) -> Any:
-        if isinstance(told, list):
-            return [tree(part) for part in told]
-        if isinstance(told, dict):
-            ((kind, inside),) = told.items()
+    def tree(skeleton: Any) -> Any:
+        if isinstance(skeleton, list):
+            return [tree(part) for part in skeleton]
+        if isinstance(skeleton, dict):
+            ((kind, inside),) = skeleton.items()
             if kind == _ARRAY:
                 return arrays[inside]
             if kind == _TUPLE:
                 return tuple(tree(part) for part in inside)
             return {key: tree(part) for key, part in inside}
-        return told
+        return skeleton
 
     try:
         return tree(json.loads(bytes(arrays[SKELETON]).decode()))
     except (KeyError, ValueError, TypeError, AttributeError) as error:
-        raise ArchiveError(f"not a packed tree ({error})") from None
+        raise ArchiveError(f"the archive does not contain a stored tree ({error})") from None

@@ -1,4 +1,4 @@
-"""The one decorator of every kernel."""
+"""Decorators that compile kernels to machine code, and the folder of their cache."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from numba.misc.appdirs import AppDirs
 from .kernel_cache import check_files, drop_stale_kernels
 
 Record: TypeAlias = Any
-"""One element of a NumPy structured array, as a kernel sees it (fields as attributes)."""
+"""One element of a NumPy structured array, as a kernel uses it (fields as attributes)."""
 
 Real: TypeAlias = Any
-"""A float, or a complex number where the linearisation asks for an exact derivative."""
+"""A float, or a complex number if the linearisation computes an exact derivative."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -38,18 +38,18 @@ def _is_writable(folder: Path) -> bool:
         return False
 
 
-def kernels_kept_in(beside: Path, home: Path, temporary: Path) -> Path | None:
-    """A folder of its own for the machine code, where none of the usual places can be written to.
+def kernel_folder(beside: Path, home: Path, temporary: Path) -> Path | None:
+    """Return a private folder for compiled kernels, if no usual place is writable.
 
-    What lies there is run: so it is a folder that nobody else can write to.
+    Cached kernels are executed, so the folder must not be writable by other users.
 
     Args:
-        beside: the package's own.
-        home: the user's.
-        temporary: where a folder may be made.
+        beside: cache folder of the package.
+        home: cache folder of the user.
+        temporary: folder in which a new one may be created.
 
     Returns:
-        None where one of the usual places will do.
+        The folder, or None if one of the usual places is writable.
     """
     if _is_writable(beside) or _is_writable(home):
         return None
@@ -64,16 +64,18 @@ def kernels_kept_in(beside: Path, home: Path, temporary: Path) -> Path | None:
 
 
 _settings: Any = numba.config
-if _settings.DISABLE_JIT:  # a ship's record has its fields as attributes in compiled code only
+if (
+    _settings.DISABLE_JIT
+):  # Kernels use the fields of a record as attributes, which needs compilation.
     _settings.DISABLE_JIT = 0
     warnings.warn(
-        "NUMBA_DISABLE_JIT is set, but the equations run compiled only; it is not heeded",
+        "NUMBA_DISABLE_JIT is set but ignored, because the equations run only as compiled code",
         RuntimeWarning,
         stacklevel=1,
     )
 _appdirs: Any = AppDirs
-if not _settings.CACHE_DIR:  # what the user has set goes before
-    _kept = kernels_kept_in(
+if not _settings.CACHE_DIR:  # A setting of the user takes precedence.
+    _kept = kernel_folder(
         Path(__file__).parent / "__pycache__",
         Path(_appdirs(appname="numba", appauthor=False).user_cache_dir),
         Path(tempfile.gettempdir()),
@@ -81,39 +83,40 @@ if not _settings.CACHE_DIR:  # what the user has set goes before
     if _kept is not None:
         _settings.CACHE_DIR = str(_kept)
         warnings.warn(
-            f"neither the package nor the home can be written to: compiled kernels are kept in {_kept}",
+            "neither the package folder nor the home folder is writable: compiled kernels are kept in "
+            f"{_kept}",
             RuntimeWarning,
             stacklevel=1,
         )
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a kernel to machine code and keep it on disk.
+    """Compile a kernel to machine code and cache it on disk.
 
-    IEEE arithmetic is left strict (no fastmath), so a kernel gives the same bits wherever it is
-    inlined: in a single simulation or in a batch. Division by zero gives inf, never an exception.
+    IEEE arithmetic is strict (no fastmath), so a kernel gives the same bits wherever it is inlined: in a
+    single simulation or in a batch. Division by zero gives inf, never an exception.
     """
     return _compiled(function, fastmath=False)
 
 
 def compiled_polynomial(function: Callable[P, R]) -> Callable[P, R]:
-    """The same for Horner's rule alone: each ``a * x + b`` becomes one fused operation.
+    """Compile a kernel of Horner's rule only: each ``a * x + b`` becomes one fused operation.
 
-    Every product there has exactly one use, so fusing is no choice of the compiler's and the result
-    does not depend on where the function is inlined.
+    Every product there is used exactly once, so the compiler has no choice which operations to fuse, and
+    the result does not depend on where the function is inlined.
     """
     return _compiled(function, fastmath={"contract"})
 
 
 def compiled_apart(function: Callable[P, R]) -> Callable[P, R]:
-    """The same for what is seldom called: it stays a call, and costs its callers nothing when unused."""
+    """Compile a seldom used kernel without inlining, so that callers that do not use it lose no time."""
     return _compiled(function, fastmath=False, inline=False)
 
 
 def compiled_sum(function: Callable[P, R]) -> Callable[P, R]:
-    """The same for a sum of many products, whose order is the compiler's: so it vectorises.
+    """Compile a kernel of a sum of many products; the compiler chooses the order, so it vectorises.
 
-    It stays a call, one piece of machine code whoever calls it, so the order is always the same.
+    The kernel is not inlined: all callers use the same machine code, so the order is always the same.
     """
     return _compiled(function, fastmath={"contract", "reassoc"}, inline=False)
 
@@ -128,16 +131,18 @@ def _compiled(
     return cast("Callable[P, R]", kernel)
 
 
-def spelled_out(source: str, fields: Iterable[str], scope: dict[str, Any]) -> Callable[..., Any]:
-    """A kernel over all fields of a record, made from one line for each.
+def generate_kernel(
+    source: str, fields: Iterable[str], scope: dict[str, Any]
+) -> Callable[..., Any]:
+    """Return a kernel over all fields of a record, generated from one line for each field.
 
-    Kernels cannot loop over a tuple's or a record's fields by name. So the fields are declared once, and
-    what must name every one of them is spelled out from that declaration.
+    Kernels cannot iterate over the fields of a tuple or record by name. So the fields are declared once,
+    and each kernel over all of them is generated from that declaration.
 
     Args:
-        source: of one function, in which a line that holds ``{field}`` is repeated for every field.
-        fields: names.
-        scope: ``globals()`` of the module that the function shall belong to.
+        source: source of one function; a line with ``{field}`` is repeated for every field.
+        fields: names of the fields.
+        scope: ``globals()`` of the module of the function.
 
     Returns:
         The kernel, compiled like any other.
@@ -147,8 +152,8 @@ def spelled_out(source: str, fields: Iterable[str], scope: dict[str, Any]) -> Ca
     for line in source.strip().splitlines():
         lines += [line.format(field=name) for name in names] if "{field}" in line else [line]
     text = "\n".join(lines)
-    found: dict[str, Any] = {}
-    # under the module's own name, where Numba looks for what it has kept
-    exec(compile(text, scope["__file__"], "exec"), scope, found)
-    (function,) = found.values()
+    defined: dict[str, Any] = {}
+    # Compile under the file name of the module, because Numba looks for its cache there.
+    exec(compile(text, scope["__file__"], "exec"), scope, defined)
+    (function,) = defined.values()
     return compiled(function)  # type: ignore[no-any-return]

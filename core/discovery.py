@@ -1,6 +1,6 @@
-"""Find classes: in a folder of the package, by ``module:Class``, and by entry points of other packages.
+"""Search for classes: in a sub-package, by ``module:Class``, and by entry points of other packages.
 
-A new file is found without a list that names it.
+A new module of a sub-package is discovered without a list of modules.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ Base = TypeVar("Base")
 
 
 def classes_in(package: str, base: type[Base], but: Collection[str] = ()) -> list[type[Base]]:
-    """Concrete classes under a base class that the modules of a package define.
+    """Return the concrete subclasses of a base class that the modules of a package define.
 
     Args:
-        package: its name, as ``__package__`` says it.
-        base: class from which they derive.
-        but: modules to leave out; those that import the caller must be.
+        package: name of the package, as in ``__package__``.
+        base: base class.
+        but: modules to leave out; modules that import the caller must be left out.
 
     Returns:
-        Classes by module in alphabetical order, within a module as they stand there.
+        Classes by module in alphabetical order, within a module in the order of their definition.
     """
     found: list[type[Base]] = []
     for _, name, _ in pkgutil.iter_modules(import_module(package).__path__):
@@ -40,7 +40,7 @@ def classes_in(package: str, base: type[Base], but: Collection[str] = ()) -> lis
         found += [
             thing
             for thing in vars(module).values()
-            if issubclass(type(thing), type)  # isinstance would load what waits to be used
+            if issubclass(type(thing), type)  # isinstance() would import lazy modules.
             and issubclass(thing, base)
             and thing.__module__ == module.__name__
             and not inspect.isabstract(thing)
@@ -48,29 +48,29 @@ def classes_in(package: str, base: type[Base], but: Collection[str] = ()) -> lis
     return found
 
 
-def offered(group: str) -> list[str]:
-    """Names by which installed packages offer classes of their own.
+def entry_point_names(group: str) -> list[str]:
+    """Return the names of the classes that installed packages register as entry points.
 
     Args:
-        group: of entry points, such as ``shaftline.controllers``.
+        group: group of entry points, such as ``shaftline.controllers``.
     """
     return sorted(point.name for point in entry_points(group=group))
 
 
-def of_others(name: str, group: str) -> Any:
-    """A class that is not ours: ``module:Class``, or one that an installed package offers by name.
+def load_external_class(name: str, group: str) -> Any:
+    """Return a class from outside the package: ``module:Class``, or a registered entry point.
 
-    A module is looked for where Python looks, and in the working folder. Importing it runs it.
+    The module is searched on Python's path and in the working folder. Its import executes it.
 
     Args:
-        name: as above.
-        group: of entry points.
+        name: ``module:Class`` or name of an entry point.
+        group: group of entry points.
 
     Returns:
-        The class, or None where the name is neither.
+        The class, or None if the name is neither.
 
     Raises:
-        ValueError: there is no such module, it has no such class, or it cannot be imported; the message
+        ValueError: the module or the class does not exist, or the module cannot be imported; the message
             says which.
     """
     name, module, place = _address(name, group)
@@ -93,7 +93,7 @@ def of_others(name: str, group: str) -> Any:
 
 
 def _address(name: str, group: str) -> tuple[str, str, str]:
-    """Return the full name, the module and the class's place in it of a class of others."""
+    """Return full name, module, and qualified name in the module of a class from outside the package."""
     for point in entry_points(group=group):
         if point.name == name:
             name = point.value
@@ -101,19 +101,19 @@ def _address(name: str, group: str) -> tuple[str, str, str]:
     return name, module, place
 
 
-def version_of_others(name: str, group: str) -> str:
-    """Return eight letters that change with the source of a user's class and of what it imports.
+def external_class_digest(name: str, group: str) -> str:
+    """Return eight characters that change with the source of an external class and of its imports.
 
-    Imports are followed by reading the modules (an import inside a function counts as well). Python's
-    own modules, installed packages and this package are left out. For a class of an installed package
-    the whole package counts. Files that the code itself opens are not noticed.
+    Imports are found in the source of the modules (an import inside a function counts too). The standard
+    library, installed packages and this package are left out. For a class of an installed package the
+    whole package counts. Files that the code opens itself are not included.
 
     Args:
-        name: as of :func:`of_others`, which has loaded the class.
-        group: of entry points.
+        name: name as in :func:`load_external_class`, which has loaded the class.
+        group: group of entry points.
 
     Returns:
-        An empty text for a name that is not of others.
+        An empty text for a class of this package.
     """
     _, module, place = _address(name, group)
     spec = find_spec(module.partition(".")[0]) if place else None

@@ -1,7 +1,4 @@
-"""Files: only real ones are read, nobody ever sees half of one, and what cannot be is said first.
-
-What is too much for a machine, said before any of it is asked for.
-"""
+"""User files: checks, safe input, atomic output, and limits of size and memory."""
 
 from __future__ import annotations
 
@@ -16,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 LARGEST_TEXT = 20_000_000
-"""Of a file of settings: a ship, a column map, a recipe [bytes]."""
+"""Largest file of settings: a ship, a column map, a recipe [bytes]."""
 
 LARGEST_RESULT = 1_000_000_000
-"""Of a file of results that we wrote [bytes]."""
+"""Largest file of results written by the package [bytes]."""
 
 
 class FileError(ValueError):
@@ -27,14 +24,14 @@ class FileError(ValueError):
 
 
 def refuse_special(path: Path) -> None:
-    """Refuse what is there under a name and is no ordinary file: a folder, a device, a pipe, a socket.
+    """Refuse a path that exists but is no ordinary file: a folder, a device, a pipe, a socket.
 
     Raises:
-        FileError: names it.
+        FileError: names the path.
     """
     try:
         special = path.exists() and not path.is_file()
-    except (OSError, ValueError) as error:  # a name too long, or with a null in it
+    except (OSError, ValueError) as error:  # the name is too long or contains a NUL character
         raise FileError(f"{str(path)!r}: cannot be a file: {error}") from None
     if special:
         what = "a folder" if path.is_dir() else "no ordinary file but a device, a pipe or a socket"
@@ -42,14 +39,14 @@ def refuse_special(path: Path) -> None:
 
 
 def check_writable(path: Path, folder: bool = False) -> None:
-    """Refuse a place that cannot be written to, before the work whose result it shall hold.
+    """Refuse a path that is not writable, before the computation whose result it will hold.
 
     Args:
-        path: of a file or a folder; nothing of it needs to be there, and nothing is left there.
-        folder: which of the two.
+        path: path of a file or folder; it need not exist, and the check leaves nothing behind.
+        folder: whether it is a folder.
 
     Raises:
-        FileError: a device, a name that no file can have, or a folder that is read-only or full.
+        FileError: a device, an invalid file name, or a folder that is read-only or full.
     """
     if not (folder and path.is_dir()):
         refuse_special(path)
@@ -66,10 +63,10 @@ def check_writable(path: Path, folder: bool = False) -> None:
 
 
 def reason_of(error: BaseException) -> str:
-    """Return why a file cannot be read, without error numbers and the names of libraries' internals.
+    """Return why a file cannot be read, without error numbers and names of library internals.
 
     Args:
-        error: of the operating system, of a parser or of Python.
+        error: error of the operating system, of a parser or of Python.
     """
     if isinstance(error, RecursionError):
         return "it is nested too deeply"
@@ -79,73 +76,75 @@ def reason_of(error: BaseException) -> str:
 
 
 def read_text(path: Path, largest: int = LARGEST_TEXT) -> str:
-    """The text of a file.
+    """Return the text of a file.
 
     Args:
-        path: of the file.
-        largest: its size may be [bytes].
+        path: path of the file.
+        largest: largest allowed size [bytes].
 
     Raises:
-        FileError: not an ordinary file, larger, unreadable, or no text.
+        FileError: not an ordinary file, too large, unreadable, or no text.
     """
     try:
         refuse_special(path)
         size = path.stat().st_size
         if size > largest:
-            raise FileError(f"{path}: {size / 1e6:.0f} MB; at most {largest / 1e6:.0f} MB are read")
+            raise FileError(
+                f"{path}: has {size / 1e6:.0f} MB; at most {largest / 1e6:.0f} MB are read"
+            )
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
-        raise FileError(f"{path}: cannot be read: it is not UTF-8 text; save it as such") from None
+        raise FileError(f"{path}: cannot be read: it is not UTF-8 text; save it as UTF-8") from None
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {reason_of(error)}") from None
 
 
-def toml_of(text: str, source: str) -> dict[str, Any]:
-    """A TOML text as a tree.
+def parse_toml(text: str, source: str) -> dict[str, Any]:
+    """Return a TOML text as a tree.
 
     Args:
-        text: of a file.
-        source: named in the message.
+        text: the text.
+        source: source of the text, for the message.
 
     Raises:
-        FileError: not valid, or nested too deeply.
+        FileError: invalid TOML, or nested too deeply.
     """
     try:
         return tomllib.loads(text)
     except (
         tomllib.TOMLDecodeError,
         ValueError,
-    ) as error:  # a number of too many digits is a ValueError
+    ) as error:  # ValueError: a number with too many digits
         raise FileError(f"{source}: not valid TOML: {error}") from None
     except RecursionError:
         raise FileError(f"{source}: not valid TOML: nested too deeply") from None
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """A TOML file as a tree; raises as :func:`read_text` and :func:`toml_of`."""
-    return toml_of(read_text(path), str(path))
+    """Return a TOML file as a tree; raises the errors of :func:`read_text` and :func:`parse_toml`."""
+    return parse_toml(read_text(path), str(path))
 
 
 def read_json(path: Path) -> Any:
-    """What a JSON file of one of our own folders holds.
+    """Return the content of a JSON file that the package has written.
 
     Raises:
-        FileError: it cannot be read, or is damaged.
+        FileError: the file is unreadable or damaged.
     """
     try:
         return json.loads(read_text(path, LARGEST_RESULT))
     except (ValueError, RecursionError) as error:
         if isinstance(error, FileError):
             raise
-        raise FileError(f"{path}: damaged, no valid JSON ({error}); remove it") from None
+        raise FileError(f"{path}: damaged, not valid JSON ({error}); remove the file") from None
 
 
 _written: list[set[str]] = []
 
 
 @contextmanager
-def recorded() -> Iterator[set[str]]:
-    """Collect the real paths of the files that are written in a block."""
+def record_written_files() -> Iterator[set[str]]:
+    """Collect the real paths of the files that are written in a ``with`` block."""
     _written.append(set())
     try:
         yield _written[-1]
@@ -154,14 +153,14 @@ def recorded() -> Iterator[set[str]]:
 
 
 def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
-    """Let ``write`` fill a temporary file beside ``path``, then rename it into place.
+    """Let ``write`` fill a temporary file beside ``path``, then rename it to ``path``.
 
     Raises:
-        FileError: what is there is no ordinary file.
-        OSError: the folder cannot be written to; nothing is left behind.
+        FileError: ``path`` exists and is no ordinary file.
+        OSError: the folder is not writable; nothing is left behind.
     """
     refuse_special(path)
-    if path.is_symlink():  # the file that it points to is replaced, not the link
+    if path.is_symlink():  # Replace the file to which the link points, not the link.
         path = Path(os.path.realpath(path))
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
@@ -183,30 +182,30 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write a JSON file; numbers that are not finite are refused."""
+    """Write a JSON file; numbers that are not finite raise an error."""
     write_text(path, json.dumps(value, indent=2, allow_nan=False) + "\n")
 
 
 LARGEST_BYTES = 8e9
-"""That one run may keep in memory."""
+"""Largest memory of one run [bytes]."""
 
 
 class SizeError(ValueError):
-    """More than a machine holds; the message says of what."""
+    """A computation that needs too much memory; the message says what needs it."""
 
 
 def check_size(count: float, bytes_each: float, what: str) -> None:
-    """Refuse what would take more than :data:`LARGEST_BYTES`.
+    """Refuse a computation that would need more than :data:`LARGEST_BYTES`.
 
     Args:
-        count: how many.
-        bytes_each: of memory each.
-        what: they are, and what decides their number, for the message.
+        count: number of items.
+        bytes_each: memory of one item [bytes].
+        what: the items and what determines their number, for the message.
 
     Raises:
-        SizeError: how many there would be and how many there may be.
+        SizeError: gives the number of items and the largest possible number.
     """
     most = LARGEST_BYTES / bytes_each
     if not count <= most:
-        told = f"{count:.3g}" if math.isfinite(count) else "endlessly many"
-        raise SizeError(f"{told} {what}: at most {most:.2g} fit into {LARGEST_BYTES / 1e9:g} GB")
+        number = f"{count:.3g}" if math.isfinite(count) else "infinitely many"
+        raise SizeError(f"{number} {what}: at most {most:.2g} fit into {LARGEST_BYTES / 1e9:g} GB")

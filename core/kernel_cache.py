@@ -1,6 +1,6 @@
-"""The cache of compiled kernels.
+"""Cache of compiled kernels on disk.
 
-Each cache file carries a digest; a damaged file is deleted and its kernel is compiled again. So is a
+Each cache file contains a digest. A damaged file is deleted and its kernel compiled again, and so is a
 file that is older than a source on which its kernel may depend.
 """
 
@@ -19,14 +19,14 @@ from numba.core import caching
 
 _Plain: Any = caching.IndexDataCacheFile
 _DIGEST = 32
-"""Bytes of SHA-256, which stand before the contents of a file."""
+"""Number of bytes of the SHA-256 digest at the start of a file."""
 
 
 class CheckedCacheFile(_Plain):  # type: ignore[misc]
-    """Numba's index and data files, of which those with a wrong digest are removed instead of loaded.
+    """Numba's index and data files; a file with a wrong digest is removed instead of loaded.
 
-    Numba unpickles and links whatever stands there. Bits that a disk lost would raise an error from
-    inside pickle at every start, or run as machine code.
+    Numba unpickles and links the content without a check. A damaged file would raise an error inside
+    pickle at every start, or be executed as machine code.
     """
 
     def _load_index(self) -> dict[Any, str]:
@@ -46,7 +46,7 @@ class CheckedCacheFile(_Plain):  # type: ignore[misc]
     def _load_data(self, name: str) -> Any:
         content = _read(self._data_path(name))
         if content is None:
-            raise FileNotFoundError(name)  # which Numba takes as a kernel that is not in the cache
+            raise FileNotFoundError(name)  # Numba then compiles the kernel.
         return pickle.loads(content)
 
     def _save_data(self, name: str, data: Any) -> None:
@@ -58,7 +58,7 @@ class CheckedCacheFile(_Plain):  # type: ignore[misc]
 
 
 def _read(path: str) -> bytes | None:
-    """Return the contents of a file without its digest; None, and no file any more, if they differ."""
+    """Return the content of a file without its digest; if they differ, delete it and return None."""
     try:
         with open(path, "rb") as file:
             whole = file.read()
@@ -73,10 +73,10 @@ def _read(path: str) -> bytes | None:
 
 
 def check_files(kernel: Any) -> None:
-    """Let a kernel's cache look at its files' digests.
+    """Make a kernel's cache verify the digests of its files.
 
     Args:
-        kernel: compiled with ``cache=True``.
+        kernel: kernel compiled with ``cache=True``.
     """
     cache = kernel._cache
     plain = cache._cache_file
@@ -91,7 +91,7 @@ def imported_files(source: Path, root: Path) -> set[Path]:
     """Return the files of the package that a module imports directly.
 
     Args:
-        source: module.
+        source: file of the module.
         root: folder of the package ``shaftline``.
     """
     found = set()
@@ -114,10 +114,10 @@ def imported_files(source: Path, root: Path) -> set[Path]:
 
 
 def drop_stale_kernels(root: Path) -> None:
-    """Delete cached kernels that are older than a source that their module imports, however indirectly.
+    """Delete cached kernels that are older than a source that their module imports, even indirectly.
 
-    Numba compares a kernel with the source file of the kernel alone. After a change of ``propeller.py``
-    it would still use the old propeller inside ``simulation.py``.
+    Numba compares a kernel only with its own source file. After a change of ``propeller.py`` it would
+    still use the old propeller inside ``simulation.py``.
 
     Args:
         root: folder of the package ``shaftline``.

@@ -1,7 +1,7 @@
-"""Libraries that take long to import, loaded when they are first used.
+"""Lazy import of libraries that take long to load.
 
-python-control brings scipy.signal, scipy.stats and matplotlib.pyplot with it, a second of every start of
-the command and every ``import shaftline.plant``, and most runs never make a linear model.
+python-control imports scipy.signal, scipy.stats and matplotlib.pyplot, which costs a second at every
+start of the command and every ``import shaftline.plant``; most runs need no linear model.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import control
 
-__all__ = ["control", "when_used"]
+__all__ = ["control", "lazy_import"]
 
 
-def when_used(name: str) -> ModuleType:
-    """A module whose code runs at the first access to one of its attributes.
+def lazy_import(name: str) -> ModuleType:
+    """Return a module whose code runs at the first access to one of its attributes.
 
-    Whoever imports it later gets this one.
+    A later ``import`` of the module returns the same object.
 
     Args:
-        name: of a module at the top level.
+        name: name of a top-level module.
 
     Raises:
-        ModuleNotFoundError: it is not installed, which is known at once.
+        ModuleNotFoundError: the module is not installed; this is checked immediately.
     """
     if name in sys.modules:
         return sys.modules[name]
@@ -41,4 +41,4 @@ def when_used(name: str) -> ModuleType:
 
 
 if not TYPE_CHECKING:
-    control = when_used("control")
+    control = lazy_import("control")

@@ -1,4 +1,4 @@
-"""Base class of what is read from a user's file: tasks, recipes, column maps, catalogues."""
+"""Base class of the models of user files: tasks, recipes, column maps, catalogues."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, fie
 
 
 class FileModel(BaseModel):
-    """An immutable table of a file: no unknown key, every number finite, no truth value or text for one.
+    """An immutable table of a file, without unknown keys; every number is finite and given as a number.
 
-    Ship files have a stricter base, :class:`shaftline.plant.keys.Section`, for TOML keeps types apart
-    that YAML and pydantic's lax mode mix.
+    Ship files have a stricter base, :class:`shaftline.plant.keys.Section`: TOML distinguishes types that
+    YAML and pydantic's lax mode convert.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -24,7 +24,7 @@ class FileModel(BaseModel):
         leaves = _leaves(cls.model_fields[info.field_name].annotation)
         numeric = bool(leaves & {float, int}) and leaves <= {float, int, NoneType}
         if leaves <= _PLAIN - {bool}:
-            refuse_words(value, (bool, str) if numeric else (bool,))
+            refuse_non_numbers(value, (bool, str) if numeric else (bool,))
         return value
 
 
@@ -32,11 +32,11 @@ _PLAIN = frozenset({float, int, str, bool, NoneType})
 
 
 def _leaves(annotation: Any) -> set[Any]:
-    """Return the types at the ends of an annotation; the keys of a dictionary are left out."""
+    """Return the types at the ends of an annotation; the key types of dictionaries are left out."""
     parts = get_args(annotation)
     if annotation in _PLAIN or not parts:
         return {annotation}
-    if get_origin(annotation) is Annotated:  # the type stands first
+    if get_origin(annotation) is Annotated:  # The type is its first argument.
         parts = parts[:1]
     if get_origin(annotation) is Literal:
         return {type(part) for part in parts}
@@ -45,8 +45,8 @@ def _leaves(annotation: Any) -> set[Any]:
     return set().union(*(_leaves(part) for part in parts if part is not Ellipsis))
 
 
-def explained(error: ValidationError) -> str:
-    """Return what pydantic refused as sentences: key, value and reason; one for each key."""
+def explain(error: ValidationError) -> str:
+    """Return a pydantic error as text: key, value and reason for each error."""
     sentences = []
     for item in error.errors():
         key = ".".join(map(str, item["loc"]))
@@ -61,12 +61,12 @@ def explained(error: ValidationError) -> str:
     return "; ".join(sentences)
 
 
-def refuse_words(value: Any, kinds: tuple[type, ...] = (bool,)) -> None:
-    """Refuse a value that is, or holds at any depth, a truth value or a text.
+def refuse_non_numbers(value: Any, kinds: tuple[type, ...] = (bool,)) -> None:
+    """Refuse a value that is, or contains at any depth, a truth value or a text instead of a number.
 
     Args:
-        value: of a file: a number, or lists and tables of numbers.
-        kinds: bool, str or both.
+        value: value of a file: a number, or lists and tables of numbers.
+        kinds: types to refuse: bool, str or both.
 
     Raises:
         ValueError: names the value.
@@ -74,12 +74,12 @@ def refuse_words(value: Any, kinds: tuple[type, ...] = (bool,)) -> None:
     if isinstance(value, dict):
         for key, part in value.items():
             try:
-                refuse_words(part, kinds)
+                refuse_non_numbers(part, kinds)
             except ValueError as error:
                 raise ValueError(f"{key}: {error}") from None
     elif isinstance(value, list | tuple):
         for part in value:
-            refuse_words(part, kinds)
+            refuse_non_numbers(part, kinds)
     elif isinstance(value, kinds):
         given = "a truth value" if isinstance(value, bool) else "a text"
-        raise ValueError(f"{value!r} is {given}, where a number is needed")
+        raise ValueError(f"{value!r} is {given}; a number is required")

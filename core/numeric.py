@@ -1,5 +1,6 @@
-"""Small numerical kernels; those of :data:`Real` accept complex numbers, so that derivatives by complex
-steps pass.
+"""Small numerical kernels.
+
+Those of :data:`Real` accept complex numbers, for derivatives by complex steps.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from .compiled import Real, compiled, compiled_polynomial
 
 @compiled
 def clip(value: Real, low: Real, high: Real) -> Real:
-    """Limit ``value`` to [low, high] by its real part."""
+    """Return ``value`` limited to [low, high] by its real part."""
     if value.real < low.real:
         return low
     if value.real > high.real:
@@ -24,7 +25,7 @@ def clip(value: Real, low: Real, high: Real) -> Real:
 
 @compiled
 def modulus(value: Real) -> Real:
-    """``value`` or its negative, whichever has a real part that is not negative."""
+    """Return ``value`` or its negative, so that the real part is not negative."""
     return value if value.real >= 0.0 else -value
 
 
@@ -32,7 +33,7 @@ def modulus(value: Real) -> Real:
 def piecewise_linear(
     knots: NDArray[np.float64], values: NDArray[np.float64], count: int, x: Real
 ) -> Real:
-    """Straight lines between the first ``count`` knots, held outside them."""
+    """Return a linear interpolation between the first ``count`` knots, constant outside them."""
     last = count - 1
     if x.real < knots[0].real:
         return values[0]
@@ -44,8 +45,8 @@ def piecewise_linear(
 
 
 @compiled
-def begun_between(guess: float, low: float, high: float) -> float:
-    """Where a search between two bounds begins: at the guess, or in the middle if that is no number."""
+def start_between(guess: float, low: float, high: float) -> float:
+    """Return the start of a search between two bounds: the guess, or the middle if it is not finite."""
     x = min(max(guess, low), high)
     return x if math.isfinite(x) else 0.5 * (low + high)
 
@@ -54,18 +55,18 @@ def begun_between(guess: float, low: float, high: float) -> float:
 def newton_step(
     x: float, value: float, slope: float, low: float, high: float
 ) -> tuple[float, float, float]:
-    """One step of a safeguarded Newton search for the zero of a falling function.
+    """Return one step of a safeguarded Newton search for the zero of a falling function.
 
     Args:
-        x: where the search stands.
-        value: of the function there.
-        slope: of the function there.
+        x: present point.
+        value: value of the function at ``x``.
+        slope: slope of the function at ``x``.
         low: lower bound of the zero.
-        high: upper bound.
+        high: upper bound of the zero.
 
     Returns:
-        Where to go next, and the bounds as ``value`` narrows them. Where Newton's step leaves them, it
-        goes to their middle.
+        The next point, and the bounds narrowed by ``value``. If Newton's step leaves the bounds, the
+        next point is their middle.
     """
     if value > 0.0:
         low = x
@@ -83,7 +84,7 @@ _HALF_PI_LOW = 6.077100506506192e-11
 
 @compiled_polynomial
 def sine_cosine(angle: Real) -> tuple[Real, Real]:
-    """Sine and cosine of an angle [rad], without a branch and without the library's calls.
+    """Return sine and cosine of an angle [rad], without branches and library calls.
 
     Taylor series after reduction to +-pi/4; error below 2.1e-14 for |angle| < 1e5 rad.
     """
@@ -123,7 +124,7 @@ def sine_cosine(angle: Real) -> tuple[Real, Real]:
             )
         )
     )
-    # quadrant modulo 4 as floats: 0 -> (c, s), 1 -> (-s, c), 2 -> (-c, -s), 3 -> (s, -c)
+    # Quadrant modulo 4 as floats: 0 -> (c, s), 1 -> (-s, c), 2 -> (-c, -s), 3 -> (s, -c).
     quarter = quadrant - 4.0 * np.floor(quadrant * 0.25)
     odd = quarter - 2.0 * np.floor(quarter * 0.5)
     half = 1.0 - 2.0 * np.floor(quarter * 0.5)

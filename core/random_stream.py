@@ -1,9 +1,9 @@
 """NumPy's ``default_rng(seed).random(n)`` inside kernels, bit for bit.
 
-A NumPy generator takes longer to make than a whole sea to be worked out, and kernels cannot make one. So
-its seeding (SeedSequence: O'Neill's ``seed_seq`` with NumPy's constants) and its stream (PCG64, XSL-RR
-128/64, O'Neill 2014, "PCG: A family of simple fast space-efficient statistically good algorithms for
-random number generation") are written out here. NumPy guarantees both to stay as they are.
+A NumPy generator takes longer to create than a whole sea takes to compute, and kernels cannot create
+one. So its seeding (SeedSequence: O'Neill's ``seed_seq`` with NumPy's constants) and its stream (PCG64,
+XSL-RR 128/64, O'Neill 2014, "PCG: A family of simple fast space-efficient statistically good algorithms
+for random number generation") are implemented here. NumPy guarantees that both stay unchanged.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def _step(
 
 @compiled
 def _seeded(seed: int) -> NDArray[np.uint64]:
-    """Return the four words of 64 bits that NumPy's SeedSequence makes of a seed below 2**32."""
+    """Return the four 64-bit words that NumPy's SeedSequence generates from a seed below 2**32."""
     pool = np.zeros(_POOL, np.uint32)
     pool[0] = _U32(seed)
     constant = _POOL_START

@@ -1,8 +1,8 @@
-"""Reads one sheet of a spreadsheet in a process of its own, with bounded memory.
+"""Script that reads one sheet of a spreadsheet in a separate process with limited memory.
 
 The reader is compiled code that allocates the whole rectangle between the first and the last cell, and
-ends its process where it cannot. :mod:`.table_files` runs this file as a script, which therefore imports
-nothing of the package, and gets a pickled pair back: names of the sheets, and the table or None.
+terminates its process if it cannot. :mod:`.tables` runs this file as a script, which therefore imports
+nothing of the package. Its output is a pickled pair: the names of the sheets, and the table or None.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ import pickle
 import sys
 
 LARGEST_BYTES = 2_000_000_000
-"""Memory that one sheet may take [bytes]."""
+"""Largest memory of one sheet [bytes]."""
 
 
 def main() -> None:
-    """Read the file that the first argument names; the second is the sheet, the first one if empty."""
+    """Read the file in the first argument; the second is the sheet, by default the first one."""
     try:
         import resource
 

@@ -1,7 +1,7 @@
-"""Many independent cells, spread over the cores of a machine or a cluster; finished ones are kept.
+"""Sweeps: many independent cells, distributed over the cores of a machine or a cluster, and resumable.
 
-The one way in which evaluations, proofs, trainings over seeds and folders of recordings are spread. A
-result depends on its cell alone, never on how many were worked on at once, or where.
+Evaluations, validations, trainings over seeds and folders of recordings all use it. A result depends on
+its cell only, never on the number or place of the processes.
 """
 
 from __future__ import annotations
@@ -28,17 +28,20 @@ from .files import read_json, write_text
 
 BACKENDS = ("processes", "dask")
 
-_WATCH, _WATCH_S = "shaftline watches its parent", 1.0  # name and pace of a worker's watch
+_WATCH, _WATCH_S = (
+    "shaftline watches its parent",
+    1.0,
+)  # name and interval of a worker's watch thread
 
-_PATIENCE_S = 10.0  # for a scheduler to answer and for its first worker
+_PATIENCE_S = 10.0  # timeout for a scheduler and for its first worker [s]
 
 Cell = TypeVar("Cell")
-Found: TypeAlias = tuple[str, str, str | None]
-"""Name of a cell, its result as JSON and, where there is none, why: a traceback."""
+CellResult: TypeAlias = tuple[str, str, str | None]
+"""Name of a cell, its result as JSON, and the traceback if it failed."""
 
 
 class SweepError(ValueError):
-    """A sweep that cannot be spread as asked, or cells that failed; the message says which."""
+    """A sweep that cannot be distributed as requested, or failed cells; the message says which."""
 
 
 def sweep(
@@ -51,27 +54,28 @@ def sweep(
     scheduler: str | None = None,
     tick: Callable[[], None] = lambda: None,
 ) -> dict[str, Any]:
-    """Work on every cell whose result does not stand in the folder.
+    """Compute every cell whose result is not yet in the folder.
 
-    Results are written by this process, each as soon as it arrives: workers need no shared disk, and
-    whatever stops the sweep (Ctrl-C, a cell that fails), what is finished is found by the next one.
+    This process writes each result as soon as it arrives. So workers need no shared disk, and a sweep
+    that was stopped (Ctrl-C, a failed cell) continues from its finished cells.
 
     Args:
-        work: from a cell to its result, which must be fit for JSON; carried to other processes by
+        work: function from a cell to its result, which must be JSON data; sent to other processes by
             cloudpickle.
-        cells: by name, which is the result's file name; whatever changes the result belongs into it.
-        folder: where ``NAME.json`` of each cell is kept.
-        jobs: processes on this machine, by default as many as its cores; 1 works in this process.
+        cells: cells by name, which is also the file name; it must include everything that changes the
+            result.
+        folder: folder of the files ``NAME.json``.
+        jobs: processes on this machine, by default one for each core; 1 computes in this process.
         backend: one of :data:`BACKENDS`.
         scheduler: address of a dask scheduler, such as ``tcp://10.0.0.1:8786``.
-        tick: called for each cell that is finished or found finished.
+        tick: called for each cell that is finished, now or before.
 
     Returns:
         Results by name in the order of the cells, as read from their files.
 
     Raises:
-        SweepError: a backend that is not there, or cells whose work raised; all others are finished
-            first, and the traceback of each stands in ``NAME.error.txt``.
+        SweepError: an unavailable backend, or failed cells; all other cells are finished first, and the
+            traceback of each failed cell is in ``NAME.error.txt``.
     """
     check_backend(jobs, backend, scheduler)
     paths = {name: folder / f"{name}.json" for name in cells}
@@ -93,16 +97,16 @@ def sweep(
     if failed:
         first = "\n".join(f"{name}: {error}" for name, error in list(failed.items())[:3])
         raise SweepError(
-            f"{len(failed)} of {len(cells)} cells failed, the others are kept in {folder}; {first}"
+            f"{len(failed)} of {len(cells)} cells failed; the others are stored in {folder}; {first}"
         )
     return {name: read_json(path) for name, path in paths.items()}
 
 
-def _watched(home: int) -> None:
-    """In a worker, from its birth: leave Ctrl-C to the process that began it, and go when that has gone.
+def _watch_parent(home: int) -> None:
+    """Make a worker ignore Ctrl-C and exit when its parent process has ended.
 
     Args:
-        home: number of that process.
+        home: process id of the parent.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
@@ -114,8 +118,8 @@ def _watched(home: int) -> None:
     threading.Thread(target=watch, name=_WATCH, daemon=True).start()
 
 
-def _attempt(work: Callable[[Cell], Any], name: str, cell: Cell) -> Found:
-    """One bad cell does not stop the rest."""
+def _attempt(work: Callable[[Cell], Any], name: str, cell: Cell) -> CellResult:
+    """Compute one cell; return an error instead of raising it, so that the other cells continue."""
     try:
         return name, json.dumps(work(cell), allow_nan=False), None
     except Exception as error:
@@ -123,42 +127,44 @@ def _attempt(work: Callable[[Cell], Any], name: str, cell: Cell) -> Found:
 
 
 def check_backend(jobs: int | None, backend: str, scheduler: str | None) -> None:
-    """Refuse options of :func:`sweep` that contradict each other, before anything is worked on.
+    """Refuse contradictory options of :func:`sweep` before any computation.
 
     Raises:
         SweepError: names the option.
     """
     if backend not in BACKENDS:
-        raise SweepError(f"--backend {backend}: known are {', '.join(BACKENDS)}")
+        raise SweepError(f"--backend {backend} is unknown; known backends: {', '.join(BACKENDS)}")
     if jobs is not None and jobs < 1:
-        raise SweepError(f"--jobs {jobs}: at least one process is needed")
+        raise SweepError(f"--jobs {jobs}: must be at least 1")
     if backend == "dask" and scheduler is None:
         raise SweepError(
             "--backend dask: give the cluster's address as --scheduler, such as tcp://10.0.0.1:8786 "
             "(`dask scheduler` prints it when it starts)"
         )
     if backend != "dask" and scheduler is not None:
-        raise SweepError(f"--scheduler {scheduler}: needs --backend dask")
+        raise SweepError(f"--scheduler {scheduler}: requires --backend dask")
     if backend == "dask" and jobs is not None:
         raise SweepError(
-            f"--jobs {jobs}: counts processes on this machine; with --backend dask every worker of the "
-            "scheduler is used"
+            f"--jobs {jobs}: applies to processes on this machine; --backend dask uses every worker of "
+            "the scheduler, so leave --jobs out"
         )
 
 
-def _machine(work: Callable[[Cell], Any], cells: Mapping[str, Cell], jobs: int) -> Iterator[Found]:
-    """Findings of the processes of this machine, in the order in which they are finished."""
-    # one cell at a time for each process: a batch would hold finished cells back
+def _machine(
+    work: Callable[[Cell], Any], cells: Mapping[str, Cell], jobs: int
+) -> Iterator[CellResult]:
+    """Yield the results of processes on this machine, in the order of their completion."""
+    # A batch size above 1 would hold finished cells back.
     parallel = joblib.Parallel(
         jobs,
         return_as="generator_unordered",
         batch_size=1,
-        initializer=_watched,
+        initializer=_watch_parent,
         initargs=(os.getpid(),),
     )
     try:
         with warnings.catch_warnings():
-            # loky replaces a process whose memory has grown; no cell is lost by it
+            # loky replaces a process whose memory has grown; no cell is lost.
             warnings.filterwarnings("ignore", message="A worker stopped while some jobs were given")
             tasks = (joblib.delayed(_attempt)(work, *item) for item in cells.items())
             yield from parallel(tasks)
@@ -168,16 +174,16 @@ def _machine(work: Callable[[Cell], Any], cells: Mapping[str, Cell], jobs: int) 
     except BrokenProcessPool as error:
         why = str(error).split(". ")[0].strip()
         raise SweepError(
-            f"the processes broke down ({why}); finished cells are kept, and --jobs 1 needs no others"
+            f"the worker processes stopped ({why}); finished cells are kept; try --jobs 1"
         ) from None
 
 
 def _cluster(
     work: Callable[[Cell], Any], cells: Mapping[str, Cell], scheduler: str
-) -> Iterator[Found]:
-    """Findings of a dask cluster, in the order in which they are finished.
+) -> Iterator[CellResult]:
+    """Yield the results of a dask cluster, in the order of their completion.
 
-    Spoken to directly: joblib's own dask backend waits for ever for a cell whose worker died or lacks
+    dask is used directly: joblib's dask backend waits for ever for a cell whose worker died or lacks
     this package (joblib 1.6).
     """
     with _client(scheduler) as (client, as_completed):
@@ -186,25 +192,27 @@ def _cluster(
             for name, cell in cells.items()
         }
         for future in as_completed(names):
-            error = future.exception()  # of the cluster; the work's own is among the findings
+            error = future.exception()  # of the cluster; errors of the work are part of the result
             lost = f"on the cluster, {type(error).__name__}: {' '.join(str(error).split())}"
-            name = names.pop(future)  # lets the cluster forget the result
+            name = names.pop(future)  # The cluster can then release the result.
             yield (name, "", lost) if error else future.result()
 
 
 @contextmanager
 def _client(address: str) -> Iterator[Any]:
-    """A connection to a dask scheduler that has workers, and distributed's ``as_completed``."""
+    """Connect to a dask scheduler with workers; yield the client and distributed's ``as_completed``."""
     try:
         import distributed
     except ImportError:
         raise SweepError(
-            "--backend dask: needs an extra, `pip install 'shaftline[cluster]'`"
+            "--backend dask: requires an extra, `pip install 'shaftline[cluster]'`"
         ) from None
     try:
         client: Any = distributed.Client(address, timeout=_PATIENCE_S)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
-        raise SweepError(f"--scheduler {address}: no dask scheduler answers ({error})") from None
+        raise SweepError(
+            f"--scheduler {address}: no dask scheduler responds ({error}); check the address"
+        ) from None
     with client:
         try:
             client.wait_for_workers(1, timeout=_PATIENCE_S)
@@ -216,38 +224,38 @@ def _client(address: str) -> Iterator[Any]:
 
 
 def digest_of(text: str) -> str:
-    """Eight letters that change with a text."""
+    """Return eight characters that change with a text."""
     return hashlib.sha256(text.encode()).hexdigest()[:8]
 
 
 @functools.cache
 def source_digest(*places: str) -> str:
-    """Eight letters that change with the package's source and data in some folders or files.
+    """Return eight characters that change with the source and data of the package in folders or files.
 
-    Cells carry them in their name, so that none outlives the equations that made it.
+    Names of cells include them, so that no result outlives the equations that produced it.
     """
-    house = Path(__file__).resolve().parent.parent
+    package = Path(__file__).resolve().parent.parent
     digest = hashlib.sha256()
     for place in places:
-        root = house / place
+        root = package / place
         files = [root] if root.is_file() else sorted(root.rglob("*"))
         for file in files:
             if file.suffix in (".py", ".toml", ".csv"):
-                digest.update(file.relative_to(house).as_posix().encode() + file.read_bytes())
+                digest.update(file.relative_to(package).as_posix().encode() + file.read_bytes())
     return digest.hexdigest()[:8]
 
 
-def refuse_another(folder: Path, note: Path, plan: Mapping[str, Any], what: str) -> None:
+def refuse_other_plan(folder: Path, note: Path, plan: Mapping[str, Any], what: str) -> None:
     """Refuse to mix the results of two plans in one folder.
 
     Args:
-        folder: that would hold both, for the message.
-        note: where the plan of what is there was written, if anything is.
-        plan: by key, fit for JSON.
-        what: a result is called.
+        folder: folder of the results, for the message.
+        note: file with the plan of the existing results, if there are any.
+        plan: new plan by key, as JSON data.
+        what: name of a result.
 
     Raises:
-        ValueError: the first key in which the plans differ.
+        ValueError: gives the first key in which the plans differ.
     """
     if not note.is_file():
         return
@@ -261,7 +269,7 @@ def refuse_another(folder: Path, note: Path, plan: Mapping[str, Any], what: str)
 
 
 def _difference(kept: Any, now: Any) -> str:
-    """Return the first values that differ between two plans, with their key where they are nested."""
+    """Return the first values that differ between two plans, with their key if they are nested."""
     if isinstance(kept, dict) and isinstance(now, dict):
         key = next(key for key in {**kept, **now} if kept.get(key) != now.get(key))
         return f"{key}: {_difference(kept.get(key), now.get(key))}"

@@ -1,7 +1,7 @@
-"""Tables as loggers write them: separator, decimal comma, encoding, lines above the names, units.
+"""Tables as data loggers write them: separator, decimal comma, encoding, header lines, units.
 
-What a file does not say is guessed from its first lines, and the guess goes with the table
-(``table.attrs["layout"]``), so that it can be shown.
+Properties that a file does not state are guessed from its first lines. The guess is stored with the
+table (``table.attrs["layout"]``), so that it can be shown.
 """
 
 from __future__ import annotations
@@ -25,13 +25,18 @@ import pandas as pd
 from . import sheet_process
 
 _READ_BYTES = 100_000
-_SEPARATORS = ("\t", ";", "|", ",")  # a comma last: it may be the decimal sign of the others
-_CONSTANT = 0.9  # share of the lines that must have as many fields
-_WIDE = 0.9  # share of zero bytes at a place of each letter, from which a text is of wide letters
-_HEAD_ROWS = 100  # of a spreadsheet, in which its names are looked for
-_LONGEST_S = 120  # for reading a spreadsheet
-_LARGEST_UNPACKED = 400e6  # of a spreadsheet [bytes]
-_SHORT = 16  # letters of a unit at most
+_SEPARATORS = (
+    "\t",
+    ";",
+    "|",
+    ",",
+)  # The comma is last: with the others it may be the decimal sign.
+_CONSTANT = 0.9  # least share of the lines with the same number of fields
+_WIDE = 0.9  # least share of zero bytes at one place of each character in a UTF-16 or UTF-32 text
+_HEAD_ROWS = 100  # rows of a spreadsheet in which the header is searched
+_LONGEST_S = 120  # time limit of the spreadsheet process [s]
+_LARGEST_UNPACKED = 400e6  # largest unpacked spreadsheet [bytes]
+_SHORT = 16  # largest number of characters of a unit
 _NO_TEXT = {
     b"\x1f\x8b": "it is compressed (gzip); unpack it first",
     b"PK\x03\x04": "it is a zip archive or a spreadsheet; unpack it, or give it its own ending (.xlsx)",
@@ -39,25 +44,25 @@ _NO_TEXT = {
     b"\x89HDF": "it is an HDF5 or a MATLAB file; save the table as CSV or Parquet",
     b"PAR1": "it is a Parquet file; give it the ending .parquet",
 }
-"""First bytes of files that are often taken for a text, and what to do."""
+"""First bytes of files that are often mistaken for text, and the remedy."""
 _NAMES = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma"}
 
 
 class LayoutError(ValueError):
-    """A file that is no table; the message says why."""
+    """A file without a usable table; the message says why."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """How a text file is a table.
+    """Layout of a table in a text file or spreadsheet.
 
     Args:
-        encoding: of the text, as Python names it.
-        separator: between fields.
-        decimal: sign, ``.`` or ``,``.
-        header_row: line of the names, from 1.
+        encoding: encoding of the text, as Python names it.
+        separator: separator of the fields.
+        decimal: decimal sign, ``.`` or ``,``.
+        header_row: line of the column names, from 1.
         unit_row: line of the units, if there is one.
-        sheet: of a spreadsheet; None for a text.
+        sheet: sheet of a spreadsheet; None for a text file.
     """
 
     encoding: str = "utf-8"
@@ -67,20 +72,20 @@ class Layout:
     unit_row: int | None = None
     sheet: str | None = None
 
-    def words(self) -> str:
-        """What is not plain about it; empty for a plain file."""
-        said = [] if self.sheet is None else [f"sheet {self.sheet!r}"]
+    def description(self) -> str:
+        """Return the properties that differ from a plain CSV file; empty for a plain file."""
+        parts = [] if self.sheet is None else [f"sheet {self.sheet!r}"]
         if self.encoding != "utf-8":
-            said.append(f"encoding {self.encoding}")
+            parts.append(f"encoding {self.encoding}")
         if self.separator != ",":
-            said.append(f"separator {_NAMES.get(self.separator, self.separator)}")
+            parts.append(f"separator {_NAMES.get(self.separator, self.separator)}")
         if self.decimal != ".":
-            said.append("decimal comma")
+            parts.append("decimal comma")
         if self.header_row != 1:
-            said.append(f"names in line {self.header_row}")
+            parts.append(f"names in line {self.header_row}")
         if self.unit_row is not None:
-            said.append(f"units in line {self.unit_row}")
-        return ", ".join(said)
+            parts.append(f"units in line {self.unit_row}")
+        return ", ".join(parts)
 
 
 def _encoding(head: bytes) -> str:
@@ -98,18 +103,18 @@ def _encoding(head: bytes) -> str:
     try:
         head.decode("utf-8")
     except UnicodeDecodeError as error:
-        if error.start < len(head) - 4:  # not merely cut off within a letter
+        if error.start < len(head) - 4:  # The error is not just a character cut at the end.
             return "cp1252"
     return "utf-8"
 
 
 def _wide_encoding(head: bytes) -> str:
-    """Encoding of a text with two or four bytes a letter and no mark at its begin.
+    """Return the encoding of a text with two or four bytes per character and no byte order mark.
 
-    In such a text of mostly Latin letters the zero bytes stand at the same places of every letter.
+    In a text of mostly Latin letters the zero bytes are at the same places of every character.
 
     Raises:
-        LayoutError: it is none.
+        LayoutError: the bytes are no text.
     """
     zero = [1.0 - sum(map(bool, head[k::4])) / max(len(head[k::4]), 1) for k in range(4)]
     for name, places in (
@@ -118,7 +123,7 @@ def _wide_encoding(head: bytes) -> str:
         letters = [zero[k] for k in range(4) if k not in places]
         if min(zero[k] for k in places) > _WIDE and max(letters) == 0.0:
             return name
-    raise LayoutError("it holds bytes that are no text")
+    raise LayoutError("it contains bytes that are no text; save the table as CSV")
 
 
 def _is_number(cell: str, decimal: str) -> bool:
@@ -132,15 +137,15 @@ def _is_number(cell: str, decimal: str) -> bool:
     return True
 
 
-def guessed(path: Path, encoding: str | None = None) -> Layout:
-    """The layout of a text file, from its first lines.
+def guess_layout(path: Path, encoding: str | None = None) -> Layout:
+    """Return the layout of a text file, guessed from its first lines.
 
     Args:
-        path: of the file.
-        encoding: of its text, where that is known.
+        path: path of the file.
+        encoding: encoding of the text, if it is known.
 
     Raises:
-        LayoutError: nothing in it looks like a table with names.
+        LayoutError: the file contains nothing like a table with column names.
     """
     with path.open("rb") as file:
         head = file.read(_READ_BYTES)
@@ -171,25 +176,25 @@ def guessed(path: Path, encoding: str | None = None) -> Layout:
 
 
 def _names_and_units(rows: list[list[str]], width: int, decimal: str) -> tuple[int, int | None]:
-    """Row of the names, from 1, and of the units, if there is one.
+    """Return the row of the column names, from 1, and of the units, if there is one.
 
-    They are the rows of text right above the numbers, as wide as they are.
+    They are the rows of text directly above the numbers, of the same width.
     """
-    found: list[int] = []
+    headers: list[int] = []
     for number, cells in enumerate(rows, start=1):
         if len(cells) != width or not any(cell.strip() for cell in cells):
-            found = []
+            headers = []
         elif 2 * sum(_is_number(cell, decimal) for cell in cells) >= width:
             break
         else:
-            found.append(number)
+            headers.append(number)
     else:
-        return (found or [1])[0], None  # no numbers: its reader says what is wrong with it
-    if not found:
+        return (headers or [1])[0], None  # The caller reports that there are no numbers.
+    if not headers:
         return 1, None
-    if len(found) > 1 and _are_units(rows[found[-1] - 1]):
-        return found[-2], found[-1]
-    return found[-1], None
+    if len(headers) > 1 and _are_units(rows[headers[-1] - 1]):
+        return headers[-2], headers[-1]
+    return headers[-1], None
 
 
 def _cells(line: str, separator: str) -> list[str]:
@@ -197,23 +202,23 @@ def _cells(line: str, separator: str) -> list[str]:
 
 
 def _are_units(cells: list[str]) -> bool:
-    """Whether cells are short and none of them a date or a time."""
+    """Return whether all cells are short and none is a date or a time."""
     return all(len(c.strip()) <= _SHORT and not re.search(r"\d:\d", c) for c in cells)
 
 
 def read_text_table(path: Path, given: dict[str, Any] | None = None) -> pd.DataFrame:
-    """The table of a text file; ``attrs`` has its ``layout``, and ``units`` by name where it has them.
+    """Return the table of a text file; ``attrs`` has its ``layout`` and, if present, ``units`` by name.
 
     Args:
-        path: of the file.
-        given: fields of :class:`Layout` that are known; the others are guessed.
+        path: path of the file.
+        given: known fields of :class:`Layout`; the others are guessed.
 
     Raises:
-        LayoutError: no table, or a name that stands twice.
-        ValueError: of pandas, which cannot read it.
+        LayoutError: no table, or a repeated column name.
+        ValueError: from pandas, which cannot read the file.
     """
     given = given or {}
-    layout = replace(guessed(path, given.get("encoding")), **given)
+    layout = replace(guess_layout(path, given.get("encoding")), **given)
 
     def read(**options: Any) -> pd.DataFrame:
         table: pd.DataFrame = pd.read_csv(
@@ -226,36 +231,36 @@ def read_text_table(path: Path, given: dict[str, Any] | None = None) -> pd.DataF
         names = _unique(read(header=None, skiprows=above, nrows=1, dtype=str).iloc[0])
     except pd.errors.EmptyDataError:
         raise LayoutError(
-            f"nothing stands in line {layout.header_row}, that of the names"
+            f"line {layout.header_row} is empty, but should contain the column names"
         ) from None
     skipped = above if layout.unit_row is None else [*above, layout.unit_row - 1]
     table = read(skiprows=skipped)
     units = None
     if layout.unit_row is not None:
         units = read(header=None, skiprows=layout.unit_row - 1, nrows=1, dtype=str).iloc[0]
-    if len(names) == len(table.columns):  # fewer where rows end with a separator
+    if len(names) == len(table.columns):  # There are fewer names if rows end with a separator.
         table.columns = pd.Index(names)
     return _labelled(table, layout, units)
 
 
 def read_sheet(path: Path, given: dict[str, Any] | None = None) -> pd.DataFrame:
-    """The table of a spreadsheet (xlsx, xls, xlsb or ods), as of :func:`read_text_table`.
+    """Return the table of a spreadsheet (xlsx, xls, xlsb or ods), as in :func:`read_text_table`.
 
-    Its macros and formulas are not run; what they gave last is read.
+    Macros and formulas are not executed; their last stored results are read.
 
     Args:
-        path: of the file.
-        given: ``sheet`` (the first by default), ``header_row`` and ``unit_row`` where they are known.
+        path: path of the file.
+        given: ``sheet`` (by default the first), ``header_row`` and ``unit_row`` if they are known.
 
     Raises:
-        LayoutError: no table, no such sheet, or a name that stands twice.
-        ImportError: its reader is not installed.
+        LayoutError: no table, no such sheet, or a repeated column name.
+        ImportError: the reader is not installed.
     """
-    said = dict(given or {})
+    known = dict(given or {})
     if path.suffix.lower() != ".xls":
         _check_unpacked(path)
-    names, raw = _read_apart(path, said.get("sheet", ""))
-    sheet = said.get("sheet", names[0])
+    names, raw = _read_in_process(path, known.get("sheet", ""))
+    sheet = known.get("sheet", names[0])
     if raw is None:
         raise LayoutError(f"no sheet {sheet!r}; it has: {', '.join(names)}")
     if raw.empty:
@@ -263,10 +268,12 @@ def read_sheet(path: Path, given: dict[str, Any] | None = None) -> pd.DataFrame:
     head = [["" if pd.isna(c) else str(c) for c in row] for row in raw.head(_HEAD_ROWS).to_numpy()]
     header, unit = _names_and_units(head, len(raw.columns), ".")
     layout = Layout(
-        "utf-8", ",", ".", said.get("header_row", header), said.get("unit_row", unit), sheet
+        "utf-8", ",", ".", known.get("header_row", header), known.get("unit_row", unit), sheet
     )
     if layout.header_row > len(raw):
-        raise LayoutError(f"sheet {sheet!r} has {len(raw)} rows; the names' is {layout.header_row}")
+        raise LayoutError(
+            f"sheet {sheet!r} has {len(raw)} rows, but header_row is {layout.header_row}"
+        )
     below = max(layout.header_row, layout.unit_row or 0)
     table = raw.iloc[below:].reset_index(drop=True)
     table.columns = pd.Index(_unique(raw.iloc[layout.header_row - 1]))
@@ -274,28 +281,30 @@ def read_sheet(path: Path, given: dict[str, Any] | None = None) -> pd.DataFrame:
     return _labelled(table.infer_objects(), layout, units)
 
 
-def _read_apart(path: Path, sheet: str) -> tuple[list[str], pd.DataFrame | None]:
-    """Return the names of a spreadsheet's sheets, and one of them as a table: None if it is not there.
+def _read_in_process(path: Path, sheet: str) -> tuple[list[str], pd.DataFrame | None]:
+    """Return the names of a spreadsheet's sheets, and one sheet as a table; None if it does not exist.
 
     Raises:
         LayoutError: damaged, too large, or no spreadsheet.
-        ImportError: its reader is not installed.
+        ImportError: the reader is not installed.
     """
     if importlib.util.find_spec("python_calamine") is None:
         raise ModuleNotFoundError("No module named 'python_calamine'", name="python_calamine")
     script = Path(sheet_process.__file__)
     line = [sys.executable, "-P", str(script), str(path.absolute()), sheet]
-    # one thread, for each asks for address space
+    # Use one thread, because each thread reserves address space.
     alone = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     try:
         done = subprocess.run(line, capture_output=True, timeout=_LONGEST_S, env=alone, check=False)
     except subprocess.TimeoutExpired:
-        raise LayoutError(f"reading the spreadsheet took over {_LONGEST_S} s") from None
+        raise LayoutError(
+            f"the spreadsheet took over {_LONGEST_S} s to open; save the sheet as CSV"
+        ) from None
     if done.returncode == 0:
         names, table = pickle.loads(done.stdout)
         return names, table
-    said = done.stderr.decode(errors="replace")
-    if "memory allocation" in said or "MemoryError" in said or "capacity overflow" in said:
+    message = done.stderr.decode(errors="replace")
+    if any(sign in message for sign in ("memory allocation", "MemoryError", "capacity overflow")):
         raise LayoutError(
             f"the spreadsheet needs more than {sheet_process.LARGEST_BYTES / 1e9:g} GB of memory: "
             "perhaps a stray cell far from the table; delete it, or save the sheet as CSV"
@@ -313,23 +322,24 @@ def _check_unpacked(path: Path) -> None:
                     with members.open(member) as file:
                         declares |= b"<!DOCTYPE" in file.read(_READ_BYTES)
     except (zipfile.BadZipFile, zlib.error, OSError, ValueError, RuntimeError, EOFError):
-        raise LayoutError("it is no spreadsheet, or a damaged one") from None
+        raise LayoutError("it is no spreadsheet, or a damaged one; save the sheet as CSV") from None
     if size > _LARGEST_UNPACKED:
         raise LayoutError(
             f"the spreadsheet unpacks to {size / 1e6:.0f} MB; at most {_LARGEST_UNPACKED / 1e6:.0f} "
             "MB are read. Save the sheet as CSV"
         )
-    if declares:  # entities, which no spreadsheet program writes
+    if declares:  # No spreadsheet program writes entities, which can exhaust memory.
         raise LayoutError(
-            "the spreadsheet declares a document type: it is a damaged or a harmful one"
+            "the spreadsheet declares a document type, which no spreadsheet program writes: it is "
+            "damaged or harmful; save the sheet as CSV"
         )
 
 
 def _unique(row: pd.Series) -> list[str]:
-    """Names of a row; those without one are called as pandas does."""
+    """Return the column names of a row; missing ones are named as in pandas."""
     names = [f"Unnamed: {i}" if pd.isna(name) else str(name).strip() for i, name in enumerate(row)]
     if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise LayoutError(f"column {twice[0]!r} stands twice")
+        raise LayoutError(f"column {twice[0]!r} occurs twice; give each column a name of its own")
     return names
 
 

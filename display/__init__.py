@@ -1,6 +1,6 @@
 """Tables and figures that several packages use.
 
-A part is imported when it is first used, as ``display.figures``: matplotlib takes half a second.
+Modules are imported at first use, as ``display.figures``, because matplotlib takes half a second.
 """
 
 from importlib import import_module
@@ -14,7 +14,7 @@ __all__ = ["figures", "linear", "loops", "manoeuvres", "recipe_search"]
 
 
 def __getattr__(name: str) -> ModuleType:
-    """What needs matplotlib."""
+    """Import a module of this package that needs matplotlib."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return import_module(f".{name}", __name__)

@@ -1,4 +1,4 @@
-"""Figures, drawn without any global plotting state."""
+"""Figures without global plotting state: signals over time, and controllers compared."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PALETTE = ("#d1495b", "#00798c", "#edae49", "#66a182", "#2e4057", "#8d6a9f", "#b
 
 
 def new_figure(rows: int, columns: int, size: tuple[float, float]) -> tuple[Figure, Any]:
-    """A figure with a grid of axes, shape (rows, columns)."""
+    """Return a figure with a grid of axes, shape (rows, columns)."""
     figure = Figure(figsize=size, layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False)
     for axis in axes.flat:
@@ -32,42 +32,42 @@ def new_figure(rows: int, columns: int, size: tuple[float, float]) -> tuple[Figu
 
 
 def check_picture(path: Path) -> None:
-    """Refuse a path whose ending is that of no picture.
+    """Refuse a path whose ending is no known picture format.
 
     Raises:
-        FileError: names the endings that are known.
+        FileError: names the known endings.
     """
     known = sorted(FigureCanvasAgg.get_supported_filetypes())
     if path.suffix[1:].lower() not in known:
-        raise FileError(f"{path}: a picture's file ends in .{', .'.join(known)}")
+        raise FileError(f"{path}: a picture file must end in .{', .'.join(known)}")
 
 
 def save(figure: Figure, path: Path, dpi: int = 110) -> None:
-    """Write a figure as PNG, or as the path's ending says.
+    """Write a figure in the format of the path's ending, such as PNG.
 
     Raises:
-        FileError: an ending that no picture has.
+        FileError: unknown ending.
     """
     check_picture(path)
     write_atomically(path, lambda file: figure.savefig(file, dpi=dpi))
 
 
 def save_frame(frame: NDArray[np.uint8], path: Path) -> None:
-    """Write what an environment rendered.
+    """Write an image that an environment rendered.
 
     Args:
-        frame: height, width, three colours.
-        path: ending in ``.png``.
+        frame: shape (height, width, 3).
+        path: path ending in ``.png``.
     """
     write_atomically(path, lambda file: imsave(file, frame))
 
 
-def columns(table: pd.DataFrame, title: str) -> Figure:
-    """The main signals of a simulated run over time.
+def signals_figure(table: pd.DataFrame, title: str) -> Figure:
+    """Return a figure of the main signals of a simulation over time.
 
     Args:
         table: columns as in recordings.
-        title: of the figure.
+        title: title of the figure.
     """
     panels = (
         ("advance_velocity_m_s", "advance velocity [m/s]", 1.0),
@@ -98,12 +98,14 @@ def columns(table: pd.DataFrame, title: str) -> Figure:
     return figure
 
 
-def controllers(traces: dict[str, pd.DataFrame], ship: Ship) -> Figure:
-    """One episode of each controller: speed and torque in time, engine envelope, pitch and speed.
+def controllers_figure(traces: dict[str, pd.DataFrame], ship: Ship) -> Figure:
+    """Return a figure of one episode of each controller.
+
+    Its panels show speed and torque over time, the engine envelope, and pitch over shaft speed.
 
     Args:
         traces: by controller, columns of :data:`shaftline.agents.evaluation.episodes.TRACE`.
-        ship: whose engine's envelope is drawn.
+        ship: ship whose engine envelope is drawn.
     """
     plant = ship.record()
     gear = ship.transmission.gear_ratio

@@ -1,4 +1,4 @@
-"""A linear model told: its modes, its channels, and their frequency responses."""
+"""Tables and figures of a linear model: its modes, its channels, and their frequency responses."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.lazy import control
 from ..plant import Loop, Ship
-from ..plant.loops import reached
+from ..plant.loops import drop_unconnected_states
 from ..plant.signals import SIGNALS
 from .figures import TRUTH, new_figure
 
@@ -19,25 +19,25 @@ _UNITS = {
     "resistance_factor": "-", "inflow": "m/s", "engine_torque": "N m", "thrust": "N",
     **{signal.name: signal.unit for signal in SIGNALS},
 }  # fmt: skip
-_NO_ANSWER = 1e-12
-"""Gain below which a channel answers to nothing, over the largest of the model's."""
+_NO_RESPONSE = 1e-12
+"""Gain, relative to the largest of the output, below which a channel counts as zero."""
 
 
 def unit_of(name: str, ship: Ship) -> str:
-    """Unit of an input, state or output of the linear model; the drive's is its prime mover's.
+    """Return the unit of an input, state or output of the linear model.
 
     Args:
-        name: of it.
-        ship: whose model it is.
+        name: name of the signal.
+        ship: ship of the model; its prime mover gives the unit of ``drive``.
     """
     return ship.prime_mover.demand.unit if name == "drive" else _UNITS.get(name, "SI")
 
 
 def modes(system: control.StateSpace) -> pd.DataFrame:
-    """The model's poles, slowest first.
+    """Return the poles of a linear model, slowest first.
 
     Args:
-        system: a linear model.
+        system: linear model.
 
     Returns:
         Real and imaginary part [rad/s], time constant [s], natural frequency [rad/s], damping ratio.
@@ -57,34 +57,36 @@ def modes(system: control.StateSpace) -> pd.DataFrame:
 
 
 def _frequencies(system: control.StateSpace, points: int = 400) -> NDArray[np.float64]:
-    """From well below the slowest pole to well above the fastest [rad/s]."""
+    """Return frequencies from well below the slowest pole to well above the fastest [rad/s]."""
     sizes = np.abs(system.poles())
     sizes = sizes[sizes > 1e-9]
     low, high = (sizes.min(), sizes.max()) if len(sizes) else (1.0, 1.0)
     return np.geomspace(low / 20.0, 50.0 * high, points)
 
 
-def _answering(system: control.StateSpace) -> list[tuple[int, int]]:
-    """Places (output, input) of the channels that answer at all."""
+def _responding_channels(system: control.StateSpace) -> list[tuple[int, int]]:
+    """Return the indices (output, input) of the channels with a non-zero response."""
     response = np.abs(system(1j * _frequencies(system, 60), squeeze=False)).max(axis=2)
-    answers = response > _NO_ANSWER * response.max(axis=1, keepdims=True)
-    return [(int(i), int(j)) for j, i in np.argwhere(answers.T)]
+    responds = response > _NO_RESPONSE * response.max(axis=1, keepdims=True)
+    return [(int(i), int(j)) for j, i in np.argwhere(responds.T)]
 
 
 def channels(system: control.StateSpace, ship: Ship) -> pd.DataFrame:
-    """Each channel that answers: steady gain, zeros, margins of it closed by a gain of 1 or -1.
+    """Return steady gain, zeros and margins of each channel with a non-zero response.
+
+    The margins are those of the loop closed with a gain of 1 or -1.
 
     Args:
-        system: a linear model.
-        ship: whose it is.
+        system: linear model.
+        ship: ship of the model.
 
     Returns:
-        A row a channel; margins are missing where the loop so closed is unstable, and infinite where
-        nothing bounds them.
+        One row for each channel; margins are missing if the closed loop is unstable, and infinite if
+        they are unlimited.
     """
     rows = []
-    for i, j in _answering(system):
-        one = reached(system[i, j])
+    for i, j in _responding_channels(system):
+        one = drop_unconnected_states(system[i, j])
         output, acting = system.output_labels[i], system.input_labels[j]
         gain = float(np.real(one.dcgain()))
         loop = Loop(one * math.copysign(1.0, gain))
@@ -95,7 +97,7 @@ def channels(system: control.StateSpace, ship: Ship) -> pd.DataFrame:
                 "from": f"{acting} [{unit_of(acting, ship)}]",
                 "to": f"{output} [{unit_of(output, ship)}]",
                 "steady gain": gain,
-                "zeros [rad/s]": ", ".join(_written(zero) for zero in zeros) or "none",
+                "zeros [rad/s]": ", ".join(_format(zero) for zero in zeros) or "none",
                 "gain margin [dB]": bounds.gain_margin_dB if bounds else np.nan,
                 "phase margin [deg]": bounds.phase_margin_deg if bounds else np.nan,
             }
@@ -108,21 +110,21 @@ def _per(output: str, acting: str, ship: Ship) -> str:
     return above if below == "1" else f"{above} per {below}"
 
 
-def _written(value: complex) -> str:
+def _format(value: complex) -> str:
     return f"{value.real:.4g}" if abs(value.imag) < 1e-9 * abs(value) else f"{value:.4g}"
 
 
 def frequency_response(system: control.StateSpace, ship: Ship, title: str) -> Figure:
-    """Bode plot: gain and phase of every channel that answers, a column an input.
+    """Return a Bode plot: gain and phase of every channel with a response, one column for each input.
 
     Args:
-        system: a linear model.
-        ship: whose it is.
-        title: of the figure.
+        system: linear model.
+        ship: ship of the model.
+        title: title of the figure.
     """
-    answering = _answering(system)
-    columns = sorted({j for _, j in answering})
-    rows = sorted({i for i, _ in answering})
+    responding = _responding_channels(system)
+    columns = sorted({j for _, j in responding})
+    rows = sorted({i for i, _ in responding})
     frequency = _frequencies(system)
     response = system(1j * frequency, squeeze=False)
     figure, axes = new_figure(
@@ -133,7 +135,7 @@ def frequency_response(system: control.StateSpace, ship: Ship, title: str) -> Fi
         for b, j in enumerate(columns):
             gain, phase = axes[2 * a, b], axes[2 * a + 1, b]
             output, acting = system.output_labels[i], system.input_labels[j]
-            if (i, j) not in answering:
+            if (i, j) not in responding:
                 gain.set_visible(False)
                 phase.set_visible(False)
                 continue

@@ -1,4 +1,4 @@
-"""Figures of a feedback loop: its gain and phase with the margins, S and T, and a step of the order."""
+"""Figures of a feedback loop: gain and phase with margins, S and T, and the step response."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 from ..plant.loops import Loop, Margins
 from .figures import PALETTE, THESIS, TRUTH, new_figure
 
-_LEAST_DB = -90.0  # below it nothing of a loop is worth a line
+_LEAST_DB = -90.0  # lowest gain in the figure
 
 
 def loop_figure(
     loop: Loop, title: str, unit: str = "s", asked: tuple[float, float] | None = None
 ) -> Figure:
-    """A loop in four panels.
+    """Return a figure of a loop in four panels.
 
     Args:
-        loop: that is stable.
-        title: of the figure.
-        unit: of its time.
+        loop: stable loop.
+        title: title of the figure.
+        unit: unit of time of the loop.
         asked: frequency below which |L| should exceed a gain, and that gain [dB]; none by default.
     """
     margins = loop.margins()
@@ -42,7 +42,7 @@ def loop_figure(
             textcoords="offset points", color=PALETTE[0], va="top",
         )  # fmt: skip
     degrees = np.degrees(np.unwrap(np.angle(response)))
-    if np.isfinite(margins.crossover):  # a loop whose gain stays below 1 has none
+    if np.isfinite(margins.crossover):  # A loop with a gain below 1 has no crossover.
         at = float(np.interp(margins.crossover, grid, degrees))
         degrees += 360.0 * round((margins.phase_margin_deg - 180.0 - at) / 360.0)
     phase.semilogx(grid, degrees, color=PALETTE[1])
@@ -79,7 +79,7 @@ def loop_figure(
 
 
 def _grid(loop: Loop, margins: Margins) -> NDArray[np.float64]:
-    """Two decades to either side of the crossover and past the gain margin, as intervals allow."""
+    """Return frequencies two decades around the crossover and beyond the gain margin."""
     crossover, turn = margins.crossover, margins.phase_crossover
     if not np.isfinite(crossover):
         return loop.frequencies()
@@ -89,7 +89,7 @@ def _grid(loop: Loop, margins: Margins) -> NDArray[np.float64]:
 
 
 def _draw_step(axis: Axes, loop: Loop, unit: str) -> None:
-    """The answer to a step of the order, with its overshoot and the time in which it settles."""
+    """Draw the response to a step of the set-point, with overshoot and settling time."""
     time, output = loop.step()
     measures = loop.step_measures()
     last = measures.last_value
@@ -105,5 +105,5 @@ def _draw_step(axis: Axes, loop: Loop, unit: str) -> None:
         ha="right",
         fontsize=9,
     )
-    axis.set_ylabel("answer to a step of the order")
+    axis.set_ylabel("response to a step of the set-point")
     axis.set_xlabel(f"time [{unit}]")

@@ -1,4 +1,4 @@
-"""Figures of manoeuvres: turning circles with the ship drawn on them, zig-zags, spirals."""
+"""Figures of manoeuvres: turning circles with ship outlines, zig-zags, spirals."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ..plant.manoeuvres import Spiral, Trials, TurningCircle, ZigZag
 from .figures import PALETTE, THESIS, TRUTH, new_figure
 
-SIDE_COLOURS = {"starboard": PALETTE[1], "port": PALETTE[0]}  # green and red, as the lights
-_BEAM = 0.16  # of the drawn outline, in ship lengths
-_OUTLINE = np.array(  # ahead and to starboard, in ship lengths: a bow, a straight side, a stern
+SIDE_COLOURS = {"starboard": PALETTE[1], "port": PALETTE[0]}  # green and red, like side lights
+_BEAM = 0.16  # beam of the drawn outline, in ship lengths
+_OUTLINE = np.array(  # ahead and to starboard, in ship lengths: bow, straight side, stern
     [(0.5, 0.0), (0.44, 0.24), (0.33, 0.44), (0.2, 0.5), (-0.38, 0.5), (-0.47, 0.42), (-0.5, 0.3)]
 ) * np.array([1.0, _BEAM])
 OUTLINE = np.vstack([_OUTLINE, _OUTLINE[::-1] * np.array([1.0, -1.0])])
@@ -22,15 +22,15 @@ OUTLINE = np.vstack([_OUTLINE, _OUTLINE[::-1] * np.array([1.0, -1.0])])
 
 
 def outline(ahead: float, aside: float, heading: float) -> NDArray[np.float64]:
-    """Corners of a ship on a map with north up.
+    """Return the corners of a ship on a map with north up.
 
     Args:
-        ahead: midship along the first course [ship lengths].
-        aside: to starboard of it [ship lengths].
+        ahead: position of midship along the initial course [ship lengths].
+        aside: position to starboard of it [ship lengths].
         heading: to starboard of it [rad].
 
     Returns:
-        Shape (14, 2): to starboard of the first course, and along it [ship lengths].
+        Shape (14, 2): to starboard of the initial course, and along it [ship lengths].
     """
     cosine, sine = np.cos(heading), np.sin(heading)
     east = aside + OUTLINE[:, 0] * sine + OUTLINE[:, 1] * cosine
@@ -39,7 +39,7 @@ def outline(ahead: float, aside: float, heading: float) -> NDArray[np.float64]:
 
 
 def _draw_ships(axis: Axes, track: pd.DataFrame, length: float, colour: str, apart: float) -> None:
-    """Outlines at the start and every so many ship lengths of the way, over the first full turn."""
+    """Draw outlines at the start and at constant intervals of the way, over the first full turn."""
     track = track[track["heading_rad"].abs() <= 2.0 * np.pi]
     x = track["position_m"].to_numpy() / length
     y = track["cross_track_m"].to_numpy() / length
@@ -54,11 +54,11 @@ def _draw_ships(axis: Axes, track: pd.DataFrame, length: float, colour: str, apa
 
 
 def turning_circles(turns: dict[str, TurningCircle], title: str) -> Figure:
-    """Tracks with ships on them, and how speed and rate of turn go over the way.
+    """Return a figure of tracks with ship outlines, and of speed and rate of turn over the way.
 
     Args:
-        turns: by side.
-        title: of the figure.
+        turns: turning circles by side.
+        title: title of the figure.
     """
     figure = Figure(figsize=(12.5, 5.6), layout="constrained")
     places = figure.add_gridspec(2, 2, width_ratios=(2.1, 1.0))
@@ -81,10 +81,10 @@ def turning_circles(turns: dict[str, TurningCircle], title: str) -> Figure:
     map_.annotate("rudder ordered", (0.0, 0.0), (8, -14), textcoords="offset points", fontsize=8)
     map_.set_aspect("equal", adjustable="datalim")
     map_.margins(0.12, 0.1)
-    map_.set_xlabel("to starboard of the first course [ship lengths]")
-    map_.set_ylabel("along the first course [ship lengths]")
+    map_.set_xlabel("to starboard of the initial course [ship lengths]")
+    map_.set_ylabel("along the initial course [ship lengths]")
     map_.legend(fontsize=8, frameon=False, loc="lower right")
-    speeds.set_ylabel("speed over that of\nthe approach [-]")
+    speeds.set_ylabel("speed / approach\nspeed [-]")
     speeds.set_ylim(0.0, 1.05)
     rates.set_ylabel("rate of turn [deg/min]")
     rates.axhline(0.0, color=THESIS, linewidth=0.6)
@@ -96,7 +96,7 @@ def turning_circles(turns: dict[str, TurningCircle], title: str) -> Figure:
 
 
 def _measures(axis: Axes, turn: TurningCircle, colour: str) -> None:
-    """Where the heading has changed by 90 and 180 degrees, with advance and tactical diameter."""
+    """Mark heading changes of 90 and 180 degrees, with advance and tactical diameter."""
     side = np.sign(turn.rudder_rad)
     for degrees, name, value, away in (
         (90.0, "advance", turn.advance, (0.0, 22.0)),
@@ -115,24 +115,24 @@ def _measures(axis: Axes, turn: TurningCircle, colour: str) -> None:
         )  # fmt: skip
 
 
-def zig_zags(found: dict[tuple[int, str], ZigZag], title: str) -> Figure:
-    """Heading and rudder over time, a panel each, overshoots marked.
+def zig_zags(results: dict[tuple[int, str], ZigZag], title: str) -> Figure:
+    """Return a figure of heading and rudder over time, one panel for each zig-zag, with overshoots.
 
     Args:
-        found: by angle [deg] and side of the first execute.
-        title: of the figure.
+        results: zig-zags by angle [deg] and side of the first execute.
+        title: title of the figure.
     """
-    angles = sorted({angle for angle, _ in found})
-    sides = sorted({side for _, side in found}, reverse=True)  # starboard first
+    angles = sorted({angle for angle, _ in results})
+    sides = sorted({side for _, side in results}, reverse=True)  # starboard first
     figure, axes = new_figure(len(angles), len(sides), (6.0 * len(sides), 2.9 * len(angles) + 0.5))
     figure.suptitle(title, fontsize=12)
     for i, angle in enumerate(angles):
         for j, side in enumerate(sides):
             axis = axes[i, j]
-            if (angle, side) not in found:
+            if (angle, side) not in results:
                 axis.set_visible(False)
                 continue
-            _zig_zag(axis, found[angle, side], SIDE_COLOURS[side])
+            _zig_zag(axis, results[angle, side], SIDE_COLOURS[side])
             axis.set_title(f"{angle}/{angle}, first to {side}", fontsize=9)
             axis.set_ylabel("[deg]", fontsize=9)
     for axis in axes[-1]:
@@ -170,17 +170,17 @@ def _zig_zag(axis: Axes, found: ZigZag, colour: str) -> None:
     axis.tick_params(labelsize=8)
 
 
-def spirals(found: Spiral, title: str) -> Figure:
-    """Steady rate of turn over rudder angle, there and back, and the middle at a larger scale.
+def spirals(result: Spiral, title: str) -> Figure:
+    """Return a figure of the steady rate of turn over the rudder angle, and of its middle enlarged.
 
     Args:
-        found: the spiral.
-        title: of the figure.
+        result: the spiral.
+        title: title of the figure.
     """
     figure, axes = new_figure(1, 2, (11.0, 4.6))
     figure.suptitle(title, fontsize=12)
     for axis, reach in zip(axes[0], (np.inf, 4.0), strict=True):
-        for leg, part in found.curve.groupby("leg", sort=False):
+        for leg, part in result.curve.groupby("leg", sort=False):
             degrees = np.degrees(part["rudder_rad"].to_numpy())
             near = np.abs(degrees) <= reach
             to_port = leg == "to port"
@@ -188,7 +188,7 @@ def spirals(found: Spiral, title: str) -> Figure:
                 degrees[near], part["rate_of_turn"].to_numpy()[near],
                 color=SIDE_COLOURS["port" if to_port else "starboard"],
                 marker="<" if to_port else ">", markersize=4, linewidth=1.0,
-                label=f"rudder going {leg}",
+                label=f"rudder moving {leg}",
             )  # fmt: skip
         axis.axhline(0.0, color=THESIS, linewidth=0.6)
         axis.axvline(0.0, color=THESIS, linewidth=0.6)
@@ -196,20 +196,20 @@ def spirals(found: Spiral, title: str) -> Figure:
     axes[0, 0].set_ylabel("rate of turn r' = r L / U [-]")
     axes[0, 0].legend(fontsize=8, frameon=False)
     axes[0, 1].set_title(
-        f"loop: {abs(found.width_deg):.2f}° wide, {abs(found.height):.3f} high amidships",
+        f"loop: {abs(result.width_deg):.2f}° wide, {abs(result.height):.3f} high amidships",
         fontsize=9,
     )
     return figure
 
 
-def pictures(trials: Trials) -> dict[str, Figure]:
-    """Every figure of the standard set, by the name of its file; what was not sailed is left out."""
+def trial_figures(trials: Trials) -> dict[str, Figure]:
+    """Return all figures of the standard set by file name; manoeuvres that failed are left out."""
     about = f"{trials.ship.name} at {trials.speed_m_s:.3g} m/s"
-    found = {}
+    figures = {}
     if trials.turns:
-        found["turning-circles"] = turning_circles(trials.turns, f"Turning circles of {about}")
+        figures["turning-circles"] = turning_circles(trials.turns, f"Turning circles of {about}")
     if trials.zig_zags:
-        found["zig-zags"] = zig_zags(trials.zig_zags, f"Zig-zags of {about}")
+        figures["zig-zags"] = zig_zags(trials.zig_zags, f"Zig-zags of {about}")
     if trials.spiral is not None:
-        found["spiral"] = spirals(trials.spiral, f"Spiral of {about}")
-    return found
+        figures["spiral"] = spirals(trials.spiral, f"Spiral of {about}")
+    return figures

@@ -1,4 +1,4 @@
-"""A search of hyperparameters as a picture."""
+"""Figure of a hyperparameter search."""
 
 from __future__ import annotations
 
@@ -15,23 +15,25 @@ _COLUMNS = 3
 
 
 def trials_figure(rewards: pd.DataFrame, values: pd.DataFrame) -> Figure:
-    """Reward by trial, and by each value that was tried.
+    """Return a figure of the reward over the trials, and over each value that was tried.
 
     Args:
-        rewards: by trial, first the recipe as given: ``reward`` at the last evaluation, missing
-            where a trial was stopped, and ``last``, that of its last evaluation.
-        values: by trial, a column for each key.
+        rewards: rows by trial, the given recipe first: ``reward`` at the last evaluation, missing if the
+            trial was stopped, and ``last``, the reward at its own last evaluation.
+        values: rows by trial, one column for each key.
     """
     rows = math.ceil((len(values.columns) + 1) / _COLUMNS)
     figure, axes = new_figure(rows, _COLUMNS, (12.0, 3.2 * rows))
     whole = rewards["reward"].dropna()
     low, top = float(whole.quantile(0.1)), float(whole.max())
-    floor = low - 0.3 * max(top - low, 0.01 * abs(top))  # what is far below is drawn there
-    given_up = rewards.loc[rewards["reward"].isna(), "last"].clip(lower=floor)
+    floor = low - 0.3 * max(top - low, 0.01 * abs(top))  # lower rewards are drawn at the floor
+    stopped = rewards.loc[rewards["reward"].isna(), "last"].clip(lower=floor)
     drawn = whole.clip(lower=floor)
     first, *others = axes.flat
-    if len(given_up):
-        first.plot(given_up.index, given_up, "x", color=THESIS, label="given up, when it was")
+    if len(stopped):
+        first.plot(
+            stopped.index, stopped, "x", color=THESIS, label="stopped, at its last evaluation"
+        )
     first.plot(drawn.index, drawn, "o", color=PALETTE[1], label="at the last evaluation")
     first.step(whole.index, whole.cummax(), where="post", color=ESTIMATE, label="best")
     first.axhline(whole.iloc[0], color=TRUTH, linestyle="--", linewidth=1, label="as given")

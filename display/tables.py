@@ -1,4 +1,4 @@
-"""Tables as pages and files."""
+"""Tables as Markdown pages and CSV files."""
 
 from __future__ import annotations
 
@@ -11,23 +11,20 @@ from ..core.files import write_atomically, write_text
 
 
 def markdown(frame: pd.DataFrame, digits: int = 2) -> str:
-    """A pipe table; numbers rounded, missing ones as a dash, pipes within a cell escaped."""
+    """Return a Markdown table; numbers rounded, missing ones as a dash, pipes in cells escaped."""
 
     def cell(value: Any) -> str:
         if isinstance(value, float):
             return "–" if pd.isna(value) else f"{value:.{digits}f}"
         return str(value).replace("|", "\\|")
 
-    lines = [
-        "| " + " | ".join(map(str, frame.columns)) + " |",
-        "|" + "---|" * len(frame.columns),
-    ]
+    lines = ["| " + " | ".join(map(str, frame.columns)) + " |", "|" + "---|" * len(frame.columns)]
     lines += ["| " + " | ".join(map(cell, row)) + " |" for row in frame.itertuples(index=False)]
     return "\n".join(lines)
 
 
 def write_csv(folder: Path, name: str, frame: pd.DataFrame, digits: int = 6) -> None:
-    """Write ``name.csv`` into a folder, to six digits, or to as many as a recording needs."""
+    """Write ``name.csv`` into a folder, with six significant digits by default."""
     write_atomically(
         folder / f"{name}.csv",
         lambda file: frame.to_csv(file, index=False, float_format=f"%.{digits}g"),

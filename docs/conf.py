@@ -1,6 +1,7 @@
-"""The site: the pages of this folder, notebooks run, docstrings. ``make site`` builds it."""
+"""Configuration of the documentation site, which ``make site`` builds with Sphinx."""
 
 from importlib.metadata import version as installed
+from pathlib import Path
 from typing import Any
 
 project, author = "shaftline", "the shaftline developers"
@@ -11,18 +12,16 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
-    "sphinxcontrib.mermaid",
 ]
 exclude_patterns = ["_build", "jupyter_execute", "_templates"]
 suppress_warnings = ["myst.header", "docutils", "ref.python"]
 
-# pages are written for a reader of the repository as well: plain links, headings as anchors
+# Pages are also read on the repository's web page, so links are plain and headings are the anchors.
 myst_heading_anchors = 4
-myst_fence_as_directive = ["mermaid"]
 myst_enable_extensions = ["dollarmath", "deflist"]
 
 nb_execution_mode = "cache"
-nb_execution_timeout = 600
+nb_execution_timeout = 1800  # the training takes 3 minutes on two free cores
 nb_execution_raise_on_error = True
 nb_execution_show_tb = True
 nb_merge_streams = True
@@ -39,6 +38,7 @@ html_theme = "furo"
 html_title = f"shaftline {version}"
 html_static_path = ["_static"]
 html_css_files = ["shaftline.css"]
+html_search_scorer = str(Path(__file__).with_name("_static") / "scorer.js")
 templates_path = ["_templates"]
 html_sidebars = {
     "**": [
@@ -49,12 +49,14 @@ html_sidebars = {
 copybutton_exclude = ".linenos, .gp, .go"
 
 
-def unnumbered(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
-    """A field of a named tuple stands there with its type; its number tells nobody anything."""
+def drop_field_numbers(
+    app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]
+) -> None:
+    """Remove "Alias for field number ..." from the documentation of named tuples."""
     if lines and lines[0].startswith("Alias for field number"):
         lines.clear()
 
 
 def setup(app: Any) -> None:
-    """What Sphinx calls."""
-    app.connect("autodoc-process-docstring", unnumbered)
+    """Connect the handlers of this file to Sphinx."""
+    app.connect("autodoc-process-docstring", drop_field_numbers)

@@ -1,8 +1,8 @@
-"""The Gymnasium environment around the plant; importing it registers ``shaftline/Frigate-v0`` and
-``shaftline/Steering-v0``.
+"""Gymnasium environments of ship propulsion; importing this package registers them.
 
-``Sb3Frigates`` needs ``pip install 'shaftline[train]'`` and is imported when first used: torch takes
-seconds.
+The environments are ``shaftline/Frigate-v0`` (pitch and drive) and ``shaftline/Steering-v0`` (pitch,
+drive and rudder). ``Sb3Frigates`` needs ``pip install 'shaftline[train]'`` and is imported at its first
+use, because importing torch takes seconds.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -40,7 +40,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """What needs torch."""
+    """Import ``Sb3Frigates`` at its first use, because it needs torch."""
     if name != "Sb3Frigates":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from .sb3 import Sb3Frigates

@@ -1,4 +1,4 @@
-"""A batch of environments as arrays, and how each begins: what single and vector environment share."""
+"""State of a batch of environments as arrays, shared by the single and the vector environments."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from ..core.compiled import compiled
 from ..core.files import check_size
 from ..observers import get_observer
 from ..plant import Ship
-from ..plant.helm import refuse_to_steer
+from ..plant.helm import require_steering
 from ..plant.terms import Term
 from .kernel import control_interval, first_observation
-from .options import Begin
+from .options import ResetOptions
 from .ranges import observed_ranges
 from .records import (
     BASE_COMMANDS,
@@ -37,42 +37,42 @@ from .records import (
 )
 from .residual import BaseController
 from .rewards import goals_record
-from .settings import Settings, check_randomise, noise_of, seas_of
+from .settings import Settings, check_randomise, noise_record, read_seas
 from .starts import (
     DRAWS,
     DRAWS_STEERED,
-    ranges_of,
-    sea_ends,
+    episode_ranges,
+    sea_bounds,
     start_episodes,
     steady_states,
     steady_tables,
 )
 from .tasks import controller_for, get_task
 
-_BYTES_EACH = 1e5  # an environment with its sea, measured
+_BYTES_EACH = 1e5  # memory of one environment with its sea, measured
 _FIELDS: Any = ENVIRONMENT.fields
 _SIGNALS: tuple[str, ...] = OBSERVATION.names or ()
 _SECOND = {"fuel-rack": DIRECT_RACK, "limited-rack": LIMITED_RACK, "shaft-speed": SHAFT_SPEED}
 
 LIMITER_RESPONSE_S = 0.25
-"""Time in which the limits of a rack command take back a speed error, at a gain of one [s]."""
+"""Response time of the limiters of a rack command to a speed error, at a gain of one [s]."""
 
 
 @functools.lru_cache(maxsize=16)
 def _governor_gains(ship: Ship) -> NDArray[np.float64]:
-    """Gains of the built-in governor, which acts at every plant step; shape (3, m)."""
+    """Return the gains of the built-in governor, which acts at every plant step; shape (3, m)."""
     return np.array(tune(ship, ship.time_step_s))
 
 
 DRIFT_ARM = 0.1
-"""Where the slow side force of waves and wind acts: before midship, in ship lengths; assumed."""
+"""Lever arm of the slow side force of waves and wind ahead of midship, in ship lengths; assumed."""
 
 
-def pushed(ship: Ship) -> Ship:
-    """The same ship as a steered environment has it: she hears a slow side force.
+def add_drift_force(ship: Ship) -> Ship:
+    """Return a ship with an additional slow side force, as the steered environments have it.
 
     Args:
-        ship: that turns.
+        ship: ship that turns.
     """
     force = Term(
         id="drift-force", acts_on="side_force", expression="drift_force",
@@ -87,24 +87,24 @@ def _observe(
     middle: NDArray[np.float32], half: NDArray[np.float32], bound: float,
     rows: NDArray[np.float32],
 ) -> None:  # fmt: skip
-    """Fill rows with the chosen signals of environments, scaled and clipped."""
+    """Fill rows with the selected signals of environments, scaled and clipped."""
     for i in range(len(which)):
         for j in range(len(columns)):
             scaled = (signals[which[i], columns[j]] - middle[j]) / half[j]
             rows[i, j] = min(max(scaled, -bound), bound) if scaled == scaled else 0.0  # nan
 
 
-class Beginning(NamedTuple):
-    """Distribution of the beginning of episodes."""
+class StartDistribution(NamedTuple):
+    """Distribution from which an episode draws its start."""
 
     ranges: Any
     """EPISODE_RANGES of shape (1,)."""
     seas: NDArray[np.float64]
-    """Of :func:`shaftline.envs.starts.sea_ends`."""
+    """Sea bounds from :func:`shaftline.envs.starts.sea_bounds`."""
 
 
 class Arrays(NamedTuple):
-    """A batch by kind of record, each an array of shape (n,) that shares its memory with the batch."""
+    """Records of a batch by kind, each an array of shape (n,) that shares its memory with the batch."""
 
     plants: Any
     states: Any
@@ -124,38 +124,41 @@ class Batch:
     """Environments 0 to n - 1 with one task.
 
     Args:
-        n: how many.
-        settings: of all of them.
+        n: number of environments.
+        settings: settings of all environments.
         steered: whether the rudder is an action.
 
     Raises:
-        ValueError: something that does not exist or is out of range, or a task or ship that is not
-            steered so.
+        ValueError: a name does not exist, a value is out of range, or the task or the ship does not
+            match ``steered``.
     """
 
     def __init__(self, n: int, settings: Settings, steered: bool = False) -> None:
         if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
-            raise ValueError(f"{n!r} environments: a whole number from 1 is needed")
+            raise ValueError(f"num_envs = {n!r}: must be a whole number of at least 1")
         check_size(n, _BYTES_EACH, "environments at once")
         self.settings, self.steered = settings, steered
         self.task = get_task(settings.task)
-        self.ship = self.task.sailed(settings.ship)
+        self.ship = self.task.load_ship(settings.ship)
         if steered:
-            refuse_to_steer(self.ship)
+            require_steering(self.ship)
         elif self.task.steered:
-            raise ValueError(f"task {settings.task!r} steers: make shaftline/Steering-v0")
+            raise ValueError(
+                f"task {settings.task!r} has the rudder as an action: use shaftline/Steering-v0"
+            )
         if not (self.ship.has_diesel and self.ship.moves and self.ship.has_propeller):
             raise ValueError(
-                f"{self.ship.name}: the environment needs a diesel ship that moves by a propeller"
+                f"{self.ship.name}: the environment needs a ship with a diesel engine, a propeller and "
+                "a moving hull"
             )
-        self.ship.refuse_unheard(())
+        self.ship.require_external_signals(())
         self.dt = self.ship.time_step_s
         self.steps = settings.steps(self.dt)
         self.interval_s = self.steps * self.dt
-        self.seas_to_draw = seas_of(settings.sea, self.task)
+        self.seas_to_draw = read_seas(settings.sea, self.task)
         randomise = self.task.randomise if settings.randomise is None else settings.randomise
         check_randomise(self.ship, randomise)
-        self._varied = [(self.ship.number(key), width) for key, width in randomise.items()]
+        self._varied = [(self.ship.parameter(key), width) for key, width in randomise.items()]
         self.command = settings.drive_command
         self.gains = np.zeros((3, 1))
         if self.command == "shaft-speed":
@@ -166,7 +169,7 @@ class Batch:
         self._everyone = np.arange(n)
         observer = get_observer(settings.observer, settings.tuning).discretise(self.ship, self.dt)
         self.environments = np.zeros(n, ENVIRONMENT)
-        self.environments["plant"] = (pushed(self.ship) if steered else self.ship).record()
+        self.environments["plant"] = (add_drift_force(self.ship) if steered else self.ship).record()
         self.environments["observer"] = observer
         self.base: BaseController | None = None
         if settings.base_controller is not None:
@@ -180,9 +183,9 @@ class Batch:
         if not settings.normalised:
             middle, half = np.zeros_like(middle), np.ones_like(half)
         self._scale = (middle, half)
-        self._usual = self._beginning(Begin.of(None, self.task, (0.0, 0.0), steered))
+        self._usual = self._beginning(ResetOptions.of(None, self.task, (0.0, 0.0), steered))
         self.commons = np.zeros(1, COMMON)
-        self.common["noise"] = noise_of(self.ship, settings.sensor_noise)
+        self.common["noise"] = noise_record(self.ship, settings.sensor_noise)
         self.common["goals"] = goals_record(self.task.goals)
         self.common["increments"] = settings.action_mode == "increment"
         self.common["preview"] = self.task.preview
@@ -190,25 +193,25 @@ class Batch:
         self.common["limiter_slope"] = limiter_slope(self.ship.record(), LIMITER_RESPONSE_S)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """As it was, in another process."""
+        """Restore a batch in another process."""
         self.__dict__.update(state)
-        # where an observer that is not ours stands elsewhere
+        # The address of a user's observer differs between processes.
         observer = get_observer(self.settings.observer, self.settings.tuning)
         self.environments["observer"]["address"] = observer.address
 
     @property
     def common(self) -> Any:
-        """COMMON record of the batch."""
+        """Parameters that all environments of the batch share, a COMMON record."""
         return self.commons[0]
 
     @property
     def arrays(self) -> Arrays:
-        """The batch by kind of record."""
+        """Arrays of the batch by kind of record."""
         return Arrays(*(self.environments[name] for name in ENVIRONMENT.names or ()))
 
     @property
     def observed(self) -> tuple[str, ...]:
-        """Signals of an observation, in order."""
+        """Names of the signals of an observation, in order."""
         second = SHAFT_SPEED_COMMAND if self.command == "shaft-speed" else RACK_COMMAND
         base = () if self.base is None else BASE_COMMANDS[: self.actions]
         if self.steered:
@@ -223,8 +226,8 @@ class Batch:
 
     @property
     def signals(self) -> NDArray[np.float32]:
-        """Every signal of :data:`OBSERVATION` in physical units, shape (n, k), without a copy."""
-        # a record's field is no contiguous array, so its rows are laid over the records' memory
+        """All signals of :data:`OBSERVATION` in physical units, shape (n, k), without a copy."""
+        # A field of a record array is not contiguous, so this array is a strided view of the memory.
         offset = _FIELDS["observation"][1]
         return np.ndarray(
             (self.n, len(_SIGNALS)), np.float32, self.environments.view(np.uint8), offset,
@@ -232,7 +235,7 @@ class Batch:
         )  # fmt: skip
 
     def observation(self, which: NDArray[np.int64] | None = None) -> NDArray[np.float32]:
-        """Return observations in the form that the settings ask for, shape (k, o).
+        """Return observations, normalised or in physical units as the settings ask for, shape (k, o).
 
         Args:
             which: indices of the environments; all by default.
@@ -247,11 +250,14 @@ class Batch:
 
     @property
     def elapsed(self) -> NDArray[np.int64]:
-        """Control intervals since the last reset, shape (n,)."""
+        """Number of control intervals since the last reset, shape (n,)."""
         return np.asarray(self.environments["episode"]["elapsed"])
 
-    def begin(self, options: Mapping[str, Any] | None) -> Beginning:
-        """Return how episodes begin under the options of a reset.
+    def begin(self, options: Mapping[str, Any] | None) -> StartDistribution:
+        """Return the distribution from which episodes start under the options of a reset.
+
+        Args:
+            options: options of the reset, or None.
 
         Raises:
             ValueError: an unknown option, or a value out of range.
@@ -260,21 +266,24 @@ class Batch:
             return self._usual
         known = self.table["ship_speed"]
         speeds = (float(known[0]), float(known[-1]))
-        return self._beginning(Begin.of(options, self.task, speeds, self.steered))
+        return self._beginning(ResetOptions.of(options, self.task, speeds, self.steered))
 
-    def _beginning(self, begin: Begin) -> Beginning:
+    def _beginning(self, begin: ResetOptions) -> StartDistribution:
         seas = self.seas_to_draw if begin.seas is None else begin.seas
-        return Beginning(ranges_of(begin, self.task), sea_ends(seas))
+        return StartDistribution(episode_ranges(begin, self.task), sea_bounds(seas))
 
     def reset(
-        self, which: NDArray[np.int64], rngs: Sequence[np.random.Generator], beginning: Beginning
+        self,
+        which: NDArray[np.int64],
+        rngs: Sequence[np.random.Generator],
+        beginning: StartDistribution,
     ) -> None:
-        """Begin a new episode of some environments.
+        """Start a new episode in some environments.
 
         Args:
             which: indices of the environments, shape (k,).
-            rngs: a generator for each, from which everything of its episode is drawn.
-            beginning: from :meth:`begin`.
+            rngs: one random generator for each, which draws everything of its episode.
+            beginning: distribution of the start, from :meth:`begin`.
         """
         varied = len(self._varied)
         draws = DRAWS_STEERED if self.steered else DRAWS
@@ -300,12 +309,12 @@ class Batch:
     def step(
         self, action: NDArray[np.float32], pool: ThreadPoolExecutor | None = None, shares: int = 1
     ) -> None:
-        """Carry every environment over one control interval; results stand in the arrays.
+        """Simulate all environments over one control interval; the results are in :attr:`arrays`.
 
         Args:
-            action: shape (n, 2), or (n, 3) where the ship is steered.
-            pool: threads that do it; this one by default.
-            shares: parts into which the batch is cut for them.
+            action: actions in [-1, 1], shape (n, 2), or (n, 3) where the rudder is an action.
+            pool: threads that share the work; the calling thread by default.
+            shares: number of parts into which the batch is divided for the threads.
         """
         if self.base is not None:
             action = self.base.add(action)
@@ -325,5 +334,5 @@ class Batch:
             raise ValueError(
                 f"{self.ship.name}: the simulation of environment {diverged} diverges: its state is "
                 "not finite. A parameter or a term of the ship is too fast for the time step of "
-                f"{self.dt:g} s"
+                f"{self.dt:g} s. Use a smaller integration.time_step_s or a slower parameter"
             )

@@ -1,4 +1,4 @@
-"""The picture of a run: what a bridge would want to see of the last minutes."""
+"""Dashboard of an environment: time series and engine diagram of the last two minutes."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ _PANELS = (
     ("advance velocity [m/s]",
      (("true_advance_velocity", "true", _DARK), ("estimated_advance_velocity", "estimated", _RED)), 1.0),
 )  # fmt: skip
-"""Title; signals of the observation (or the true inflow) with their names and colours; factor."""
+"""Panels: title; signals with label and colour; factor from the signal's unit to that of the title."""
 _STEERED = (_COURSE, (("heading_order", "order", _RED), ("heading", "", _DARK)), 180.0 / np.pi)
-"""In place of the fuel rack where the ship is steered."""
+"""Panel that replaces the fuel rack where the rudder is an action."""
 
 
 class Dashboard:
-    """Keeps the last two minutes of an environment and draws them.
+    """Record the last two minutes of an environment and draw them.
 
     Args:
-        batch: of environments.
-        which: of them.
+        batch: batch of environments.
+        which: index of the environment to record.
     """
 
     def __init__(self, batch: Batch, which: int = 0) -> None:
@@ -46,12 +46,12 @@ class Dashboard:
         self.rewarded = 0.0
 
     def clear(self) -> None:
-        """Forget the last episode."""
+        """Remove the recorded samples of the last episode."""
         self.rows.clear()
         self.rewarded = 0.0
 
     def record(self) -> None:
-        """Remember the present instant."""
+        """Record a sample of the present state."""
         arrays = self.batch.arrays
         seen = arrays.observations[self.which]
         row = {name: float(seen[name]) for name in seen.dtype.names}
@@ -62,7 +62,7 @@ class Dashboard:
         self.rows.append(row)
 
     def draw(self) -> NDArray[np.uint8]:
-        """RGB array of shape (600, 960, 3)."""
+        """Return the dashboard as an RGB array of shape (600, 960, 3)."""
         figure = Figure(figsize=(9.6, 6.0), dpi=100, layout="constrained")
         canvas: Any = FigureCanvasAgg(figure)
         panels = [_STEERED if self.batch.steered and "rack" in p[0] else p for p in _PANELS]
@@ -80,7 +80,7 @@ class Dashboard:
                 self._draw_lines(axis, lines, factor)
         now = self.rows[-1]["time"] if self.rows else 0.0
         settings = self.batch.settings
-        task = settings.task if isinstance(settings.task, str) else "a task of one's own"
+        task = settings.task if isinstance(settings.task, str) else "user-defined task"
         figure.suptitle(
             f"{self.batch.ship.name} · {task} · {settings.observer} · {now:.0f} s · "
             f"reward {self.rewarded:.1f}",
@@ -101,7 +101,7 @@ class Dashboard:
             axis.margins(y=0.2)
 
     def _draw_envelope(self, axis: Axes) -> None:
-        """Brake torque over engine speed, the last of it in red, inside the engine's envelope."""
+        """Draw the brake torque over the engine speed inside the engine envelope."""
         plant = self.batch.ship.record()
         gear, rpm = float(plant["gear_ratio"]), 30.0 / np.pi
         speeds = np.linspace(float(plant["engine_speed_min"]), float(plant["engine_speed_max"]), 40)

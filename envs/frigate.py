@@ -1,4 +1,4 @@
-"""``shaftline/Frigate-v0`` and ``shaftline/Steering-v0``: single environments and their vector forms."""
+"""``shaftline/Frigate-v0`` and its vector form; ``steering.py`` derives ``shaftline/Steering-v0``."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from .batch import Batch
 from .kernel import ENDINGS, RUNNING
-from .options import options_of
+from .options import check_options
 from .records import TRUTHS
 from .rewards import TERMS
 from .settings import Settings
-from .spaces import action_space, check_action, space_of
+from .spaces import action_space, batch_observation_space, check_action
 
 if TYPE_CHECKING:
     from .dashboard import Dashboard
@@ -35,7 +35,7 @@ def _count_workers(threads: int | None, ships: int) -> int:
     if threads is None:
         return min(os.cpu_count() or 1, ships)
     if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
-        raise ValueError(f"threads = {threads!r}: must be a whole number from 1, or None")
+        raise ValueError(f"threads = {threads!r}: must be a whole number of at least 1, or None")
     return min(int(threads), ships)
 
 
@@ -45,76 +45,161 @@ def _check_render_mode(mode: str | None) -> None:
 
 
 def _dashboard(batch: Batch, ship: int = 0) -> Dashboard:
-    from .dashboard import Dashboard  # matplotlib takes half a second, and most never look
+    # matplotlib is imported for rendering only, because its import takes half a second.
+    from .dashboard import Dashboard
 
     return Dashboard(batch, ship)
 
 
 class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
-    """A ship's propulsion plant in waves, commanded by blade pitch and shaft speed or fuel rack.
+    """Propulsion plant of a ship in waves, controlled by blade pitch and shaft speed or fuel rack.
 
-    ## Observation
-    ``Box(15,)`` in [-3, 3]: each signal scaled so that the ship's own range of it is -1 to 1, and
-    clipped. ``normalised=False`` gives physical units.
+    ## Description
 
-    | index | signal | unit | range that is scaled to -1 to 1 |
+    A ship with a diesel engine and a controllable-pitch propeller moves straight ahead in waves. The
+    agent commands the blade pitch and the shaft speed (or the fuel rack) every 0.5 s and keeps the
+    ordered ship speed within the other goals of the task. Between two actions the plant is simulated
+    with its own time step (0.05 s), the noisy instruments are sampled, and the observer updates its
+    estimate of the advance velocity. The numbers on this page hold for the default arguments; the
+    default ship is ``frigate``.
+
+    ## Action Space
+
+    The action is an array of shape ``(2,)`` in the space ``Box(-1, 1)``. Values outside are clipped; a
+    value that is not finite is refused. ``command`` selects the second quantity.
+
+    | index | command | action | range on the ship | meaning |
+    |---|---|---|---|---|
+    | 0 | any | -1 to 1 | 0.6 to 1.4 | command of the pitch ratio P/D [-] |
+    | 1 | `shaft-speed` | -1 to 1 | 4.966 to 14.19 | set-point of the shaft speed governor [rad/s] |
+    | 1 | `limited-rack` | -1 to 1 | 0 to 40 | fuel rack within speed and torque limits [mm] |
+    | 1 | `fuel-rack` | -1 to 1 | 0 to 40 | fuel rack without any engine protection [mm] |
+
+    ``action_mode`` selects how an action sets a command:
+
+    - ``increment``: the action is a rate of change. At 1 a command crosses its range in 20 s; at 0 it
+    holds. - ``absolute``: -1 and 1 are the ends of the range of the command. - ``residual`` or
+    ``residual:CONTROLLER``: the action is added to the command of a classic controller. An
+      action of 1 adds 25 % of the range.
+
+    ## Observation Space
+
+    The observation is an array of shape ``(15,)`` in the space ``Box(-3, 3)``. Each signal is scaled so
+    that the range in the table becomes -1 to 1, and clipped. ``normalised=False`` gives physical units
+    without clipping. The signals are those of the last plant step before the action.
+
+    | index | signal | unit | range | meaning |
+    |---|---|---|---|---|
+    | 0 | `speed_order` | m/s | 0 to 10.08 | ordered ship speed |
+    | 1 | `shaft_speed` | rad/s | 0 to 14.19 | measured shaft speed |
+    | 2 | `measured_shaft_torque` | N m | 0 to 280400 | measured shaft torque |
+    | 3 | `measured_pitch_ratio` | - | 0.6 to 1.4 | measured pitch ratio P/D |
+    | 4 | `fuel_rack` | mm | 0 to 40 | position of the fuel rack |
+    | 5 | `measured_ship_speed` | m/s | 0 to 10.08 | ship speed measured by the log |
+    | 6 | `estimated_advance_velocity` | m/s | 0 to 10.08 | advance velocity, from the observer |
+    | 7 | `estimate_valid` | - | 0 to 1 | 1 where the observer reports a valid estimate |
+    | 8 | `speed_error` | m/s | -2 to 2 | ordered less measured ship speed |
+    | 9 | `pitch_command` | - | 0.6 to 1.4 | present command of the pitch ratio |
+    | 10 | `shaft_torque_deviation` | N m | -56090 to 56090 | shaft torque less its mean over 20 s |
+    | 11 | `engine_torque_deviation` | N m | -7600 to 7600 | engine torque less its mean over 20 s |
+    | 12 | `estimated_angle_of_attack` | deg | 0 to 10 | angle of attack of the blades |
+    | 13 | `angle_of_attack_deviation` | deg | -4 to 4 | angle of attack less its mean over 20 s |
+    | 14 | `shaft_speed_command` | rad/s | 4.966 to 14.19 | present set-point of the shaft speed |
+
+    With ``limited-rack`` and ``fuel-rack`` the last signal is `fuel_rack_command` (0 to 40 mm). A
+    residual adds the pitch and the rack command of its base controller (`base_pitch_ratio`,
+    `base_fuel_rack`). The task ``wave-preview`` adds the wave inflow 0 to 6 s ahead. The angle of attack
+    and the engine torque are computed from measured and estimated signals.
+
+    ## Rewards
+
+    The reward of a control interval is in [0, 1]. A goal has the value 1 up to its tolerance ``within``
+    and falls beyond it, to 0.1 one ``margin`` further. The reward is the product of the goals that are
+    factors, times 1 less the weighted shortfalls of the other goals (:mod:`shaftline.envs.rewards`). The
+    goals of the default task ``speed-keeping`` are:
+
+    | reward term | within | margin | weight |
     |---|---|---|---|
-    | 0 | ordered ship speed | m/s | 0 to the highest speed in calm water |
-    | 1 | measured shaft speed | rad/s | 0 to the highest |
-    | 2 | measured shaft torque | N m | 0 to the highest |
-    | 3 | measured pitch ratio | - | lowest to highest |
-    | 4 | fuel rack position | mm | lowest to highest |
-    | 5 | measured ship speed | m/s | 0 to the highest speed in calm water |
-    | 6 | advance velocity, estimated by the observer | m/s | 0 to the highest speed in calm water |
-    | 7 | whether the estimate is valid | 0 or 1 | 0 to 1 |
-    | 8 | ordered less measured ship speed | m/s | -2 to 2 |
-    | 9 | pitch command that runs | - | lowest to highest |
-    | 10 | shaft torque less its mean over 20 s | N m | 20 % of the highest to both sides |
-    | 11 | engine torque, by its rack map, less its mean over 20 s | N m | likewise |
-    | 12 | estimated angle of attack of the blades | deg | 0 to 10 |
-    | 13 | angle of attack less its mean over 20 s | deg | -4 to 4 |
-    | 14 | shaft speed set-point or fuel rack command that runs | rad/s or mm | lowest to highest |
+    | `speed_error_m_s` | 0.1 | 2 | factor |
+    | `fuel_excess` | 0 | 0.5 | 0.1 |
+    | `overload` | 0 | 0.1 | factor |
+    | `overspeed` | 0 | 0.15 | factor |
+    | `torque_fluctuation` | 0.01 | 0.1 | 0.1 |
+    | `cavitation` | 0 | 0.5 | 0.1 |
 
-    A residual adds the commands of its base controller (P/D and fuel rack). The signals are those of the
-    last plant step before the action.
-
-    ## Action
-    ``Box(2,)`` in [-1, 1]; values outside are clipped, a value that is not finite is refused. The first
-    is for the blade pitch, the second for the drive: ``command`` chooses the set-point of a shaft speed
-    governor or the fuel rack. ``action_mode`` chooses what an action means: an ``increment`` of the
-    running command (at 1 a command crosses its range in 20 s), the ``absolute`` command over the ship's
-    range, or a ``residual`` that is added to the command of a classic controller (at 1 a quarter of the
-    range).
-
-    ## Reward
-    In [0, 1] for each control interval: the goals of the task, each with a tolerance in its physical
-    unit (:mod:`shaftline.envs.rewards`). ``info["reward_terms"]`` holds the terms in physical units. The
+    ``info["reward_terms"]`` holds all terms in physical units, ``info`` itself the true state. An
     interval in which the engine stalls or trips has the reward 0.
 
-    ## Episode end
-    Terminated where the engine stalls or trips on overspeed, so that all later rewards are lost.
-    Truncated after ``max_episode_steps`` control intervals (300 s by default); ``gymnasium.make`` does
-    that with its ``TimeLimit``. ``step`` raises ``ResetNeeded`` after the end.
+    ## Starting State
 
-    ## Options of a reset
-    ``sea``, ``speed_order_m_s`` (one order, or one for each interval), ``order_interval_s``,
-    ``initial_speed_m_s``, ``resistance_rise``: in place of what the task draws.
+    The ship starts in the steady state at an initial speed under the mean resistance of the episode.
+    Each episode draws, uniformly within the ranges of the task: one of its seas and the phases of the
+    waves; the ordered speeds (5 to 9.5 m/s, a new one every 100 s) and, from the same range, the initial
+    speed; the mean rise of the resistance (-0.1 to 0.3); and the period of its slow fluctuation (60 to
+    180 s, amplitude 0.1).
+
+    ``reset(options=...)`` accepts ``sea``, ``speed_order_m_s`` (one order, or a list with one for each
+    order interval), ``order_interval_s``, ``initial_speed_m_s`` and ``resistance_rise`` in place of
+    drawn values.
+
+    ## Episode End
+
+    1. Termination: the engine stalls (speed at most 30 % of its lowest) or trips on overspeed (above 115
+    % of
+       its highest). ``info["ended"]`` names the reason. All later rewards are lost.
+    2. Truncation: 600 control intervals (300 s) have passed. ``gymnasium.make`` truncates with its
+       ``TimeLimit``.
+
+    ``step`` raises ``ResetNeeded`` after the end.
+
+    ## Arguments
+
+    | argument | default | meaning |
+    |---|---|---|
+    | `ship` | None | preset, path of a ship file, or Ship; None: the ship of the task |
+    | `task` | 'speed-keeping' | name of a task, a Task, or a dictionary of its fields |
+    | `observer` | 'random-walk-kalman' | observer of the advance velocity; `oracle`: true value |
+    | `tuning` | None | tuning of the observer |
+    | `sea` | None | preset, parameters or a list of them; None: the seas of the task |
+    | `sensor_noise` | 1.0 | factor on the usual noise, or rms values by instrument |
+    | `control_interval_s` | 0.5 | time between two actions [s] |
+    | `max_episode_steps` | 600 | control intervals of an episode, or None |
+    | `randomise` | None | half width of a uniform factor by key of the ship file |
+    | `normalised` | True | whether observations are scaled and clipped |
+    | `action_mode` | 'increment' | how an action sets a command, see Action Space |
+    | `command` | None | second command; None: `shaft-speed`, or `limited-rack` for a residual |
+    | `render_mode` | None | None, or `rgb_array` for a dashboard |
+
+    :class:`shaftline.envs.Settings` explains the arguments in full.
+
+    ## Version History
+
+    * v0: initial version.
 
     Args:
         render_mode: None or ``rgb_array``.
-        settings: keywords, as of :class:`shaftline.envs.Settings`.
+        settings: the other keywords of the table above.
 
     Raises:
-        ValueError: something that does not exist or is out of range; the message names it.
+        ValueError: a name does not exist or a value is out of range; the message names it.
+
+    Examples:
+        >>> env = FrigateEnv(task="transit", sea="calm")
+        >>> observation, info = env.reset(seed=1)
+        >>> observation.shape
+        (15,)
+        >>> observation, reward, terminated, truncated, info = env.step([0.0, 0.0])
+        >>> 0.0 <= reward <= 1.0, terminated
+        (True, False)
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012 (Gymnasium's way)
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012 (Gymnasium's convention)
     steered: ClassVar[bool] = False
     defaults: ClassVar[dict[str, Any]] = {}
 
     def __init__(self, *, render_mode: str | None = None, **settings: Any) -> None:
         self.batch = Batch(1, Settings.of(self.defaults | settings), self.steered)
-        self.observation_space: Any = space_of(self.batch)
+        self.observation_space: Any = batch_observation_space(self.batch)
         self.action_space: Any = action_space(self.batch.actions)
         _check_render_mode(render_mode)
         self.render_mode = render_mode
@@ -124,11 +209,15 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin an episode.
+        """Start an episode.
 
         Args:
-            seed: of everything that is drawn.
-            options: see the class.
+            seed: seed of everything that the episode draws.
+            options: values that replace those that the task draws; see the class.
+
+        Returns:
+            The first observation, and ``info`` with the true state and the reward terms, which are zero
+            here.
 
         Raises:
             ValueError: an unknown option, or a value out of range.
@@ -145,9 +234,16 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold an action over one control interval.
 
+        Args:
+            action: values in [-1, 1], shape (2,), or (3,) where the rudder is an action; see the class.
+
+        Returns:
+            Observation, reward in [0, 1], whether the engine stalled or tripped, whether the time limit
+            is reached, and ``info`` with the true state and the reward terms.
+
         Raises:
-            ResetNeeded: no episode has begun, or the last one has ended.
-            ValueError: an action of another shape, or not finite.
+            ResetNeeded: no episode is running.
+            ValueError: an action of another shape, or one that is not finite.
         """
         if self._needs_reset:
             raise ResetNeeded("no episode is running, or it has ended: call reset() before step()")
@@ -166,44 +262,55 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return batch.observation()[0], float(env["reward"]), terminated, truncated, info
 
     def _is_at_limit(self) -> bool:
-        """Return whether the episode is truncated here; ``gymnasium.make`` has a limit of its own."""
+        """Return whether to truncate here; ``gymnasium.make`` has a time limit of its own."""
         limit = self.batch.settings.max_episode_steps
         if limit is None or self.spec is not None:
             return False
         return bool(self.batch.elapsed[0] >= limit)
 
     def _info(self) -> dict[str, Any]:
-        """Return truth and reward terms; after a reset the terms are zeros."""
+        """Return the true state and the reward terms; after a reset the terms are zero."""
         env = self.batch.environments[0]
         info: dict[str, Any] = dict(zip(TRUTHS, env["truth"].tolist(), strict=True))
         info["reward_terms"] = dict(zip(TERMS, env["terms"].tolist(), strict=True))
         return info
 
     def render(self) -> Any:
-        """The dashboard as an RGB array of shape (height, width, 3); None without a render mode."""
+        """Return the dashboard as an RGB array (height, width, 3); None without a render mode."""
         return None if self._dashboard is None else self._dashboard.draw()
 
 
 class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
-    """Many of :class:`FrigateEnv` stepped in one compiled call, on the cores of the machine.
+    """Many :class:`FrigateEnv` environments, stepped in one compiled call on all cores of the machine.
 
-    Sub-environment i with seed s + i is the single environment with that seed, step for step.
+    Sub-environment i with seed s + i equals the single environment with that seed, step for step.
 
     Args:
-        num_envs: how many.
-        threads: that step them; the machine's cores by default.
-        autoreset_mode: what happens where an episode ends, an ``AutoresetMode`` of Gymnasium or its
-            value. ``SameStep`` begins the next one in the same step (``final_obs`` and ``final_info``
-            hold what was); ``NextStep`` in the next, which ignores the action, as wrappers that keep
-            statistics of observations ask for; ``Disabled`` waits for a reset with a ``reset_mask``.
-        render_mode: None or ``rgb_array``: then :meth:`render` draws each of them.
-        settings: keywords, as of :class:`shaftline.envs.Settings`.
+        num_envs: number of sub-environments.
+        threads: number of threads that step them; one for each core by default.
+        autoreset_mode: when the next episode starts after one has ended: an ``AutoresetMode`` of
+            Gymnasium or its value. ``SameStep``: in the same step; ``final_obs`` and ``final_info`` hold
+            the end of the last episode. ``NextStep``: in the next step, which ignores its action;
+            wrappers that keep statistics of observations need this mode. ``Disabled``: at a reset with a
+            ``reset_mask``.
+        render_mode: None, or ``rgb_array`` for :meth:`render`.
+        settings: keywords of :class:`shaftline.envs.Settings`.
 
     Raises:
-        ValueError: something that does not exist or is out of range; the message names it.
+        ValueError: a name does not exist or a value is out of range; the message names it.
+
+    Examples:
+        >>> env = FrigateVectorEnv(3, task="transit")
+        >>> observation, info = env.reset(seed=1)
+        >>> observation.shape
+        (3, 15)
+        >>> observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+        >>> reward.shape
+        (3,)
+        >>> env.close()
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012 (Gymnasium's way)
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012 (Gymnasium's convention)
     steered: ClassVar[bool] = False
     defaults: ClassVar[dict[str, Any]] = {}
 
@@ -223,11 +330,11 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
             )
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = FrigateVectorEnv.metadata | {"autoreset_mode": self.autoreset_mode}
-        if settings.get("max_episode_steps") == -1:  # Gymnasium's word for no limit
+        if settings.get("max_episode_steps") == -1:  # the value of Gymnasium for no limit
             settings["max_episode_steps"] = None
         self.batch = Batch(num_envs, Settings.of(self.defaults | settings), self.steered)
         self.num_envs = num_envs
-        self.single_observation_space = space_of(self.batch)
+        self.single_observation_space = batch_observation_space(self.batch)
         self.single_action_space = action_space(self.batch.actions)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -236,22 +343,22 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
         drawn = range(num_envs) if render_mode else ()
         self._dashboards = [_dashboard(self.batch, i) for i in drawn]
         self._workers = _count_workers(threads, num_envs)
-        # more shares than threads, so that no thread waits long for another on a busy machine
+        # There are more parts than threads, so that a slow thread does not delay the step.
         self._shares = 2 * self._workers
         self._pool: ThreadPoolExecutor | None = None
         self._pool_process = 0
         self._rngs: list[np.random.Generator] = []
         self._begin = self.batch.begin(None)
-        self._ended = np.zeros(num_envs, dtype=bool)  # and not begun anew yet
+        self._ended = np.zeros(num_envs, dtype=bool)  # ended and not yet reset
 
     def _threads(self) -> ThreadPoolExecutor | None:
-        """Return the threads of this process; those of a process that was forked do not exist here."""
+        """Return the threads of this process; a forked process needs new ones."""
         if self._workers > 1 and (self._pool is None or self._pool_process != os.getpid()):
             self._pool, self._pool_process = ThreadPoolExecutor(self._workers), os.getpid()
         return self._pool
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return everything but the threads, which another process makes for itself."""
+        """Return the state without the threads, which each process creates itself."""
         return self.__dict__ | {"_pool": None}
 
     def reset(
@@ -260,20 +367,24 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
         seed: int | list[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin an episode in every sub-environment.
+        """Start an episode in every sub-environment.
 
         Args:
-            seed: of the first, the others counting on from it; or one for each.
-            options: see :class:`FrigateEnv`; ``reset_mask``, of shape (n,), leaves others as they are.
+            seed: seed of the first sub-environment, from which the seeds of the next ones count on; or a
+                list with one seed for each.
+            options: options of :class:`FrigateEnv`, and ``reset_mask`` of shape (n,): where it is false,
+                the running episode continues.
 
         Raises:
-            ValueError: an unknown option, a value out of range, too few or many seeds, or a mask that
-                leaves a sub-environment without its first episode.
+            ValueError: an unknown option, a value out of range, a number of seeds other than
+                ``num_envs``, or a mask that leaves a sub-environment without its first episode.
         """
-        options = options_of(options)
+        options = check_options(options)
         mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)))
         if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
-            raise ValueError(f"reset_mask: must be {self.num_envs} booleans, one of them true")
+            raise ValueError(
+                f"reset_mask: must be {self.num_envs} booleans, at least one of them true"
+            )
         if not self._rngs and not mask.all():
             raise ValueError(
                 f"reset_mask: sub-environments {np.flatnonzero(~mask).tolist()} have no episode yet; "
@@ -287,7 +398,9 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
                 else [None if seed is None else seed + i for i in range(self.num_envs)]
             )
             if len(seeds) != self.num_envs:
-                raise ValueError(f"{len(seeds)} seeds are given for {self.num_envs} environments")
+                raise ValueError(
+                    f"seed has {len(seeds)} entries for {self.num_envs} environments; give one for each"
+                )
             fresh = [gymnasium.utils.seeding.np_random(s)[0] for s in seeds]
             old = self._rngs or fresh
             self._rngs = [new if m else kept for m, new, kept in zip(mask, fresh, old, strict=True)]
@@ -296,7 +409,7 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
         return self.batch.observation(), self._info(np.zeros(self.num_envs, dtype=bool), mask)
 
     def _start(self, which: NDArray[np.int64]) -> None:
-        """Begin episodes in some sub-environments."""
+        """Start episodes in some sub-environments."""
         self.batch.reset(which, [self._rngs[i] for i in which], self._begin)
         for i in which if self._dashboards else ():
             self._dashboards[i].clear()
@@ -308,19 +421,24 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
     ) -> tuple[
         NDArray[np.float32], NDArray[Any], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]
     ]:
-        """Hold an action in each sub-environment over one control interval.
+        """Hold one action in each sub-environment over one control interval.
+
+        Args:
+            actions: values in [-1, 1], shape (n, 2), or (n, 3) where the rudder is an action.
 
         Raises:
-            ResetNeeded: no episode has begun, or one that ended was not begun anew.
+            ResetNeeded: no episode is running, or one has ended and was not reset.
             ValueError: actions of another shape, or not finite.
         """
         if not self._rngs:
-            raise ResetNeeded("call reset() before step()")
+            raise ResetNeeded("no episode is running: call reset() before step()")
         waiting = np.flatnonzero(self._ended)
         if len(waiting) and self.autoreset_mode is AutoresetMode.DISABLED:
-            raise ResetNeeded(f"sub-environments {waiting.tolist()} have ended: reset them first")
+            raise ResetNeeded(
+                f"the episodes of sub-environments {waiting.tolist()} have ended: reset them first"
+            )
         batch, arrays = self.batch, self.batch.arrays
-        # one that waits for its next episode steps on too, which the episode's beginning then undoes
+        # Waiting environments are stepped too; the start of their episode overwrites it.
         batch.step(
             check_action(actions, (self.num_envs, batch.actions)), self._threads(), self._shares
         )
@@ -351,15 +469,15 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
         return batch.observation(), reward, terminated, truncated, info
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """The dashboards as RGB arrays of shape (height, width, 3); None without a render mode."""
+        """Return the dashboards as RGB arrays (height, width, 3); None without a render mode."""
         return tuple(board.draw() for board in self._dashboards) if self._dashboards else None
 
     def _info(self, terminated: NDArray[np.bool_], present: NDArray[np.bool_]) -> dict[str, Any]:
-        """Return truth, reward terms and, where something ended, why: columns of shape (n,) with masks.
+        """Return true state, reward terms and reasons of endings: columns of shape (n,) with masks.
 
         Args:
-            terminated: where the engine stalled or tripped in this step.
-            present: mask of the sub-environments that the columns are of.
+            terminated: mask of the sub-environments whose engine stalled or tripped in this step.
+            present: mask of the sub-environments to which the columns apply.
         """
         arrays = self.batch.arrays
         info: dict[str, Any] = {}
@@ -375,6 +493,6 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
         return info
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Let the threads go."""
+        """Stop the threads."""
         if self._pool is not None and self._pool_process == os.getpid():
             self._pool.shutdown()

@@ -1,7 +1,8 @@
-"""One control interval of many environments in one compiled call.
+"""Simulation of one control interval of many environments in one compiled call.
 
-Plant, sea, instruments with noise, observer, reward terms and termination: all of it for every
-sub-environment. The single environment is a batch of one, so both are the same machine code.
+The kernel simulates the plant, the sea and the noisy instruments, updates the observer, and computes the
+reward terms and the termination of each environment. The single environment is a batch of one, so both
+forms execute the same machine code.
 """
 
 from __future__ import annotations
@@ -14,72 +15,72 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..baselines.controller import decode
-from ..baselines.governor import govern, limited_rack
-from ..core.compiled import Record, compiled, spelled_out
+from ..baselines.governor import govern, limit_rack
+from ..core.compiled import Record, compiled, generate_kernel
 from ..plant.cavitation import effective_attack, outside_bucket
 from ..plant.rudder import rudder_angle
 from ..plant.state import STATE, get_state
 from ..plant.stepping import Disturbance, observe, step
 from .records import LIMITED_RACK, SHAFT_SPEED
-from .rewards import MEAN_S, Instant, add_terms, clear_terms, fuel_of_all, reward_of
+from .rewards import MEAN_S, Instant, add_terms, clear_terms, reward_of, total_fuel_flow
 from .sensing import (
     fill_learner_signals,
+    fill_preview,
     fill_truth,
     measure,
-    order_at,
-    see_course,
-    see_waves,
-    shorter_way,
+    measure_course,
+    order_index,
     speed_order,
+    wrap_angle,
 )  # fmt: skip
 
-DRIFT_SWING = 0.5  # amplitude of the slow swing of the side force, over its mean
+DRIFT_SWING = 0.5  # amplitude of the slow fluctuation of the side force, over its mean
 
 
 TRAVERSE_S = 20.0
 """Time in which a command crosses its whole range at an increment of 1 [s]."""
 
-OVERSPEED_TRIP = 1.15  # of the engine's highest speed
-STALL = 0.3  # of its lowest
+OVERSPEED_TRIP = 1.15  # over the highest speed of the engine
+STALL = 0.3  # over the lowest speed of the engine
 
 RUNNING, STALLED, TRIPPED = 0, 1, 2
-"""Why an episode ended."""
+"""Codes of the state of an episode: running, engine stalled, engine tripped on overspeed."""
 
 ENDINGS = (None, "stalled", "overspeed trip")
-"""The same in words."""
+"""Names of the reasons by code; None while the episode runs."""
 
 
 @compiled
 def resistance_angle(episode: Any, time: Any) -> Any:
-    """Angle [rad] of the slow swing of the resistance at a time since reset [s]; of one or of many."""
+    """Return the phase [rad] of the slow resistance fluctuation at a time since reset [s]."""
     return episode.resistance_frequency * time + episode.resistance_phase
 
 
 @compiled
 def _unit_phasor(angle: float) -> complex:
-    """Unit phasor exp(i angle) [-] of an angle [rad]."""
+    """Return the unit phasor exp(i angle) [-] of an angle [rad]."""
     return complex(math.cos(angle), math.sin(angle))
 
 
 @compiled
-def _swung(episode: Record, swing: complex) -> Disturbance:
-    """Disturbance where the slow swing of resistance and side force has a unit phasor [-]."""
-    factor = episode.resistance_mean + episode.resistance_swing * swing.imag
-    drift = episode.drift_force * (1.0 + DRIFT_SWING * swing.real)
+def _disturbance_at(episode: Record, phasor: complex) -> Disturbance:
+    """Return the disturbance where the slow fluctuation has a unit phasor [-]."""
+    factor = episode.resistance_mean + episode.resistance_swing * phasor.imag
+    drift = episode.drift_force * (1.0 + DRIFT_SWING * phasor.real)
     return Disturbance(0.0, 0.0, factor, (drift, 0.0, 0.0, 0.0, 0.0, 0.0))
 
 
 @compiled
 def disturbance(episode: Record, time: float) -> Disturbance:
-    """Disturbance at a time since reset [s]: resistance and side force, means and a slow swing."""
-    return _swung(episode, _unit_phasor(resistance_angle(episode, time)))
+    """Return the disturbance of resistance and side force at a time since reset [s]."""
+    return _disturbance_at(episode, _unit_phasor(resistance_angle(episode, time)))
 
 
 @compiled
 def first_observation(
     environments: Any, commons: Any, interval_s: float, dt: float, which: NDArray[np.int64]
 ) -> None:
-    """Fill observations and truth of environments ``which`` that were just reset."""
+    """Fill observations and true states of the environments ``which``, which were just reset."""
     common = commons[0]
     for i in which:
         env = environments[i]
@@ -96,7 +97,7 @@ def first_observation(
         episode.mean_torque = outputs.shaft_torque
         episode.mean_brake_torque = outputs.brake_torque
         episode.mean_attack = attack
-        fuel = fuel_of_all(env.plant, state.shaft_speed, outputs.brake_torque)
+        fuel = total_fuel_flow(env.plant, state.shaft_speed, outputs.brake_torque)
         clear_terms(env.terms)
         fill_truth(env, get_state(state), outputs, attack, outside, fuel, 0.0)
         measure(
@@ -104,15 +105,15 @@ def first_observation(
             outputs.advance_velocity, env.memory.speed_log, speed_order(episode, 0.0),
         )  # fmt: skip
         if env.plant.turns != 0:
-            see_course(env, common.noise, get_state(state), 0.0, 0.0)
+            measure_course(env, common.noise, get_state(state), 0.0, 0.0)
         if common.preview != 0:
-            see_waves(env, common.noise, 0.0)
+            fill_preview(env, common.noise, 0.0)
         fill_learner_signals(env, interval_s, True)
 
 
 @compiled
 def _gains_at(gains: NDArray[np.float64], speed: float) -> tuple[float, float]:
-    """Governor's k_p and k_i at a shaft speed: linear between rows' entries, held outside."""
+    """Return the governor gains k_p and k_i at a shaft speed, interpolated linearly and held outside."""
     last = gains.shape[1] - 1
     if speed <= gains[0, 0] or last == 0:
         return gains[1, 0], gains[2, 0]
@@ -135,7 +136,7 @@ def _set_commands(
     Args:
         env: ENVIRONMENT record, changed in place.
         common: COMMON record.
-        action: in [-1, 1], shape (2,) or (3,); see :func:`control_interval`.
+        action: action in [-1, 1], shape (2,) or (3,); see :func:`control_interval`.
         interval_s: control interval [s].
     """
     plant, episode = env.plant, env.episode
@@ -143,15 +144,15 @@ def _set_commands(
     fastest = plant.engine_speed_max / plant.gear_ratio
     if common.increments != 0:
         share = interval_s / TRAVERSE_S
-        episode.pitch_command = _moved(
+        episode.pitch_command = _shift_command(
             episode.pitch_command, share * action[0], plant.pitch_ratio_min, plant.pitch_ratio_max
         )
         if common.second == SHAFT_SPEED:
-            episode.shaft_speed_command = _moved(
+            episode.shaft_speed_command = _shift_command(
                 episode.shaft_speed_command, share * action[1], slowest, fastest
             )
         else:
-            episode.rack_command = _moved(
+            episode.rack_command = _shift_command(
                 episode.rack_command, share * action[1], plant.drive_min, plant.drive_max
             )
     else:
@@ -165,12 +166,12 @@ def _set_commands(
 
 
 @compiled
-def _moved(command: float, share: float, low: float, high: float) -> float:
-    """Return a command moved by a share of its range and kept inside the range."""
+def _shift_command(command: float, share: float, low: float, high: float) -> float:
+    """Return a command shifted by a share of its range and limited to the range."""
     return min(max(command + share * (high - low), low), high)
 
 
-state_sum: Callable[[Any], float] = spelled_out(
+state_sum: Callable[[Any], float] = generate_kernel(
     """
 def state_sum(state):
     total = 0.0
@@ -180,7 +181,7 @@ def state_sum(state):
     STATE.names or (),
     globals(),
 )
-"""Return the sum of all states, which is finite where each of them is."""
+"""Return the sum of all states, which is finite only if every state is finite."""
 
 
 @compiled
@@ -196,20 +197,20 @@ def control_interval(
 ) -> int:
     """Simulate environments ``first`` to ``last`` over one control interval; all changes in place.
 
-    Returns the first environment whose state is not finite at the end, or -1.
+    Returns the index of the first environment whose state is not finite at the end, or -1.
 
     Args:
         environments: ENVIRONMENT array of shape (n,).
         commons: COMMON array of shape (1,).
-        gains: of the governor: shaft speed, k_p, k_i by row, shape (3, m).
-        action: in [-1, 1], shape (n, 2) or (n, 3): pitch command, command of the drive (fuel rack or
-            shaft speed set-point, see COMMON) and rudder command, each over the range of the ship.
-            Where actions are increments, the first two are rates of change: at 1 a command crosses
-            its range in :data:`TRAVERSE_S`. Without a third action the rudder is amidships.
-        steps: plant steps in the interval.
+        gains: governor gains with the rows shaft speed, k_p and k_i, shape (3, m).
+        action: actions in [-1, 1], shape (n, 2) or (n, 3): pitch, drive (fuel rack or shaft speed
+            set-point, see COMMON) and rudder, each over its range on the ship. Where actions are
+            increments, the first two are rates of change: at 1 a command crosses its range in
+            :data:`TRAVERSE_S`. Without a third value the rudder command is zero.
+        steps: number of plant steps in the interval.
         dt: plant step [s].
         first: first environment.
-        last: one past the last.
+        last: one past the last environment.
     """
     share = 1.0 / steps
     interval_s = steps * dt
@@ -224,13 +225,13 @@ def control_interval(
         rudder = _set_commands(env, common, action[i], interval_s)
         episode.rudder_command = rudder
         pitch, drive = episode.pitch_command, episode.rack_command
-        # the swing turns on by half steps: n of them leave its phasor wrong by less than n times 1e-15
-        swing = _unit_phasor(resistance_angle(episode, episode.elapsed * steps * dt))
+        # The phasor is advanced by half steps; after n steps its error is below n times 1e-15.
+        phasor = _unit_phasor(resistance_angle(episode, episode.elapsed * steps * dt))
         half_step = _unit_phasor(0.5 * dt * episode.resistance_frequency)
-        end = _swung(episode, swing)
+        end = _disturbance_at(episode, phasor)
         for k in range(steps):
             time = (episode.elapsed * steps + k) * dt
-            which = order_at(episode, time)
+            which = order_index(episode, time)
             order = float(episode.orders[which])
             if common.second == SHAFT_SPEED:
                 proportional, integral_gain = _gains_at(gains, episode.measured_shaft_speed)
@@ -239,15 +240,15 @@ def control_interval(
                     episode.integral, proportional, integral_gain,
                 )  # fmt: skip
             elif common.second == LIMITED_RACK:
-                drive = limited_rack(
+                drive = limit_rack(
                     plant, episode.rack_command, episode.measured_shaft_speed, common.limiter_slope
                 )
             before, log = get_state(state), memory.speed_log
             pitch_before = memory.blade_pitch
             shaft_speed = before.shaft_speed
-            start, middle = end, _swung(episode, swing * half_step)
-            swing = swing * half_step * half_step
-            end = _swung(episode, swing)
+            start, middle = end, _disturbance_at(episode, phasor * half_step)
+            phasor = phasor * half_step * half_step
+            end = _disturbance_at(episode, phasor)
             outputs = step(
                 plant, state, memory, env.sea, drive, pitch, rudder, start, middle, end, dt,
             )  # fmt: skip
@@ -261,16 +262,28 @@ def control_interval(
             episode.mean_torque += fading * (outputs.shaft_torque - episode.mean_torque)
             episode.mean_brake_torque += fading * (outputs.brake_torque - episode.mean_brake_torque)
             episode.mean_attack += fading * (attack - episode.mean_attack)
-            fuel = fuel_of_all(plant, shaft_speed, outputs.brake_torque)
+            fuel = total_fuel_flow(plant, shaft_speed, outputs.brake_torque)
             now = Instant(
-                order, before.ship_speed, shaft_speed, memory.rack, drive, episode.drive,
-                episode.mean_torque, episode.mean_brake_torque, attack, episode.mean_attack, outside,
-                pitch_before, episode.mean_speed, episode.reference_fuel[which],
-                episode.reference_power[which],
-                shorter_way(before.heading - episode.heading_orders[which]),
-                before.cross_track - episode.track_orders[which],
-                laid - laid_before, dt,
-            )  # fmt: skip
+                order=order,
+                ship_speed=before.ship_speed,
+                shaft_speed=shaft_speed,
+                rack=memory.rack,
+                drive=drive,
+                drive_before=episode.drive,
+                mean_torque=episode.mean_torque,
+                mean_brake_torque=episode.mean_brake_torque,
+                attack=attack,
+                mean_attack=episode.mean_attack,
+                outside_bucket=outside,
+                pitch_before=pitch_before,
+                mean_speed=episode.mean_speed,
+                reference_fuel=episode.reference_fuel[which],
+                reference_power=episode.reference_power[which],
+                heading_error=wrap_angle(before.heading - episode.heading_orders[which]),
+                track_error=before.cross_track - episode.track_orders[which],
+                rudder_turn=laid - laid_before,
+                dt=dt,
+            )
             add_terms(terms, plant, outputs, now, share, fuel)
             episode.drive = drive
             fill_truth(env, before, outputs, attack, outside, fuel, laid_before)
@@ -279,9 +292,9 @@ def control_interval(
                 log, order,
             )  # fmt: skip
             if plant.turns != 0:
-                see_course(env, common.noise, before, laid_before, time)
+                measure_course(env, common.noise, before, laid_before, time)
         if common.preview != 0:
-            see_waves(env, common.noise, (episode.elapsed + 1) * interval_s)
+            fill_preview(env, common.noise, (episode.elapsed + 1) * interval_s)
         fill_learner_signals(env, interval_s, False)
         env.ended = _why_ended(plant, state.shaft_speed)
         env.reward = reward_of(common.goals, terms) if env.ended == RUNNING else 0.0
@@ -293,7 +306,7 @@ def control_interval(
 
 @compiled
 def _why_ended(plant: Record, shaft_speed: float) -> int:
-    """RUNNING, or why the episode ends."""
+    """Return RUNNING, or the code of the reason why the episode ends."""
     engine_speed = plant.gear_ratio * shaft_speed
     if engine_speed > OVERSPEED_TRIP * plant.engine_speed_max:
         return TRIPPED

@@ -1,4 +1,4 @@
-"""How an episode begins: the options of ``reset``, declared and checked."""
+"""Options of ``reset``: declaration and check."""
 
 from __future__ import annotations
 
@@ -11,42 +11,44 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .records import MAX_ORDERS
-from .settings import SeaRange, seas_of
+from .settings import SeaRange, read_seas
 from .tasks import LEAST_RESISTANCE, LIMITS, Task
 
 OPTIONS = ("sea", "speed_order_m_s", "order_interval_s", "initial_speed_m_s", "resistance_rise")
-"""What ``reset(options=...)`` takes."""
+"""Names of the options of ``reset(options=...)``."""
 
 STEERED_OPTIONS = ("heading_order_deg", "track_order_m", "cross_current_m_s", "drift_force_kN")
-"""And besides, of a ship that is steered."""
+"""Names of the additional options where the rudder is an action."""
 
 
-def options_of(options: Any) -> dict[str, Any]:
-    """Return the options of a reset as a dictionary of their own; None is none.
+def check_options(options: Any) -> dict[str, Any]:
+    """Return a copy of the options of a reset as a dictionary; an empty one for None.
 
     Raises:
-        ValueError: no dictionary.
+        ValueError: ``options`` is not a dictionary.
     """
     if not isinstance(options, Mapping | None):
-        raise ValueError(f"options = {options!r}: must be a dictionary of options by name")
+        raise ValueError(f"options = {options!r}: must be a dictionary such as {{'sea': 'calm'}}")
     return dict(options or {})
 
 
 @dataclass(frozen=True)
-class Begin:
-    """How an episode begins, where ``reset(options=...)`` says it.
+class ResetOptions:
+    """Checked options of a reset: values that replace those that the task draws.
 
     Args:
-        seas: to draw from; None leaves them to the environment.
-        orders: ordered ship speeds [m/s], one an order interval, the last held; None draws them.
-        order_interval_s: [s].
-        initial_speed_m_s: ship speed [m/s] at which the episode begins; by default the first of given
-            orders, else drawn.
-        resistance_rise: of the mean resistance [-]; None draws it.
-        heading_orders: [rad], one an order interval, the last held; None draws them.
-        track_orders: cross tracks [m], likewise.
-        cross_current_m_s: of the water, to starboard of the first course [m/s]; None draws it.
-        drift_force_N: mean of the slow side force, to starboard [N]; None draws it.
+        seas: seas to draw from; None means those of the environment.
+        orders: ordered ship speeds [m/s], one for each order interval, the last one held; None means
+            that the task draws them.
+        order_interval_s: time between two orders [s].
+        initial_speed_m_s: ship speed [m/s] at the start; None means the first of the given orders, or a
+            drawn speed where no orders are given.
+        resistance_rise: increase of the mean resistance [-]; None means that the task draws it.
+        heading_orders: ordered headings [rad], one for each order interval, the last one held; None
+            means that the task draws them.
+        track_orders: ordered cross-track positions [m], in the same form.
+        cross_current_m_s: current to starboard of the first course [m/s]; None means drawn.
+        drift_force_N: mean of the slow side force, to starboard [N]; None means drawn.
     """
 
     seas: list[SeaRange | None] | None
@@ -65,19 +67,19 @@ class Begin:
         task: Task,
         speeds: tuple[float, float],
         steered: bool = False,
-    ) -> Begin:
-        """From the options of a reset, :data:`OPTIONS` and, steered, :data:`STEERED_OPTIONS`.
+    ) -> ResetOptions:
+        """Return the checked options of a reset.
 
         Args:
-            options: of the reset, or None.
-            task: decides what the options leave open.
-            speeds: lowest and highest at which the ship can begin [m/s].
+            options: options of the reset, or None.
+            task: task, whose values hold where no option is given.
+            speeds: lowest and highest ship speed at which an episode can start [m/s].
             steered: whether the rudder is an action.
 
         Raises:
             ValueError: an unknown option, or a value out of range.
         """
-        given = options_of(options)
+        given = check_options(options)
         known = (*OPTIONS, *(STEERED_OPTIONS if steered else ()))
         unknown = sorted(set(given) - set(known))
         if unknown:
@@ -94,8 +96,8 @@ class Begin:
         force = one("drift_force_kN", *LIMITS["drift_force_kN"])
         low, high, unit = LIMITS["resistance_rise"]
         low = max(low, LEAST_RESISTANCE + task.resistance_swing - 1.0)
-        return Begin(
-            seas_of(given["sea"], task) if "sea" in given else None,
+        return ResetOptions(
+            read_seas(given["sea"], task) if "sea" in given else None,
             _orders(given, "speed_order_m_s"),
             interval,
             one("initial_speed_m_s", *speeds, "m/s"),
@@ -108,12 +110,14 @@ class Begin:
 
 
 def _orders(given: Mapping[str, Any], name: str) -> NDArray[np.float64] | None:
-    """Orders of an option, the last held to the end; None where it is not given."""
+    """Return the orders of an option, the last one held to the end; None if it is not given."""
     if name not in given:
         return None
     asked = np.atleast_1d(given[name])
     if asked.ndim != 1 or not 1 <= len(asked) <= MAX_ORDERS:
-        raise ValueError(f"options: {name}: 1 to {MAX_ORDERS} orders are needed")
+        raise ValueError(
+            f"options: {name}: must be one order, or a list of 1 to {MAX_ORDERS} orders"
+        )
     orders = np.empty(MAX_ORDERS)
     orders[: len(asked)] = [_within(name, order, *LIMITS[name]) for order in asked.tolist()]
     orders[len(asked) :] = orders[len(asked) - 1]

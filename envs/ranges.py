@@ -13,19 +13,25 @@ from ..plant import Ship
 
 _SPEED_ERROR_M_S = 2.0
 _WAVE_INFLOW_M_S = 2.0
-_SWING = 0.2  # torque deviation as share of the highest torque
+_TORQUE_DEVIATION = 0.2  # torque deviation as share of the highest torque
 _HEADING_ERROR = math.radians(30.0)
-_ATTACK_DEG, _ATTACK_SWING_DEG = 10.0, 4.0
-_TORQUE_N_M = 1e5  # highest torque of an engine whose ship file gives none
+_ATTACK_DEG, _ATTACK_DEVIATION_DEG = 10.0, 4.0
+_TORQUE_N_M = 1e5  # assumed highest torque where the ship file gives no limit
 
 
 def observed_ranges(ship: Ship, top: float, observed: Sequence[str]) -> NDArray[np.float32]:
-    """Return the middle and half width of the range of each signal, shape (2, len(observed)).
+    """Return the middle and the half width of the range of each signal, shape (2, len(observed)).
 
     Args:
-        ship: with a diesel.
+        ship: ship with a diesel engine.
         top: highest ship speed in calm water [m/s].
-        observed: signals, in their units.
+        observed: names of the signals.
+
+    Examples:
+        >>> from shaftline.plant import load_ship
+        >>> middle, half = observed_ranges(load_ship("frigate"), 10.0, ("speed_order", "fuel_rack"))
+        >>> middle.tolist(), half.tolist()
+        ([5.0, 20.0], [5.0, 20.0])
     """
     plant = ship.record()
     torque = float(plant["torque_limit"])
@@ -48,13 +54,14 @@ def observed_ranges(ship: Ship, top: float, observed: Sequence[str]) -> NDArray[
         "cross_track_order": (-length, length), "cross_track": (-length, length),
     }  # fmt: skip
     ends |= dict.fromkeys(PREVIEW, (-_WAVE_INFLOW_M_S, _WAVE_INFLOW_M_S))
-    swing, engine_swing = _SWING * torque * float(plant["gear_ratio"]), _SWING * torque
+    shaft_torque = _TORQUE_DEVIATION * torque * float(plant["gear_ratio"])
+    engine_torque = _TORQUE_DEVIATION * torque
     ends |= {
         "speed_error": (-_SPEED_ERROR_M_S, _SPEED_ERROR_M_S),
-        "shaft_torque_deviation": (-swing, swing),
-        "engine_torque_deviation": (-engine_swing, engine_swing),
+        "shaft_torque_deviation": (-shaft_torque, shaft_torque),
+        "engine_torque_deviation": (-engine_torque, engine_torque),
         "estimated_angle_of_attack": (0.0, _ATTACK_DEG),
-        "angle_of_attack_deviation": (-_ATTACK_SWING_DEG, _ATTACK_SWING_DEG),
+        "angle_of_attack_deviation": (-_ATTACK_DEVIATION_DEG, _ATTACK_DEVIATION_DEG),
         "shaft_speed_command": (float(plant["engine_speed_min"] / plant["gear_ratio"]), turns),
     }  # fmt: skip
     ends |= {
@@ -66,5 +73,5 @@ def observed_ranges(ship: Ship, top: float, observed: Sequence[str]) -> NDArray[
     ends["base_rudder_angle"] = ends["rudder_angle"]
     low, high = np.array([ends[name] for name in observed], dtype=np.float32).T
     half = 0.5 * (high - low)
-    half[half == 0.0] = 1.0  # the pitch of a fixed-pitch propeller
+    half[half == 0.0] = 1.0  # A fixed-pitch propeller has a pitch range of zero width.
     return np.array([0.5 * (low + high), half])

@@ -1,4 +1,4 @@
-"""The records of the environments' kernels: what an episode remembers, what is seen, what is true."""
+"""Records of the environment kernels: memory of an episode, observation, true state, parameters."""
 
 from __future__ import annotations
 
@@ -21,33 +21,40 @@ EPISODE = np.dtype(
         ("elapsed", np.int64),  # control intervals since reset
         ("orders", np.float64, (MAX_ORDERS,)),  # ordered ship speeds [m/s], one an order interval
         ("order_interval", np.float64),  # [s]
-        ("heading_orders", np.float64, (MAX_ORDERS,)),  # [rad], likewise
-        ("track_orders", np.float64, (MAX_ORDERS,)),  # cross track [m], likewise
+        ("heading_orders", np.float64, (MAX_ORDERS,)),  # ordered headings [rad]
+        ("track_orders", np.float64, (MAX_ORDERS,)),  # ordered cross-track positions [m]
         ("drift_force", np.float64),  # mean of the slow side force, to starboard [N]
-        ("resistance_mean", np.float64),  # d_c1 [-]
-        ("resistance_swing", np.float64),
+        ("resistance_mean", np.float64),  # factor d_c1 on the resistance [-]
+        ("resistance_swing", np.float64),  # amplitude of the slow resistance fluctuation [-]
         ("resistance_frequency", np.float64),  # [rad/s]
         ("resistance_phase", np.float64),
-        ("reference_fuel", np.float64, (MAX_ORDERS,)),  # of the steady state at each order [kg/s]
-        ("reference_power", np.float64, (MAX_ORDERS,)),  # likewise, to tow the ship [W]
+        (
+            "reference_fuel",
+            np.float64,
+            (MAX_ORDERS,),
+        ),  # fuel flow of the steady state at each order [kg/s]
+        ("reference_power", np.float64, (MAX_ORDERS,)),  # towing power in that steady state [W]
         ("pitch_command", np.float64),
         ("rudder_command", np.float64),  # [rad]
-        ("drive", np.float64),  # command of the fuel rack in force [mm]
+        ("drive", np.float64),  # present command of the fuel rack [mm]
         ("rack_command", np.float64),  # fuel rack command of the agent, before any limiter [mm]
         ("shaft_speed_command", np.float64),  # set-point of the governor [rad/s]
-        ("mean_speed", np.float64),  # of the ship over the last MEAN_S [m/s]
-        ("mean_torque", np.float64),  # over the last MEAN_S [N m]
-        ("mean_brake_torque", np.float64),  # likewise of one engine [N m]
-        ("mean_attack", np.float64),  # likewise of the blades' angle of attack [deg]
-        ("measured_mean_torque", np.float64),  # measured shaft torque over the last MEAN_S [N m]
-        ("estimated_mean_brake_torque", np.float64),  # likewise, from rack and shaft speed [N m]
-        ("estimated_mean_attack", np.float64),  # likewise, from the observer's estimate [deg]
-        ("measured_shaft_speed", np.float64),  # last reading, for the governor [rad/s]
-        ("integral", np.float64),  # of the governor [mm]
+        ("mean_speed", np.float64),  # mean ship speed over the last MEAN_S [m/s]
+        ("mean_torque", np.float64),  # mean shaft torque over the last MEAN_S [N m]
+        ("mean_brake_torque", np.float64),  # mean torque of one engine over the last MEAN_S [N m]
+        (
+            "mean_attack",
+            np.float64,
+        ),  # mean angle of attack of the blades over the last MEAN_S [deg]
+        ("measured_mean_torque", np.float64),  # mean measured shaft torque [N m]
+        ("estimated_mean_brake_torque", np.float64),  # mean from rack and shaft speed [N m]
+        ("estimated_mean_attack", np.float64),  # mean from the estimate of the observer [deg]
+        ("measured_shaft_speed", np.float64),  # last measurement, for the governor [rad/s]
+        ("integral", np.float64),  # integral part of the governor [mm]
     ],
     align=True,
 )
-"""What an environment remembers besides the plant."""
+"""Memory of an episode, beside the state of the plant."""
 
 NOISE = np.dtype(
     [("shaft_speed", np.float64), ("shaft_torque", np.float64), ("pitch_ratio", np.float64),
@@ -65,10 +72,10 @@ LEARNER_SIGNALS = (
     "estimated_angle_of_attack",
     "angle_of_attack_deviation",
 )
-"""Signals that an observation has beside those of the controllers: on them the rewards depend."""
+"""Signals that an observation adds to those of the classic controllers; the rewards depend on them."""
 
 COURSE_ERRORS = ("heading_error", "track_error")
-"""Signals that an observation of a steered ship has besides."""
+"""Signals that an observation adds where the rudder is an action."""
 
 SHAFT_SPEED_COMMAND, RACK_COMMAND = "shaft_speed_command", "fuel_rack_command"
 BASE_COMMANDS = ("base_pitch_ratio", "base_fuel_rack", "base_rudder_angle")
@@ -79,31 +86,31 @@ _EVERY_SIGNAL = (
 )  # fmt: skip
 
 OBSERVATION = np.dtype([(name, np.float32) for name in _EVERY_SIGNAL])
-"""Every signal that an observation may hold, by name, in physical units."""
+"""All signals that an observation can contain, in physical units."""
 
 TRUTH = np.dtype(
     [
         ("advance_velocity", np.float64),  # [m/s]
-        ("thrust", np.float64),  # of one propeller [N]
-        ("fuel_flow", np.float64),  # of all engines [kg/s]
-        ("ventilation", np.float64),  # at the step's end [-]
+        ("thrust", np.float64),  # thrust of one propeller [N]
+        ("fuel_flow", np.float64),  # fuel flow of all engines [kg/s]
+        ("ventilation", np.float64),  # share of ventilation at the end of the step [-]
         ("ship_speed", np.float64),  # [m/s]
         ("shaft_speed", np.float64),  # [rad/s]
-        ("shaft_torque", np.float64),  # at the gauge [N m]
-        ("brake_torque", np.float64),  # of one engine [N m]
-        ("position", np.float64),  # along the track, at the step's end [m]
+        ("shaft_torque", np.float64),  # at the shaft torque meter [N m]
+        ("brake_torque", np.float64),  # torque of one engine [N m]
+        ("position", np.float64),  # along the track, at the end of the step [m]
         ("blade_pitch", np.float64),  # P/D [-]
-        ("angle_of_attack", np.float64),  # effective, of the blades [deg]
-        ("outside_bucket", np.float64),  # how far it lies outside the cavitation bucket [deg]
+        ("angle_of_attack", np.float64),  # effective angle of attack of the blades [deg]
+        ("outside_bucket", np.float64),  # angle of attack beyond the cavitation bucket [deg]
         ("heading", np.float64),  # to starboard of the first course [rad]
         ("cross_track", np.float64),  # to starboard of the first course [m]
         ("rudder_angle", np.float64),  # [rad]
     ]
 )
-"""What ``info`` tells of the truth: at the beginning of an interval's last step, as the observation."""
+"""True state in ``info``: at the start of the last plant step of an interval, as the observation."""
 
 TRUTHS: tuple[str, ...] = TRUTH.names or ()
-"""Its names."""
+"""Names of the quantities of the true state."""
 
 ENVIRONMENT = np.dtype(
     [
@@ -117,25 +124,25 @@ ENVIRONMENT = np.dtype(
         ("observation", OBSERVATION),
         ("terms", REWARD_TERMS),  # means over the interval in physical units
         ("truth", TRUTH),
-        ("reward", np.float64),  # of the interval, of reward_of
+        ("reward", np.float64),  # reward of the interval, from reward_of
         ("ended", np.int64),  # RUNNING, STALLED or TRIPPED
     ],
     align=True,
 )
-"""Everything of one environment; a batch is an array of them."""
+"""All records of one environment; a batch is an array of them."""
 
 COMMON = np.dtype(
     [
         ("noise", NOISE),
         ("goals", GOALS),
-        ("increments", np.int64),  # 1 where actions are rates of change of the commands
+        ("increments", np.int64),  # 1 where actions are rates of change of commands
         ("second", np.int64),  # DIRECT_RACK, LIMITED_RACK or SHAFT_SPEED
-        ("preview", np.int64),  # 1 where a sensor at the bow tells the inflow of the waves ahead
-        ("limiter_slope", np.float64),  # of the limited rack over shaft speed [mm s/rad]
+        ("preview", np.int64),  # 1 where a sensor at the bow measures the waves ahead
+        ("limiter_slope", np.float64),  # slope of the rack limit over the shaft speed [mm s/rad]
     ],
     align=True,
 )
 """Parameters that the environments of a batch share."""
 
 DIRECT_RACK, LIMITED_RACK, SHAFT_SPEED = 0, 1, 2
-"""What the second action commands."""
+"""Codes of the quantity that the second action commands."""

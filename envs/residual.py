@@ -1,11 +1,11 @@
-"""Base controllers of the action mode ``residual``: classic commands to which an action is added.
+"""Action mode ``residual``: an action is added to the commands of a classic base controller.
 
-Residual policy learning (Silver et al. 2018; Johannink et al. 2019). An action of 1 adds
+This is residual policy learning (Silver et al. 2018; Johannink et al. 2019). An action of 1 adds
 :data:`REACH` of the range of a command to the command of the base controller:
 
     command = base command + REACH (highest - lowest) action
 
-so an action of zero runs the ship as the base controller does.
+so a zero action leaves the commands of the base controller unchanged.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ _FIRST_BASE_COMMAND = _NAMES.index(BASE_COMMANDS[0])
 
 
 class BaseController:
-    """A classic controller that follows the environments of a batch.
+    """Classic controller that computes the base commands of a batch of environments.
 
     Args:
-        controller: of :func:`shaftline.envs.tasks.controller_for`.
-        ship: of the batch.
-        n: environments.
+        controller: controller from :func:`shaftline.envs.tasks.controller_for`.
+        ship: ship of the batch.
+        n: number of environments.
         steered: whether the rudder is an action.
-        preview: whether the signals :data:`PREVIEW` are told.
+        preview: whether the controller receives the signals :data:`PREVIEW` of the waves ahead.
     """
 
     def __init__(
@@ -53,11 +53,11 @@ class BaseController:
         self._low, self._span = np.array(low)[columns], np.subtract(high, low)[columns]
 
     def begin(self, signals: NDArray[np.float32], which: NDArray[np.int64]) -> None:
-        """Begin episodes: compute the first base commands of some environments.
+        """Compute the first base commands of environments whose episodes start.
 
         Args:
-            signals: of all environments, shape (n, k); the base commands are written into it.
-            which: environments that begin, shape (m,).
+            signals: signals of all environments, shape (n, k); the base commands are written into them.
+            which: indices of the environments that start, shape (m,).
         """
         seen = signals[which[:, None], self._inputs]
         self._action[which], memory = self._controller.predict(
@@ -65,7 +65,9 @@ class BaseController:
         )
         if self._memory is None:
             n = len(self._action)
-            self._memory = _mapped(lambda part: np.zeros((n, *part.shape[1:]), part.dtype), memory)
+            self._memory = _map_arrays(
+                lambda part: np.zeros((n, *part.shape[1:]), part.dtype), memory
+            )
         _assign(self._memory, which, memory)
         self._show(signals)
 
@@ -92,15 +94,15 @@ class BaseController:
         signals[:, columns] = self._low + 0.5 * (self._action + 1.0) * self._span
 
 
-def _mapped(function: Any, tree: Any) -> Any:
-    """Return a controller's memory with a function applied to each of its arrays."""
+def _map_arrays(function: Any, tree: Any) -> Any:
+    """Return a controller memory with a function applied to each of its arrays."""
     if isinstance(tree, tuple):
-        return tuple(_mapped(function, part) for part in tree)
+        return tuple(_map_arrays(function, part) for part in tree)
     return function(np.asarray(tree))
 
 
 def _assign(tree: Any, which: NDArray[np.int64], values: Any) -> None:
-    """Write rows of a controller's memory, in place."""
+    """Write rows of a controller memory, in place."""
     if isinstance(tree, tuple):
         for part, new in zip(tree, values, strict=True):
             _assign(part, which, new)

@@ -1,4 +1,4 @@
-"""The reward of a control interval: goals with tolerances in physical units, combined to [0, 1].
+"""Reward of a control interval: goals with tolerances in physical units, combined to a value in [0, 1].
 
 Each term of :class:`Goals` is a physical quantity of the interval, such as a speed error in m/s. A task
 gives some of the terms a tolerance ``within`` and a ``margin``. The value of a goal is 1 up to the
@@ -7,16 +7,16 @@ al. 2018, section 3.2):
 
     g(x) = 1 / (1 + 9 z^2),   z = max(x - within, 0) / margin
 
-Goals without a weight are factors: none of them can be bought with another. Goals with a weight share
-the rest. The reward is
+Goals without a weight are factors of the reward, so a loss in one of them cannot be made up for by
+another. Goals with a weight share the rest. The reward is
 
     r = product of the factors g_i * (1 - sum of w_j (1 - g_j))
 
-An interval in which the engine stalls or trips has the reward 0, and the episode ends there, so it loses
-all rewards that would have followed.
+An interval in which the engine stalls or trips has the reward 0, and the episode ends there, so all
+later rewards are lost.
 
-A new term is a field of :class:`Goals` and its line in :func:`add_terms`. Tasks may then use it, and
-``info``, evaluation and documentation know it.
+To add a term, add a field to :class:`Goals` and a line to :func:`add_terms`. Tasks can then use it, and
+``info``, evaluation and documentation contain it.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import Field, model_validator
 
-from ..core.compiled import Record, compiled, spelled_out
+from ..core.compiled import Record, compiled, generate_kernel
 from ..core.models import FileModel
 from ..plant.cavitation import burrill_ratio
 from ..plant.drives.diesel import rack_torque, torque_limit
@@ -37,21 +37,36 @@ from ..plant.state import Outputs
 
 
 class Goal(FileModel):
-    """Tolerance of one reward term, in the term's unit."""
+    """Tolerance of one reward term, in the unit of the term.
 
-    within: float = Field(description="value up to which the goal is fully reached")
-    margin: float = Field(gt=0, description="distance beyond it at which the value is 0.1")
+    Examples:
+        >>> goal_value(0.1, within=0.1, margin=2.0)
+        1.0
+        >>> round(goal_value(2.1, within=0.1, margin=2.0), 3)
+        0.1
+    """
+
+    within: float = Field(description="value of the term up to which the goal is fully reached")
+    margin: float = Field(
+        gt=0, description="distance beyond ``within`` at which the goal has the value 0.1"
+    )
     weight: float | None = Field(
         default=None,
         gt=0,
         le=1,
-        description="share of the weighted part; a factor without one",
+        description="share of the weighted part of the reward; None: the goal is a factor",
     )
-    reason: str = Field(default="", description="why the tolerance is what it is")
+    reason: str = Field(default="", description="reason for the tolerance")
 
 
 class Goals(FileModel):
-    """Goals of a task, by reward term."""
+    """Goals of a task, by reward term.
+
+    Examples:
+        >>> goals = Goals(speed_error_m_s=Goal(within=0.1, margin=2.0))
+        >>> list(goals.used)
+        ['speed_error_m_s']
+    """
 
     speed_error_m_s: Goal | None = Field(default=None, description="|ship speed - ordered speed|")
     fuel_kg_s: Goal | None = Field(default=None, description="fuel flow of all engines")
@@ -67,7 +82,7 @@ class Goals(FileModel):
     )
     near_limit: Goal | None = Field(
         default=None,
-        description="engine torque in the last 5 % below the envelope, as share of these",
+        description="engine torque in the top 5 % of the envelope, as share of that band",
     )
     overspeed: Goal | None = Field(
         default=None, description="engine speed beyond its highest speed, as share of that speed"
@@ -96,7 +111,7 @@ class Goals(FileModel):
         default=None, description="travel of the blades' P/D, summed over the interval"
     )
     heading_error_deg: Goal | None = Field(
-        default=None, description="|heading - ordered heading|, by the shorter way"
+        default=None, description="|heading - ordered heading|, at most half a turn"
     )
     track_error_m: Goal | None = Field(
         default=None, description="|cross-track position - ordered cross-track position|"
@@ -110,7 +125,7 @@ class Goals(FileModel):
         """Refuse goals whose reward would be constant or negative."""
         goals = self.used
         if not goals:
-            raise ValueError("at least one goal is needed")
+            raise ValueError("a task needs at least one goal, such as speed_error_m_s = {}")
         total = sum(goal.weight or 0.0 for goal in goals.values())
         if total > 1.0 + 1e-9:
             raise ValueError(f"the weights of the goals add up to {total:g}; at most 1 is allowed")
@@ -118,28 +133,28 @@ class Goals(FileModel):
 
     @property
     def used(self) -> dict[str, Goal]:
-        """Goals that the task has, by term."""
+        """Goals of the task, by reward term."""
         return {name: goal for name in TERMS if (goal := getattr(self, name)) is not None}
 
 
 MEAN_S = 20.0
-"""Time over which the means of torques, angle of attack and ship speed are taken [s]."""
+"""Time constant of the running means of torque, angle of attack and ship speed [s]."""
 
 NEAR_LIMIT = 0.05
-"""Share of the engine's envelope, from above, in which its torque is near the limit."""
+"""Share of the engine envelope, measured from its top, in which the torque is near the limit."""
 
 TERMS = tuple(Goals.model_fields)
 """Names of the reward terms."""
 
 REWARD_TERMS = np.dtype([(name, np.float64) for name in TERMS])
-"""One value for each term."""
+"""Record with one value for each reward term."""
 
 GOALS = np.dtype([("within", REWARD_TERMS), ("margin", REWARD_TERMS), ("weight", REWARD_TERMS)])
-"""Goals as a record: a margin of 0 marks a term without a goal, a weight of 0 a factor."""
+"""Record of goals: a margin of 0 marks a term without a goal, a weight of 0 marks a factor."""
 
 
 def goals_record(goals: Goals) -> Any:
-    """Return a GOALS record of a task's goals."""
+    """Return the goals of a task as a GOALS record."""
     record = np.zeros(1, GOALS)[0]
     for name, goal in goals.used.items():
         record["within"][name], record["margin"][name] = goal.within, goal.margin
@@ -156,16 +171,16 @@ class Instant(NamedTuple):
     rack: float  # position of the fuel rack [mm]
     drive: float  # fuel rack command [mm]
     drive_before: float  # fuel rack command of the last step [mm]
-    mean_torque: float  # shaft torque over the last 20 s [N m]
-    mean_brake_torque: float  # torque of one engine over the last 20 s [N m]
+    mean_torque: float  # mean shaft torque over the last 20 s [N m]
+    mean_brake_torque: float  # mean torque of one engine over the last 20 s [N m]
     attack: float  # effective angle of attack of the blades [deg]
-    mean_attack: float  # angle of attack over the last 20 s [deg]
+    mean_attack: float  # mean angle of attack over the last 20 s [deg]
     outside_bucket: float  # angle of attack beyond the cavitation bucket [deg]
     pitch_before: float  # P/D of the last step [-]
-    mean_speed: float  # of the ship over the last 20 s [m/s]
+    mean_speed: float  # mean ship speed over the last 20 s [m/s]
     reference_fuel: float  # fuel flow of the reference steady state, all engines [kg/s]
-    reference_power: float  # power to tow the ship in that state [W]
-    heading_error: float  # by the shorter way [rad]
+    reference_power: float  # towing power in that state [W]
+    heading_error: float  # within half a turn [rad]
     track_error: float  # [m]
     rudder_turn: float  # change of the rudder angle over the step [rad]
     dt: float  # [s]
@@ -175,15 +190,15 @@ class Instant(NamedTuple):
 def add_terms(
     terms: Record, plant: Record, outputs: Outputs, now: Instant, share: float, fuel: float
 ) -> None:
-    """Add the part of one plant step to each reward term of a control interval.
+    """Add the contribution of one plant step to each reward term of a control interval.
 
     Args:
         terms: REWARD_TERMS record, changed in place.
         plant: ship record.
-        outputs: of the plant at this step.
+        outputs: outputs of the plant at this step.
         now: further quantities of this step.
-        share: of the step in the interval [-].
-        fuel: flow of all engines [kg/s], from :func:`shaftline.plant.fuel.fuel_rate`.
+        share: share of the step in the interval [-].
+        fuel: fuel flow of all engines [kg/s], from :func:`total_fuel_flow`.
     """
     engine_speed = plant.gear_ratio * now.shaft_speed
     limit = torque_limit(plant, engine_speed)
@@ -216,13 +231,13 @@ def add_terms(
 
 
 @compiled
-def fuel_of_all(plant: Record, shaft_speed: float, brake_torque: float) -> float:
+def total_fuel_flow(plant: Record, shaft_speed: float, brake_torque: float) -> float:
     """Return the fuel flow of all engines [kg/s]."""
     rate = fuel_rate(plant, plant.gear_ratio * shaft_speed, brake_torque)
     return float(plant.propellers * rate)
 
 
-clear_terms: Callable[[Any], None] = spelled_out(
+clear_terms: Callable[[Any], None] = generate_kernel(
     """
 def clear_terms(terms):
     terms.{field} = 0.0
@@ -235,7 +250,12 @@ def clear_terms(terms):
 
 @compiled
 def goal_value(x: float, within: float, margin: float) -> float:
-    """Return the value of a goal in [0, 1] at a term x; a term that is not a number has the value 0."""
+    """Return the value of a goal in [0, 1] at a term x; a term that is not a number has the value 0.
+
+    Examples:
+        >>> goal_value(0.5, 1.0, 2.0)
+        1.0
+    """
     if x <= within:
         return 1.0
     z = (x - within) / margin
@@ -259,7 +279,7 @@ def _factor(x: float, within: float, margin: float, weight: float) -> float:
     return 1.0
 
 
-reward_of: Callable[[Any, Any], float] = spelled_out(
+reward_of: Callable[[Any, Any], float] = generate_kernel(
     """
 def reward_of(goals, terms):
     factors = 1.0

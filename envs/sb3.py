@@ -1,4 +1,4 @@
-"""The vector environment as stable-baselines3's VecEnv, without a process or a copy between."""
+"""The vector environment as a VecEnv of stable-baselines3, in the same process and without copies."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from .records import TRUTHS
 from .rewards import TERMS
-from .steering import kinds
+from .steering import environment_classes
 
 
 class Sb3Frigates(VecEnv):
-    """Frigates for ``PPO``, ``SAC`` and the other algorithms of stable-baselines3.
+    """Batch of ships as a VecEnv for ``PPO``, ``SAC`` and the other algorithms of stable-baselines3.
 
-    The infos of every step hold truth and ``reward_terms`` of each environment, those of ended episodes
-    also ``terminal_observation``, ``TimeLimit.truncated`` and, where the engine failed, ``ended``. Wrap
-    it in stable-baselines3's ``VecMonitor`` for the returns of episodes.
+    The infos of each step hold the true state and ``reward_terms`` of each environment, those of ended
+    episodes also ``terminal_observation``, ``TimeLimit.truncated`` and, after an engine failure,
+    ``ended``. Wrap the environment in ``VecMonitor`` of stable-baselines3 to record the returns of
+    episodes.
 
     Args:
         num_envs: number of environments.
@@ -35,7 +36,9 @@ class Sb3Frigates(VecEnv):
         render_mode: str | None = None,
         **options: Any,
     ) -> None:
-        self.vector = kinds(steered).vector(num_envs, render_mode=render_mode, **options)
+        self.vector = environment_classes(steered).vector(
+            num_envs, render_mode=render_mode, **options
+        )
         self.render_mode = render_mode
         self._seed: int | None = None
         self._action: Any = None
@@ -44,14 +47,14 @@ class Sb3Frigates(VecEnv):
         )
 
     def reset(self) -> Any:
-        """Begin an episode in every environment; with the seed given before, if any."""
+        """Start an episode in every environment, with the seed of the last call of ``seed`` if any."""
         observation, info = self.vector.reset(seed=self._seed)
         self._seed = None
         self.reset_infos = _rows(info)
         return observation
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
-        """Take a seed for the next reset; environment i gets seed + i."""
+        """Set the seed of the next reset; environment i uses seed + i."""
         self._seed = seed
         return [None if seed is None else seed + i for i in range(self.num_envs)]
 
@@ -80,11 +83,11 @@ class Sb3Frigates(VecEnv):
         return list(self.vector.render() or [None] * self.num_envs)
 
     def close(self) -> None:
-        """Let the threads go."""
+        """Stop the threads."""
         self.vector.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """An attribute of the vector environment, once for each asked sub-environment."""
+        """Return an attribute of the vector environment, once for each selected environment."""
         value = getattr(self, attr_name, None)
         if value is None:
             value = getattr(self.vector, attr_name)
@@ -97,13 +100,13 @@ class Sb3Frigates(VecEnv):
     def env_method(
         self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any
     ) -> list[Any]:
-        """Call a method of the vector environment, once for each asked sub-environment."""
+        """Call a method of the vector environment, once for each selected environment."""
         return [
             getattr(self.vector, method_name)(*args, **kwargs) for _ in self._get_indices(indices)
         ]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """Return False for each environment: none is wrapped."""
+        """Return False for each environment, because wrappers are not supported."""
         return [False for _ in self._get_indices(indices)]
 
 

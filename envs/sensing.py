@@ -1,4 +1,4 @@
-"""What is seen of an environment: noisy instruments, observer, signals of learners, and the truth."""
+"""Sensor models of the environment: measured signals, estimates, learner signals, true state."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..baselines.controller import PREVIEW, PREVIEW_S
-from ..core.compiled import Record, compiled, spelled_out
+from ..core.compiled import Record, compiled, generate_kernel
 from ..observers.records import Measurement
 from ..observers.registry import update
 from ..plant.cavitation import effective_attack
@@ -22,20 +22,25 @@ from .rewards import MEAN_S
 
 
 @compiled
-def order_at(episode: Record, time: float) -> int:
-    """Which of an episode's orders holds at a time since reset [s]."""
+def order_index(episode: Record, time: float) -> int:
+    """Return the index of the order at a time since reset [s]."""
     return min(int(time / episode.order_interval), MAX_ORDERS - 1)
 
 
 @compiled
 def speed_order(episode: Record, time: float) -> float:
-    """Ordered ship speed [m/s] at a time since reset [s]."""
-    return float(episode.orders[order_at(episode, time)])
+    """Return the ordered ship speed [m/s] at a time since reset [s]."""
+    return float(episode.orders[order_index(episode, time)])
 
 
 @compiled
-def shorter_way(angle: float) -> float:
-    """The same angle [rad] within half a turn to either side."""
+def wrap_angle(angle: float) -> float:
+    """Return an angle [rad] reduced to half a turn to either side.
+
+    Examples:
+        >>> round(wrap_angle(3.5), 4)
+        -2.7832
+    """
     return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
 
 
@@ -48,15 +53,15 @@ def measure(
     speed_log: float,
     order: float,
 ) -> None:
-    """Read the noisy instruments, update the observer, and fill the measured signals."""
+    """Sample the noisy instruments, update the observer, and fill the measured signals."""
     memory, episode, seen = env.memory, env.episode, env.observation
     speed = memory.shaft_speed + noise.shaft_speed * normal(episode)
     torque = memory.shaft_torque + noise.shaft_torque * normal(episode)
     pitch = memory.pitch_ratio + noise.pitch_ratio * normal(episode)
     acceleration += noise.shaft_acceleration * normal(episode)
-    reading = Measurement(speed, torque, pitch, acceleration, advance_velocity)
+    measurement = Measurement(speed, torque, pitch, acceleration, advance_velocity)
     episode.measured_shaft_speed = speed
-    velocity = update(env.observer, env.estimate, reading)
+    velocity = update(env.observer, env.estimate, measurement)
     seen.speed_order = order
     seen.shaft_speed = speed
     seen.measured_shaft_torque = torque
@@ -67,38 +72,38 @@ def measure(
     seen.estimate_valid = env.estimate.valid
 
 
-_set_preview: Callable[[Any, Any], None] = spelled_out(
+_set_preview: Callable[[Any, Any], None] = generate_kernel(
     """
-def _set_preview(seen, found):
+def _set_preview(seen, inflow):
     k = 0
-    seen.{field} = found[k]; k += 1
+    seen.{field} = inflow[k]; k += 1
 """,
     PREVIEW,
     globals(),
 )
-"""Set the signals of a preview, in order."""
+"""Set the preview signals, in order."""
 
 
 @compiled
-def see_waves(env: Record, noise: Record, time: float) -> None:
-    """Fill the inflow of the waves that the sensor at the bow tells, at a time since reset [s]."""
-    found = np.empty(len(PREVIEW_S))
-    inflow_ahead(env.sea, time, get_state(env.state), PREVIEW_S[1] - PREVIEW_S[0], found)
-    for k in range(len(found)):
-        found[k] += noise.wave_inflow * normal(env.episode)
-    _set_preview(env.observation, found)
+def fill_preview(env: Record, noise: Record, time: float) -> None:
+    """Fill the wave inflow ahead, from the sensor at the bow, at a time since reset [s]."""
+    inflow = np.empty(len(PREVIEW_S))
+    inflow_ahead(env.sea, time, get_state(env.state), PREVIEW_S[1] - PREVIEW_S[0], inflow)
+    for k in range(len(inflow)):
+        inflow[k] += noise.wave_inflow * normal(env.episode)
+    _set_preview(env.observation, inflow)
 
 
 @compiled
 def fill_learner_signals(env: Record, interval_s: float, fresh: bool) -> None:
     """Fill the signals that an observation adds to the measured ones, at the end of an interval.
 
-    The means over 20 s are of measured or estimated quantities, one sample for each interval.
+    The means over 20 s are those of measured or estimated quantities, with one sample for each interval.
 
     Args:
         env: ENVIRONMENT record with the measured signals, changed in place.
         interval_s: control interval [s].
-        fresh: whether the episode has just begun: then the means are the present values.
+        fresh: whether the episode has just started; the means then equal the present values.
     """
     plant, episode, seen = env.plant, env.episode, env.observation
     torque = float(seen.measured_shaft_torque)
@@ -125,17 +130,17 @@ def fill_learner_signals(env: Record, interval_s: float, fresh: bool) -> None:
     seen.engine_torque_deviation = engine_torque - episode.estimated_mean_brake_torque
     seen.estimated_angle_of_attack = attack
     seen.angle_of_attack_deviation = attack - episode.estimated_mean_attack
-    seen.heading_error = shorter_way(float(seen.heading_order) - float(seen.heading))
+    seen.heading_error = wrap_angle(float(seen.heading_order) - float(seen.heading))
     seen.track_error = seen.cross_track_order - seen.cross_track
     seen.shaft_speed_command = episode.shaft_speed_command
     seen.fuel_rack_command = episode.rack_command
 
 
 @compiled
-def see_course(env: Record, noise: Record, now: State, laid: float, time: float) -> None:
-    """Fill what a helmsman sees of a ship that turns, at a state with the rudder laid to an angle."""
+def measure_course(env: Record, noise: Record, now: State, laid: float, time: float) -> None:
+    """Fill the measured course signals of a ship that turns, at a state with rudder angle ``laid``."""
     episode, seen = env.episode, env.observation
-    index = order_at(episode, time)
+    index = order_index(episode, time)
     seen.heading_order = episode.heading_orders[index]
     seen.heading = now.heading + noise.heading * normal(episode)
     seen.yaw_rate = now.yaw_rate + noise.yaw_rate * normal(episode)
@@ -149,7 +154,7 @@ def fill_truth(
     env: Record, before: State, outputs: Outputs, attack: float, outside: float, fuel: float,
     laid: float,
 ) -> None:  # fmt: skip
-    """Fill the truth of a plant step: its state before and its outputs."""
+    """Fill the true state of a plant step: its state before and its outputs."""
     truth, state = env.truth, env.state
     truth.advance_velocity = outputs.advance_velocity
     truth.thrust = outputs.thrust

@@ -1,4 +1,4 @@
-"""What a user may vary of an environment: declared once, with its default, and checked."""
+"""Settings of an environment: each keyword with its default and its check."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from ..core.models import explained
+from ..core.models import explain
 from ..plant import Sea, Ship, get_sea
 from .records import NOISE
 from .tasks import Task
@@ -17,64 +17,71 @@ from .tasks import Task
 SeaChoice = str | Sea | Mapping[str, Any] | Sequence[Any] | None
 
 LARGEST_EPISODE = 10_000_000
-"""Control intervals: about two months of a command every half second."""
+"""Largest number of control intervals of an episode: about two months at one every 0.5 s."""
 
 ACTION_MODES = ("increment", "absolute", "residual")
-"""How an action becomes commands; ``residual:NAME`` names the base controller."""
+"""How an action sets the commands; ``residual:NAME`` also names the base controller."""
 
 BASE_CONTROLLER = "speed-pilot"
-"""Base controller of a residual that names none."""
+"""Base controller of a residual that does not name one."""
 
 Command = Literal["shaft-speed", "limited-rack", "fuel-rack"]
-"""What the second action commands: the set-point of a governor, a fuel rack inside the limits of idle
-speed, torque and highest speed, or the fuel rack itself."""
+"""Quantity that the second action commands: the set-point of a governor, the fuel rack within the limits
+of idle speed, torque and highest speed, or the fuel rack without limits."""
 
 COMMANDS: tuple[str, ...] = get_args(Command)
-"""What the second action commands."""
+"""Names of the quantities that the second action can command."""
 
 _ALLOWED = {
-    "observer": ": must be the name of an observer",
+    "observer": ": must be the name of an observer, such as random-walk-kalman",
     "tuning": ": must be the name of a tuning, or None",
-    "sensor_noise": ": must be 0 or more (1: the usual instruments), or an rms by instrument",
+    "sensor_noise": ": must be a factor of at least 0 (1: usual noise), or an rms by instrument",
     "control_interval_s": " s: must be a number of seconds above 0 and finite",
     "max_episode_steps": ": must be a whole number of control intervals from 1 to 10 000 000, or None",
-    "randomise": ": must map keys of the ship's file to half widths",
+    "randomise": ": must map keys of the ship file to half widths from 0 to below 1",
     "normalised": ": must be True or False",
 }
-"""What a keyword may be, in words."""
+"""Allowed values of each keyword, as the end of a message."""
 
 SeaRange = tuple[Sea, Sea]
-"""Lowest and highest value of every parameter; an episode draws each uniformly between them."""
+"""Lowest and highest value of every sea parameter; an episode draws each uniformly between them."""
 
 
 class Settings(BaseModel):
     """Keywords of an environment.
 
     Args:
-        ship: preset, path or Ship; a diesel ship that moves; by default the one of the task.
-        task: a name (``shaftline list`` tells them), a Task, or a dictionary of its fields.
-        observer: name of the observer; ``oracle`` shows the truth.
-        tuning: its tuning.
-        sea: preset; parameters, such as ``{"hs_m": (1.0, 5.0), "tp_s": 9.0}``, where a pair is a range
-            from which each episode draws; or a list of those to draw from; the task's by default.
-        sensor_noise: factor on the usual instruments' (0 for perfect ones), or rms by instrument [its
-            unit].
-        control_interval_s: time between actions [s], a multiple of the plant's time step.
-        max_episode_steps: control intervals of an episode; None for episodes without an end.
+        ship: preset, path of a ship file, or Ship with a diesel engine; by default the ship of the task.
+        task: name (see ``shaftline list``), a Task, or a dictionary of its fields.
+        observer: name of the observer; ``oracle`` returns the true advance velocity.
+        tuning: name of the tuning of the observer.
+        sea: preset; parameters such as ``{"hs_m": (1.0, 5.0), "tp_s": 9.0}``, where a pair is a range
+            from which each episode draws; or a list of these to draw from. By default the seas of the
+            task.
+        sensor_noise: factor on the usual noise of the instruments (0 for perfect instruments), or rms by
+            instrument [unit of the instrument].
+        control_interval_s: time between actions [s], a multiple of the time step of the plant.
+        max_episode_steps: number of control intervals of an episode; None for episodes without an end.
             ``gymnasium.make`` limits an episode by its own ``max_episode_steps``.
-        randomise: half width of a uniform factor by dotted key of the ship's file, such as
-            ``{"hull.resistance_coefficient_N_s2_m2": 0.1}``; each episode draws its own.
-        normalised: whether observations are scaled so that the ship's own range of each signal is -1 to
-            1, and clipped to :data:`shaftline.baselines.controller.NORMALISED_BOUND`. One range serves
-            all episodes, so no statistics need to be kept with a policy. Classic controllers need
+        randomise: half width of a uniform factor by dotted key of the ship file, such as
+            ``{"hull.resistance_coefficient_N_s2_m2": 0.1}``; each episode draws its own factors.
+        normalised: whether observations are scaled so that the range of each signal on the ship is -1 to
+            1, and clipped to :data:`shaftline.baselines.controller.NORMALISED_BOUND`. The ranges are the
+            same in all episodes, so a policy needs no running statistics. Classic controllers need
             ``False``: physical units.
-        action_mode: ``increment``: the actions are rates of change of pitch and drive command, added to
-            the commands that run; ``absolute``: they are the commands; ``residual`` or
-            ``residual:CONTROLLER``: they are added to the commands of a classic controller.
-        command: what the second action commands. ``shaft-speed``: the set-point of a governor, which
-            acts at every plant step; ``limited-rack``: the fuel rack, inside the limits of idle speed,
-            torque and highest speed; ``fuel-rack``: the fuel rack itself, with nothing that protects
-            the engine. By default ``shaft-speed``, and ``limited-rack`` for a residual.
+        action_mode: ``increment``: actions are rates of change of the pitch and drive commands;
+            ``absolute``: actions are the commands; ``residual`` or ``residual:CONTROLLER``: actions are
+            added to the commands of a classic controller.
+        command: quantity that the second action commands. ``shaft-speed``: the set-point of a governor,
+            which acts at every plant step; ``limited-rack``: the fuel rack within the limits of idle
+            speed, torque and highest speed; ``fuel-rack``: the fuel rack without any engine protection.
+            By default ``shaft-speed``, and ``limited-rack`` for a residual.
+
+    Examples:
+        >>> Settings(task="transit").drive_command
+        'shaft-speed'
+        >>> Settings(action_mode="residual").base_controller
+        'speed-pilot'
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
@@ -94,7 +101,7 @@ class Settings(BaseModel):
 
     @model_validator(mode="after")
     def _check_action_mode(self) -> Settings:
-        """Refuse an unknown action mode, and a residual on a governor's set-point."""
+        """Refuse an unknown action mode, and a residual on the set-point of a governor."""
         kind, separator, name = self.action_mode.partition(":")
         if kind not in ACTION_MODES or (separator and not (kind == "residual" and name)):
             raise ValueError(
@@ -112,10 +119,13 @@ class Settings(BaseModel):
     def of(keywords: Mapping[str, Any]) -> Settings:
         """Check keywords and return them as settings.
 
+        Args:
+            keywords: keywords of an environment, by name.
+
         Raises:
-            TypeError: an unknown keyword, as Python has it; the message names those that are known.
-            ValueError: a value of another kind, or one out of range; the message names keyword, value
-                and what is allowed.
+            TypeError: an unknown keyword, as in a Python call; the message lists the known keywords.
+            ValueError: a value of a wrong type or out of range; the message names keyword, value and
+                range.
         """
         try:
             return Settings.model_validate(dict(keywords))
@@ -127,20 +137,27 @@ class Settings(BaseModel):
 
     @property
     def base_controller(self) -> str | None:
-        """Name and options of the controller to which a residual is added; None in other modes."""
+        """Name and options of the base controller of a residual; None in other modes."""
         kind, _, name = self.action_mode.partition(":")
         return (name or BASE_CONTROLLER) if kind == "residual" else None
 
     @property
     def drive_command(self) -> str:
-        """What the second action commands, where ``command`` leaves it open too."""
+        """Quantity that the second action commands, with the default where ``command`` is None."""
         return self.command or ("limited-rack" if self.base_controller else "shaft-speed")
 
     def steps(self, dt: float) -> int:
-        """Plant steps in a control interval, for a time step ``dt`` [s].
+        """Return the number of plant steps in a control interval.
+
+        Args:
+            dt: time step of the plant [s].
 
         Raises:
-            ValueError: the interval is no multiple of it.
+            ValueError: the interval is not a multiple of the time step.
+
+        Examples:
+            >>> Settings().steps(0.05)
+            10
         """
         steps = round(self.control_interval_s / dt)
         if steps < 1 or abs(steps * dt - self.control_interval_s) > 1e-9:
@@ -152,7 +169,7 @@ class Settings(BaseModel):
 
 
 def _explain(error: Any) -> str:
-    """Return a sentence about a keyword that pydantic refused."""
+    """Return the message about a keyword that pydantic refused."""
     kind, given = error["type"], error["input"]
     if kind == "value_error":
         return str(error["ctx"]["error"])
@@ -169,30 +186,35 @@ def _explain(error: Any) -> str:
 
 
 DEFAULTS = Settings()
-"""Every default of the environments."""
+"""Default settings of the environments."""
 
 LONGEST_S = LARGEST_EPISODE * DEFAULTS.control_interval_s
 """Longest episode at the default control interval [s]."""
 
 EPISODE_S = 300.0
-"""Length of an episode of the default number of control intervals [s]."""
+"""Length of an episode with the default number of control intervals [s]."""
 
 CLASSIC: dict[str, Any] = {
     "normalised": False, "action_mode": "absolute", "command": "fuel-rack",
 }  # fmt: skip
-"""Keywords with which an environment suits the classic controllers: units, and commands as actions."""
+"""Keywords of an environment for classic controllers: physical units, commands as actions."""
 
 
-def seas_of(choice: SeaChoice, task: Task) -> list[SeaRange | None]:
-    """The seas that an episode may draw; None is calm water.
+def read_seas(choice: SeaChoice, task: Task) -> list[SeaRange | None]:
+    """Return the seas that an episode can draw; None stands for calm water.
 
     Args:
-        choice: as of :class:`Settings`; None leaves it to the task.
-        task: the task.
+        choice: sea as in :class:`Settings`; None means the seas of the task.
+        task: task of the environment.
 
     Raises:
-        ValueError: a sea that does not exist, none at all, or a range whose ends are the wrong way
-            round.
+        ValueError: an unknown or empty sea, or a range whose lower end is above its upper end.
+
+    Examples:
+        >>> from shaftline.envs import get_task
+        >>> ((low, high),) = read_seas({"hs_m": (1.0, 2.0), "tp_s": 8.0}, get_task("transit"))
+        >>> low.hs_m, high.hs_m
+        (1.0, 2.0)
     """
     if choice is None:
         choice = task.seas
@@ -208,25 +230,31 @@ def seas_of(choice: SeaChoice, task: Task) -> list[SeaRange | None]:
             numbers = all(type(end) in (int, float) for end in pair)
             if len(pair) not in (1, 2) or not numbers or pair[0] > pair[-1]:
                 raise ValueError(
-                    f"sea[{name!r}] = {choice[name]!r}: must be a number, or a lowest and a highest"
+                    f"sea[{name!r}] = {choice[name]!r}: must be a number, or a pair (lowest, highest)"
                 )
         low, high = ({name: pair[end] for name, pair in ends.items()} for end in (0, -1))
         try:
             return [(Sea(**low), Sea(**high))]
         except ValidationError as error:
             raise ValueError(
-                f"sea: {explained(error)} (keys: {', '.join(Sea.model_fields)})"
+                f"sea: {explain(error)} (keys: {', '.join(Sea.model_fields)})"
             ) from None
     if not isinstance(choice, Sequence) or not choice:
-        raise ValueError(f"sea = {choice!r}: must be a preset, parameters, or a list of those")
-    return [sea for item in choice for sea in seas_of(item, task)]
+        raise ValueError(
+            f"sea = {choice!r}: must be a preset such as state-5, parameters, or a list of these"
+        )
+    return [sea for item in choice for sea in read_seas(item, task)]
 
 
-def noise_of(ship: Ship, choice: float | Mapping[str, float]) -> Any:
-    """NOISE record: a share of the usual instruments' noise, or rms values by name.
+def noise_record(ship: Ship, choice: float | Mapping[str, float]) -> Any:
+    """Return the noise of the instruments as a NOISE record.
+
+    Args:
+        ship: ship, whose highest speed and torque scale the usual noise.
+        choice: factor on the usual noise [-], or rms values by instrument [unit of the instrument].
 
     Raises:
-        ValueError: an unknown instrument, or an rms or share below 0.
+        ValueError: an unknown instrument, or a factor or rms below 0.
     """
     record = np.zeros(1, NOISE)[0]
     names = NOISE.names or ()
@@ -235,27 +263,27 @@ def noise_of(ship: Ship, choice: float | Mapping[str, float]) -> Any:
             if name not in names or not (math.isfinite(rms) and rms >= 0.0):
                 raise ValueError(
                     f"sensor_noise[{name!r}] = {rms!r}: known instruments are "
-                    f"{', '.join(names)}, with an rms of 0 or more"
+                    f"{', '.join(names)}, each with an rms of at least 0"
                 )
             record[name] = rms
         return record
     if not (math.isfinite(choice) and choice >= 0.0):
-        raise ValueError(f"sensor_noise = {choice!r}: must be 0 or more (1: the usual instruments)")
+        raise ValueError(f"sensor_noise = {choice!r}: must be at least 0 (1: usual noise)")
     plant = ship.record()
     top_speed = float(plant["engine_speed_max"] / plant["gear_ratio"])
     top_torque = float(plant["torque_limit"] * plant["gear_ratio"])
-    # encoder 0.1 %, strain gauge 0.5 % of full scale, pitch feedback, accelerometer, speed log
+    # Encoder 0.1 % and strain gauge 0.5 % of full scale, pitch feedback, accelerometer, speed log.
     record["shaft_speed"] = 1e-3 * top_speed
     record["shaft_torque"] = 5e-3 * top_torque if math.isfinite(top_torque) else 0.0
     record["pitch_ratio"] = 4e-3
     record["shaft_acceleration"] = 2e-2
     record["ship_speed"] = 5e-2
-    # gyrocompass, rate gyro, rudder feedback, position behind a navigation filter
+    # Gyrocompass, rate gyro, rudder feedback, position from a navigation filter.
     record["heading"] = math.radians(0.1)
     record["yaw_rate"] = math.radians(0.02)
     record["rudder_angle"] = math.radians(0.1)
     record["cross_track"] = 5e-2
-    # inflow of the waves that are measured at the bow (assumed)
+    # Inflow of the waves that the sensor at the bow measures (assumed).
     record["wave_inflow"] = 0.05
     for name in names:
         record[name] *= choice
@@ -263,11 +291,15 @@ def noise_of(ship: Ship, choice: float | Mapping[str, float]) -> Any:
 
 
 _NOT_VARIED = ("integration.time_step_s",)
-"""Keys that set how the plant is integrated, and no number of the ship."""
+"""Keys that define the integration of the plant and are not parameters of the ship."""
 
 
 def check_randomise(ship: Ship, randomise: Mapping[str, float]) -> None:
-    """Refuse what a factor cannot vary, or would carry out of its range.
+    """Refuse keys that a factor cannot vary or would carry out of their range.
+
+    Args:
+        ship: ship whose parameters are varied.
+        randomise: half width of the factor by dotted key of the ship file.
 
     Raises:
         ValueError: names the key, its unit and its allowed range.
@@ -275,14 +307,20 @@ def check_randomise(ship: Ship, randomise: Mapping[str, float]) -> None:
     for key, width in randomise.items():
         where = f"randomise[{key!r}] = {width!r}"
         if key in _NOT_VARIED:
-            raise ValueError(f"{where}: every episode has the same {key}")
+            raise ValueError(
+                f"{where}: {key} sets the integration and is not a parameter of the ship; remove it"
+            )
         if not ship.has_key(key):
-            raise ValueError(f"{where}: must be a number of the ship's file by its dotted key")
+            raise ValueError(
+                f"{where}: not the key of a number in the ship file, such as hull.mass_kg"
+            )
         if not 0.0 <= width < 1.0:
             raise ValueError(f"{where}: must be a half width from 0 to below 1")
-        _, value, info, *_ = ship.number(key)
+        _, value, info, *_ = ship.parameter(key)
         if value == 0.0 or not math.isfinite(value):
-            raise ValueError(f"{where}: the ship has {value:g} there, which a factor does not vary")
+            raise ValueError(
+                f"{where}: the value on this ship is {value:g}, which a factor cannot vary"
+            )
         ends = sorted((value * (1.0 - width), value * (1.0 + width)))
         if ends[0] < info.low or ends[1] > info.high:
             raise ValueError(

@@ -15,17 +15,21 @@ from ..core.compiled import compiled
 from ..plant.signals import get_signal
 from .batch import Batch
 
-_FAR = 1e9  # bound of what has none [rad, m]
+_FAR = 1e9  # bound of a signal without a physical bound [rad, m]
 
 
 def observation_space(observed: Sequence[str] = OBSERVED) -> spaces.Box:
-    """An observation in physical units, with the registry's bounds.
+    """Return the space of an observation in physical units, with the bounds of the signal registry.
 
     Args:
-        observed: its signals, in order.
+        observed: names of the signals, in order.
+
+    Examples:
+        >>> observation_space(("speed_order", "fuel_rack")).high.tolist()
+        [40.0, 200.0]
     """
     signals = [get_signal(name) for name in observed]
-    # a heading that is not wrapped has no bound, but a space without one is of little use
+    # A heading that is not wrapped has no bound; a finite one keeps the space usable for sampling.
     low = np.array([max(signal.low, -_FAR) for signal in signals], np.float32)
     high = np.array([min(signal.high, _FAR) for signal in signals], np.float32)
     return spaces.Box(low, high, dtype=np.float32)
@@ -36,12 +40,16 @@ def action_space(numbers: int = 2) -> spaces.Box:
 
     Args:
         numbers: 2, or 3 with the rudder.
+
+    Examples:
+        >>> action_space(3)
+        Box(-1.0, 1.0, (3,), float32)
     """
     return spaces.Box(-1.0, 1.0, (numbers,), np.float32)
 
 
-def space_of(batch: Batch) -> spaces.Box:
-    """Return the space of one observation: normalised, or in physical units."""
+def batch_observation_space(batch: Batch) -> spaces.Box:
+    """Return the space of one observation of a batch, normalised or in physical units."""
     if batch.settings.normalised:
         bound = NORMALISED_BOUND
         return spaces.Box(-bound, bound, (len(batch.observed),), np.float32)
@@ -59,14 +67,18 @@ def _clip(action: NDArray[np.float32], clipped: NDArray[np.float32]) -> bool:
 
 
 def check_action(action: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Return an action, or one a ship, clipped to the action space.
+    """Return an action as a float32 array clipped to the action space.
 
     Args:
-        action: numbers, in [-1, 1] where they are not to be clipped.
-        shape: of what is needed.
+        action: numbers of the given shape.
+        shape: expected shape.
 
     Raises:
-        ValueError: no numbers, numbers of another shape, or one that is not finite.
+        ValueError: the action does not consist of numbers, has another shape, or is not finite.
+
+    Examples:
+        >>> check_action([0.5, -3.0], (2,)).tolist()
+        [0.5, -1.0]
     """
     if type(action) is np.ndarray and action.dtype == np.float32 and action.shape == shape:
         ready = np.empty(shape, np.float32)
@@ -80,9 +92,11 @@ def check_action(action: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"action {action!r}: must be finite numbers of shape {shape}") from None
     if array.shape != shape:
-        raise ValueError(f"action has shape {array.shape}, {shape} is needed")
+        raise ValueError(f"action has shape {array.shape}; expected is shape {shape}")
     if not np.isfinite(array).all():
-        raise ValueError(f"action {array.tolist()} holds a value that is not finite")
-    # clipped as double: 1e300 is finite, but single precision does not hold it
+        raise ValueError(
+            f"action {array.tolist()} contains a value that is not finite; expected is -1 to 1"
+        )
+    # Clip in double precision: 1e300 is finite, but not in single precision.
     clipped: NDArray[np.float32] = np.clip(array, -1.0, 1.0).astype(np.float32)
     return clipped

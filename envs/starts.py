@@ -1,7 +1,7 @@
-"""The beginning of episodes: random numbers in, ships in a steady state out.
+"""Start of episodes: draw random numbers, and set ships to a steady state.
 
-A NumPy generator of each environment draws all random numbers of its episode in one call. Orders, sea,
-resistance, steady state and lags are computed from them in one compiled call for all environments.
+The NumPy generator of an environment draws all random numbers of its episode in one call. One compiled
+call for all environments computes orders, sea, resistance, steady state and lag states from them.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from ..core.numeric import clip, piecewise_linear
 from ..core.random_stream import fill_uniform
 from ..plant import Sea, Ship, equilibrium
 from ..plant.drives.diesel import rack_torque, torque_limit
-from ..plant.dynamics import settled
+from ..plant.dynamics import settle_lags
 from ..plant.expressions import NO_SIGNALS
 from ..plant.hull import resistance, water_speed, wave_resistance
 from ..plant.state import Inputs, get_state, set_state
 from ..plant.stepping import Disturbance, prepare
 from ..plant.waves import COMPONENTS, fill_sea
-from .options import Begin
+from .options import ResetOptions
 from .records import ENVIRONMENT, MAX_ORDERS
-from .rewards import fuel_of_all
+from .rewards import total_fuel_flow
 from .settings import SeaRange
 from .tasks import Task
 
 LOADS = (0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0)
-"""Resistance over that of calm water at which steady states are worked out."""
+"""Resistance over that of calm water at which steady states are computed."""
 
 _COLUMNS = ("ship_speed", "shaft_speed", "pitch_ratio", "drive", "pitch_command", "fuel")
 
@@ -42,7 +42,7 @@ def steady_states(ship: Ship, load: float = 1.0) -> NDArray[Any]:
     """Return the steady states under a load, by rising ship speed, and the commands that hold them.
 
     Args:
-        ship: with a diesel and a propeller.
+        ship: ship with a diesel engine and a propeller.
         load: resistance over that of calm water [-].
 
     Returns:
@@ -50,7 +50,7 @@ def steady_states(ship: Ship, load: float = 1.0) -> NDArray[Any]:
         command, and fuel flow of all engines [kg/s].
 
     Raises:
-        ValueError: the engine's speed range holds fewer than two steady states.
+        ValueError: there are fewer than two steady states within the speed range of the engine.
     """
     plant = ship.record()
     pitch = float(
@@ -61,26 +61,29 @@ def steady_states(ship: Ship, load: float = 1.0) -> NDArray[Any]:
         try:
             found = equilibrium(ship, float(rack), pitch, resistance_factor=load).state
         except ValueError:
-            continue  # too little fuel to turn the shaft
+            continue  # The fuel does not suffice to turn the shaft.
         engine_speed = found.shaft_speed * plant["gear_ratio"]
         if plant["engine_speed_min"] <= engine_speed <= plant["engine_speed_max"]:
             torque = min(rack_torque(plant, engine_speed, rack), torque_limit(plant, engine_speed))
-            fuel = fuel_of_all(plant, found.shaft_speed, torque)
+            fuel = total_fuel_flow(plant, found.shaft_speed, torque)
             rows.append((found.ship_speed, found.shaft_speed, found.pitch_ratio, rack, pitch, fuel))
     if len(rows) < 2:
-        raise ValueError(f"{ship.name}: no steady states inside the engine's speed range")
+        raise ValueError(
+            f"{ship.name}: fewer than two steady states within the speed range of the engine; check "
+            "resistance, propeller and engine of the ship file"
+        )
     return np.array(sorted(rows), dtype=[(name, np.float64) for name in _COLUMNS])
 
 
 class SteadyTables(NamedTuple):
-    """Steady states under every load that the engine can work against."""
+    """Steady states under every load at which the engine can run."""
 
     loads: NDArray[np.float64]
-    """Shape (k,), rising."""
+    """Loads, shape (k,), rising."""
     ends: NDArray[np.int64]
-    """First column of each load's states and, last, their number; shape (k + 1,)."""
+    """First column of the states of each load and, last, their total number; shape (k + 1,)."""
     columns: NDArray[np.float64]
-    """Fields of :func:`steady_states`, all loads one behind the other, shape (6, m)."""
+    """Fields of :func:`steady_states` as rows, all loads one after another, shape (6, m)."""
     slowest: float
     """Lowest ship speed in calm water [m/s]."""
     fastest: float
@@ -89,13 +92,13 @@ class SteadyTables(NamedTuple):
 
 @functools.lru_cache(maxsize=16)
 def steady_tables(ship: Ship) -> SteadyTables:
-    """Return the steady states of a ship under each of :data:`LOADS` that her engine can bear."""
+    """Return the steady states of a ship under each of :data:`LOADS` at which the engine can run."""
     loads, tables = [], []
     for load in LOADS:
         try:
             tables.append(steady_states(ship, load))
         except ValueError:
-            continue  # more, or less, than her engine can work against
+            continue  # The engine has no steady states under this load.
         loads.append(load)
     rows = np.concatenate(tables)
     columns = np.array([rows[name] for name in _COLUMNS])
@@ -134,7 +137,7 @@ _TRACKS = _HEADINGS + MAX_ORDERS
 _CURRENT, _DRIFT = _TRACKS + MAX_ORDERS, _TRACKS + MAX_ORDERS + 1
 
 DRAWS, DRAWS_STEERED = _HEADINGS, _DRIFT + 1
-"""Random numbers of an episode. Their order decides which episode belongs to a seed."""
+"""Number of random numbers of an episode; their order determines the episode of a seed."""
 
 _FIELDS: Any = ENVIRONMENT.fields
 _CLEARED = np.array(
@@ -143,11 +146,11 @@ _CLEARED = np.array(
         for name in ("state", "sea", "estimate", "episode", "ended")
     ]
 )
-"""First and last byte of what a new episode begins with as zeros."""
+"""First and last byte of the fields that are zero at the start of an episode."""
 
 
-def sea_ends(seas: Sequence[SeaRange | None]) -> NDArray[np.float64]:
-    """Return lowest and highest Hs, Tp, gamma and heading of seas, shape (m, 2, 4); calm is zeros."""
+def sea_bounds(seas: Sequence[SeaRange | None]) -> NDArray[np.float64]:
+    """Return lowest and highest Hs, Tp, gamma and heading of seas, shape (m, 2, 4); zeros for calm."""
     ends = [
         [[0.0] * _PARAMETERS] * 2
         if sea is None
@@ -157,12 +160,12 @@ def sea_ends(seas: Sequence[SeaRange | None]) -> NDArray[np.float64]:
     return np.array(ends)
 
 
-def ranges_of(begin: Begin, task: Task) -> Any:
-    """Return EPISODE_RANGES of shape (1,): the ranges of a task, with the options of a reset.
+def episode_ranges(begin: ResetOptions, task: Task) -> Any:
+    """Return the ranges of a task with the options of a reset, an EPISODE_RANGES array of shape (1,).
 
     Args:
         begin: options of the reset.
-        task: the task.
+        task: task of the environment.
     """
     ranges = np.zeros(1, EPISODE_RANGES)
     row = ranges[0]
@@ -198,7 +201,7 @@ def _between(low: float, high: float, share: float) -> float:
 
 @compiled
 def _steady_value(tables: SteadyTables, row: int, lower: int, load: float, speed: float) -> float:
-    """Interpolate a row of the steady states by ship speed [m/s] and, between two loads, by load [-]."""
+    """Interpolate a row of the steady states by ship speed [m/s] and load [-]."""
     loads, ends, known, values = tables.loads, tables.ends, tables.columns[0], tables.columns[row]
     first, last = ends[lower], ends[lower + 1]
     light = piecewise_linear(known[first:last], values[first:last], last - first, speed)
@@ -216,12 +219,12 @@ def _steady_value(tables: SteadyTables, row: int, lower: int, load: float, speed
 def _load(
     plant: Record, sea: Record, tables: SteadyTables, speed: float, factor: float
 ) -> tuple[float, int]:
-    """Return the resistance over that of calm water [-] at a ship speed, and the table below it.
+    """Return the resistance over that of calm water [-], and the index of the table below it.
 
     Args:
         plant: ship record.
-        sea: of the episode, whose added resistance counts.
-        tables: of :func:`steady_tables`.
+        sea: sea of the episode, which adds resistance.
+        tables: tables from :func:`steady_tables`.
         speed: ship speed [m/s].
         factor: mean resistance of the episode over that of calm water, without waves [-].
     """
@@ -238,11 +241,11 @@ def _draw(env: Record, sea: NDArray[np.float64], ranges: Record, u: NDArray[np.f
     """Set the episode of an environment from random numbers.
 
     Args:
-        env: ENVIRONMENT record, whose episode is zeros.
-        sea: filled with Hs, Tp, gamma and heading, shape (4,): on entry their lowest values, with the
-            highest behind them, shape (8,).
+        env: ENVIRONMENT record, whose episode is zero.
+        sea: on entry the lowest Hs, Tp, gamma and heading followed by the highest, shape (8,); on return
+            the first four values are the drawn ones.
         ranges: EPISODE_RANGES record.
-        u: uniform in [0, 1), shape (:data:`DRAWS`,) or (:data:`DRAWS_STEERED`,).
+        u: uniform numbers in [0, 1), shape (:data:`DRAWS`,) or (:data:`DRAWS_STEERED`,).
     """
     episode = env.episode
     for j in range(_PARAMETERS):
@@ -278,19 +281,20 @@ def start_episodes(
     uniform: NDArray[np.float64], ranges: Any, seas: NDArray[np.float64], tables: SteadyTables,
     depth: float, dt: float,
 ) -> None:  # fmt: skip
-    """Begin episodes of ships in a steady state at their initial speeds; all changes in place.
+    """Start episodes of ships in a steady state at their initial speeds; all changes in place.
 
-    The steady state is that under the mean resistance; slow swing and single waves have moved nothing.
+    The steady state is that under the mean resistance, before the slow fluctuation and the single waves
+    act.
 
     Args:
         environments: ENVIRONMENT array of shape (n,), with the plants of the new episodes.
-        raw: its bytes, shape (n, itemsize).
-        which: environments that begin an episode, shape (k,).
+        raw: bytes of that array, shape (n, itemsize).
+        which: indices of the environments that start an episode, shape (k,).
         uniform: random numbers in [0, 1), shape (k, :data:`DRAWS`) or (k, :data:`DRAWS_STEERED`).
-        ranges: from :func:`ranges_of`.
-        seas: from :func:`sea_ends`, of which each episode draws one.
-        tables: of :func:`steady_tables`.
-        depth: of the propeller's centre [m], at which the waves act.
+        ranges: ranges from :func:`episode_ranges`.
+        seas: bounds from :func:`sea_bounds`; each episode draws one sea.
+        tables: tables from :func:`steady_tables`.
+        depth: depth of the propeller centre [m], at which the waves act.
         dt: plant step [s].
     """
     shares = np.empty(2 * COMPONENTS)
@@ -327,13 +331,13 @@ def start_episodes(
         state.pitch_ratio = _steady_value(tables, 2, lower, load, speed)
         rack = _steady_value(tables, 3, lower, load, speed)
         episode.pitch_command = _steady_value(tables, 4, lower, load, speed)
-        episode.drive = episode.integral = rack  # the governor takes over without a bump
+        episode.drive = episode.integral = rack  # bumpless transfer to the governor
         episode.rack_command, episode.shaft_speed_command = rack, state.shaft_speed
-        if plant.turns != 0:  # carried by the water
+        if plant.turns != 0:  # The ship drifts with the water.
             state.sway_speed = plant.cross_current
         inputs = Inputs(
             rack, episode.pitch_command, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, load, 0.0, 0.0, 0.0, 0.0,
             0.0, NO_SIGNALS,
         )  # fmt: skip
-        set_state(state, settled(plant, get_state(state), inputs))
+        set_state(state, settle_lags(plant, get_state(state), inputs))
         prepare(plant, state, env.memory, sea, rack, Disturbance(0.0, 0.0, factor, NO_SIGNALS), dt)

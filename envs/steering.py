@@ -1,4 +1,4 @@
-"""``shaftline/Steering-v0``: the same ship with her rudder among the actions."""
+"""``shaftline/Steering-v0``: the environment with the rudder as a third action."""
 
 from __future__ import annotations
 
@@ -10,31 +10,59 @@ _DEFAULTS: dict[str, Any] = {"task": "course-keeping"}
 
 
 class SteeringEnv(FrigateEnv):
-    """A ship that turns, with her propulsion in the loop, commanded by pitch, fuel rack and rudder.
+    """Propulsion plant of a ship that turns, controlled by blade pitch, drive and rudder.
 
-    Everything is as in :class:`FrigateEnv`, and besides:
+    This class differs from :class:`FrigateEnv` as follows.
 
-    ## Observation
-    ``Box(23,)``: after the eight measured signals come ordered heading [rad], heading [rad], rate of
-    turn [rad/s], rudder angle [rad], ordered cross track [m] and cross track [m], all to starboard of
-    the first course; before the last signal come the errors of heading (by the shorter way) [rad] and
-    cross track [m].
+    ## Action Space
 
-    ## Action
-    ``Box(3,)``: the two, and the rudder command over the end stops, positive to starboard.
+    ``Box(-1, 1)`` of shape ``(3,)``: the third value is the rudder command between the end stops (35
+    degrees), positive to starboard.
 
-    ## Options of a reset
-    Also ``heading_order_deg``, ``track_order_m`` (one order, or one for each interval),
-    ``cross_current_m_s`` and ``drift_force_kN``.
+    ## Observation Space
+
+    ``Box(-3, 3)`` of shape ``(23,)``. Six signals follow the eight measured signals, and two errors
+    precede the last signal. Directions are positive to starboard of the first course.
+
+    | index | signal | unit | range | meaning |
+    |---|---|---|---|---|
+    | 8 | `heading_order` | rad | -3.142 to 3.142 | ordered heading |
+    | 9 | `heading` | rad | -3.142 to 3.142 | measured heading |
+    | 10 | `yaw_rate` | rad/s | -0.09312 to 0.09312 | measured rate of turn |
+    | 11 | `rudder_angle` | rad | -0.6109 to 0.6109 | measured rudder angle |
+    | 12 | `cross_track_order` | m | -115 to 115 | ordered cross-track position |
+    | 13 | `cross_track` | m | -115 to 115 | measured cross-track position |
+    | 20 | `heading_error` | rad | -0.5236 to 0.5236 | ordered less measured heading |
+    | 21 | `track_error` | m | -57.5 to 57.5 | ordered less measured cross-track position |
+
+    ## Starting State
+
+    The task also draws ordered headings or cross-track positions, the current across and the mean of a
+    slow side force. ``reset(options=...)`` also accepts ``heading_order_deg``, ``track_order_m`` (one
+    order, or a list with one for each order interval), ``cross_current_m_s`` and ``drift_force_kN``.
+
+    ## Arguments
+
+    Those of :class:`FrigateEnv`; the default task is ``course-keeping``, with the ship
+    ``frigate-turning``.
+
+    ## Version History
+
+    * v0: initial version.
 
     Args:
         render_mode: None or ``rgb_array``.
-        settings: keywords, as of :class:`shaftline.envs.Settings`; the task is ``course-keeping`` by
-            default.
+        settings: keywords of :class:`shaftline.envs.Settings`.
 
     Raises:
-        ValueError: something that does not exist or is out of range, or a ship that cannot be steered;
-            the message names it.
+        ValueError: a name does not exist, a value is out of range, or the ship cannot be steered; the
+            message names it.
+
+    Examples:
+        >>> env = SteeringEnv(sea="calm")
+        >>> observation, info = env.reset(seed=1)
+        >>> observation.shape, env.action_space.shape
+        ((23,), (3,))
     """
 
     steered: ClassVar[bool] = True
@@ -42,33 +70,37 @@ class SteeringEnv(FrigateEnv):
 
 
 class SteeringVectorEnv(FrigateVectorEnv):
-    """Many of :class:`SteeringEnv` stepped in one compiled call; see :class:`FrigateVectorEnv`.
+    """Many :class:`SteeringEnv` environments in one compiled call; see :class:`FrigateVectorEnv`.
 
     Args:
-        num_envs: how many.
-        threads: that step them; the machine's cores by default.
-        settings: keywords, as of :class:`shaftline.envs.Settings`; the task is ``course-keeping`` by
-            default.
+        num_envs: number of sub-environments.
+        threads: number of threads that step them; one for each core by default.
+        settings: keywords of :class:`shaftline.envs.Settings`; the default task is ``course-keeping``.
 
     Raises:
-        ValueError: something that does not exist or is out of range; the message names it.
+        ValueError: a name does not exist or a value is out of range; the message names it.
     """
 
     steered: ClassVar[bool] = True
     defaults: ClassVar[dict[str, Any]] = _DEFAULTS
 
 
-class Kinds(NamedTuple):
-    """Environments of a task, by whether the rudder is an action."""
+class EnvironmentClasses(NamedTuple):
+    """Classes of the environments with or without the rudder as an action."""
 
     id: str
-    """Of the single environment in Gymnasium's registry."""
+    """Id of the single environment in the registry of Gymnasium."""
     single: type[FrigateEnv]
     vector: type[FrigateVectorEnv]
 
 
-def kinds(steered: bool) -> Kinds:
-    """Return the environments with the rudder among the actions, or without."""
+def environment_classes(steered: bool) -> EnvironmentClasses:
+    """Return the environment classes with the rudder as an action, or without.
+
+    Examples:
+        >>> environment_classes(steered=False).id
+        'shaftline/Frigate-v0'
+    """
     if steered:
-        return Kinds("shaftline/Steering-v0", SteeringEnv, SteeringVectorEnv)
-    return Kinds("shaftline/Frigate-v0", FrigateEnv, FrigateVectorEnv)
+        return EnvironmentClasses("shaftline/Steering-v0", SteeringEnv, SteeringVectorEnv)
+    return EnvironmentClasses("shaftline/Frigate-v0", FrigateEnv, FrigateVectorEnv)

@@ -12,20 +12,20 @@ from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from ..baselines.controller import Predictor
 from ..baselines.registry import ControllerError, make_controller, make_steering
-from ..core.models import FileModel, explained
+from ..core.models import FileModel, explain
 from ..plant import Ship, load_ship
 from .rewards import Goals
 
 
 def _rising(ends: tuple[float, float]) -> tuple[float, float]:
     if ends[0] > ends[1]:
-        raise ValueError("the lowest value must stand first")
+        raise ValueError(f"{list(ends)}: the lower value must come first")
     return ends
 
 
 _Number = Annotated[float, Field(strict=True)]
 Range = Annotated[tuple[_Number, _Number], AfterValidator(_rising)]
-"""Lowest and highest value of what an episode draws."""
+"""Lowest and highest value of a quantity that an episode draws."""
 
 
 LIMITS = {
@@ -36,14 +36,14 @@ LIMITS = {
     "cross_current_m_s": (-5.0, 5.0, "m/s"),
     "drift_force_kN": (-1e5, 1e5, "kN"),
 }
-"""Lowest and highest value, and unit, of what a task draws or ``reset(options=...)`` gives."""
+"""Lowest and highest value, and unit, of the quantities of a task and of ``reset(options=...)``."""
 
 LEAST_RESISTANCE = 0.05
-"""Least share of the calm-water resistance that rise and swing may leave [-]."""
+"""Smallest share of the calm-water resistance that rise and fluctuation may leave [-]."""
 
 
 def _within_limits(task: HeldOut | Task) -> None:
-    """Refuse ranges beyond :data:`LIMITS`, and a resistance that swings below what is left of it."""
+    """Refuse ranges beyond :data:`LIMITS`, and a resistance that falls below its smallest share."""
     for name, (low, high, unit) in LIMITS.items():
         ends = getattr(task, name, None)
         if ends is not None and not low <= ends[0] <= ends[1] <= high:
@@ -52,17 +52,17 @@ def _within_limits(task: HeldOut | Task) -> None:
     if left < LEAST_RESISTANCE:
         raise ValueError(
             f"resistance_rise from {task.resistance_rise[0]:g} with a resistance_swing of "
-            f"{task.resistance_swing:g} leaves {left:.2g} of the resistance; at least "
-            f"{LEAST_RESISTANCE:g} must be left"
+            f"{task.resistance_swing:g} leaves {left:.2g} of the calm-water resistance; at least "
+            f"{LEAST_RESISTANCE:g} must remain"
         )
 
 
 TaskSea = str | dict[str, _Number | Range]
-"""A sea of a task: a preset, or parameters, of which an episode draws each that is a range."""
+"""Sea of a task: a preset, or parameters; an episode draws each parameter that is a range."""
 
 
 class HeldOut(FileModel):
-    """What a task's training never draws, to judge on."""
+    """Seas and disturbances of a task for the evaluation, which training never draws."""
 
     seas: tuple[TaskSea, ...] = Field(min_length=1)
     resistance_rise: Range
@@ -77,37 +77,53 @@ class HeldOut(FileModel):
 
 
 class Task(FileModel):
-    """One task."""
+    """Task: orders, seas, disturbances and goals of an environment.
+
+    Examples:
+        >>> task = get_task("transit")
+        >>> task.speed_order_m_s, list(task.goals.used)[:2]
+        ((7.0, 9.0), ['speed_error_m_s', 'fuel_excess'])
+    """
 
     description: str
-    vessel: str = Field("frigate", description="ship that it is made for, a preset")
-    seas: tuple[TaskSea, ...] = Field(min_length=1, description="one drawn an episode")
-    speed_order_m_s: Range = Field(description="range of the orders")
+    vessel: str = Field("frigate", description="preset of the ship of the task")
+    seas: tuple[TaskSea, ...] = Field(
+        min_length=1, description="seas, of which an episode draws one"
+    )
+    speed_order_m_s: Range = Field(description="range of the ordered ship speeds")
     order_interval_s: float = Field(gt=0, description="time between new orders")
-    resistance_rise: Range = Field(description="range of the mean rise")
-    resistance_swing: float = Field(ge=0, lt=1, description="amplitude of the slow swing")
+    resistance_rise: Range = Field(description="range of the mean rise of the resistance")
+    resistance_swing: float = Field(
+        ge=0, lt=1, description="amplitude of the slow fluctuation of the resistance"
+    )
     steered: bool = Field(
-        False, description="needs a ship that turns; then the rudder is an action"
+        False, description="whether the rudder is an action; needs a ship that turns"
     )
     heading_order_deg: Range = Field((0.0, 0.0), description="range of the ordered headings")
-    track_order_m: Range = Field((0.0, 0.0), description="range of the ordered cross tracks")
-    cross_current_m_s: Range = Field((0.0, 0.0), description="range of the current across")
-    drift_force_kN: Range = Field((0.0, 0.0), description="range of the slow side force's mean")
-    preview: bool = Field(
-        False, description="a sensor at the bow tells the inflow of the waves to come"
+    track_order_m: Range = Field(
+        (0.0, 0.0), description="range of the ordered cross-track positions"
     )
+    cross_current_m_s: Range = Field(
+        (0.0, 0.0), description="range of the current across the first course"
+    )
+    drift_force_kN: Range = Field(
+        (0.0, 0.0), description="range of the mean of the slow side force"
+    )
+    preview: bool = Field(False, description="whether a sensor at the bow measures the waves ahead")
     randomise: dict[str, float] = Field(
         default_factory=dict,
-        description="half width of a uniform factor by key of the ship's file, drawn each episode",
+        description="half width of a uniform factor by key of the ship file, drawn each episode",
     )
     goals: Goals
-    ship: dict[str, Any] = Field(default_factory=dict, description="keys of the ship's file")
+    ship: dict[str, Any] = Field(
+        default_factory=dict, description="changed values by key of the ship file"
+    )
     held_out: HeldOut | None = None
 
     @model_validator(mode="before")
     @classmethod
     def _with_tolerances(cls, values: Any) -> Any:
-        """Complete goals that give no tolerance of their own by the shared one of their term."""
+        """Complete goals without a tolerance by the shared tolerance of their term."""
         goals = values.get("goals") if isinstance(values, Mapping) else None
         if not isinstance(goals, Mapping):
             return values
@@ -125,22 +141,26 @@ class Task(FileModel):
 
     @property
     def helmsman(self) -> str:
-        """Name of the helmsman that suits the goals, of a task with the rudder as an action."""
+        """Name of the helmsman that suits the goals of a task with the rudder as an action."""
         return "track-keeper" if "track_error_m" in self.goals.used else "autopilot"
 
     @property
     def presets(self) -> tuple[str, ...]:
-        """Those of its seas that are presets, by name."""
+        """Names of the seas of the task that are presets."""
         return tuple(sea for sea in self.seas if isinstance(sea, str))
 
-    def sailed(self, ship: Any = None) -> Ship:
-        """A ship as the task has it, which is what its controllers are built for.
+    def load_ship(self, ship: Any = None) -> Ship:
+        """Load a ship with the changes that the task makes to it.
 
         Args:
-            ship: preset, path or Ship; the one that the task is made for by default.
+            ship: preset, path of a ship file, or Ship; the ship of the task by default.
 
         Raises:
-            ShipError: it cannot be read, or the task changes what it does not have.
+            ShipError: the ship cannot be read, or the task changes a key that the ship does not have.
+
+        Examples:
+            >>> get_task("storm").load_ship().propeller.depth_m
+            3.0
         """
         return load_ship(self.vessel if ship is None else ship).with_values(dict(self.ship))
 
@@ -151,31 +171,32 @@ def controller_for(
     """Return a classic controller for a task.
 
     Args:
-        task: whose helmsman is added to a name without one, where the rudder is an action.
-        text: as of :func:`shaftline.baselines.make_controller`, or ``HELMSMAN+CONTROLLER``.
-        ship: that is commanded.
+        task: task, whose helmsman is added to a name without one where the rudder is an action.
+        text: text as in :func:`shaftline.baselines.make_controller`, or ``HELMSMAN+CONTROLLER``.
+        ship: ship to control.
         interval_s: control interval [s].
         steered: whether the rudder is an action.
 
     Raises:
-        ControllerError: unknown name or option.
+        ControllerError: unknown name or option, or a controller that needs signals which the task lacks.
     """
     if not steered:
         made = make_controller(text, ship, interval_s)
         if getattr(made, "preview", False) and not task.preview:
             raise ControllerError(
-                f"{text!r}: it reads the waves ahead, which this task does not tell"
+                f"{text!r}: this controller needs the waves ahead, which only a task with preview = "
+                "true provides, such as wave-preview"
             )
         return made
     return make_steering(text if "+" in text else f"{task.helmsman}+{text}", ship, interval_s)
 
 
 HELD_OUT = "held-out"
-"""Behind a task's name and a colon: the seas and resistances that its training never draws."""
+"""Suffix after the name of a task and a colon: seas and disturbances that training never draws."""
 
 
 class TaskError(ValueError):
-    """A task that does not exist or cannot be used."""
+    """A task does not exist or cannot be used; the message says why."""
 
 
 @functools.cache
@@ -194,19 +215,31 @@ def _all() -> dict[str, Task]:
 
 
 def tasks(steered: bool | None = False) -> dict[str, Task]:
-    """The tasks that come with the package, by name.
+    """Return the tasks of the package, by name.
 
     Args:
-        steered: those in which the rudder is an action, in place of the others; None for both.
+        steered: True for the tasks with the rudder as an action, False for the tasks without, None for
+            all.
+
+    Examples:
+        >>> sorted(tasks(steered=True))
+        ['course-keeping', 'track-keeping']
     """
     return {name: task for name, task in _all().items() if steered in (None, task.steered)}
 
 
 def get_task(task: str | Task | dict[str, Any]) -> Task:
-    """A task by name (``transit``, or ``transit:held-out``), or made from a dictionary of its fields.
+    """Return a task by name (``transit``, or ``transit:held-out``), or from a dictionary of its fields.
+
+    Args:
+        task: name, Task, or dictionary of fields.
 
     Raises:
         TaskError: unknown name, or fields that are missing, unknown or out of range.
+
+    Examples:
+        >>> get_task("transit").order_interval_s
+        100.0
     """
     if isinstance(task, Task):
         return task
@@ -214,7 +247,7 @@ def get_task(task: str | Task | dict[str, Any]) -> Task:
         try:
             return Task.model_validate(task)
         except ValidationError as error:
-            raise TaskError(f"task: {explained(error)}") from None
+            raise TaskError(f"task: {explain(error)}") from None
     if not isinstance(task, str):
         raise TaskError(f"task = {task!r}: must be a name, a Task, or a dictionary of its fields")
     name, _, part = task.partition(":")

@@ -1,4 +1,4 @@
-"""Behaviour cloning from a recorded data set: load, fit a network, run it beside what it learned from.
+"""Behaviour cloning from a recorded data set: fit a network to the recorded actions and evaluate it.
 
     shaftline dataset --task rough-sea --episodes 100 --out out/datasets
     python examples/behaviour_cloning.py --datasets out/datasets --dataset shaftline/rough-sea/expert-v0
@@ -17,7 +17,7 @@ import torch
 import shaftline.envs  # noqa: F401 (registers the environments)
 
 
-def cloned(dataset: Any, epochs: int, seed: int) -> torch.nn.Module:
+def clone_actions(dataset: Any, epochs: int, seed: int) -> torch.nn.Module:
     """Return a network fitted to the actions of a data set."""
     torch.manual_seed(seed)
     episodes = list(dataset.iterate_episodes())
@@ -41,8 +41,8 @@ def cloned(dataset: Any, epochs: int, seed: int) -> torch.nn.Module:
     return net
 
 
-def returns(env: Any, act: Callable[[Any], Any], episodes: int) -> float:
-    """Return the mean return of episodes that no data set holds."""
+def mean_return(env: Any, act: Callable[[Any], Any], episodes: int) -> float:
+    """Return the mean return of episodes that are not in the data set."""
     total = 0.0
     for k in range(episodes):
         observation, _ = env.reset(seed=900_000 + k)
@@ -55,20 +55,20 @@ def returns(env: Any, act: Callable[[Any], Any], episodes: int) -> float:
 
 
 def main() -> None:
-    """Clone, and compare."""
+    """Clone the recorded policy, and compare the returns."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--datasets", default="out/datasets", help="folder of the data sets")
     parser.add_argument("--dataset", default="shaftline/rough-sea/expert-v0")
     parser.add_argument("--epochs", type=int, default=20)
-    parser.add_argument("--episodes", type=int, default=12, help="that are compared")
+    parser.add_argument("--episodes", type=int, default=12, help="episodes of the comparison")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     os.environ["MINARI_DATASETS_PATH"] = os.path.abspath(options.datasets)
-    import minari  # reads the environment variable
+    import minari  # It reads the environment variable when it is imported.
 
     dataset = minari.load_dataset(options.dataset)
     recorded = float(np.mean([one.rewards.sum() for one in dataset.iterate_episodes()]))
-    net = cloned(dataset, options.epochs, options.seed)
+    net = clone_actions(dataset, options.epochs, options.seed)
     env = dataset.recover_environment()
 
     def act(observation: Any) -> Any:
@@ -77,9 +77,9 @@ def main() -> None:
 
     env.action_space.seed(options.seed)
     print(f"return of the data set's episodes: {recorded:.1f}")
-    print(f"return of the clone: {returns(env, act, options.episodes):.1f}")
-    drawn = returns(env, lambda _: env.action_space.sample(), options.episodes)
-    print(f"return of random actions: {drawn:.1f}")
+    print(f"return of the clone: {mean_return(env, act, options.episodes):.1f}")
+    random = mean_return(env, lambda _: env.action_space.sample(), options.episodes)
+    print(f"return of random actions: {random:.1f}")
 
 
 if __name__ == "__main__":

@@ -1,10 +1,9 @@
-"""A controller of one's own beside the package's, without a line of the package changed.
+r"""User-defined controller, used by the package without changing its code.
 
     shaftline evaluate --task acceleration --controller combinator \
         --controller examples.own_controller:Steady --out out/own
 
-Where a controller stands in an installed package, an entry point in the group `shaftline.controllers`
-gives it a name.
+In an installed package, an entry point in the group `shaftline.controllers` registers it under a name.
 """
 
 from __future__ import annotations
@@ -14,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shaftline.baselines import Combinator, Controller, Readings
+from shaftline.baselines import Combinator, Controller, Measurements
 
 
 class Steady(Controller):
-    """The combinator's set-points through a filter: the pitch answers no order faster than it must.
+    """Combinator with a low-pass filter on the ordered speed, so that it follows orders slowly.
 
     Args:
         ship: a ship with a diesel, or its name.
@@ -36,17 +35,17 @@ class Steady(Controller):
         self.inner = Combinator(self.ship, interval_s)
         self.keep = float(np.exp(-interval_s / lag_s))
 
-    def fresh(self, seen: Readings) -> NDArray[Any]:
-        """The filtered order, then the combinator's own memory."""
-        inner = self.inner.fresh(seen).reshape(len(seen.speed_order), -1)
-        return np.column_stack([seen.speed_order, inner])
+    def initial_state(self, signals: Measurements) -> NDArray[Any]:
+        """Return the filtered order and the memory of the combinator."""
+        inner = self.inner.initial_state(signals).reshape(len(signals.speed_order), -1)
+        return np.column_stack([signals.speed_order, inner])
 
     def act(
-        self, seen: Readings, memory: NDArray[Any]
+        self, signals: Measurements, memory: NDArray[Any]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Pitch and rack for the filtered order."""
-        memory[:, 0] = self.keep * memory[:, 0] + (1.0 - self.keep) * seen.speed_order
-        own = memory[:, 1:].reshape(self.inner.fresh(seen).shape).copy()
-        answer = self.inner.act(seen._replace(speed_order=memory[:, 0].copy()), own)
+        """Return the commands of pitch and rack for the filtered order."""
+        memory[:, 0] = self.keep * memory[:, 0] + (1.0 - self.keep) * signals.speed_order
+        own = memory[:, 1:].reshape(self.inner.initial_state(signals).shape).copy()
+        commands = self.inner.act(signals._replace(speed_order=memory[:, 0].copy()), own)
         memory[:, 1:] = own.reshape(len(memory), -1)
-        return answer
+        return commands

@@ -1,10 +1,9 @@
-"""An observer of one's own beside the package's, without a line of the package changed.
+"""User-defined observer, used by the package without changing its code.
 
     shaftline simulate --case jonswap --observer examples.own_observer:Slow --figure out/own.png
 
-Its update is one function of numbers, compiled when it is first used; what it may keep from sample to
-sample stands in ``estimate.x``. In an installed package, an entry point in the group
-`shaftline.observers` gives it a name.
+Its update is one function, compiled at its first call; ``estimate.x`` stores its states between samples.
+In an installed package, an entry point in the group `shaftline.observers` registers it under a name.
 """
 
 from __future__ import annotations
@@ -18,11 +17,11 @@ from shaftline.plant import Ship
 
 @dataclass(frozen=True)
 class Slow(Observer):
-    """The inflow at the propeller's usual advance ratio, through a slow lag: no torque is asked for.
+    """Advance velocity at a fixed advance ratio, from the shaft speed through a slow lag.
 
     Args:
         lag_s: time constant [s].
-        advance_ratio: J at which the propeller is taken to work [-].
+        advance_ratio: assumed advance ratio J of the propeller [-].
     """
 
     lag_s: float = 10.0
@@ -32,16 +31,16 @@ class Slow(Observer):
     source = "an example"
 
     def discretise(self, ship: Ship, dt: float) -> Any:
-        """What the update needs, worked out once."""
+        """Return the observer record with the constants that the update needs."""
         record = super().discretise(ship, dt)
         record["gain"] = dt / self.lag_s
-        record["number"] = self.advance_ratio * ship.propeller.diameter_m / 6.283185307179586
+        record["parameter"] = self.advance_ratio * ship.propeller.diameter_m / 6.283185307179586
         return record
 
     @staticmethod
     def update(observer: Any, estimate: Any, m: Measurement) -> tuple[float, bool]:
-        """V = J n D, n being the shaft's speed through the lag."""
+        """Return the estimate V = J n D, where n is the shaft speed after the lag, and its validity."""
         if estimate.started == 0:
             estimate.x[0] = m.shaft_speed
         estimate.x[0] += observer.gain * (m.shaft_speed - estimate.x[0])
-        return observer.number * estimate.x[0], True
+        return observer.parameter * estimate.x[0], True

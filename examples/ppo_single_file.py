@@ -1,13 +1,13 @@
-"""Proximal policy optimisation on the ship, in one file and without a framework of agents.
+"""Proximal policy optimisation on the ship in one file, without a library of agents.
 
-Pitch and shaft speed of a frigate in the task `speed-keeping`, from nothing: no classic law underneath,
-as `shaftline train` has. Everything that one may want to change stands here. Needs torch; a minute on
-one core:
+The policy commands pitch and shaft speed of a frigate in the task `speed-keeping`, without a classic
+base controller as in `shaftline train`. All parts of the algorithm are in this file, to be changed.
+Needs torch; takes a minute on one core:
 
     python examples/ppo_single_file.py --steps 600000
 
-It tells the mean return of the last episodes, and in the end that of the same seeds under the package's
-combinator, which is the baseline to beat.
+It prints the mean return of the last episodes, and at the end the return on unused seeds beside that of
+the combinator, which is the baseline.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from shaftline.envs import get_task
 
 @dataclass
 class Settings:
-    """Of the method; names and values as in Schulman et al. 2017 and common since."""
+    """Hyperparameters, with names and values as in Schulman et al. 2017 and later practice."""
 
     task: str = "speed-keeping"
     steps: int = 600_000
@@ -48,41 +48,41 @@ class Settings:
 
 
 class Agent(nn.Module):
-    """A Gaussian policy and a critic, each of two layers."""
+    """Gaussian policy and value function, each with two hidden layers."""
 
-    def __init__(self, seen: int, answers: int) -> None:
+    def __init__(self, inputs: int, outputs: int) -> None:
         super().__init__()
 
         def network(out: int, gain: float) -> nn.Sequential:
-            hidden = [nn.Linear(seen, 64), nn.Tanh(), nn.Linear(64, 64), nn.Tanh()]
+            hidden = [nn.Linear(inputs, 64), nn.Tanh(), nn.Linear(64, 64), nn.Tanh()]
             last = nn.Linear(64, out)
             nn.init.orthogonal_(last.weight, gain)
             return nn.Sequential(*hidden, last)
 
-        self.mean, self.value = network(answers, 0.01), network(1, 1.0)
-        self.log_deviation = nn.Parameter(torch.full((answers,), -1.0))
+        self.mean, self.value = network(outputs, 0.01), network(1, 1.0)
+        self.log_deviation = nn.Parameter(torch.full((outputs,), -1.0))
 
     def policy(self, seen: torch.Tensor) -> torch.distributions.Independent:
-        """Distribution of the actions."""
+        """Return the distribution of the actions."""
         normal = torch.distributions.Normal(self.mean(seen), self.log_deviation.exp())
         return torch.distributions.Independent(normal, 1)
 
 
 def train(s: Settings) -> tuple[Agent, list[float]]:
-    """Train; tells how it goes."""
+    """Train an agent and return it with the returns of all episodes."""
     torch.manual_seed(s.seed)
     torch.set_num_threads(1)
-    # NextStep: the step after an end begins the next episode; it is no experience and is masked out
+    # NextStep: the step after an end starts the next episode; it is not part of the experience.
     env = gymnasium.make_vec(
         "shaftline/Frigate-v0", num_envs=s.environments, vectorization_mode="vector_entry_point",
         task=s.task, autoreset_mode="NextStep",
     )  # fmt: skip
     width = gymnasium.spaces.flatdim(env.single_observation_space)
-    answers = gymnasium.spaces.flatdim(env.single_action_space)
-    agent = Agent(width, answers)
+    outputs = gymnasium.spaces.flatdim(env.single_action_space)
+    agent = Agent(width, outputs)
     optimiser = torch.optim.Adam(agent.parameters(), lr=s.rate, eps=1e-5)
     shape = (s.rollout, s.environments)
-    seen, actions = torch.zeros(*shape, width), torch.zeros(*shape, answers)
+    seen, actions = torch.zeros(*shape, width), torch.zeros(*shape, outputs)
     logs, rewards, values = (torch.zeros(shape) for _ in range(3))
     ended, begins = torch.zeros(shape), torch.zeros(shape)
     now, _ = env.reset(seed=s.seed)
@@ -106,7 +106,7 @@ def train(s: Settings) -> tuple[Agent, list[float]]:
             running[done] = 0.0
             before = done
         if update == 0:
-            scale = max(float(rewards.std()), 1e-6)  # so that the critic's numbers are about one
+            scale = max(float(rewards.std()), 1e-6)  # so that the values are of the order of one
         with torch.no_grad():
             follows = agent.value(torch.as_tensor(now)).squeeze(-1)
             over = torch.as_tensor(before, dtype=torch.float32)
@@ -114,7 +114,7 @@ def train(s: Settings) -> tuple[Agent, list[float]]:
             for t in reversed(range(s.rollout)):
                 later = follows if t == s.rollout - 1 else values[t + 1]
                 cut = over if t == s.rollout - 1 else begins[t + 1]
-                # what is truncated goes on beyond its end: its value counts, its advantage ends
+                # After a truncation the value of the next state counts, but no later advantage.
                 delta = rewards[t] / scale + s.gamma * later * (1.0 - ended[t]) - values[t]
                 last = delta + s.gamma * s.gae * (1.0 - cut) * last
                 advantages[t] = last
@@ -137,17 +137,17 @@ def train(s: Settings) -> tuple[Agent, list[float]]:
                 optimiser.step()
         if update % max(updates // 20, 1) == 0 or update == updates - 1:
             done_steps = (update + 1) * s.rollout * s.environments
-            told = f"{np.mean(returns[-50:]):.1f}" if returns else "no episode yet"
+            recent = f"{np.mean(returns[-50:]):.1f}" if returns else "no episode yet"
             print(
-                f"{done_steps} steps, {time.perf_counter() - start:.0f} s, return {told}",
+                f"{done_steps} steps, {time.perf_counter() - start:.0f} s, return {recent}",
                 flush=True,
             )
     env.close()
     return agent, returns
 
 
-def judged(agent: Agent, s: Settings, episodes: int = 20) -> float:
-    """Mean return of the policy's mean actions on seeds that training did not use."""
+def evaluate(agent: Agent, s: Settings, episodes: int = 20) -> float:
+    """Return the mean return of the mean actions on seeds that training did not use."""
     env = gymnasium.make_vec(
         "shaftline/Frigate-v0", num_envs=episodes, vectorization_mode="vector_entry_point",
         task=s.task, autoreset_mode="NextStep",
@@ -164,21 +164,22 @@ def judged(agent: Agent, s: Settings, episodes: int = 20) -> float:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Train and compare."""
+    """Train an agent and compare it with the combinator."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument(
-        "--steps", type=int, default=Settings.steps, help="control intervals, all in all"
+        "--steps", type=int, default=Settings.steps, help="total number of control intervals"
     )
     parser.add_argument("--seed", type=int, default=Settings.seed)
     parser.add_argument("--task", default=Settings.task)
     options = parser.parse_args(arguments)
     s = Settings(task=options.task, steps=options.steps, seed=options.seed)
     agent, _ = train(s)
-    combinator = make_controller("combinator", get_task(s.task).sailed(), 0.5)
+    combinator = make_controller("combinator", get_task(s.task).load_ship(), 0.5)
     kpis, _ = run_episodes(Setting("combinator", s.task, "task", "random-walk-kalman", 20,
                                    first_seed=900_000), combinator)  # fmt: skip
     print(
-        f"20 episodes of other seeds: {judged(agent, s):.1f}, combinator {kpis['reward'].mean():.1f}"
+        f"mean return of 20 episodes of other seeds: {evaluate(agent, s):.1f}, "
+        f"combinator {kpis['reward'].mean():.1f}"
     )
 
 

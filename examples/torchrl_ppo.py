@@ -1,10 +1,10 @@
-"""Proximal policy optimisation by TorchRL: its environment, collector and loss on the ship.
+"""Proximal policy optimisation with TorchRL: its environment wrapper, collector and loss on the ship.
 
     pip install torchrl
     python examples/torchrl_ppo.py --steps 200000
 
-It tells the mean reward of the collected intervals, and in the end the mean return of the deterministic
-policy in episodes that it did not train on.
+It prints the mean reward of the collected intervals, and at the end the mean return of the deterministic
+policy in episodes that training did not use.
 """
 
 import argparse
@@ -21,24 +21,24 @@ from torchrl.objectives.value import GAE
 import shaftline.envs  # noqa: F401 (registers the environments)
 
 
-def made(task: str, seed: int) -> TransformedEnv:
-    """Return one environment that sums its rewards."""
+def make_environment(task: str, seed: int) -> TransformedEnv:
+    """Return an environment that sums its rewards."""
     env = TransformedEnv(GymEnv("shaftline/Frigate-v0", task=task), RewardSum())
     env.set_seed(seed)
     return env
 
 
 def main() -> None:
-    """Train, and judge."""
+    """Train a policy and evaluate it."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--task", default="speed-keeping")
     parser.add_argument("--steps", type=int, default=200_000)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--episodes", type=int, default=8, help="that judge the policy")
+    parser.add_argument("--episodes", type=int, default=8, help="episodes of the evaluation")
     options = parser.parse_args()
     torch.manual_seed(options.seed)
     torch.set_num_threads(1)
-    env = made(options.task, options.seed)
+    env = make_environment(options.task, options.seed)
     actions = env.action_spec.shape[-1]
     body = torch.nn.Sequential(
         MLP(out_features=2 * actions, num_cells=[64, 64], activation_class=torch.nn.Tanh),
@@ -54,7 +54,7 @@ def main() -> None:
     critic = ValueOperator(MLP(out_features=1, num_cells=[64, 64], activation_class=torch.nn.Tanh))
     with torch.no_grad():
         first = env.reset()
-        actor(first), critic(first)  # gives the layers their widths
+        actor(first), critic(first)  # This sets the widths of the lazy layers.
     advantage = GAE(gamma=0.99, lmbda=0.95, value_network=critic)
     loss_of = ClipPPOLoss(actor, critic, clip_epsilon=0.2, entropy_coeff=0.0)
     optimiser = torch.optim.Adam(loss_of.parameters(), lr=1e-3)
@@ -76,7 +76,7 @@ def main() -> None:
         if done // 2048 % 10 == 0:
             print(f"{done:,} steps: mean reward {float(data['next', 'reward'].mean()):.3f}")
     collector.shutdown()
-    judge = made(options.task, 900_000)
+    judge = make_environment(options.task, 900_000)
     with torch.no_grad(), set_exploration_type(ExplorationType.DETERMINISTIC):
         returns = [
             float(judge.rollout(10_000, actor)["next", "episode_reward"][-1])

@@ -1,4 +1,4 @@
-"""Locate, name, fit and prove what a simulation leaves out of a recording."""
+"""Diagnose recordings and identify parameters: which physics a ship file lacks, and how large it is."""
 
 from .diagnosis import Diagnosis
 from .estimate import Estimate

@@ -1,4 +1,4 @@
-"""A ship's numbers from a healthy period, before its physics is looked for."""
+"""Calibrate a ship on a reference period, before missing physics is searched."""
 
 from __future__ import annotations
 
@@ -6,44 +6,45 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..plant.ship import Ship
-from .estimate import Tick, silent
-from .identification.free_parameters import AUTO, TELLING, UntoldError
-from .identification.start import Start, loosened
+from .estimate import Tick, ignore_progress
+from .identification.free_parameters import AUTO, LEAST_CERTAIN, UnidentifiableError
+from .identification.start import Start, widen_tolerances
 from .identify import identify
 from .recordings.joint import Recorded
 
 
-def calibrated(
+def calibrate(
     ship: Ship,
     recordings: Sequence[Recorded],
     keys: Sequence[str] = (),
     columns: str | Path | None = None,
     tolerance: float = 1.0,
-    tick: Tick = silent,
+    tick: Tick = ignore_progress,
 ) -> Start:
-    """The ship with the numbers that recordings of a healthy period tell.
+    """Return the start of a diagnosis with parameters estimated from a reference period.
 
-    By output error (:func:`~.pipeline.identify`). A number that they do not tell stays as it is, and
-    the others are found without it; of numbers of which they tell but a combination, the one that was
-    named last.
+    The method is output error (:func:`~.identify.identify`). A parameter that is not identifiable keeps
+    its value, and the others are estimated without it. Where only a combination of parameters is
+    identifiable, the one that was given last keeps its value.
 
     Args:
-        ship: nominal.
-        recordings: of the healthy period, at least one.
-        keys: dotted keys of the numbers; without any, those that the recordings tell.
-        columns: column map of the files, or none.
-        tolerance: factor on how far the numbers that are not found may be off.
-        tick: told the stage, how much is done, and how much there is.
+        ship: nominal ship.
+        recordings: recordings of the reference period, at least one.
+        keys: dotted keys of the parameters; without any, all identifiable ones.
+        columns: column map of the files; None without one.
+        tolerance: factor on the tolerances of the parameters that are not estimated [-].
+        tick: progress callback ``tick(stage, done, total)``.
 
     Raises:
         RecordingError: a recording or the column map cannot be used; names file, column and row.
-        ValueError: recordings that do not go together, or a ship that runs away under their demands.
+        ValueError: recordings that do not go together, or a ship whose simulation diverges under the
+            recorded commands.
     """
 
-    def said(stage: str, done: int, total: int) -> None:
+    def progress(stage: str, done: int, total: int) -> None:
         tick(f"calibrating, {stage}", done, total)
 
-    left: dict[str, str] = {}
+    left_out: dict[str, str] = {}
     wanted: list[str] = list(keys)
     while True:
         try:
@@ -53,25 +54,29 @@ def calibrated(
                 free=wanted or AUTO,
                 columns=columns,
                 tolerance=tolerance,
-                tick=said,
+                tick=progress,
             )
-        except UntoldError as error:
-            left |= error.worst
+        except UnidentifiableError as error:
+            left_out |= error.worst
             wanted = error.rest
             if not wanted:
                 remark = (
-                    "calibration: the healthy period tells no number; all stay as the file has them"
+                    "calibration: no parameter is identifiable from the reference period; all keep the "
+                    "values of the ship file"
                 )
-                return Start(ship, ship, left=left, remarks=(remark,))
+                return Start(ship, ship, left_out=left_out, remarks=(remark,))
             continue
-        left |= found.left_out
+        left_out |= found.left_out
         remarks = [f"calibration: {note}" for note in (*found.limits, *found.warnings)]
-        if keys:  # of its own choice, what was left out is no surprise
-            remarks += [f"calibration: {key} stays as it is: {why}" for key, why in left.items()]
-        told = tuple(estimate.key for estimate in found.estimates)
-        # whoever calibrates does not trust the file: what is not told may be off by as much as what was
-        # found, and would else come back as missing physics
+        if keys:  # parameters that the user did not choose need no remark
+            remarks += [
+                f"calibration: {key} keeps the ship file's value: {why}"
+                for key, why in left_out.items()
+            ]
+        # A user who calibrates does not trust the ship file. A parameter that is not identifiable may be
+        # off by as much as the limit of identifiability, and would otherwise appear as missing physics.
         own = found.identified
-        untold = (own.number(key) for key in left if own.has_key(key))
-        start = loosened(own, untold, TELLING)
-        return Start(ship, start, calibrated=told, left=left, remarks=tuple(remarks))
+        fixed = (own.parameter(key) for key in left_out if own.has_key(key))
+        start = widen_tolerances(own, fixed, LEAST_CERTAIN)
+        estimated = tuple(estimate.key for estimate in found.estimates)
+        return Start(ship, start, calibrated=estimated, left_out=left_out, remarks=tuple(remarks))

@@ -1,4 +1,4 @@
-"""A diagnosis: everything that was found, and what can be done with it."""
+"""The result of :func:`shaftline.mismatch.diagnose`, with its reports."""
 
 from __future__ import annotations
 
@@ -6,46 +6,46 @@ from pathlib import Path
 from typing import Any
 
 from .outcome import Outcome
-from .report.data import as_dict
+from .report.data import diagnosis_as_dict
 from .report.index import write_result
 from .report.text import headline, sentence, summary
 
 SHIP = "corrected_ship.toml"
-"""Name of the file of a diagnosis that holds its ship."""
+"""File name of the corrected ship."""
 
 
 class Diagnosis(Outcome):
-    """Where recordings and the simulation differ, what physics is missing, and the proof.
+    """Diagnosis of recordings: verdict, missing physics, corrected ship, and reports.
 
-    Its fields are those of an :class:`~shaftline.mismatch.outcome.Outcome`.
+    The fields are those of :class:`~shaftline.mismatch.outcome.Outcome`.
     """
 
     @property
     def headline(self) -> str:
-        """The answer in at most 15 words."""
+        """Verdict and cause in at most 15 words."""
         return headline(self)
 
     @property
     def sentence(self) -> str:
-        """The answer with sizes and intervals, a sentence for each finding."""
+        """Diagnosis in words, with parameters and intervals, one sentence for each finding."""
         return sentence(self)
 
     def summary(self) -> str:
-        """The answer, what was found with its intervals, and the fit, as text for a terminal."""
+        """Return headline, findings with intervals, parameters and fit as text for a terminal."""
         return summary(self)
 
     def to_dict(self) -> dict[str, Any]:
-        """What stands in ``report.json``: numbers in the units that their names carry."""
-        return as_dict(self)
+        """Return the content of ``report.json``: values in the units that their names state."""
+        return diagnosis_as_dict(self)
 
     def save(self, folder: str | Path, *, page: bool = True) -> Path:
         """Write ``report.json``, ``report.html`` and ``corrected_ship.toml``.
 
-        All is made before anything is written, and each file is renamed into place.
+        Each file is renamed into place when it is complete.
 
         Args:
-            folder: made where needed.
-            page: whether ``report.html`` with its figures is wanted.
+            folder: created if it does not exist.
+            page: whether to write ``report.html`` with its figures.
 
         Returns:
             The folder.
@@ -61,5 +61,5 @@ class Diagnosis(Outcome):
         return write_result(folder, self.to_dict(), text, {SHIP: self.corrected})
 
     def __repr__(self) -> str:
-        """Verdict and ship; the fields hold arrays as long as the recording."""
+        """Return ship and verdict, without the arrays."""
         return f"<Diagnosis of {self.ship.name}: {self.verdict}>"

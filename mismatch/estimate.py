@@ -1,7 +1,4 @@
-"""A number of a ship as recordings tell it: value, unit, range and uncertainty in one.
-
-How a long work says how far it is.
-"""
+"""Estimates of parameters with their uncertainty, and the type of progress callbacks."""
 
 from __future__ import annotations
 
@@ -14,14 +11,17 @@ import scipy
 from ..plant.ship import Ship
 
 HALF_95 = 1.96
-"""Half of a normal variable's 95 % interval, in standard errors."""
+"""Half-width of a 95 % interval of the normal distribution, in standard errors."""
 
 
 def half_95(freedom: float) -> float:
-    """Return half of a 95 % interval, in standard errors (Student's t).
+    """Return the half-width of a 95 % interval, in standard errors (Student's t).
 
     Args:
-        freedom: degrees of freedom of the standard error; infinite where it is known.
+        freedom: degrees of freedom of the standard error [-]; infinite if the error is known exactly.
+
+    >>> round(half_95(10.0), 3), half_95(math.inf)
+    (2.228, 1.96)
     """
     if math.isinf(freedom):
         return HALF_95
@@ -30,18 +30,22 @@ def half_95(freedom: float) -> float:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number of a ship's file, estimated.
+    """Estimate of a parameter of the ship file.
 
     Args:
-        key: dotted key of the ship's file.
-        value: in ``unit``.
-        unit: SI, as the key states it.
-        bounds: lowest and highest value that a ship's file allows.
-        neutral: value that changes nothing: the nominal ship's own, in the same unit.
-        standard_error: by the noise of the recording, in ``unit``.
-        form_error: by which the form of a model, which is never quite the truth's, may have moved the
-            value, in ``unit``; widens the interval.
-        freedom: degrees of freedom of the standard error [-]: from how much data it is itself known.
+        key: dotted key of the ship file.
+        value: estimate, in ``unit``.
+        unit: SI unit of the key.
+        bounds: lowest and highest value that a ship file allows, in ``unit``.
+        neutral: value without an effect, that of the nominal ship, in ``unit``.
+        standard_error: standard error from the noise of the recording, in ``unit``.
+        form_error: error from the form of the model, which is only approximately true, in ``unit``; it
+            widens the interval.
+        freedom: degrees of freedom of the standard error [-].
+
+    >>> torque = Estimate("engine.friction_N_m", 8000.0, "N m", (0.0, 1e6), 0.0, standard_error=500.0)
+    >>> torque.name, torque.ci95
+    ('friction_N_m', (7020.0, 8980.0))
     """
 
     key: str
@@ -64,20 +68,20 @@ class Estimate:
         form_error: float = 0.0,
         neutral: float | None = None,
     ) -> Estimate:
-        """An estimate of one of a ship's numbers.
+        """Return the estimate of a parameter, with unit, bounds and neutral value from the ship.
 
         Args:
-            ship: nominal; its key says unit and bounds, and its own value is the neutral one.
+            ship: nominal ship.
             key: dotted key.
-            value: in the key's unit, likewise the others.
-            standard_error: by the noise of the recording, in the same unit.
-            form_error: by the form of the model, in the same unit.
-            neutral: another value that changes nothing, in the same unit.
+            value: estimate, in the key's unit.
+            standard_error: standard error from the noise of the recording, in the key's unit.
+            form_error: error from the form of the model, in the key's unit.
+            neutral: value without an effect in the key's unit, if it is not that of the ship.
 
         Raises:
             ShipError: unknown key.
         """
-        number = ship.number(key)
+        number = ship.parameter(key)
         info = number.info
         if neutral is None:
             neutral = number.value
@@ -87,12 +91,12 @@ class Estimate:
 
     @property
     def name(self) -> str:
-        """Name in reports: the key without its section."""
+        """Name in reports: the last part of the key."""
         return self.key.split(".")[-1]
 
     @property
     def ci95(self) -> tuple[float, float]:
-        """95 % interval inside the bounds, in ``unit``; by Student's t where the error is uncertain."""
+        """95 % interval inside the bounds, in ``unit``, with Student's t for finite ``freedom``."""
         half = math.hypot(half_95(self.freedom) * self.standard_error, self.form_error)
         ends = self.value - half, self.value + half
         if not math.isfinite(half):
@@ -101,13 +105,13 @@ class Estimate:
         return max(ends[0], min(low, self.value)), min(ends[1], max(high, self.value))
 
     def to_dict(self) -> dict[str, float | list[float]]:
-        """As it stands in ``report.json`` under its name: ``value`` and ``ci95``."""
+        """Return ``value`` and ``ci95`` for ``report.json``."""
         return {"value": self.value, "ci95": list(self.ci95)}
 
 
 Tick = Callable[[str, int, int], None]
-"""Told the stage, how much of it is done, and how much there is."""
+"""Progress callback: called with the stage, the number of steps done, and the number of all steps."""
 
 
-def silent(stage: str, done: int, total: int) -> None:
-    """Tell nobody."""
+def ignore_progress(stage: str, done: int, total: int) -> None:
+    """Do nothing: the progress callback of a caller that shows no progress."""

@@ -1,4 +1,4 @@
-"""A folder of recordings, each diagnosed for itself, and the index of what was found where."""
+"""Diagnose each recording of a folder, and write an index of the results."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .options import Options
 from .pipeline import begin, diagnose
 from .recordings.columns import load_map
 from .recordings.time_base import first_day
-from .report.index import PAGE, REPORT, DiagnosisIndex, row_of
+from .report.index import PAGE, REPORT, DiagnosisIndex, index_row
 
 ENDINGS = (".csv", ".tsv", *PARQUET, *SHEETS)
 
@@ -32,9 +32,7 @@ _DATE = re.compile(r"(?<!\d)(\d{4})[-_.]?(\d{2})[-_.]?(\d{2})(?!\d)")
 
 @dataclass(frozen=True)
 class _Cell:
-    """A recording on its way to a worker; its content travels along where no disk is shared, as do the
-    column map and effects of one's own.
-    """
+    """A recording for a worker, with the contents of its files where the worker shares no disk."""
 
     path: Path
     content: bytes | None = None
@@ -42,16 +40,18 @@ class _Cell:
     effects: tuple[str, ...] | None = None
 
 
-def recordings_in(folder: Path) -> dict[str, Path]:
-    """The recordings that stand in a folder, by the name of their results' folder.
+def find_recordings(folder: Path) -> dict[str, Path]:
+    """Return the recordings of a folder by the name of their result folder.
 
     Raises:
-        ValueError: there is none.
+        ValueError: the folder has no recording.
     """
     files = sorted(f for f in folder.iterdir() if f.is_file() and f.suffix.lower() in ENDINGS)
     files = [file for file in files if not file.name.startswith(".")]
     if not files:
-        raise ValueError(f"{folder}: holds no recording ({', '.join(ENDINGS)})")
+        raise ValueError(
+            f"{folder}: no recording in this folder; expected files that end in {', '.join(ENDINGS)}"
+        )
     stems = [file.stem for file in files]
     return {f.stem if stems.count(f.stem) == 1 else f.name: f for f in files}
 
@@ -67,77 +67,81 @@ def diagnose_folder(
     scheduler: str | None = None,
     tick: Callable[[], None] = lambda: None,
 ) -> DiagnosisIndex:
-    """Diagnose every recording in a folder and write an index of what was found.
+    """Diagnose every recording of a folder and write an index of the results.
 
-    A recording that cannot be used is listed with its error and does not stop the rest. What is
-    finished is kept in ``out/cells`` under a name that changes with the file's content, the ship, the
-    options and this package, so an interrupted run goes on where it stopped.
+    A recording that cannot be used is listed with its error; the other recordings are diagnosed all the
+    same. Finished results are kept in ``out/cells``, under names that depend on the recording, the ship,
+    the options and this package, so that an interrupted run can be resumed.
 
     Args:
-        folder: CSV and Parquet files; folders within are left alone.
-        ship: the nominal ship of all.
-        out: gets a folder a recording, ``index.html`` and ``index.csv``.
-        options: column map, ids to leave out, tolerance; a healthy period, on which the ship is
-            calibrated once, numbers that are free.
-        jobs: see :func:`shaftline.core.sweep.sweep`, as for the backend and the scheduler.
+        folder: folder of CSV, Parquet and spreadsheet files; its subfolders are ignored.
+        ship: nominal ship of all recordings.
+        out: folder for the results: one folder for each recording, ``index.html`` and ``index.csv``.
+        options: column map, excluded effects, tolerances, free parameters, and a reference period on
+            which the ship is calibrated once.
+        jobs: number of processes (:func:`shaftline.core.sweep.sweep`).
         backend: ``processes`` or ``dask``.
         scheduler: address of a dask scheduler.
         tick: called after each recording.
 
     Returns:
-        The index, worst first, with ``summary()``, ``to_dict()`` and ``save(folder)``; it stands in
-        ``out`` already.
+        The index, largest mismatch first, with ``summary()``, ``to_dict()`` and ``save(folder)``; it is
+        already written to ``out``.
 
     Raises:
-        ValueError: no recording in the folder, or ``out`` is the same folder.
-        SweepError: a backend that is not there, or a recording on which the tool itself failed; the
-            index is written all the same.
+        ValueError: the folder has no recording, or ``out`` is the same folder.
+        SweepError: the backend is not available, or a diagnosis failed with an internal error; the index
+            is written all the same.
     """
     folder, out = Path(folder), Path(out)
     options.check(ship)
     if out.resolve() == folder.resolve():
-        raise ValueError(f"{out}: results need another folder than the recordings")
+        raise ValueError(
+            f"{out}: the results need another folder than the recordings; change --out"
+        )
     if options.columns is not None:
         load_map(options.columns)
-    files = recordings_in(folder)
+    files = find_recordings(folder)
     start = begin(ship, options)
-    names = {place: _name(place, path, start, options) for place, path in files.items()}
+    names = {place: _cell_name(place, path, start, options) for place, path in files.items()}
     travels = backend == "dask"
-    cells = {names[place]: _cell(path, options, travels) for place, path in files.items()}
+    cells = {names[place]: _make_cell(path, options, travels) for place, path in files.items()}
     waiting = dict(names)
     rows: dict[str, dict[str, Any]] = {}
 
-    def lay_out() -> None:
+    def write_finished() -> None:
         for place, name in list(waiting.items()):
             kept = out / "cells" / f"{name}.json"
             if kept.is_file():
                 result = read_json(kept)
-                rows[place] = _laid_out(place, files[place], result, out)
+                rows[place] = _write_recording(place, files[place], result, out)
                 del waiting[place]
 
-    def arrived() -> None:
-        lay_out()
+    def progress() -> None:
+        write_finished()
         tick()
 
-    work = functools.partial(_work, start, replace(options, calibrate=()))
+    work = functools.partial(_diagnose_cell, start, replace(options, calibrate=()))
     try:
         sweep(
             work, cells, out / "cells",
-            jobs=jobs, backend=backend, scheduler=scheduler, tick=arrived,
+            jobs=jobs, backend=backend, scheduler=scheduler, tick=progress,
         )  # fmt: skip
     finally:
-        lay_out()
+        write_finished()
         for place, name in waiting.items():
             note = out / "cells" / f"{name}.error.txt"
-            why = f"the tool failed, see cells/{note.name}" if note.is_file() else "not finished"
-            rows[place] = row_of(files[place].name, _date(files[place], None), error=why)
+            why = f"internal error, see cells/{note.name}" if note.is_file() else "not finished"
+            rows[place] = index_row(
+                files[place].name, _recording_date(files[place], None), error=why
+            )
         if (out / "cells").is_dir():
             DiagnosisIndex.of(rows.values()).save(out)
     return DiagnosisIndex.of(rows.values())
 
 
-def _name(place: str, path: Path, start: Start, options: Options) -> str:
-    """File name of a cell; differs where the recording, the ship, an option or the tool differs."""
+def _cell_name(place: str, path: Path, start: Start, options: Options) -> str:
+    """Return the file name of a result, which depends on recording, ship, options and package."""
     digest = hashlib.sha256(path.read_bytes())
     said = [repr(start), repr(sorted(options.exclude)), repr(options.tolerance)]
     said.append(repr(options.steady))
@@ -149,7 +153,7 @@ def _name(place: str, path: Path, start: Start, options: Options) -> str:
     return f"{plain}_{digest.hexdigest()[:12]}"
 
 
-def _cell(path: Path, options: Options, travels: bool) -> _Cell:
+def _make_cell(path: Path, options: Options, travels: bool) -> _Cell:
     if not travels:
         return _Cell(path)
     columns = Path(options.columns).read_text(encoding="utf-8") if options.columns else None
@@ -157,8 +161,8 @@ def _cell(path: Path, options: Options, travels: bool) -> _Cell:
     return _Cell(path, path.read_bytes(), columns, effects)
 
 
-def _work(start: Ship | Start, options: Options, cell: _Cell) -> dict[str, Any]:
-    """The files of a diagnosis as text, or the error of a recording that cannot be used."""
+def _diagnose_cell(start: Ship | Start, options: Options, cell: _Cell) -> dict[str, Any]:
+    """Return the files of a diagnosis as text, or the error of a recording that cannot be used."""
     with tempfile.TemporaryDirectory() as name:
         place, path = Path(name), cell.path
         if cell.content is not None:
@@ -174,7 +178,7 @@ def _work(start: Ship | Start, options: Options, cell: _Cell) -> dict[str, Any]:
                 file.write_text(text, encoding="utf-8")
         try:
             diagnosis = diagnose(start, path, options=options)
-        except (ValueError, OSError) as error:  # written for the reader
+        except (ValueError, OSError) as error:  # errors with a message for the user
             return {"error": str(error).replace(str(path), path.name)}
         diagnosis.save(place / "results")
         return {
@@ -183,21 +187,23 @@ def _work(start: Ship | Start, options: Options, cell: _Cell) -> dict[str, Any]:
         }
 
 
-def _laid_out(place: str, path: Path, result: Mapping[str, Any], out: Path) -> dict[str, Any]:
-    """Put a finished recording's files into its folder; gives its row of the index."""
-    day = _date(path, result.get("date"))
+def _write_recording(
+    place: str, path: Path, result: Mapping[str, Any], out: Path
+) -> dict[str, Any]:
+    """Write the result files of a recording into its folder, and return its row of the index."""
+    day = _recording_date(path, result.get("date"))
     if "error" in result:
-        for name in (REPORT, PAGE, SHIP):  # of the recording as it was
+        for name in (REPORT, PAGE, SHIP):  # results of an earlier content of the recording
             (out / place / name).unlink(missing_ok=True)
-        return row_of(path.name, day, error=result["error"])
+        return index_row(path.name, day, error=result["error"])
     for name, text in result["files"].items():
         write_text(out / place / name, text)
     report = json.loads(result["files"][REPORT])
-    return row_of(path.name, day, report, link=f"{place}/{PAGE}")
+    return index_row(path.name, day, report, link=f"{place}/{PAGE}")
 
 
 def _first_date(path: Path, options: Options) -> str | None:
-    """Date of the first time stamp, where the recording has dates."""
+    """Return the date of the first time stamp; None where the recording has no dates."""
     if options.columns is None:
         return None
     given = load_map(options.columns)
@@ -208,13 +214,13 @@ def _first_date(path: Path, options: Options) -> str | None:
     return first_day(table[name], form or None)
 
 
-def _date(path: Path, stamped: str | None) -> str:
-    """When it was recorded: by the first time stamp, else the file's name, else the file's own date."""
+def _recording_date(path: Path, stamped: str | None) -> str:
+    """Return the date of a recording: of its first time stamp, its file name, or the file itself."""
     if stamped is not None:
         return stamped
     if (found := _DATE.search(path.stem)) is not None:
         try:
             return date(*map(int, found.groups())).isoformat()
-        except ValueError:  # digits that are no date
+        except ValueError:  # the digits of the file name are not a date
             pass
     return str(datetime.fromtimestamp(path.stat().st_mtime, UTC).date())

@@ -1,9 +1,4 @@
-"""An identification: the numbers, how sure they are, and what they bring.
-
-Build an identification from what a method found: the identified ship, and how well it fits.
-
-Identify a ship's numbers from recordings: set data aside, find, and judge.
-"""
+"""Identify parameters of a ship from recordings: hold data out, estimate, and evaluate the fit."""
 
 from __future__ import annotations
 
@@ -23,56 +18,63 @@ from threadpoolctl import threadpool_limits
 
 from ..plant.columns import TIME
 from ..plant.ship import Ship, ShipError
-from .estimate import Estimate, Tick, silent
+from .estimate import Estimate, Tick, ignore_progress
 from .identification.augmented_filter import ekf
-from .identification.free_parameters import AUTO, Free, UntoldError, refuse_guesses, usual_keys
-from .identification.frequency_band import numbers_hertz, told_by
-from .identification.output_error import output_error, refuse_untold
-from .identification.results import Found
+from .identification.free_parameters import (
+    AUTO,
+    Free,
+    UnidentifiableError,
+    refuse_guesses,
+    usual_keys,
+)
+from .identification.frequency_band import identifiable_keys, parameters_hertz
+from .identification.output_error import output_error, refuse_uncertain
+from .identification.results import MethodResult
 from .identification.sine import sine
 from .identification.steady import points_of, steady
 from .identification.step import step
 from .identification.welch import welch
-from .judge.held_out import Segments, bands_of, fits, set_aside
-from .recordings.excitation import one_way, turned
+from .judge.held_out import Segments, bands_of, fit_percents, split_held_out
+from .recordings.excitation import course_changes, shaft_runs_one_way
 from .recordings.joint import JointRecordings, Recorded, load_jointly
-from .report.data import finite
+from .report.data import replace_non_finite
 from .report.index import write_result
-from .report.text import aligned
-from .search.catalogue import Window, applicable
+from .report.text import align_columns
+from .search.catalogue import Window, applicable_effects
 from .search.fitting import Fitter
-from .search.selection import TELL_APART
+from .search.selection import INDISTINGUISHABLE
+from .setting import LINES
 from .simulate.balances import Balances
 from .simulate.joint_replay import JointReplay
 from .simulate.linear_replay import LinearReplay
-from .structure.model_error import with_model_error
+from .structure.model_error import add_model_error
 
 SHIP = "identified_ship.toml"
-"""Name of the file of an identification that holds its ship."""
+"""File name of the identified ship."""
 
 
 @dataclass(frozen=True, repr=False)
 class Identification:
-    """Numbers of a ship as recordings tell them.
+    """Parameters of a ship estimated from recordings, with their fit.
 
     Args:
-        method: by which they were found.
-        ship: nominal.
-        identified: the ship with these numbers, and how well each is known in its tolerances.
-        estimates: of each number, n of them.
-        correlation: of their errors, shape (n, n).
-        left_out: why a number that might have been free is not, by its key.
-        tables: what the method shows on the way, by file name.
-        time_s: of the recordings' rows, end to end, shape (rows,); empty where states were given.
-        held_out: stretches [s] that were set aside before anything was fitted.
-        measured: channels by column, each of shape (rows,); likewise the next two.
-        before: open-loop simulation of the nominal ship.
-        after: of the identified ship.
-        fit_before: FitPercent by column on what was set aside, or on all where nothing was.
-        fit_after: likewise.
-        limits: what the recordings cannot show.
-        warnings: what a reader must know.
-        line: whether the demands were taken as straight lines between rows instead of held.
+        method: name of the method.
+        ship: nominal ship.
+        identified: ship with the estimates, and with their standard errors as tolerances.
+        estimates: estimates of n parameters.
+        correlation: correlation of the estimates, shape (n, n).
+        left_out: why a parameter was not estimated, by key.
+        tables: intermediate results of the method, by file name.
+        time_s: time of each row [s], recordings end to end, shape (rows,); empty for steady states.
+        held_out: windows of the held-out data [s].
+        measured: measured channels by column, each of shape (rows,).
+        before: open-loop simulation of the nominal ship, likewise.
+        after: open-loop simulation of the identified ship, likewise.
+        fit_before: FitPercent of the nominal ship by column, on the held-out data if there are any.
+        fit_after: FitPercent of the identified ship, likewise.
+        limits: limits of the recordings, a sentence each.
+        warnings: remarks on the recordings and the estimates, a sentence each.
+        line: whether the commands were interpolated linearly between rows; otherwise they were held.
     """
 
     method: str
@@ -95,24 +97,24 @@ class Identification:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Values by dotted key, in the keys' units."""
+        """Estimates by dotted key, in the keys' units."""
         return {estimate.key: estimate.value for estimate in self.estimates}
 
     @property
     def corrected(self) -> Ship:
-        """The identified ship, as reports call one that was changed."""
+        """The identified ship, under the name that the figures use."""
         return self.identified
 
     @property
     def judged_on(self) -> str:
-        """What the fit was judged on, in words."""
+        """Data on which the fit was evaluated, in words."""
         if not self.held_out:
-            return "what was fitted itself: nothing was set aside"
+            return "the fitted data, because no data were held out"
         held = ", ".join(f"{a:.4g} to {b:.4g} s" for a, b in self.held_out)
-        return f"{held}, which was set aside before anything was fitted"
+        return f"{held}, which was held out before anything was fitted"
 
     def strongest_correlation(self) -> tuple[str, str, float] | None:
-        """The two numbers whose errors go together most, and their correlation."""
+        """Return the two parameters with the strongest correlation, and the correlation."""
         if len(self.estimates) < 2:
             return None
         apart = np.abs(np.triu(self.correlation, 1))
@@ -121,33 +123,33 @@ class Identification:
         return names[i], names[j], float(self.correlation[i, j])
 
     def summary(self) -> str:
-        """The numbers with their intervals, and the fit, as text for a terminal."""
+        """Return the estimates with their intervals, and the fit, as text for a terminal."""
         rows = []
         for estimate in self.estimates:
             low, high = estimate.ci95
             rows.append(
                 {
                     "key": estimate.key,
-                    "file": f"{estimate.neutral:.5g}",
-                    "found": f"{estimate.value:.5g}",
+                    "ship file": f"{estimate.neutral:.5g}",
+                    "estimate": f"{estimate.value:.5g}",
                     "95 % from": f"{low:.5g}",
                     "to": f"{high:.5g}",
                     "unit": estimate.unit,
                 }
             )
         parts = [
-            f"Numbers of {self.ship.name} by {self.method}\n"
-            + aligned(rows, ("file", "found", "95 % from", "to"))
+            f"Parameters of {self.ship.name} by {self.method}\n"
+            + align_columns(rows, ("ship file", "estimate", "95 % from", "to"))
         ]
         if (pair := self.strongest_correlation()) is not None:
             parts[0] += f"\nstrongest correlation: {pair[0]} with {pair[1]}, {pair[2]:.2f}"
         if self.left_out:
             parts.append(
-                "Left as they are\n"
+                "Parameters that were not estimated\n"
                 + "\n".join(f"{key}: {why}" for key, why in self.left_out.items())
             )
         if self.fit_before:
-            fits = [
+            fit_percents = [
                 {
                     "channel": column,
                     "before": f"{before:.1f}",
@@ -157,14 +159,14 @@ class Identification:
             ]
             parts.append(
                 "FitPercent, 100 is perfect\n"
-                + aligned(fits, ("before", "after"))
-                + f"\njudged on {self.judged_on}"
+                + align_columns(fit_percents, ("before", "after"))
+                + f"\nevaluated on {self.judged_on}"
             )
         notes = [f"note: {note}" for note in (*self.limits, *self.warnings)]
         return "\n\n".join([*parts, "\n".join(notes)] if notes else parts)
 
     def to_dict(self) -> dict[str, Any]:
-        """What stands in ``report.json``: numbers in the units of their keys."""
+        """Return the content of ``report.json``: values in the units of their keys."""
         keys = [estimate.key for estimate in self.estimates]
         report: dict[str, Any] = {
             "method": self.method,
@@ -193,17 +195,17 @@ class Identification:
             "limits": self.limits,
             "warnings": self.warnings,
         }  # fmt: skip
-        plain: dict[str, Any] = finite(report)
+        plain: dict[str, Any] = replace_non_finite(report)
         return plain
 
     def save(self, folder: str | Path, *, page: bool = True) -> Path:
         """Write ``report.json``, ``report.html``, ``identified_ship.toml`` and the tables as CSV.
 
-        All is made before anything is written, and each file is renamed into place.
+        Each file is renamed into place when it is complete.
 
         Args:
-            folder: made where needed.
-            page: whether ``report.html`` with its figures is wanted.
+            folder: created if it does not exist.
+            page: whether to write ``report.html`` with its figures.
 
         Returns:
             The folder.
@@ -213,35 +215,36 @@ class Identification:
         """
         text = None
         if page:
-            from .report.identification_page import page_of
+            from .report.identification_page import identification_html
 
-            text = page_of(self)
+            text = identification_html(self)
         return write_result(folder, self.to_dict(), text, {SHIP: self.identified}, self.tables)
 
     def __repr__(self) -> str:
-        """Ship and method; the fields hold arrays as long as the recordings."""
-        return (
-            f"<Identification of {self.ship.name} by {self.method}: {len(self.estimates)} numbers>"
-        )
+        """Return ship, method and number of parameters, without the arrays."""
+        count = len(self.estimates)
+        return f"<Identification of {self.ship.name} by {self.method}: {count} parameters>"
 
 
-def unjudged(method: str, ship: Ship, found: Found, left_out: dict[str, str]) -> Identification:
-    """Return what a method found in a table of steady states, which holds no run to compare with."""
+def identification_without_fit(
+    method: str, ship: Ship, found: MethodResult, left_out: dict[str, str]
+) -> Identification:
+    """Return the estimates from a table of steady states, without a simulation to compare."""
     identified = identified_ship(ship, found)
-    return _identification(
+    return _build_identification(
         method, ship, identified, found, left_out=left_out, warnings=[*found.remarks]
     )
 
 
-def judged(
+def identification_with_fit(
     method: str,
     balances: Balances,
-    found: Found,
+    found: MethodResult,
     held: Segments,
     together: JointRecordings,
     left_out: dict[str, str],
 ) -> Identification:
-    """Return what a method found, compared with the nominal ship on the held-out rows.
+    """Return the estimates of a method with the fit of the nominal and the identified ship.
 
     Raises:
         ValueError: the ship with these parameters cannot be simulated along the recordings.
@@ -252,7 +255,7 @@ def judged(
     identified = identified_ship(replay.ship, found)
     after = replay.simulated(replay.simulate(identified.record()))
     _refuse_diverged(method, found, after)
-    return _identification(
+    return _build_identification(
         method,
         replay.ship,
         identified,
@@ -263,32 +266,34 @@ def judged(
         measured=replay.recorded,
         before=balances.nominal,
         after=after,
-        fit_before=fits(replay.recorded, balances.nominal, rows),
-        fit_after=fits(replay.recorded, after, rows),
+        fit_before=fit_percents(replay.recorded, balances.nominal, rows),
+        fit_after=fit_percents(replay.recorded, after, rows),
         limits=list(together.limits),
         warnings=[*together.warnings, *found.remarks],
     )
 
 
-def _refuse_diverged(method: str, found: Found, after: dict[str, NDArray[np.float64]]) -> None:
-    """Refuse parameters with which the ship cannot be simulated along the recording.
+def _refuse_diverged(
+    method: str, found: MethodResult, after: dict[str, NDArray[np.float64]]
+) -> None:
+    """Refuse estimates with which the simulation diverges.
 
     Raises:
-        ValueError: names the channel that leaves finite numbers, and the parameters.
+        ValueError: names the first channel that diverges, and the estimates.
     """
-    endless = [column for column, values in after.items() if not np.isfinite(values).all()]
-    if endless:
+    diverged = [column for column, values in after.items() if not np.isfinite(values).all()]
+    if diverged:
         values = ", ".join(f"{k} = {v:.4g}" for k, v in zip(found.keys, found.values, strict=True))
         raise ValueError(
-            f"{method}: with what it found ({values}) the simulated {endless[0]} does not stay finite, "
-            "so nothing was written; free fewer parameters or use --method output-error"
+            f"{method}: with the estimates {values} the simulated {diverged[0]} diverges, so no files "
+            "were written; free fewer parameters or use --method output-error"
         )
 
 
-def _identification(
-    method: str, ship: Ship, identified: Ship, found: Found, **judged: Any
+def _build_identification(
+    method: str, ship: Ship, identified: Ship, found: MethodResult, **identification_with_fit: Any
 ) -> Identification:
-    """What a method found, with what it was judged by."""
+    """Return an identification with the estimates of a method and further fields."""
     free = Free(ship, found.keys)
     return Identification(
         method=method,
@@ -311,25 +316,25 @@ def _identification(
         correlation=found.correlation,
         tables=found.tables,
         line=found.line,
-        **judged,
+        **identification_with_fit,
     )
 
 
-def identified_ship(ship: Ship, found: Found) -> Ship:
+def identified_ship(ship: Ship, found: MethodResult) -> Ship:
     """Return the ship with the estimated parameters, their standard errors and their correlation.
 
-    A parameter that the record holds in another form has no tolerance, because nothing can shift it.
+    A parameter that the ship record holds in another form gets no tolerance.
     """
-    told = [i for i, key in enumerate(found.keys) if ship.has_key(key)]
-    keys, errors = [found.keys[i] for i in told], found.standard_errors[told]
+    own = [i for i, key in enumerate(found.keys) if ship.has_key(key)]
+    keys, errors = [found.keys[i] for i in own], found.standard_errors[own]
     numbers = dict(ship.tolerances.numbers) | dict(zip(keys, map(float, errors), strict=True))
     correlations = {
         first: {k: v for k, v in others.items() if k not in keys}
         for first, others in ship.tolerances.correlations.items()
         if first not in keys
     }
-    for i, j in itertools.combinations(range(len(told)), 2):
-        one = float(np.clip(round(found.correlation[told[i], told[j]], 6), -1.0, 1.0))
+    for i, j in itertools.combinations(range(len(own)), 2):
+        one = float(np.clip(round(found.correlation[own[i], own[j]], 6), -1.0, 1.0))
         if one != 0.0:
             correlations.setdefault(keys[i], {})[keys[j]] = one
     known = Free(ship, found.keys).at(found.values)
@@ -343,14 +348,14 @@ def identified_ship(ship: Ship, found: Found) -> Ship:
 
 DEFAULT = "output-error"
 
-MOST_SEARCHES = 4
-"""By output error, each from what the one before has found."""
+MOST_RESTARTS = 4
+"""Largest number of searches by output error, each from the estimates of the one before."""
 
 NEAR = 0.005
-"""Share of a number within which the simulation was made straight where the search has ended."""
+"""Relative distance of the estimates from the point of linearisation within which no search follows."""
 
 SAME_BAND = 0.1
-"""Share by which the highest frequency may change without another search."""
+"""Relative change of the highest frequency below which no search follows."""
 
 
 def identify(
@@ -361,113 +366,113 @@ def identify(
     hold_out: Sequence[Recorded] = (),
     columns: str | Path | None = None,
     tolerance: float = 1.0,
-    tick: Tick = silent,
+    tick: Tick = ignore_progress,
 ) -> Identification:
-    """Find numbers of a ship from recordings of one condition of it.
+    """Estimate parameters of a ship from recordings in one condition.
 
     Args:
-        ship: the nominal ship.
-        recordings: to be fitted, together; as of :func:`shaftline.mismatch.diagnose`. By ``steady``
-            also tables of points, a row each steady state, without ``time_s``.
-        free: dotted keys of the numbers to find, or ``auto`` for those that the recordings tell.
+        ship: nominal ship.
+        recordings: recordings that are fitted together, as in :func:`shaftline.mismatch.diagnose`. The
+            method ``steady`` also accepts tables of steady states, one in each row, without ``time_s``.
+        free: dotted keys of the parameters, or ``auto`` for those that are identifiable.
         method: one of :data:`METHODS`.
-        hold_out: recordings to judge on; without any, a quarter of the longest is set aside where the
-            method can do with the rest.
-        columns: column map of the files, or none.
-        tolerance: factor on how far the numbers that are not free may be off.
-        tick: told the stage, how much is done, and how much there is.
+        hold_out: recordings that are held out for validation; without any, a quarter of the longest
+            recording is held out if the method accepts part of a recording.
+        columns: column map of the files; None without one.
+        tolerance: factor on the tolerances of the parameters that are not free [-].
+        tick: progress callback ``tick(stage, done, total)``.
 
     Returns:
-        The numbers, with ``summary()``, ``to_dict()`` and ``save(folder)``.
+        The estimates, with ``summary()``, ``to_dict()`` and ``save(folder)``.
 
     Raises:
         RecordingError: a recording or the column map cannot be used; names file, column and row.
-        ValueError: an unknown method or key, numbers that the recordings do not tell or do not tell
-            apart, or recordings that do not fit the method; names what it is.
-        ShipError: a ship that cannot be simulated.
+        ValueError: an unknown method or key, parameters that are not identifiable or not
+            distinguishable, or recordings that do not suit the method.
+        ShipError: the ship cannot be simulated.
     """
     if method not in METHODS:
         raise ValueError(f"unknown method {method!r}; known: {', '.join(METHODS)}")
     if not isinstance(free, str):
-        Free(ship, free)  # refused before anything is read
+        Free(ship, free)  # refuses invalid keys before any recording is read
     elif free != AUTO:
-        raise ValueError(f"free = {free!r}: a list of keys is needed, or {AUTO!r}")
+        raise ValueError(f"free = {free!r}: expected a list of keys or {AUTO!r}")
     keys = None if isinstance(free, str) else tuple(free)
     if method == "steady" and (points := points_of(ship, recordings, columns)) is not None:
         if hold_out:
             raise ValueError(
-                "steady states given as points are fitted whole; set no recording aside"
+                "a table of steady states is fitted as a whole; use no --hold-out with it"
             )
-        by_points = partial(steady, ship, points, tick=tick)
-        found, left_out = _without_untold(
-            by_points, keys or METHODS[method].usual(ship), chosen=keys is None
+        by_states = partial(steady, ship, points, tick=tick)
+        found, left_out = _find_identifiable(
+            by_states, keys or METHODS[method].usual(ship), chosen=keys is None
         )
-        return unjudged(method, ship, found, left_out)
+        return identification_without_fit(method, ship, found, left_out)
     together = load_jointly(ship, recordings, hold_out, columns, tick)
     with threadpool_limits(1, "blas"):
         if together.steady and not METHODS[method].steady:
             raise ValueError(
-                f"{method} compares how the ship moves, and each row of the recording is taken as an "
-                f"equilibrium; use --method {DEFAULT} or steady"
+                f"{method} needs the ship's response in time, but each row of the recording is treated "
+                f"as an equilibrium; use --method {DEFAULT} or steady"
             )
         balances = Balances(JointReplay(ship, *together.tables, steady=together.steady))
         parts = METHODS[method].cut or together.held_out
         train, held = (
-            set_aside(balances.replay, together.held_out)[0]
+            split_held_out(balances.replay, together.held_out)[0]
             if parts
             else (balances.replay.segments, [])
         )
-        untold: dict[str, str] = {}
+        unidentifiable: dict[str, str] = {}
         chosen = keys is None
         if keys is None:
-            tick("which numbers are told", 0, 1)
-            keys, untold = (
-                told_by(balances, train)
+            tick("selecting identifiable parameters", 0, 1)
+            keys, unidentifiable = (
+                identifiable_keys(balances, train)
                 if METHODS[method].cut
                 else (METHODS[method].usual(ship), {})
             )
         fitted = together.tables[: len(together.tables) - together.held_out]
-        work = Work(balances, fitted, train, tolerance, tick)
+        work = MethodInput(balances, fitted, train, tolerance, tick)
         find = partial(METHODS[method].find, work)
-        found, more = _without_untold(find, keys, chosen, chosen and not METHODS[method].cut)
-        left_out = untold | more
+        found, more = _find_identifiable(find, keys, chosen, chosen and not METHODS[method].cut)
+        left_out = unidentifiable | more
         if found.line:
             balances = Balances(JointReplay(ship, *together.tables, line=True))
         if METHODS[method].cut:
             tables = together.tables
-            effects = applicable(
+            effects = applicable_effects(
                 ship,
                 tables[0].columns,
-                turned=turned(tables),
-                one_way=one_way(ship, tables),
+                turning=course_changes(tables),
+                one_way=shaft_runs_one_way(ship, tables),
                 steady=together.steady,
             )
-            found = with_model_error(
+            found = add_model_error(
                 found, identified_ship(ship, found), balances, train, held, effects, tick
             )
         tick("judging", 0, 1)
-        identification = judged(method, balances, found, held, together, left_out)
+        identification = identification_with_fit(method, balances, found, held, together, left_out)
         tick("judging", 1, 1)
         return identification
 
 
-def _without_untold(
-    find: Callable[[tuple[str, ...]], Found],
+def _find_identifiable(
+    find: Callable[[tuple[str, ...]], MethodResult],
     keys: tuple[str, ...],
     chosen: bool,
     guessed: bool = False,
-) -> tuple[Found, dict[str, str]]:
-    """Return what a method finds, and why it leaves out some of the keys.
+) -> tuple[MethodResult, dict[str, str]]:
+    """Return the estimates of a method, and why some of the keys are left out.
 
     Args:
-        find: the method.
-        keys: of the parameters.
-        chosen: whether the tool chose the keys and may leave some out; a user's are all needed.
-        guessed: whether it chose them without a look at the recordings, so that one whose standard error
-            turns out too large is left out as well.
+        find: the method as a function of the keys.
+        keys: keys of the parameters.
+        chosen: whether the tool chose the keys and may leave some out; keys of the user are all needed.
+        guessed: whether the tool chose the keys without the recordings, so that parameters with a large
+            standard error are left out as well.
 
     Raises:
-        UntoldError: parameters that cannot be identified; names them.
+        UnidentifiableError: parameters that are not identifiable; names them.
     """
     left_out: dict[str, str] = {}
     while True:
@@ -476,19 +481,19 @@ def _without_untold(
             if guessed:
                 refuse_guesses(keys, found.values, found.standard_errors)
             return found, left_out
-        except UntoldError as error:
+        except UnidentifiableError as error:
             if not (chosen and error.rest):
                 raise
             left_out |= error.worst
             keys = tuple(error.rest)
 
 
-class Work(NamedTuple):
-    """What a method may look at."""
+class MethodInput(NamedTuple):
+    """Data that a method of identification may use."""
 
     balances: Balances
-    tables: tuple[pd.DataFrame, ...]  # not those that are set aside
-    train: Segments  # the rows that may be fitted
+    tables: tuple[pd.DataFrame, ...]  # without held-out recordings
+    train: Segments  # rows that may be fitted
     tolerance: float
     tick: Tick
 
@@ -496,48 +501,49 @@ class Work(NamedTuple):
 class Method(NamedTuple):
     """A method of identification."""
 
-    find: Callable[[Work, tuple[str, ...]], Found]  # by keys
-    words: str  # what it needs and does, in a line
-    cut: bool = False  # whether it can do with a part of a recording
-    response: bool = False  # whether it compares how the ship moves, besides where it rests
-    steady: bool = False  # whether it can do with rows that are equilibria
+    find: Callable[[MethodInput, tuple[str, ...]], MethodResult]  # by keys
+    words: str  # description in one line
+    cut: bool = False  # whether it accepts a part of a recording
+    response: bool = False  # whether it uses the response in time besides steady states
+    steady: bool = False  # whether it accepts rows that are equilibria
 
     def usual(self, ship: Ship) -> tuple[str, ...]:
-        """Return the keys that it frees on a ship where the user names none.
+        """Return the keys that the method estimates where the user gives none.
 
         Raises:
-            ValueError: none.
+            ValueError: the method has no such keys for the drive of the ship.
         """
         keys = usual_keys(ship, response=self.response)
         if not keys:
             raise ValueError(
-                f"{ship.name}: this method has no parameters that it usually identifies with a drive "
-                f"of type {ship.prime_mover.type}; name some with --free, or use --method {DEFAULT}"
+                f"{ship.name}: this method has no default parameters for a drive of type "
+                f"{ship.prime_mover.type}; give some with --free, or use --method {DEFAULT}"
             )
         return keys
 
 
-def _by_output_error(
-    work: Work, keys: tuple[str, ...], replayed: type[JointReplay] = JointReplay
-) -> Found:
-    """Up to the frequency that tells of the numbers, with demands held between rows or as lines.
+def _find_by_output_error(
+    work: MethodInput, keys: tuple[str, ...], replayed: type[JointReplay] = JointReplay
+) -> MethodResult:
+    """Estimate parameters by output error with held and with linearly interpolated commands.
 
-    The wrong one is half an interval late or early, which inertia and friction then make up for; so
-    where the likelihood leaves it open, what the other one finds widens the errors. The frequency is
-    that at what was found, as the ship's own numbers may mislead; and what the tolerances of the other
-    numbers move is felt there too, for about a file that is wrong by a tenth it is wrong by as much.
+    The wrong interpolation is half an interval late or early, for which inertia and friction would
+    compensate. Where the likelihood does not decide, the estimates of the other interpolation widen the
+    errors. The frequency range and the sensitivities to the other parameters' tolerances are taken at
+    the estimates, because those at the values of the ship file may be wrong; the search is therefore
+    repeated.
     """
     ship, highest, near, steps = work.balances.replay.ship, 0.0, False, []
     runs = [run.table for run in work.balances.replay.runs]
-    at_rest = work.balances.replay.steady  # then a row's demands act on that row alone
+    at_rest = work.balances.replay.steady  # the commands of a row then act on that row alone
     free = Free(ship, keys)
     values: Sequence[float] = free.values
-    for _ in range(MOST_SEARCHES):
+    for _ in range(MOST_RESTARTS):
         ways = [
             Balances(replayed(free.ship, *runs, line=line, steady=at_rest))
             for line in ((False,) if at_rest else (False, True))
         ]
-        telling = numbers_hertz(ways[0], free, values, work.train)
+        telling = parameters_hertz(ways[0], free, values, work.train)
         if near and abs(telling / highest - 1.0) < SAME_BAND:
             break
         highest = telling
@@ -550,34 +556,31 @@ def _by_output_error(
         )  # fmt: skip
         drawn = next(iter(others), held)
         gain = drawn.score - held.score
-        # held ones, which a controller's are, unless it is clear; as in a diagnosis
-        ahead = gain - TELL_APART
+        # Commands of a controller are held, so lines must be clearly likelier, as in a diagnosis.
+        ahead = gain - INDISTINGUISHABLE
         found, other = (drawn, held) if ahead > 0.0 else (held, drawn)
         values = found.values
         near = bool(np.allclose(values, free.values, rtol=NEAR))
         steps.append(found.tables["search"].assign(highest_Hz=highest))
-        with contextlib.suppress(ShipError):  # a search may pass where no file may end
+        with contextlib.suppress(ShipError):  # a search may leave the range of a valid ship file
             free = Free(free.at(values), free.keys)
-    refuse_untold(found, Free(ship, free.keys))
+    refuse_uncertain(found, Free(ship, free.keys))
     if not at_rest:
-        found = found.beside(other, float(scipy.special.expit(-0.5 * abs(ahead))))
+        found = found.mix_with(other, float(scipy.special.expit(-0.5 * abs(ahead))))
     tables = {"search": pd.concat(steps, ignore_index=True)}
     if ahead <= 0.0:
         return replace(found, tables=tables)
-    said = (
-        "the demands are taken as straight lines between rows, which fits better than held ones: "
-        f"2 log L is {gain:.0f} higher"
-    )
-    return replace(found, tables=tables, line=True, remarks=(*found.remarks, said))
+    remarks = (*found.remarks, LINES.format(gain=gain))
+    return replace(found, tables=tables, line=True, remarks=remarks)
 
 
-def _by_linear(work: Work, keys: tuple[str, ...]) -> Found:
-    """The same with the ship's linear model about the recordings' mean."""
-    return _by_output_error(work, keys, LinearReplay)
+def _find_by_linear_model(work: MethodInput, keys: tuple[str, ...]) -> MethodResult:
+    """Estimate parameters by output error with the ship's linear model about the recordings' mean."""
+    return _find_by_output_error(work, keys, LinearReplay)
 
 
-def _by_filter(work: Work, keys: tuple[str, ...]) -> Found:
-    """The rows that may be fitted, cut out as recordings of their own."""
+def _find_by_filter(work: MethodInput, keys: tuple[str, ...]) -> MethodResult:
+    """Estimate parameters by the augmented filter; each fitted segment is a recording of its own."""
     replay = work.balances.replay
     tables = [
         run.table.iloc[max(a, first) - first : min(b, last) - first].reset_index(drop=True)
@@ -588,17 +591,19 @@ def _by_filter(work: Work, keys: tuple[str, ...]) -> Found:
     return ekf(replay.ship, tables, keys, work.tick, tolerance=work.tolerance)
 
 
-def _whole(method: Callable[..., Found]) -> Callable[[Work, tuple[str, ...]], Found]:
-    """A method that looks at whole recordings."""
+def _on_whole_recordings(
+    method: Callable[..., MethodResult],
+) -> Callable[[MethodInput, tuple[str, ...]], MethodResult]:
+    """Return a method that uses whole recordings."""
 
-    def find(work: Work, keys: tuple[str, ...]) -> Found:
+    def find(work: MethodInput, keys: tuple[str, ...]) -> MethodResult:
         return method(work.balances.replay.ship, list(work.tables), keys, work.tick)
 
     return find
 
 
-def _by_points(work: Work, keys: tuple[str, ...]) -> Found:
-    """Least squares on the plateaus of recordings, or on rows that are equilibria as they are."""
+def _find_by_steady_states(work: MethodInput, keys: tuple[str, ...]) -> MethodResult:
+    """Estimate parameters by least squares on plateaus, or on rows that are equilibria."""
     tables = list(work.tables)
     if work.balances.replay.steady:
         tables = [table.drop(columns=TIME) for table in tables]
@@ -607,36 +612,40 @@ def _by_points(work: Work, keys: tuple[str, ...]) -> Found:
 
 METHODS: dict[str, Method] = {
     "output-error": Method(
-        _by_output_error,
-        "any recording: the simulation itself, under noise of any colour",
+        _find_by_output_error,
+        "any recording: simulation error under noise of any colour",
         cut=True,
         steady=True,
     ),
     "output-error-linear": Method(
-        _by_linear,
-        "any recording of small motions: the same with the ship's linear model about their mean",
+        _find_by_linear_model,
+        "recordings of small motions: simulation error of the ship's linear model about their mean",
         cut=True,
     ),
     "ekf": Method(
-        _by_filter,
-        "any recording of white noises: states and numbers together, row by row",
+        _find_by_filter,
+        "recordings with white noise: states and parameters together, row by row",
         cut=True,
     ),
     "steady": Method(
-        _by_points, "plateaus, or a table of points: least squares on steady states", steady=True
+        _find_by_steady_states,
+        "plateaus, or a table of steady states: least squares on steady states",
+        steady=True,
     ),
     "step": Method(
-        _whole(step), "one step of a motor's voltage: inertia and inductance", response=True
+        _on_whole_recordings(step),
+        "steps of a motor's voltage: inertia and inductance",
+        response=True,
     ),
     "sine": Method(
-        _whole(sine),
-        "sines of the drive's demand: frequency response by correlation",
+        _on_whole_recordings(sine),
+        "sines of the drive command: frequency response by correlation",
         response=True,
     ),
     "welch": Method(
-        _whole(welch),
-        "noise on the drive's demand: frequency response and coherence",
+        _on_whole_recordings(welch),
+        "noise on the drive command: frequency response and coherence",
         response=True,
     ),
 }
-"""By name, the default first."""
+"""Methods of identification by name, the default first."""

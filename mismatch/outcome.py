@@ -1,4 +1,4 @@
-"""What a diagnosis has found, as the reports read it."""
+"""Results of a diagnosis, as the reports use them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..plant.ship import Ship
-from .identification.parameters import MovedNumber, WrongNumber
+from .identification.parameters import BiasedParameter, ParameterChange
 from .judge.findings import Detectable, Finding
 from .judge.shapes import Shape
 from .judge.verdict import BalanceVerdict
@@ -21,44 +21,44 @@ from .search.whiteness import Colour
 
 @dataclass(frozen=True, repr=False)
 class Outcome:
-    """Where recordings and the simulation differ, what physics is missing, and the proof.
+    """Results of a diagnosis: verdict, findings, residuals, simulations and the corrected ship.
 
     Args:
         verdict: ``explained``, ``partly-explained``, ``nothing-missing`` or ``unexplained``.
-        ship: nominal.
-        corrected: with the effects, or the shape, that were found.
-        time_s: shape (rows,).
-        held_out: windows set aside [s].
-        drive: demand on the prime mover [mm | V | N m], shape (rows,).
-        measured: channels by column, each of shape (rows,); likewise the next two.
-        before: nominal open-loop simulation.
-        after: corrected open-loop simulation.
-        balances: names of the balances, and their units.
-        residual_before: what each balance lacks, shape (balances, rows).
-        residual_after: likewise with the corrected ship.
-        findings: effects, in the order of discovery.
-        shape: the missing quantity without a name, where more than noise is left; then the
-            windows and the regime in which it acts.
-        shape_windows: in which it acts [s].
-        shape_regime: in words.
+        ship: nominal ship.
+        corrected: corrected ship, with the reported effects, shape or formula.
+        time_s: time of each row [s], shape (rows,).
+        held_out: windows of the held-out data [s].
+        drive: command of the prime mover [mm | V | N m], shape (rows,).
+        measured: measured channels by column, each of shape (rows,).
+        before: open-loop simulation of the nominal ship, likewise.
+        after: open-loop simulation of the corrected ship, likewise.
+        balances: name and unit of each balance.
+        residual_before: residual of each balance with the nominal ship, shape (balances, rows).
+        residual_after: residual of each balance with the corrected ship, likewise.
+        findings: identified effects, in the order in which they were found.
+        shape: residual of a balance over one signal, where no effect explains it; else None.
+        shape_windows: windows in which the shape acts [s].
+        shape_regime: operating regime in which the shape acts, in words.
         explained: share of the residual's power beyond the instruments' noise that the effects explain.
-        left_over: where what they leave is more than noise; None where it is noise.
-        ranking: the catalogue, best first, and each entry's threshold.
+        left_over: frequency band in which the residual exceeds noise; None if it is noise.
+        ranking: candidate effects, the best first, each with its threshold.
         detectable: smallest effects that the recording would have shown.
-        fit_before: FitPercent by column on the held-out part, without those that are constant there.
-        fit_after: likewise, of the corrected ship.
-        held_out_gain: of the corrected ship in 2 log L, on the held-out part alone.
-        excited: whether the demands move enough to tell effects apart.
-        line: whether the demands are taken as straight lines between rows instead of held.
-        highest_Hz: up to which the recording was judged [Hz].
-        rows_averaged: of the recording, in each row of the arrays.
-        limits: why the recording may not decide.
-        warnings: what was noticed about the recording.
-        undecidable: whether the recording is too short or too dull to tell that nothing is missing.
-        numbers: of the ship that were calibrated or free, or that the recording moved far.
-        balance_verdicts: each balance for itself.
-        wrong: of each finding: the number of the ship's file that would explain it as well, or None.
-        formula: of what has no name, where one holds on the data set aside; None where none does.
+        fit_before: FitPercent of the nominal ship by column on the held-out data, without channels that
+            are constant there.
+        fit_after: FitPercent of the corrected ship, likewise.
+        held_out_gain: 2 Δ log L of the corrected ship on the held-out data.
+        excited: whether the commands move enough to distinguish effects.
+        line: whether the commands are interpolated linearly between rows; otherwise they are held.
+        highest_Hz: highest frequency that counts [Hz].
+        rows_averaged: rows of the recording that are averaged in each row of the arrays.
+        limits: limits of the recording that may prevent a verdict, a sentence each.
+        warnings: remarks on the recording and the correction, a sentence each.
+        undecidable: whether the recording is too short, or excites too little, for ``nothing-missing``.
+        parameters: parameters that were calibrated or free, or that the recording changes clearly.
+        balance_verdicts: verdict on each balance.
+        biased: for each finding, the parameter of the ship file that would explain it as well, or None.
+        formula: formula of the residual that the held-out data confirm; else None.
     """
 
     verdict: str
@@ -91,14 +91,14 @@ class Outcome:
     limits: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     undecidable: bool = False
-    numbers: list[MovedNumber] = field(default_factory=list)
-    wrong: list[WrongNumber | None] = field(default_factory=list)
+    parameters: list[ParameterChange] = field(default_factory=list)
+    biased: list[BiasedParameter | None] = field(default_factory=list)
     balance_verdicts: tuple[BalanceVerdict, ...] = ()
     formula: Formula | None = None
 
     @property
     def held_rows(self) -> NDArray[np.bool_]:
-        """Whether each row is held out, shape (rows,)."""
+        """Mask of the held-out rows, shape (rows,)."""
         half = 0.5 * float(self.time_s[1] - self.time_s[0])
         inside = [(self.time_s > a - half) & (self.time_s < b - half) for a, b in self.held_out]
         return np.asarray(np.any(inside, axis=0))

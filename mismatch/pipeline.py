@@ -1,9 +1,16 @@
-"""Diagnose recordings: where they differ from the simulation, what physics is missing, and the proof.
+"""Diagnose recordings: where they differ from the simulation, and which physics the ship file lacks.
 
-The order follows what the evidence recommends: set data aside before anything is fitted; form the
-residuals balance by balance; let nominal numbers move inside their tolerances first; screen the
-catalogue on simulated trajectories under whitened noise; fit by output error; judge on the data set
-aside.
+The stages of :func:`diagnose`:
+
+1. Read the recordings and check their channels.
+2. Begin: calibrate the ship on a reference period, or widen the tolerances of its free parameters.
+3. Hold data out before anything is fitted.
+4. Locate: form the residual of each balance, the parameters free within their tolerances.
+5. Search the catalogue: screen effects on simulated trajectories under whitened noise and fit them by
+   output error.
+6. Judge the chosen effects on the held-out data.
+7. Report the findings, the residual and the corrected ship.
+8. Where a residual remains, estimate effects and parameters together (:mod:`.structure`).
 """
 
 from __future__ import annotations
@@ -11,28 +18,33 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from threadpoolctl import threadpool_limits
 
 from ..plant.ship import Ship
-from .calibration import calibrated
+from .calibration import calibrate
 from .diagnosis import Diagnosis
-from .estimate import Tick, silent
-from .identification.parameters import MOST_ROUNDS, Numbers, wrong_numbers
-from .identification.start import Start, led_start, widened
-from .judge.confirmation import (
-    confirmed,
-    formula_instead,
-    only,
-    refuted,
-    settled_edges,
-    with_rivals,
+from .estimate import Tick, ignore_progress
+from .identification.parameters import (
+    MOST_LINEARISATIONS,
+    MovableParameters,
+    find_biased_parameters,
 )
-from .judge.correction import FreeRunning, corrected_ship, followed, not_carried
-from .judge.findings import active_windows, detectable_effects, findings_of, regime, shown_in
-from .judge.held_out import HeldOut, Segments, fits
-from .judge.shapes import Shape, best_shapes, shape_to_show, signals_of, term_of
+from .identification.start import Start, start_at_recorded_speed, start_with_free_parameters
+from .judge.confirmation import (
+    add_rivals,
+    drop_unconfirmed,
+    find_better_formula,
+    keep_effects,
+    refutes_effects,
+    settle_episode_edges,
+)
+from .judge.correction import FreeRunning, corrected_ship, is_any_confirmed, uncorrected_remarks
+from .judge.findings import active_windows, balance_rows, detectable_effects, findings_of, regime
+from .judge.held_out import HeldOut, Segments, fit_percents
+from .judge.shapes import Shape, best_shapes, shape_to_show, signals_of, term_from_shape
 from .judge.verdict import (
     EXPLAINED,
     PARTLY,
@@ -40,30 +52,30 @@ from .judge.verdict import (
     UNEXPLAINED,
     Verdict,
     explained_shares,
-    far_from_noise,
-    limited,
+    is_far_from_noise,
+    is_undecidable,
+    judge_selection,
+    limit_verdict,
     sure_effects,
-    too_little,
-    verdict_of,
 )
 from .options import Options
-from .recordings.excitation import one_way, turned
+from .recordings.excitation import course_changes, shaft_runs_one_way
 from .recordings.joint import (
     JointRecordings,
     Recorded,
+    flatten,
     load_each,
     load_jointly,
-    parts_of,
-    refuse_shared,
-    refuse_twice,
+    refuse_common_rows,
+    refuse_repeated_sources,
 )
-from .recordings.steady_rows import NoDriveCommandError, remark_on, with_drive_of
-from .search.catalogue import Window, applicable, refuse_transient
-from .search.fitting import Fitter
-from .search.formulas import Formula, as_well, formula_of
+from .recordings.steady_rows import NoDriveCommandError, missing_drive_remark, restore_drive
+from .search.catalogue import Effect, Window, applicable_effects, refuse_transient
+from .search.fitting import Fit, Fitter
+from .search.formulas import Formula, is_as_good, search_formula
 from .search.selection import Selection, Selector
 from .search.whiteness import Whiteness
-from .setting import Settings
+from .setting import Setting, Settings
 from .structure.diagnose import diagnose_structure
 
 ANOTHER_PERIOD = "calibrate on another period than is diagnosed"
@@ -74,206 +86,328 @@ def diagnose(
     *recordings: Recorded,
     hold_out: Sequence[Recorded] = (),
     options: Options = Options(),  # noqa: B008 (immutable)
-    tick: Tick = silent,
+    tick: Tick = ignore_progress,
 ) -> Diagnosis:
-    """Compare a ship with recordings of one condition of it.
+    """Diagnose recordings of a ship in one condition.
 
     Args:
-        ship: the nominal ship; or what :func:`begin` made of it, where several are diagnosed alike.
-        recordings: to be fitted, together: files (CSV or Parquet) or tables, which pass the same
-            checks; or what ``load_recording`` made of them.
-        hold_out: likewise, set aside to judge on; without any, a quarter of the longest is set aside.
-        options: column map, ids to leave out, tolerance; a healthy period, numbers that are free.
-        tick: told the stage, how much is done, and how much there is.
+        ship: nominal ship; or the result of :func:`begin`, to diagnose many recordings alike.
+        recordings: recordings that are fitted together: files (CSV or Parquet), tables, or results of
+            ``load_recording``. Files and tables pass the same checks.
+        hold_out: recordings that are held out for validation; without any, a quarter of the longest
+            recording is held out.
+        options: column map, excluded effects, tolerances, reference period, free parameters.
+        tick: progress callback ``tick(stage, done, total)``.
 
     Returns:
         The diagnosis, with ``summary()``, ``to_dict()`` and ``save(folder)``.
 
     Raises:
         RecordingError: a recording or the column map cannot be used; names file, column and row.
-        ValueError: no recording, recordings that do not go together, one that is given twice, an
-            unknown id or key, or a ship that runs away under the recorded demands.
-        FileNotFoundError: a recording of the healthy period that is not there.
-        ShipError: a ship that cannot be simulated.
+        ValueError: no recording, recordings that do not go together, a recording that is given twice,
+            an unknown id or key, or a ship whose simulation diverges under the recorded commands.
+        FileNotFoundError: a recording of the reference period does not exist.
+        ShipError: the ship cannot be simulated.
     """
     begun = ship if isinstance(ship, Start) else Start(ship, ship)
     try:
-        return _read_and_diagnosed(ship, recordings, hold_out, options, tick)
+        return _run_stages(ship, recordings, hold_out, options, tick)
     except NoDriveCommandError:
-        led = led_start(begun)
-        found = _read_and_diagnosed(
-            led if isinstance(ship, Start) else led.file, recordings, hold_out, options, tick
+        driven = start_at_recorded_speed(begun)
+        found = _run_stages(
+            driven if isinstance(ship, Start) else driven.file, recordings, hold_out, options, tick
         )
     return replace(
-        found, ship=begun.ship, corrected=with_drive_of(found.corrected, begun.file),
-        warnings=[remark_on(begun.file), *found.warnings],
+        found, ship=begun.ship, corrected=restore_drive(found.corrected, begun.file),
+        warnings=[missing_drive_remark(begun.file), *found.warnings],
     )  # fmt: skip
 
 
-def _read_and_diagnosed(
+def _run_stages(
     ship: Ship | Start,
     recordings: Sequence[Recorded],
     hold_out: Sequence[Recorded],
     options: Options,
     tick: Tick,
 ) -> Diagnosis:
-    """Return the diagnosis of recordings that are read with a ship's own drive."""
+    """Run the stages of a diagnosis with the ship's own prime mover."""
     file = ship.file if isinstance(ship, Start) else ship
     options.check(file)
-    refuse_twice((*recordings, *hold_out))
-    refuse_twice(options.calibrate, (*recordings, *hold_out), ANOTHER_PERIOD)
-    fitted, held = len(recordings), len(hold_out)
-    sources = (*recordings, *hold_out, *options.calibrate)
-    groups = load_each(file, sources, options.columns, tick, options.signals, options.steady)
-    to_fit, aside = parts_of(groups[:fitted]), parts_of(groups[fitted : fitted + held])
-    healthy = parts_of(groups[fitted + held :])
-    together = load_jointly(file, to_fit, aside)
-    for one, other in itertools.product(to_fit + aside, healthy):
-        refuse_shared(one, other, ANOTHER_PERIOD)
-    options = replace(options, calibrate=tuple(healthy))
+    together, reference = _read(file, recordings, hold_out, options, tick)
+    options = replace(options, calibrate=reference)
     start = ship if isinstance(ship, Start) else begin(ship, options, tick)
-    return _diagnosed(start, together, options, tick)
-
-
-def begin(ship: Ship, options: Options, tick: Tick = silent) -> Start:
-    """The ship with which a diagnosis begins: calibrated on a healthy period, or with numbers free.
-
-    Args:
-        ship: the nominal ship.
-        options: of the diagnosis.
-        tick: told the stage, how much is done, and how much there is.
-
-    Raises:
-        RecordingError: a recording of the healthy period cannot be used; names file, column and row.
-        ValueError: recordings that do not go together, or a ship that runs away under their demands.
-    """
-    if not options.calibrate:
-        return widened(ship, options.free)
-    sources, tolerance = options.calibrate, options.tolerance
-    healthy = parts_of(
-        load_each(ship, sources, options.columns, tick, options.signals, options.steady)
-    )
-    return calibrated(ship, healthy, options.free, options.columns, tolerance, tick)
-
-
-def _diagnosed(start: Start, together: JointRecordings, options: Options, tick: Tick) -> Diagnosis:
-    """Recordings that were read, with a ship whose numbers are as :func:`begin` has them."""
     with threadpool_limits(1, "blas"):
-        start = replace(start, ship=options.hearing(start.ship, together.signals))
-        columns = set(together.tables[0].columns)
-        tables = together.tables
-        every = applicable(
-            start.ship, columns, options.exclude, options.own_effects,
-            turned(tables), one_way(start.ship, tables), together.steady,
-        )  # fmt: skip
-        effects = [effect for effect in every if not effect.together]
-        if together.steady:
-            refuse_transient(start.ship, start.free)
-        ship = start.ship
-        for _ in range(MOST_ROUNDS):
-            settings = Settings(ship, together, effects, options.tolerance)
-            nearer = Numbers(start, settings.best.fitter).relinearised() if start.free else None
-            if nearer is None:
-                break
-            ship = nearer
-        while True:
-            whiteness, held = settings.best.whiteness, settings.best.held
-            selector = Selector(whiteness.fitter, effects, tick, options.most_effects)
-            selection = selector.search()
-            if not settings.corrected(selection):
-                break
-        numbers = Numbers(start, whiteness.fitter)
+        start = replace(start, ship=options.with_recorded_signals(start.ship, together.signals))
+        effects = _candidates(start, together, options)
+        settings = _hold_out_and_locate(start, together, effects, options)
+        selection, selector = _search(settings, effects, options, tick)
         together.warnings.extend(settings.remarks())
-        tick("judging on the data set aside", 0, 1)
-        diagnosis = _judged(selection, selector, whiteness, held, together, numbers)
-        tick("judging on the data set aside", 1, 1)
+        tick("judging on the held-out data", 0, 1)
+        evidence = _Evidence.of(settings.best, start)
+        conclusion = _judge(selection, evidence)
+        diagnosis = _report(conclusion, evidence, selector, together)
+        tick("judging on the held-out data", 1, 1)
         if options.quick or start.free:
             return diagnosis
         return diagnose_structure(
-            diagnosis, settings.best, together, every, tick, options.tolerance,
+            diagnosis, settings.best, together, effects, tick, options.tolerance,
             options.most_effects,
         )  # fmt: skip
 
 
-def _judged(
-    selection: Selection,
-    selector: Selector,
-    whiteness: Whiteness,
-    held: Segments,
-    together: JointRecordings,
-    numbers: Numbers,
-) -> Diagnosis:
-    """What the search has found, judged on the data set aside and located."""
-    fitter = selector.fitter
-    balances, replay = fitter.balances, fitter.balances.replay
-    measured = replay.recorded
-    lacking = balances.lacking(balances.nominal)  # with the free numbers where they are
-    judge = HeldOut(fitter, held)
-    selection = settled_edges(selection, fitter, held, judge.score)
-    selection = confirmed(selection, fitter, judge.score)
-    free = FreeRunning(replay, judge.rows)
-    selection, verdict = _verdict(selection, fitter, whiteness, judge, numbers, free)
+def _read(
+    ship: Ship,
+    recordings: Sequence[Recorded],
+    hold_out: Sequence[Recorded],
+    options: Options,
+    tick: Tick,
+) -> tuple[JointRecordings, tuple[Recorded, ...]]:
+    """Read the recordings, and those of the reference period; refuse rows that are in both."""
+    refuse_repeated_sources((*recordings, *hold_out))
+    refuse_repeated_sources(options.calibrate, (*recordings, *hold_out), ANOTHER_PERIOD)
+    sources = (*recordings, *hold_out, *options.calibrate)
+    groups = load_each(ship, sources, options.columns, tick, options.signals, options.steady)
+    fitted, held = len(recordings), len(hold_out)
+    to_fit, to_judge = flatten(groups[:fitted]), flatten(groups[fitted : fitted + held])
+    reference = flatten(groups[fitted + held :])
+    together = load_jointly(ship, to_fit, to_judge)
+    for one, other in itertools.product(to_fit + to_judge, reference):
+        refuse_common_rows(one, other, ANOTHER_PERIOD)
+    return together, tuple(reference)
+
+
+def begin(ship: Ship, options: Options, tick: Tick = ignore_progress) -> Start:
+    """Return the ship as a diagnosis starts: calibrated on a reference period, or with free parameters.
+
+    Args:
+        ship: nominal ship.
+        options: options of the diagnosis.
+        tick: progress callback ``tick(stage, done, total)``.
+
+    Raises:
+        RecordingError: a recording of the reference period cannot be used; names file, column and row.
+        ValueError: recordings that do not go together, or a ship whose simulation diverges under the
+            recorded commands.
+    """
+    if not options.calibrate:
+        return start_with_free_parameters(ship, options.free)
+    sources, tolerance = options.calibrate, options.tolerance
+    reference = flatten(
+        load_each(ship, sources, options.columns, tick, options.signals, options.steady)
+    )
+    return calibrate(ship, reference, options.free, options.columns, tolerance, tick)
+
+
+def _candidates(start: Start, together: JointRecordings, options: Options) -> list[Effect]:
+    """Return the effects that the ship and the recordings allow."""
+    tables = together.tables
+    effects = applicable_effects(
+        start.ship, set(tables[0].columns), options.exclude, options.own_effects,
+        course_changes(tables), shaft_runs_one_way(start.ship, tables), together.steady,
+    )  # fmt: skip
+    if together.steady:
+        refuse_transient(start.ship, start.free)
+    return effects
+
+
+def _hold_out_and_locate(
+    start: Start, together: JointRecordings, effects: list[Effect], options: Options
+) -> Settings:
+    """Hold data out and form the residuals of the balances, linearised at the free parameters."""
+    ship, alone = start.ship, [effect for effect in effects if not effect.together]
+    for _ in range(MOST_LINEARISATIONS):
+        settings = Settings(ship, together, alone, options.tolerance)
+        if not start.free:
+            break
+        nearer = MovableParameters(start, settings.best.fitter).relinearised_ship()
+        if nearer is None:
+            break
+        ship = nearer
+    return settings
+
+
+def _search(
+    settings: Settings, effects: list[Effect], options: Options, tick: Tick
+) -> tuple[Selection, Selector]:
+    """Search effects; once more if they make the other interpolation of the commands likelier."""
+    alone = [effect for effect in effects if not effect.together]
+    while True:
+        selector = Selector(settings.best.fitter, alone, tick, options.most_effects)
+        selection = selector.search()
+        if not settings.exchange(selection):
+            return selection, selector
+
+
+@dataclass(frozen=True)
+class _Evidence:
+    """Fitted and held-out data on which a selection of effects is judged."""
+
+    whiteness: Whiteness
+    judge: HeldOut
+    held: Segments
+    free_running: FreeRunning
+    parameters: MovableParameters
+
+    @classmethod
+    def of(cls, setting: Setting, start: Start) -> _Evidence:
+        judge = HeldOut(setting.fitter, setting.held)
+        free_running = FreeRunning(setting.balances.replay, judge.rows)
+        parameters = MovableParameters(start, setting.fitter)
+        return cls(setting.whiteness, judge, setting.held, free_running, parameters)
+
+    @property
+    def fitter(self) -> Fitter:
+        """Fitter of the fitted data."""
+        return self.whiteness.fitter
+
+    @property
+    def ship(self) -> Ship:
+        """Ship at the start of the diagnosis."""
+        return self.parameters.start.ship
+
+
+class _Conclusion(NamedTuple):
+    """Judged effects with their verdict, and the models of the residual that they leave."""
+
+    selection: Selection
+    verdict: Verdict
+    shape: Shape | None
+    formula: Formula | None
+
+    @property
+    def is_named(self) -> bool:
+        """Whether the verdict reports effects."""
+        return self.verdict.name in (EXPLAINED, PARTLY)
+
+    def reported_fit(self, fitter: Fitter) -> Fit:
+        """Return the fit with the reported effects."""
+        return self.selection.fit if self.is_named else fitter.null
+
+
+def _judge(selection: Selection, evidence: _Evidence) -> _Conclusion:
+    """Judge a selection on the held-out data, and describe the residual that it leaves."""
+    fitter, judge, whiteness = evidence.fitter, evidence.judge, evidence.whiteness
+    excited = fitter.balances.replay.excited
+    selection = settle_episode_edges(selection, fitter, evidence.held, judge.score)
+    selection = drop_unconfirmed(selection, fitter, judge.score)
+    selection, verdict = _verdict(selection, evidence)
     formula: Formula | None = None
     if verdict.name == EXPLAINED:
-        formula = formula_instead(selection, verdict, whiteness, judge)
-        if formula is not None and refuted(formula, selection, whiteness):
-            verdict = verdict_of(selection, whiteness, -math.inf, replay.excited)
-        elif formula is not None or far_from_noise(verdict.left_over, verdict.explained):
+        formula = find_better_formula(selection, verdict, whiteness, judge)
+        if formula is not None and refutes_effects(formula, selection, whiteness):
+            verdict = judge_selection(selection, whiteness, -math.inf, excited)
+        elif formula is not None or is_far_from_noise(verdict.left_over, verdict.explained):
             verdict = replace(verdict, name=PARTLY)
-    undecidable = too_little(replay.excited, together.limits)
-    fit = selection.fit
-    named = verdict.name in (EXPLAINED, PARTLY)
-    told = fit if named else fitter.null
-    findings = findings_of(fitter, selection, lacking) if named else []
-    shape: Shape | None = None
-    windows: list[Window] = []
-    where = ""
-    ship, rows = numbers.start.ship, judge.rows
-    if verdict.name in (PARTLY, UNEXPLAINED) and (verdict.colour or verdict.left_over):
-        shapes = best_shapes(fitter, told)
-        colour = verdict.left_over if named else verdict.colour or verdict.left_over
-        shape = shape_to_show(shapes, balances, colour)
-        formula = formula or formula_of(whiteness, told, judge, rows)
-    if shape is not None:
-        windows, where = _located(shape, fitter)
-    candidates = numbers.candidates(told, judge, rows)
-    carried = candidates[0]
-    # a shape or formula that does not hold on data set aside is shown, not used
-    if shape is not None and (term := term_of(shape, ship)) is not None:
-        candidates.insert(0, carried.with_term(term))
-    if formula is not None and verdict.name != EXPLAINED:
-        spelled = carried.with_term(formula.term)
+    conclusion = _Conclusion(selection, verdict, None, formula)
+    if verdict.name not in (PARTLY, UNEXPLAINED) or not (verdict.colour or verdict.left_over):
+        return conclusion
+    fit = conclusion.reported_fit(fitter)
+    colour = verdict.left_over if conclusion.is_named else verdict.colour or verdict.left_over
+    return conclusion._replace(
+        shape=shape_to_show(best_shapes(fitter, fit), fitter.balances, colour),
+        formula=formula or search_formula(whiteness, fit, judge, judge.rows),
+    )
+
+
+def _verdict(selection: Selection, evidence: _Evidence) -> tuple[Selection, Verdict]:
+    """Return the verdict, and the effects to which it applies with their alternatives."""
+    fitter, judge, whiteness = evidence.fitter, evidence.judge, evidence.whiteness
+    excited, names = fitter.balances.replay.excited, fitter.balances.names
+
+    def verdict_on(chosen: Selection, sure: bool) -> tuple[Selection, Verdict]:
+        share = float(explained_shares(whiteness, fitter.null, chosen.fit)[-1])
+        chosen = add_rivals(chosen, fitter, share)
+        gain = judge.score(chosen.fit) - judge.score(fitter.null) if chosen.fit.effects else 0.0
+        # Correlated values may be far from the truth in an open-loop simulation, which does not
+        # refute an effect with strong evidence.
+        weak = sum(chosen.gains) < SURE_GAIN * sum(chosen.thresholds)
+        if weak and judge.covers(chosen.fit):
+            ships = evidence.parameters.corrected_ships(chosen.fit, judge, judge.rows)
+            if not is_any_confirmed(evidence.ship, ships, judge, evidence.free_running):
+                gain = -math.inf
+        return chosen, judge_selection(chosen, whiteness, gain, excited, sure)
+
+    whole = verdict_on(selection, False)
+    if whole[1].name != UNEXPLAINED or not selection.fit.effects or not excited:
+        return whole
+    rows = balance_rows(fitter, selection.fit)
+    shapes = {shape.balance: shape.gain for shape in best_shapes(fitter, fitter.null)}
+    # An effect is not the missing physics where a free shape over one signal fits better.
+    sure = [
+        i
+        for i in sure_effects(selection, rows, whiteness)
+        if selection.gains[i] >= shapes.get(names[rows[i]], 0.0)
+    ]
+    if not sure:
+        return whole
+    part = verdict_on(keep_effects(selection, fitter, sure), True)
+    return part if part[1].name == PARTLY else whole
+
+
+def _correct(conclusion: _Conclusion, evidence: _Evidence) -> tuple[Ship, float, list[str]]:
+    """Return the corrected ship, its gain in 2 log L, and channels that the first candidate worsens."""
+    ship, judge, shape, formula = (
+        evidence.ship,
+        evidence.judge,
+        conclusion.shape,
+        conclusion.formula,
+    )
+    fit = conclusion.reported_fit(evidence.fitter)
+    candidates = evidence.parameters.corrected_ships(fit, judge, judge.rows)
+    with_effects = candidates[0]
+    # A shape or formula that the held-out data do not confirm is reported and not used.
+    if shape is not None and (term := term_from_shape(shape, ship)) is not None:
+        candidates.insert(0, with_effects.with_term(term))
+    if formula is not None and conclusion.verdict.name != EXPLAINED:
+        with_formula = with_effects.with_term(formula.term)
         start, other = judge(ship.record()), judge(candidates[0].record())
-        first = as_well(judge(spelled.record()) - start, other - start)
-        candidates.insert(0 if first else 1, spelled)
-    corrected, gain, spoilt = corrected_ship(ship, candidates, judge, free)
-    warnings = not_carried(spoilt) if findings and corrected == ship else []
-    # with all signals of the replay, for a record hears them by their place
+        first = is_as_good(judge(with_formula.record()) - start, other - start)
+        candidates.insert(0 if first else 1, with_formula)
+    return corrected_ship(ship, candidates, judge, evidence.free_running)
+
+
+def _report(
+    conclusion: _Conclusion, evidence: _Evidence, selector: Selector, together: JointRecordings
+) -> Diagnosis:
+    """Return the diagnosis of a conclusion, with the simulations before and after the correction."""
+    selection, verdict, shape, formula = conclusion
+    fitter, parameters, rows, ship = (
+        evidence.fitter, evidence.parameters, evidence.judge.rows, evidence.ship,
+    )  # fmt: skip
+    balances, replay = fitter.balances, fitter.balances.replay
+    measured, fit = replay.recorded, conclusion.reported_fit(fitter)
+    # The free parameters are at their linearised values.
+    lacking = balances.residuals_against(balances.nominal)
+    findings = findings_of(fitter, selection, lacking) if conclusion.is_named else []
+    corrected, gain, worse = _correct(conclusion, evidence)
+    warnings = uncorrected_remarks(worse) if findings and corrected == ship else []
+    # A record refers to signals by position, so the simulations need all signals of the replay.
     before, after = (replay.simulated(replay.simulate(s.record())) for s in (ship, corrected))
-    parameters = numbers.told(told, corrected)
-    biased = any(n.is_biased for n in parameters)
-    verdict = replace(verdict, name=limited(verdict.name, undecidable, biased))
+    changes = parameters.changes(fit, corrected)
+    undecidable = is_undecidable(replay.excited, together.limits)
+    name = limit_verdict(verdict.name, undecidable, any(c.is_biased for c in changes))
     if corrected.signals:
-        corrected = corrected.with_signals({n: ship.signals[n] for n in corrected.hears})
-    fit_before = fits(measured, before, rows)
+        corrected = corrected.with_signals({n: ship.signals[n] for n in corrected.external_signals})
+    fit_before = fit_percents(measured, before, rows)
     constant = [
-        f"{column} is constant on the part set aside: no FitPercent"
+        f"{column} is constant on the held-out data: no FitPercent"
         for column in measured
         if column not in fit_before
     ]
+    windows, where = ([], "") if shape is None else _locate_shape(shape, fitter)
     return Diagnosis(
-        verdict=verdict.name,
+        verdict=name,
         ship=ship,
         corrected=corrected,
         time_s=replay.time_s,
-        held_out=[(a * replay.interval_s, b * replay.interval_s) for a, b in held],
+        held_out=[(a * replay.interval_s, b * replay.interval_s) for a, b in evidence.held],
         drive=replay.drive_rows,
         measured=measured,
         before=before,
         after=after,
         balances=list(zip(balances.names, balances.units, strict=True)),
-        residual_before=balances.lacking(before),
-        residual_after=balances.lacking(after),
+        residual_before=balances.residuals_against(before),
+        residual_after=balances.residuals_against(after),
         findings=findings,
         shape=shape,
         shape_windows=windows,
@@ -284,67 +418,26 @@ def _judged(
         left_over=verdict.left_over,
         ranking=[(c, selector.threshold(c.effect)) for c in selection.ranking],
         detectable=detectable_effects(
-            fitter, selector.threshold, fit if findings else fitter.null,
+            fitter, selector.threshold, selection.fit if findings else fitter.null,
             [c.effect for c in selection.ranking],
         ),
         fit_before=fit_before,
-        fit_after=fits(measured, after, rows),
+        fit_after=fit_percents(measured, after, rows),
         held_out_gain=float(gain),
         excited=replay.excited,
         line=replay.line,
         highest_Hz=fitter.bands.highest_Hz,
         rows_averaged=replay.every,
         limits=together.limits,
-        warnings=together.warnings + constant + list(numbers.start.remarks) + warnings,
-        numbers=parameters,
-        wrong=wrong_numbers(fitter, selection) if named else [],
+        warnings=together.warnings + constant + list(parameters.start.remarks) + warnings,
+        parameters=changes,
+        biased=find_biased_parameters(fitter, selection) if conclusion.is_named else [],
         formula=formula,
     )  # fmt: skip
 
 
-def _verdict(
-    selection: Selection,
-    fitter: Fitter,
-    whiteness: Whiteness,
-    judge: HeldOut,
-    numbers: Numbers,
-    free: FreeRunning,
-) -> tuple[Selection, Verdict]:
-    """The verdict, and what of the selection it speaks of, with what would have done as well."""
-    replay, ship = fitter.balances.replay, numbers.start.ship
-
-    def said(chosen: Selection, sure: bool) -> tuple[Selection, Verdict]:
-        share = float(explained_shares(whiteness, fitter.null, chosen.fit)[-1])
-        chosen = with_rivals(chosen, fitter, share)
-        gain = judge.score(chosen.fit) - judge.score(fitter.null) if chosen.fit.effects else 0.0
-        # values on a ridge run freely far from the truth: what is sure is not refuted by that
-        weak = sum(chosen.gains) < SURE_GAIN * sum(chosen.thresholds)
-        if weak and judge.covers(chosen.fit):
-            ships = numbers.candidates(chosen.fit, judge, judge.rows)
-            if not followed(ship, ships, judge, free):
-                gain = -math.inf
-        return chosen, verdict_of(chosen, whiteness, gain, replay.excited, sure)
-
-    told = said(selection, False)
-    if told[1].name != UNEXPLAINED or not selection.fit.effects or not replay.excited:
-        return told
-    rows = shown_in(fitter, selection.fit)
-    nameless = {s.balance: s.gain for s in best_shapes(fitter, fitter.null)}
-    names = fitter.balances.names
-    # where a free shape over one signal does better, the name is not the truth's
-    sure = [
-        i
-        for i in sure_effects(selection, rows, whiteness)
-        if selection.gains[i] >= nameless.get(names[rows[i]], 0.0)
-    ]
-    if not sure:
-        return told
-    held = said(only(selection, fitter, sure), True)
-    return held if held[1].name == PARTLY else told
-
-
-def _located(shape: Shape, fitter: Fitter) -> tuple[list[Window], str]:
-    """Windows and regime in which a shape acts."""
+def _locate_shape(shape: Shape, fitter: Fitter) -> tuple[list[Window], str]:
+    """Return the windows of time and the operating regime in which a shape acts."""
     replay = fitter.balances.replay
     windows = active_windows(shape.trace, replay.interval_s, float(replay.time_s[-1]))
     return windows, regime(shape.trace, signals_of(fitter, fitter.null))

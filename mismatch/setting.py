@@ -1,8 +1,8 @@
-"""How recordings are looked at: up to which frequency, in how many rows, with demands held or drawn.
+"""Choose the frequency range, the averaging of rows and the interpolation of the commands.
 
-None of it may follow from how the logger was set. What is judged ends at the highest frequency that
-tells of any effect of the catalogue, and rows that are faster than that asks for are averaged: the same
-recording comes to the same verdict raw or filtered, at any rate that holds those frequencies.
+The verdict must not depend on the settings of the logger. The range therefore ends at the highest
+frequency at which any effect of the catalogue is identifiable, and faster rows are averaged. The same
+recording then gets the same verdict raw or filtered, at any sampling rate that covers this range.
 """
 
 from __future__ import annotations
@@ -13,32 +13,40 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ..plant.ship import Ship
-from .judge.held_out import Segments, bands_of, set_aside
+from .judge.held_out import Segments, bands_of, split_held_out
 from .recordings.joint import JointRecordings
-from .search.band import catalogue_hertz, rows_averaged
+from .search.band import highest_informative_frequency, rows_per_average
 from .search.catalogue import Effect
 from .search.fitting import Fitter
-from .search.selection import TELL_APART, Selection
+from .search.selection import INDISTINGUISHABLE, Selection
 from .search.whiteness import Whiteness
 from .simulate.balances import Balances
 from .simulate.joint_replay import JointReplay
 
 ALIKE = 0.005
-"""Of a period at the highest frequency: where half an interval is less, both ways are the same."""
+"""Share of a period at the highest frequency. Where half a sampling interval is shorter, held and
+linearly interpolated commands are equivalent."""
 
 
 DOUBTED = 0.05
-"""Of a period at the highest frequency: half an interval that is more leaves it open when a drawn demand
-moved between two rows."""
+"""Share of a period at the highest frequency. Where half a sampling interval is longer, the time at
+which a linearly interpolated command moved between two rows is uncertain."""
+
+
+LINES = (
+    "the commands are interpolated linearly between rows, which fits better than held commands: "
+    "2 log L is {gain:.0f} higher"
+)
+"""Remark on linearly interpolated commands."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One way to look at recordings.
+    """Recordings with one interpolation of the commands, split into fitted and held-out data.
 
     Args:
-        whiteness: of the residuals on the part that is fitted, with its fitter.
-        held: the part that is set aside.
+        whiteness: whiteness test of the residuals on the fitted data, with its fitter.
+        held: segments of the held-out data.
     """
 
     whiteness: Whiteness
@@ -46,34 +54,34 @@ class Setting:
 
     @property
     def fitter(self) -> Fitter:
-        """Of the part that is fitted."""
+        """Fitter of the fitted data."""
         return self.whiteness.fitter
 
     @property
     def balances(self) -> Balances:
-        """Of ship and recordings."""
+        """Balances of the ship and the recordings."""
         return self.fitter.balances
 
     @property
     def segments(self) -> Segments:
-        """Return the rows that are fitted, as segments."""
+        """Segments of the fitted data."""
         bands = self.fitter.bands
         return list(zip(bands.starts, bands.ends, strict=True))
 
     @property
     def line(self) -> bool:
-        """Whether demands are straight lines between rows instead of held."""
+        """Whether the commands are interpolated linearly between rows; otherwise they are held."""
         return self.balances.replay.line
 
 
 class Settings:
-    """Both ways to take the demands, the likelier first.
+    """Settings with held and with linearly interpolated commands, the likelier first.
 
     Args:
-        ship: the nominal ship.
-        together: the recordings.
-        effects: that will be tried.
-        tolerance: factor on the tolerances of the ship's numbers.
+        ship: nominal ship.
+        together: recordings.
+        effects: candidate effects.
+        tolerance: factor on the tolerances of the ship's parameters [-].
     """
 
     def __init__(
@@ -81,9 +89,9 @@ class Settings:
     ) -> None:
         balances = Balances(JointReplay(ship, *together.tables, steady=together.steady))
         replay = balances.replay
-        part = set_aside(replay, together.held_out)[0][0]
-        highest = catalogue_hertz(balances, effects, part)
-        every = rows_averaged(replay.interval_s, highest)
+        part = split_held_out(replay, together.held_out)[0][0]
+        highest = highest_informative_frequency(balances, effects, part)
+        every = rows_per_average(replay.interval_s, highest)
         if every > 1:
             averaged = JointReplay(ship, *together.tables, every=every, steady=together.steady)
             balances = Balances(averaged)
@@ -95,13 +103,13 @@ class Settings:
             bands = bands_of(drawn, first.segments, highest)
             whiteness = _whiteness(Fitter(drawn, bands, tolerance))
             self.tried.append(Setting(whiteness, first.held))
-            # held ones, which a controller's are, unless it is clear
+            # Commands of a controller are held, so lines must be clearly likelier.
             now, other = (setting.fitter.null.score for setting in self.tried)
-            self._exchanged(now, other, TELL_APART)
+            self._exchange(now, other, INDISTINGUISHABLE)
 
     @functools.cached_property
     def _doubted(self) -> Setting:
-        """Drawn demands, the times of whose moves between two rows are not known."""
+        """Setting with linearly interpolated commands whose times between two rows are uncertain."""
         drawn = next(setting for setting in self.tried if setting.line)
         plain = drawn.fitter
         replay = plain.balances.replay
@@ -112,25 +120,25 @@ class Settings:
 
     @property
     def best(self) -> Setting:
-        """The likelier one."""
+        """The likelier setting."""
         return self._doubted if self.tried[0].line else self.tried[0]
 
-    def corrected(self, selection: Selection) -> bool:
-        """Whether the other way is the likelier one after all, now that effects are known.
+    def exchange(self, selection: Selection) -> bool:
+        """Exchange the settings if the other one is likelier with effects; return whether it is.
 
-        Both are given what the search asked for, and its first effect alone: a later one may only make
-        up for demands that are taken wrongly, as a delay does.
+        Both are compared with the chosen effects and with the first effect alone, because a later effect
+        such as a delay may only compensate for a wrong interpolation.
 
         Args:
-            selection: what a search on the best way has found.
+            selection: effects that a search with the best setting has chosen.
         """
         if len(self.tried) < 2 or self._settled or not selection.fit.effects:
             return False
         self._settled = True
         now, other = (_worth(setting.fitter, selection) for setting in self.tried)
-        return self._exchanged(now, other, 0.0)
+        return self._exchange(now, other, 0.0)
 
-    def _exchanged(self, now: float, other: float, margin: float) -> bool:
+    def _exchange(self, now: float, other: float, margin: float) -> bool:
         exchanged = other - now > margin
         if exchanged:
             self.tried.reverse()
@@ -138,28 +146,25 @@ class Settings:
         return exchanged
 
     def remarks(self) -> Iterator[str]:
-        """What a reader is told of it."""
+        """Yield a remark if the commands are interpolated linearly."""
         if self.best.line:
-            yield (
-                "the demands are taken as straight lines between rows, which fits better than held "
-                f"ones: 2 log L is {self._gain:.0f} higher"
-            )
+            yield LINES.format(gain=self._gain)
 
 
 def _worth(fitter: Fitter, selection: Selection) -> float:
-    """Score of what a search asked for, or of its first effect alone, less what it had to gain."""
+    """Return the score of the chosen effects, or of the first one alone, less their thresholds."""
     effects, thresholds = selection.fit.effects, selection.thresholds
-    first = fitter.refined(fitter.fitted(effects[:1]), 0)
-    whole = fitter.fitted(effects)
+    first = fitter.refine_effect(fitter.evaluate(effects[:1]), 0)
+    whole = fitter.evaluate(effects)
     return max(first.score - thresholds[0], whole.score - sum(thresholds))
 
 
 def _parted(
     balances: Balances, runs: int, tolerance: float, highest_Hz: float = math.inf
 ) -> tuple[Whiteness, Segments]:
-    """Set data aside; not a part that alone holds all that is missing, for nothing could be learnt."""
+    """Hold data out; the fitted data must contain a mismatch if any part of the recordings does."""
     parted = []
-    for train, held in set_aside(balances.replay, runs):
+    for train, held in split_held_out(balances.replay, runs):
         fitter = Fitter(balances, bands_of(balances, train, highest_Hz), tolerance)
         parted.append((_whiteness(fitter), held))
         if parted[-1][0].colour(fitter.null) is not None:

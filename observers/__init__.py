@@ -1,11 +1,13 @@
-"""Observers that estimate the advance velocity from shaft measurements, one file each.
+"""Observers: estimators of the advance velocity from shaft measurements, one file each.
 
-:func:`get_observer` gives one by name, :func:`follow` lets it follow a series of readings (of a
-simulation: :func:`readings_of`), :func:`follow_table` a table's, and :func:`follow_number` gives the
-number of the ship that an observer tracks; how well it does is told by
-:func:`variance_accounted_for`. In a simulation of one's own :func:`update` takes a sample at a time.
+- :func:`get_observer` returns an observer by name; :func:`observer_names` lists the names.
+- :func:`follow` runs an observer over a series of measurements, :func:`follow_table` over a table.
+  :func:`simulated_measurements` takes the measurements from a simulation.
+- :func:`follow_parameter` returns the ship parameter that an observer estimates as well.
+- :func:`update` processes one sample, for a simulation of your own.
+- :func:`variance_accounted_for` measures how well an estimate agrees with the truth.
 
-:class:`AugmentedFilter` estimates states and numbers of any model, :class:`ShipFilter` those of a whole
+:class:`AugmentedFilter` estimates the states and parameters of any model, :class:`ShipFilter` those of a
 ship along a recording.
 """
 
@@ -13,14 +15,14 @@ from .augmented import AugmentedFilter
 from .augmented_kalman import AugmentedKalman
 from .base import Observer, ObserverError
 from .following import (
+    add_noise,
+    add_noise_to_table,
     follow,
-    follow_number,
+    follow_parameter,
     follow_record,
     follow_table,
-    readings_of,
+    simulated_measurements,
     variance_accounted_for,
-    with_noise,
-    with_noisy_readings,
 )
 from .records import ESTIMATE, OBSERVER, TRACKED, Measurement
 from .registry import get_observer, observer_names, update
@@ -36,15 +38,15 @@ __all__ = [
     "Observer",
     "ObserverError",
     "ShipFilter",
+    "add_noise",
+    "add_noise_to_table",
     "follow",
-    "follow_number",
+    "follow_parameter",
     "follow_record",
     "follow_table",
     "get_observer",
     "observer_names",
-    "readings_of",
+    "simulated_measurements",
     "update",
     "variance_accounted_for",
-    "with_noise",
-    "with_noisy_readings",
 ]

@@ -1,16 +1,16 @@
-"""Augmented Kalman filter of the advance velocity: a number of the ship is tracked beside it.
+"""Augmented Kalman filter: estimates the advance velocity and one ship parameter.
 
-States: shaft speed omega, disturbance u of the inflow (what a sea does), speed v of the ship through the
-water, and the number theta. The torque at the gauge drives the shaft, so nothing need be known of the
-engine; nor is the speed of the ship measured:
+States: shaft speed omega, disturbance u of the inflow (waves), speed v of the ship through the water,
+and the ship parameter theta. The measured shaft torque drives the shaft, so no engine model is needed;
+the ship speed is not measured:
 
     I_R domega/dt = M_m - M_load(omega, v_a, theta),   v_a = (1 - w) v + u,   du/dt = -u / T + noise
     m dv/dt = k_p (1 - t) T(omega, v_a) - R(v, theta),   dtheta/dt = noise
 
-What the torque tells is v_a, at once. Its slow part is the ship's own speed, and what a ship does not
-reach at its thrust it has in resistance: so fouling is told, within some thousand seconds. Friction
-behind the gauge is told likewise, where the hull is known. Only one of them can be told at a time, and
-an error of the gauge or of the torque curve is taken for it.
+The torque determines v_a at every sample. The slow part of v_a is the speed of the ship, and a speed
+below the one expected at this thrust is resistance. Fouling is therefore identifiable within some
+thousand seconds. Friction behind the torque meter is identifiable if the hull is known. Only one of the
+two can be estimated at a time, and an error of the torque meter or of the torque curve biases it.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from typing import Any, ClassVar
 from ..core.compiled import Real, Record, compiled
 from ..plant.hull import resistance, wake_inflow
 from ..plant.propeller import propeller_load
-from ..plant.shaft import inertia_behind_gauge, load_torque
+from ..plant.shaft import inertia_behind_meter, load_torque
 from ..plant.ship import Ship
 from .augmented import STEP
 from .base import Observer, ObserverError
 from .records import TRACKED, Measurement
-from .torque_curve import held_on_curve, velocity_from_torque
+from .torque_curve import limit_to_curve, velocity_from_torque
 
 _FOULING, _COULOMB, _VISCOUS = range(3)
 _CODES = {
@@ -37,60 +37,60 @@ _CODES = {
     "transmission.viscous_friction_propeller_side_N_m_s_rad": _VISCOUS,
 }
 
-_SHAFT, _INFLOW, _SHIP, _NUMBER = 0, 1, 2, TRACKED
+_SHAFT, _INFLOW, _SHIP, _PARAMETER = 0, 1, 2, TRACKED
 
 GATE = 25.0
-"""Square of the standard deviations up to which an innovation is one of the sea or the instruments."""
+"""Largest squared innovation, in variances, that waves and measurement noise explain."""
 
 
 @compiled
-def _screw(
-    observer: Record, shaft_speed: Real, advance: Real, number: float, pitch: float
+def _propeller(
+    observer: Record, shaft_speed: Real, advance: Real, parameter: float, pitch: float
 ) -> tuple[Real, Real]:
-    """Torque that the shaft bears behind the gauge [N m], and push of all propellers [N]."""
+    """Return the load torque behind the torque meter [N m] and the net thrust of all propellers [N]."""
     ship = observer.ship
     screw = propeller_load(ship, advance, shaft_speed, pitch, ship.depth, 0.0)
     load = load_torque(ship, screw.torque / ship.relative_rotative_efficiency, shaft_speed)
     if observer.tracks != _FOULING:
-        load = load + (number - observer.number) * _friction(observer, shaft_speed)
+        load = load + (parameter - observer.parameter) * _friction(observer, shaft_speed)
     return load, ship.propellers * (1.0 - ship.thrust_deduction) * screw.thrust
 
 
 @compiled
 def _friction(observer: Record, shaft_speed: Real) -> Real:
-    """Torque [N m] per unit of a friction that is tracked."""
+    """Return the friction torque [N m] per unit of the estimated friction parameter."""
     if observer.tracks == _COULOMB:
         return math.copysign(1.0, shaft_speed.real)
     return shaft_speed
 
 
 @compiled
-def _drag(observer: Record, ship_speed: Real, number: float) -> Real:
-    """Resistance [N] at a speed through the water [m/s]."""
+def _resistance(observer: Record, ship_speed: Real, parameter: float) -> Real:
+    """Return the resistance [N] at a speed through the water [m/s]."""
     clean = resistance(observer.ship, ship_speed, 1.0)
     if observer.tracks != _FOULING:
         return clean
-    return clean * (1.0 + number) / (1.0 + observer.number)
+    return clean * (1.0 + parameter) / (1.0 + observer.parameter)
 
 
 Row = tuple[float, float, float, float]
-"""Of a matrix over the four states."""
+"""Row of a matrix over the four states."""
 
 
 @compiled
-def _carried(p: Any, shaft: Row, ship: Row, fades: float, process: Any, dt: float) -> None:
-    """P = Phi P Phi' + Q dt, as :func:`shaftline.observers.augmented.propagate` has it.
+def _propagate(p: Any, shaft: Row, ship: Row, fades: float, process: Any, dt: float) -> None:
+    """Propagate the covariance, P = Phi P Phi' + Q dt, as :func:`.augmented.propagate` does.
 
-    Written out, for it runs at every step of an environment: two rows of F are full, the inflow's has
-    its diagonal alone and the number's is 0.
+    The products are written out, because this runs at every step of an environment. Two rows of F are
+    full, that of the inflow is diagonal and that of the parameter is 0.
 
     Args:
         p: covariance, shape (4, 4); changed in place.
         shaft: row of F of the shaft speed.
-        ship: of the ship speed.
+        ship: row of F of the ship speed.
         fades: 1 / T of the inflow [1/s].
-        process: densities.
-        dt: [s].
+        process: diagonal of Q.
+        dt: sample time [s].
     """
     half = 0.5 * dt * dt
     s0 = 1.0 + dt * shaft[0] + half * (shaft[0] * shaft[0] + shaft[2] * ship[0])
@@ -126,8 +126,8 @@ def _carried(p: Any, shaft: Row, ship: Row, fades: float, process: Any, dt: floa
 
 
 @compiled
-def _corrected(x: Any, p: Any, innovation: float, noise: float) -> None:
-    """Take in a reading of the first state, by Joseph's form."""
+def _correct(x: Any, p: Any, innovation: float, noise: float) -> None:
+    """Correct the estimate by a measurement of the first state, in Joseph's form."""
     total = p[0, 0] + noise
     k0, k1, k2, k3 = p[0, 0] / total, p[1, 0] / total, p[2, 0] / total, p[3, 0] / total
     gains, crosses = (k0, k1, k2, k3), (p[0, 0], p[1, 0], p[2, 0], p[3, 0])
@@ -140,7 +140,10 @@ def _corrected(x: Any, p: Any, innovation: float, noise: float) -> None:
 
 @compiled
 def _begin(observer: Record, estimate: Record, m: Measurement) -> tuple[float, bool]:
-    """By the torque at hand: in calm water at the very first reading, else beside the ship as known."""
+    """Initialise the states from the measured torque, assuming calm water at the first sample.
+
+    After an interruption the ship speed and the parameter keep their estimates.
+    """
     ship, x, p = observer.ship, estimate.x, estimate.covariance
     velocity, valid = velocity_from_torque(
         ship, m.shaft_torque, m.shaft_speed, m.pitch_ratio, estimate.advance_velocity
@@ -148,13 +151,13 @@ def _begin(observer: Record, estimate: Record, m: Measurement) -> tuple[float, b
     first = p[_SHIP, _SHIP] == 0.0
     if first:
         x[_SHIP] = velocity / wake_inflow(ship, 1.0)
-        x[_NUMBER] = observer.number
-        p[_NUMBER, _NUMBER] = observer.spread[_NUMBER] ** 2
+        x[_PARAMETER] = observer.parameter
+        p[_PARAMETER, _PARAMETER] = observer.spread[_PARAMETER] ** 2
     if valid and (first or estimate.started == 0):
-        # nobody knows how long the readings were lost
+        # The length of an interruption is unknown, so the ship speed is uncertain again.
         p[_SHIP, _SHIP] = observer.spread[_SHIP] ** 2
-        p[_SHIP, _NUMBER] = 0.0
-        p[_NUMBER, _SHIP] = 0.0
+        p[_SHIP, _PARAMETER] = 0.0
+        p[_PARAMETER, _SHIP] = 0.0
     for i in range(_SHIP):
         for j in range(4):
             p[i, j] = 0.0
@@ -166,23 +169,23 @@ def _begin(observer: Record, estimate: Record, m: Measurement) -> tuple[float, b
 
 @dataclass(frozen=True)
 class AugmentedKalman(Observer):
-    """Kalman filter of shaft speed, inflow, ship speed and one number of the ship.
+    """Estimate advance velocity, ship speed and one ship parameter by an augmented Kalman filter.
 
-    The number stands at ``TRACKED`` in an estimate's ``x`` and ``covariance``, and
-    :func:`shaftline.observers.follow_number` gives it; a reading that is lost does not lose it. Noises
-    are shares of what the ship is made for: an encoder of 0.2 % of the highest shaft speed and a gauge
-    of 0.75 % of the engine's highest torque, both rms per sample; an inflow as of the random-walk
-    filter; fouling that may change by 0.06 in an hour.
+    The parameter has the index ``TRACKED`` in ``x`` and ``covariance`` of an estimate;
+    :func:`shaftline.observers.follow_parameter` returns it. It survives an interruption of the
+    measurements. The default noises scale with the ship: an encoder noise of 0.2 % of the highest
+    shaft speed and a torque meter noise of 0.75 % of the highest engine torque, both rms per sample;
+    the inflow of the random-walk filter; a fouling that may change by 0.06 in an hour.
 
     Args:
-        tracks: dotted key of the number.
-        spread: standard deviation of the number at first: of fouling [-], of friction as a share of the
-            engine's highest torque.
+        tracks: dotted key of the parameter.
+        spread: initial standard deviation of the parameter: of fouling [-], of friction as a share of
+            the highest engine torque [-].
         walk: root of the density of its drift, in the same unit per s^0.5.
-        inflow_density: of the noise that drives u [(m/s)^2/s].
-        inflow_time_s: correlation time T of u.
-        torque_noise_share: rms of the gauge's noise over the engine's highest torque at the shaft.
-        speed_noise_share: rms of the encoder's noise over the highest shaft speed.
+        inflow_density: density of the noise that drives u [(m/s)^2/s].
+        inflow_time_s: correlation time T of u [s].
+        torque_noise_share: rms noise of the torque meter over the highest engine torque [-].
+        speed_noise_share: rms noise of the encoder over the highest shaft speed [-].
     """
 
     tracks: str = "hull.fouling_fraction"
@@ -198,17 +201,17 @@ class AugmentedKalman(Observer):
     tunings: ClassVar[Mapping[str, AugmentedKalman]]
 
     def discretise(self, ship: Ship, dt: float) -> Any:
-        """OBSERVER record for a time step ``dt`` [s].
+        """Return the OBSERVER record for a sample time ``dt`` [s].
 
         Raises:
-            ObserverError: a number that it cannot track, a ship that does not move, is not driven by a
-                diesel, or has no inertia behind the gauge.
+            ObserverError: ``tracks`` is no parameter that can be estimated, the ship does not move, has
+                no diesel, or has no inertia behind the torque meter.
         """
         record = super().discretise(ship, dt)
         inertia = self.inertia(ship)
         if self.tracks not in _CODES:
             raise ObserverError(
-                f"{self.name} cannot track {self.tracks}; it can: {', '.join(_CODES)}"
+                f"{self.name} cannot estimate {self.tracks!r}; allowed: {', '.join(_CODES)}"
             )
         if not (ship.has_diesel and ship.moves):
             raise ObserverError(
@@ -220,12 +223,12 @@ class AugmentedKalman(Observer):
         torque *= plant["gear_ratio"] * plant["transmission_efficiency"]
         speed = ship.shaft_speeds[1]
         record["tracks"] = _CODES[self.tracks]
-        number = ship.number(self.tracks)
-        record["number"] = number.value
-        record["lowest"], record["highest"] = number.searched
+        parameter = ship.parameter(self.tracks)
+        record["parameter"] = parameter.value
+        record["lowest"], record["highest"] = parameter.search_range
         record["gain"] = 1.0 / self.inflow_time_s
         unit = {_FOULING: 1.0, _COULOMB: torque, _VISCOUS: torque / speed}[_CODES[self.tracks]]
-        gauge = dt * (torque * self.torque_noise_share / inertia) ** 2  # it drives omega' directly
+        gauge = dt * (torque * self.torque_noise_share / inertia) ** 2  # The noise acts on omega'.
         record["process"] = (gauge, self.inflow_density, 0.0, (self.walk * unit) ** 2)
         record["measurement"] = (self.speed_noise_share * speed) ** 2
         settled = math.sqrt(0.5 * self.inflow_density * self.inflow_time_s)
@@ -239,47 +242,47 @@ class AugmentedKalman(Observer):
         if estimate.valid == 0:
             return _begin(observer, estimate, m)
         ship, x, p, dt = observer.ship, estimate.x, estimate.covariance, observer.dt
-        inertia = inertia_behind_gauge(ship)
-        w, v, number = x[_SHAFT], x[_SHIP], x[_NUMBER]
+        inertia = inertia_behind_meter(ship)
+        w, v, parameter = x[_SHAFT], x[_SHIP], x[_PARAMETER]
         torque = 0.5 * (estimate.shaft_torque + m.shaft_torque)
         pitch = 0.5 * (estimate.pitch_ratio + m.pitch_ratio)
-        # by the explicit midpoint rule, with the mean of the two torques
+        # Predict by the explicit midpoint rule, with the mean of the two torques.
         advance = wake_inflow(ship, v) + x[_INFLOW]
-        start, _ = _screw(observer, w, advance, number, pitch)
+        start, _ = _propeller(observer, w, advance, parameter, pitch)
         middle = w + 0.5 * dt * (torque - start) / inertia
-        # one step along each of what they depend on gives their slopes with their values
+        # A complex step in each argument gives value and derivative together.
         along = 1j * STEP
-        load, push = _screw(observer, middle + along, advance, number, pitch)
-        drag = _drag(observer, v + along, number)
+        load, push = _propeller(observer, middle + along, advance, parameter, pitch)
+        drag = _resistance(observer, v + along, parameter)
         x[_SHAFT] = w + dt * (torque - load.real) / inertia
         x[_INFLOW] *= 1.0 - dt * observer.gain
         x[_SHIP] = v + dt * (push.real - drag.real) / ship.mass
         shaft_by_speed, ship_by_speed = -load.imag / STEP / inertia, push.imag / STEP / ship.mass
-        load, push = _screw(observer, middle, advance + along, number, pitch)
+        load, push = _propeller(observer, middle, advance + along, parameter, pitch)
         shaft_by_inflow, ship_by_inflow = -load.imag / STEP / inertia, push.imag / STEP / ship.mass
         wake = wake_inflow(ship, v + along).imag / STEP
         damping = -drag.imag / STEP / ship.mass
-        shaft_by_number, ship_by_number = 0.0, 0.0
+        shaft_by_parameter, ship_by_parameter = 0.0, 0.0
         if observer.tracks == _FOULING:
-            ship_by_number = -drag.real / (1.0 + number) / ship.mass
+            ship_by_parameter = -drag.real / (1.0 + parameter) / ship.mass
         else:
-            shaft_by_number = -_friction(observer, middle) / inertia
-        _carried(
+            shaft_by_parameter = -_friction(observer, middle) / inertia
+        _propagate(
             p,
-            (shaft_by_speed, shaft_by_inflow, wake * shaft_by_inflow, shaft_by_number),
-            (ship_by_speed, ship_by_inflow, wake * ship_by_inflow + damping, ship_by_number),
+            (shaft_by_speed, shaft_by_inflow, wake * shaft_by_inflow, shaft_by_parameter),
+            (ship_by_speed, ship_by_inflow, wake * ship_by_inflow + damping, ship_by_parameter),
             observer.gain, observer.process, dt,
         )  # fmt: skip
         innovation = m.shaft_speed - x[_SHAFT]
         explained = innovation * innovation < GATE * (p[_SHAFT, _SHAFT] + observer.measurement)
-        _corrected(x, p, innovation, observer.measurement)
-        x[_NUMBER] = min(max(x[_NUMBER], observer.lowest), observer.highest)
+        _correct(x, p, innovation, observer.measurement)
+        x[_PARAMETER] = min(max(x[_PARAMETER], observer.lowest), observer.highest)
         found = wake_inflow(ship, x[_SHIP]) + x[_INFLOW]
-        velocity, known = held_on_curve(ship, found, m.shaft_speed)
+        velocity, known = limit_to_curve(ship, found, m.shaft_speed)
         if explained and known:
             return velocity, True
-        # off the torque curve, or where no inflow does this, nothing is learned of ship and number
-        x[_SHIP], x[_NUMBER] = v, number
+        # Off the torque curve or with an unexplained innovation, v and theta are not corrected.
+        x[_SHIP], x[_PARAMETER] = v, parameter
         return velocity, False
 
 

@@ -1,4 +1,4 @@
-"""What every observer declares."""
+"""Base class of the observers."""
 
 from __future__ import annotations
 
@@ -12,125 +12,125 @@ import numpy as np
 from numba.core.errors import NumbaError
 
 from ..core.compiled import Record
-from ..plant.shaft import inertia_behind_gauge
+from ..plant.shaft import inertia_behind_meter
 from ..plant.ship import Ship
-from .of_others import address_of
+from .external import address_of
 from .records import OBSERVER, Measurement
-from .torque_curve import believed
+from .torque_curve import observer_plant
 
 
 class ObserverError(ValueError):
-    """An observer or tuning that does not exist, or a ship that it cannot serve; the message says it."""
+    """Unknown observer or tuning, or a ship on which the observer cannot be used."""
 
 
 class Observer(ABC):
-    """Base class: estimates the advance velocity from shaft measurements.
+    """Estimate the advance velocity from shaft measurements (base class).
 
-    A subclass is a frozen dataclass of its tuning in a file of this folder; it is found there and
-    needs to be named nowhere else. It says its ``name`` and ``source``, gives ``update``, and where it
-    has coefficients it extends ``discretise``. A class that declares no name of its own is a variant,
-    reached as one of the ``tunings`` of another.
+    A subclass is a frozen dataclass whose fields are its tuning. A file of this folder that defines one
+    registers it; no list has to be extended. A subclass declares ``name`` and ``source`` and defines
+    ``update``; if its coefficients depend on the ship or the sample time, it extends ``discretise``. A
+    subclass without a ``name`` is a variant, available as one of the ``tunings`` of another class.
     """
 
     name: ClassVar[str]
-    """By which it is chosen."""
+    """Registered name."""
     source: ClassVar[str] = ""
-    """Where it is published; observers are listed by source, then by name."""
+    """Publication; observers are listed by source, then by name."""
     tunings: ClassVar[Mapping[str, Observer]] = {}
-    """Other tunings by name; ``NAME-TUNING`` chooses one."""
+    """Tunings by name; ``NAME-TUNING`` selects one."""
     tracks: str = ""
-    """Dotted key of the number of the ship that it tracks too; empty for most."""
-    reads_instruments: ClassVar[bool] = True
-    """Whether a reading that cannot be true stops it: for all but the oracle."""
-    reads_torque: ClassVar[bool] = True
-    """Whether it asks the propeller's torque for the inflow."""
+    """Dotted key of the ship parameter that is estimated as well; empty for most observers."""
+    uses_instruments: ClassVar[bool] = True
+    """Whether an implausible measurement makes the estimate invalid; false for the oracle only."""
+    uses_torque: ClassVar[bool] = True
+    """Whether the estimate depends on the propeller torque."""
 
     @staticmethod
     @abstractmethod
     def update(observer: Record, estimate: Record, m: Measurement) -> tuple[float, bool]:
-        """One sample; a compiled kernel.
+        """Process one sample; a function that numba can compile.
 
         Args:
             observer: OBSERVER record of :meth:`discretise`.
-            estimate: ESTIMATE record; the kernel keeps its own state in ``x`` and ``covariance``, last
-                readings and estimate are stored for it.
-            m: plausible readings.
+            estimate: ESTIMATE record. The function keeps its state in ``x`` and ``covariance``; the last
+                measurement and estimate are stored by the caller.
+            m: plausible measurement.
 
         Returns:
-            Advance velocity [m/s] and whether to trust it.
+            Advance velocity [m/s] and whether it is valid.
         """
 
     @property
     def kind(self) -> int:
-        """Code of its update in an OBSERVER record."""
+        """Code of the update function in an OBSERVER record."""
         return code_of(self.update)
 
     @property
     def address(self) -> int:
-        """Where its update stands in this process if it is not one of ours; else 0."""
+        """Address of the compiled update in this process; 0 for an observer of this package."""
         if type(self).__module__.startswith(f"{__package__}."):
             return 0
         try:
             return address_of(type(self).update)
         except NumbaError as error:
             raise ObserverError(
-                f"observer {self.name!r}: its update cannot be compiled: {error}"
+                f"observer {self.name!r}: numba cannot compile its update: {error}"
             ) from None
 
     def discretise(self, ship: Ship, dt: float) -> Any:
-        """OBSERVER record.
+        """Return the OBSERVER record for a ship and a sample time.
 
         Args:
-            ship: as the observer believes it to be.
+            ship: ship model of the observer.
             dt: sample time [s].
 
         Raises:
-            ObserverError: the ship lacks what this observer needs, or the sample time is none.
+            ObserverError: the observer cannot be used on this ship, or the sample time is not positive.
         """
         if not 0.0 < dt < math.inf:
             raise ObserverError(f"dt = {dt}: the sample time must be positive [s]")
         if not ship.has_propeller:
             raise ObserverError(
-                f"{ship.name}: the observer {self.name!r} needs a propeller, whose inflow it "
-                "estimates, but propeller.model is 'none'"
+                f"{ship.name}: the observer {self.name!r} needs a propeller, because it estimates the "
+                "inflow of one, but propeller.model is 'none'"
             )
-        if self.reads_torque and ship.has_constant_coefficients:
+        if self.uses_torque and ship.has_constant_coefficients:
             raise ObserverError(
-                f"{ship.name}: the observer {self.name!r} needs a torque that goes by the inflow, but "
-                "propeller.model is 'bollard', one KQ for every inflow (allowed: b-series, "
+                f"{ship.name}: the observer {self.name!r} needs a torque that depends on the inflow, "
+                "but propeller.model is 'bollard', with the same KQ at every inflow (allowed: b-series, "
                 "four-quadrant, table)"
             )
         record = np.zeros(1, OBSERVER)[0]
         record["kind"] = self.kind
         record["address"] = self.address
-        record["reads_instruments"] = self.reads_instruments
+        record["uses_instruments"] = self.uses_instruments
         record["dt"] = dt
-        record["ship"] = believed(ship)
+        record["ship"] = observer_plant(ship)
         return record
 
     def inertia(self, ship: Ship) -> float:
-        """Inertia I_R [kg m2] that the torque read has to accelerate, for observers that divide by it.
+        """Return the inertia I_R [kg m2] that the measured torque accelerates.
 
-        Behind the gauge; of an electric drive without one, the whole line
-        (:mod:`shaftline.observers.torque_curve`).
+        It is the inertia behind the shaft torque meter, or that of the whole shaft line if the torque is
+        that of an electric drive (:func:`.torque_curve.uses_drive_torque`).
 
         Raises:
-            ObserverError: it is 0.
+            ObserverError: the inertia is 0.
         """
-        inertia = float(inertia_behind_gauge(believed(ship)))
+        inertia = float(inertia_behind_meter(observer_plant(ship)))
         if not inertia > 0.0:
             raise ObserverError(
-                f"{ship.name}: the observer {self.name!r} needs the inertia behind the torque gauge, "
-                "but transmission.inertia_propeller_side_kg_m2 is 0 (unit kg m2); give the inertia of "
-                "propeller and shaft there, or take an observer that does without, such as "
+                f"{ship.name}: the observer {self.name!r} needs the inertia behind the shaft torque "
+                "meter, but transmission.inertia_propeller_side_kg_m2 is 0 (unit kg m2); give the "
+                "inertia of propeller and shaft there, or take an observer without inertia, such as "
                 "'power-balance'"
             )
         return inertia
 
 
 def code_of(update: Callable[..., Any]) -> int:
-    """A kernel's code in OBSERVER records, made from its name.
+    """Return the code of an update function in OBSERVER records, a checksum of its name.
 
-    So it stays what it is when other observers come and go: machine code kept on disk goes by it.
+    The code does not change when other observers are added, so cached machine code stays valid.
     """
     return zlib.crc32(f"{update.__module__}.{update.__qualname__}".encode())

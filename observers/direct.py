@@ -1,4 +1,4 @@
-"""`none` and `oracle`: the two ends of every comparison."""
+"""Observers `none` and `oracle`: the lower and upper bound of every comparison."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from .records import Measurement
 
 @dataclass(frozen=True)
 class NoObserver(Observer):
-    """No estimate at all: 0 m/s, never valid."""
+    """Give no estimate (0 m/s, never valid)."""
 
     name = "none"
-    reads_torque = False
+    uses_torque = False
 
     @staticmethod
     @compiled
     def update(observer: Record, estimate: Record, m: Measurement) -> tuple[float, bool]:
-        """No estimate."""
+        """Return 0 m/s, not valid."""
         return 0.0, False
 
 
 @dataclass(frozen=True)
 class Oracle(Observer):
-    """The true advance velocity, which no ship can measure."""
+    """Give the true advance velocity, which only a simulation has."""
 
     name = "oracle"
-    reads_instruments = False
-    reads_torque = False
+    uses_instruments = False
+    uses_torque = False
 
     @staticmethod
     @compiled
     def update(observer: Record, estimate: Record, m: Measurement) -> tuple[float, bool]:
-        """The truth, where there is one."""
+        """Return the true advance velocity; not valid where it is not finite."""
         if not math.isfinite(m.advance_velocity):
             return estimate.advance_velocity, False
         return m.advance_velocity, True

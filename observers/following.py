@@ -1,7 +1,4 @@
-"""An observer behind a whole series of readings: simulated, recorded, or columns of a table.
-
-How well an estimate follows, and how much noise a signal carries.
-"""
+"""Run an observer over a series of measurements; add noise to measurements; score estimates."""
 
 from __future__ import annotations
 
@@ -18,106 +15,126 @@ from ..plant.ship import Ship
 from .base import Observer, ObserverError
 from .records import ESTIMATE, READINGS, TRACKED, Measurement
 from .registry import update
-from .torque_curve import read_at_drive, torque_of_current, torque_of_drive
+from .torque_curve import torque_of_current, torque_of_drive, uses_drive_torque
 
 
-class Followed(NamedTuple):
-    """What an observer makes of n readings, each of shape (n,)."""
+class Estimates(NamedTuple):
+    """Estimates of an observer over n measurements, each of shape (n,)."""
 
     velocity: NDArray[np.float64]  # advance velocity [m/s]
     valid: NDArray[np.bool_]
-    number: NDArray[np.float64]  # of the ship, in its key's unit; 0 where none is tracked
+    parameter: NDArray[np.float64]  # ship parameter in the unit of its key; 0 if none is estimated
     deviation: NDArray[np.float64]  # its standard deviation
 
 
 @compiled
 def _follow(
-    observer: Record, estimate: Record, readings: NDArray[np.float64], found: Followed
+    observer: Record, estimate: Record, measurements: NDArray[np.float64], found: Estimates
 ) -> None:
-    for k in range(len(readings)):
-        m = Measurement(
-            readings[k, 0], readings[k, 1], readings[k, 2], readings[k, 3], readings[k, 4]
-        )
+    for k in range(len(measurements)):
+        row = measurements[k]
+        m = Measurement(row[0], row[1], row[2], row[3], row[4])
         found.velocity[k] = update(observer, estimate, m)
         found.valid[k] = estimate.valid != 0
-        found.number[k] = estimate.x[TRACKED]
+        found.parameter[k] = estimate.x[TRACKED]
         found.deviation[k] = math.sqrt(max(estimate.covariance[TRACKED, TRACKED], 0.0))
 
 
 def follow(
-    observer: Observer, ship: Ship, readings: NDArray[np.float64], dt: float
+    observer: Observer, ship: Ship, measurements: NDArray[np.float64], dt: float
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Let an observer follow a series of readings.
+    """Run an observer over a series of measurements.
 
     Args:
         observer: from :func:`get_observer`.
-        ship: the ship as the observer believes it to be.
-        readings: shape (n, 5): omega [rad/s], M_m [N m], P/D [-], omega' [rad/s2], v_a [m/s]
-            (the last for the oracle alone).
+        ship: ship model of the observer.
+        measurements: shape (n, 5): omega [rad/s], M_m [N m], P/D [-], omega' [rad/s2], true v_a [m/s]
+            (used by the oracle only).
         dt: sample time [s].
 
     Returns:
         Estimated advance velocity [m/s] and validity, each of shape (n,).
 
     Raises:
-        ObserverError: the ship lacks what the observer needs.
+        ObserverError: the observer cannot be used on this ship.
+
+    Example:
+        >>> import numpy as np
+        >>> from shaftline.observers import get_observer
+        >>> from shaftline.plant import load_ship
+        >>> steady = np.tile([10.0, 1.4e5, 1.3, 0.0, 0.0], (3, 1))
+        >>> estimate, valid = follow(get_observer("luenberger"), load_ship("frigate"), steady, 0.05)
+        >>> estimate.round(2).tolist(), valid.all().item()
+        ([6.8, 6.8, 6.8], True)
     """
-    return follow_record(observer.discretise(ship, dt), readings)
+    return follow_record(observer.discretise(ship, dt), measurements)
 
 
 def follow_record(
-    observer: Any, readings: NDArray[np.float64]
+    observer: Any, measurements: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """The same for an OBSERVER record, whose beliefs may have been changed by hand.
+    """Run an observer that is given as a record, for example with a changed ship model.
 
     Args:
-        observer: from :meth:`Observer.discretise`.
-        readings: as for :func:`follow`.
+        observer: OBSERVER record from :meth:`Observer.discretise`.
+        measurements: as of :func:`follow`.
+
+    Returns:
+        Estimated advance velocity [m/s] and validity, each of shape (n,).
     """
-    found = _followed(observer, readings)
+    found = _estimate_series(observer, measurements)
     return found.velocity, found.valid
 
 
-def follow_number(
-    observer: Observer, ship: Ship, readings: NDArray[np.float64], dt: float
+def follow_parameter(
+    observer: Observer, ship: Ship, measurements: NDArray[np.float64], dt: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The number of the ship that an observer tracks, as it follows a series of readings.
+    """Return the ship parameter that an observer estimates over a series of measurements.
 
     Args:
-        observer: one with ``tracks``.
-        ship: as for :func:`follow`.
-        readings: likewise.
-        dt: likewise [s].
+        observer: observer with ``tracks``, such as ``augmented-kalman``.
+        ship: ship model of the observer.
+        measurements: as of :func:`follow`, shape (n, 5).
+        dt: sample time [s].
 
     Returns:
-        Estimate of the number and its standard deviation in the unit of its key, each of shape (n,).
+        Estimate of the parameter and its standard deviation in the unit of its key, each of shape (n,).
 
     Raises:
-        ObserverError: an observer that tracks none, or a ship that lacks what it needs.
+        ObserverError: the observer estimates no parameter, or cannot be used on this ship.
     """
     if not observer.tracks:
-        raise ObserverError(f"observer {observer.name!r} tracks no number of the ship")
-    found = _followed(observer.discretise(ship, dt), readings)
-    return found.number, found.deviation
+        raise ObserverError(f"observer {observer.name!r} estimates no parameter of the ship")
+    found = _estimate_series(observer.discretise(ship, dt), measurements)
+    return found.parameter, found.deviation
 
 
-def _followed(observer: Any, readings: NDArray[np.float64]) -> Followed:
-    n = len(readings)
-    found = Followed(np.empty(n), np.empty(n, dtype=np.bool_), np.empty(n), np.empty(n))
-    _follow(observer, np.zeros(1, ESTIMATE)[0], np.ascontiguousarray(readings), found)
+def _estimate_series(observer: Any, measurements: NDArray[np.float64]) -> Estimates:
+    n = len(measurements)
+    found = Estimates(np.empty(n), np.empty(n, dtype=np.bool_), np.empty(n), np.empty(n))
+    _follow(observer, np.zeros(1, ESTIMATE)[0], np.ascontiguousarray(measurements), found)
     return found
 
 
-def readings_of(samples: NDArray[Any], ship: Ship | None = None) -> NDArray[np.float64]:
-    """The columns of :class:`Measurement` from simulated samples; shape (n, 5).
+def simulated_measurements(samples: NDArray[Any], ship: Ship | None = None) -> NDArray[np.float64]:
+    """Return the measurements of a simulation, shape (n, 5), with the columns of :class:`Measurement`.
 
     Args:
-        samples: SAMPLE array of shape (n,), of :func:`shaftline.plant.simulate`.
-        ship: that was simulated. An electric drive without a torque gauge has its own torque read, less
-            friction (:mod:`shaftline.observers.torque_curve`); without a ship it is the gauge's.
+        samples: SAMPLE array of shape (n,), from :func:`shaftline.plant.simulate`.
+        ship: simulated ship. If it has an electric drive and no shaft torque meter, the torque is that
+            of the drive less friction (:mod:`shaftline.observers.torque_curve`). Without a ship it is
+            that of the torque meter.
+
+    Example:
+        >>> from shaftline.plant import Schedule, equilibrium, load_ship, simulate
+        >>> frigate = load_ship("frigate")
+        >>> start = equilibrium(frigate, 20.0, 1.3).state
+        >>> samples = simulate(frigate, Schedule(20.0, 1.3), 1.0, initial=start)
+        >>> simulated_measurements(samples, frigate).shape
+        (21, 5)
     """
     shaft_speed, torque = samples["measured_shaft_speed"], samples["measured_shaft_torque"]
-    if ship is not None and read_at_drive(ship):
+    if ship is not None and uses_drive_torque(ship):
         torque = torque_of_drive(ship, samples["brake_torque"], shaft_speed)
     return np.column_stack(
         [
@@ -130,19 +147,17 @@ def readings_of(samples: NDArray[Any], ship: Ship | None = None) -> NDArray[np.f
     )
 
 
-def _torque_read(ship: Ship, table: pd.DataFrame) -> Any:
-    """Torque [N m] of a table's rows, at the gauge or at the drive.
-
-    Raises:
-        ObserverError: the column is missing.
-    """
+def _torque_of_table(ship: Ship, table: pd.DataFrame) -> Any:
+    """Return the torque [N m] of the rows of a table, of the torque meter or of the drive."""
     column = READINGS[1]
-    if read_at_drive(ship):
+    if uses_drive_torque(ship):
         column = "motor_current_A" if ship.has_voltage else drive_column(ship)
     if column not in table:
-        raise ObserverError(f"{ship.name}: an observer needs the column {column}")
+        raise ObserverError(
+            f"{ship.name}: an observer needs the column {column}; add it to the table"
+        )
     torque = table[column].to_numpy(np.float64)
-    if not read_at_drive(ship):
+    if not uses_drive_torque(ship):
         return torque
     shaft_speed = table[READINGS[0]].to_numpy(np.float64)
     if ship.has_voltage:
@@ -151,40 +166,51 @@ def _torque_read(ship: Ship, table: pd.DataFrame) -> Any:
 
 
 def follow_table(observer: Observer, ship: Ship, table: pd.DataFrame) -> pd.DataFrame:
-    """A table with canonical columns, with an observer's estimate added.
+    """Add the estimate of an observer to a table with canonical columns.
 
     Args:
         observer: from :func:`get_observer`.
-        ship: the ship as the observer believes it to be.
-        table: even time base; acceleration and true advance velocity may be missing. An electric drive
-            without a torque gauge is read by ``motor_torque_N_m`` or ``motor_current_A``.
+        ship: ship model of the observer.
+        table: measurements at a constant sample time; acceleration and true advance velocity may be
+            missing. For an electric drive without a shaft torque meter the torque is taken from
+            ``motor_torque_N_m`` or ``motor_current_A``.
 
     Returns:
-        The table with ``estimated_advance_velocity_m_s`` and ``estimate_valid`` (0 or 1); of an observer
-        that tracks a number also ``estimated_KEY`` and ``estimated_KEY_sd``.
+        The table with ``estimated_advance_velocity_m_s`` and ``estimate_valid`` (0 or 1), and with
+        ``estimated_KEY`` and ``estimated_KEY_sd`` if the observer estimates the ship parameter KEY.
 
     Raises:
-        ObserverError: the ship or the table lacks what the observer needs.
+        ObserverError: the observer cannot be used on this ship, or a column is missing.
+
+    Example:
+        >>> import pandas as pd
+        >>> from shaftline.observers import get_observer
+        >>> from shaftline.plant import load_ship
+        >>> table = pd.DataFrame({"time_s": [0.0, 0.05], "shaft_speed_rad_s": 10.0,
+        ...                       "shaft_torque_N_m": 1.4e5, "pitch_ratio": 1.3})
+        >>> table = follow_table(get_observer("power-balance"), load_ship("frigate"), table)
+        >>> table["estimated_advance_velocity_m_s"].round(2).tolist()
+        [6.8, 6.8]
     """
     unknown = np.full(len(table), np.nan)
     shaft_speed, _, pitch, acceleration = READINGS
-    readings = np.column_stack(
+    measurements = np.column_stack(
         [
             table[shaft_speed],
-            _torque_read(ship, table),
+            _torque_of_table(ship, table),
             table[pitch],
             table.get(acceleration, unknown),
             table.get("advance_velocity_m_s", unknown),
         ]
     )
     dt = float(np.median(np.diff(table["time_s"])))
-    found = _followed(observer.discretise(ship, dt), readings)
+    found = _estimate_series(observer.discretise(ship, dt), measurements)
     table = table.assign(
         estimated_advance_velocity_m_s=found.velocity, estimate_valid=found.valid.astype(int)
     )
     if observer.tracks:
         name = f"estimated_{observer.tracks}"
-        table = table.assign(**{name: found.number, f"{name}_sd": found.deviation})
+        table = table.assign(**{name: found.parameter, f"{name}_sd": found.deviation})
     return table
 
 
@@ -192,40 +218,61 @@ Floats = NDArray[np.float64]
 
 
 def variance_accounted_for(truth: Floats, estimate: Floats) -> float:
-    """VAF [%] = max(0, 1 - var(truth - estimate) / var(truth)) * 100 (thesis eq. 4-1).
+    """Return VAF [%] = max(0, 1 - var(truth - estimate) / var(truth)) * 100 (thesis eq. 4-1).
 
     Args:
         truth: shape (n,).
-        estimate: likewise, in the same unit.
+        estimate: shape (n,), in the same unit.
 
     Returns:
-        NaN where either holds one.
+        NaN if a value of either is NaN.
+
+    Example:
+        A constant error does not reduce the measure:
+
+        >>> import numpy as np
+        >>> truth = np.array([6.0, 7.0, 8.0, 7.0])
+        >>> variance_accounted_for(truth, truth + 0.5)
+        100.0
+        >>> round(variance_accounted_for(truth, 0.9 * truth), 6)
+        99.0
     """
-    return max(1.0 - float(np.var(truth - estimate) / np.var(truth)), 0.0) * 100.0  # NaN stays
+    share = 1.0 - float(np.var(truth - estimate) / np.var(truth))
+    return max(share, 0.0) * 100.0  # NaN remains NaN, because it is the first argument
 
 
-def with_noisy_readings(table: pd.DataFrame, snr_db: float, seed: int) -> pd.DataFrame:
-    """The same run as noisy instruments would have recorded it; true quantities stay clean.
+def add_noise_to_table(table: pd.DataFrame, snr_db: float, seed: int) -> pd.DataFrame:
+    """Add white noise to the measured columns of a simulated recording.
 
     Args:
-        table: simulated run with the canonical columns.
-        snr_db: signal-to-noise ratio of every reading [dB].
-        seed: of the white noise.
+        table: simulated recording with the canonical columns.
+        snr_db: signal-to-noise ratio of every measured column [dB].
+        seed: seed of the noise.
+
+    Returns:
+        The table with noise; true quantities are unchanged.
     """
     clean = table[[*READINGS, "advance_velocity_m_s"]].to_numpy()
     noise = np.random.default_rng(seed).standard_normal(clean.shape)
-    noisy = with_noise(clean, snr_db, noise)
+    noisy = add_noise(clean, snr_db, noise)
     return table.assign(**dict(zip(READINGS, noisy.T[:-1], strict=True)))
 
 
-def with_noise(readings: Floats, snr_db: float, noise: Floats) -> Floats:
+def add_noise(measurements: Floats, snr_db: float, noise: Floats) -> Floats:
     """Add white noise at a signal-to-noise ratio (thesis eq. 4-2).
 
     Args:
-        readings: shape (n, 5), the columns of a Measurement; the last, the truth, stays clean.
+        measurements: shape (n, 5), the columns of a :class:`Measurement`; the last, the true advance
+            velocity, is not changed.
         snr_db: 20 log10(rms(signal) / rms(noise)), the same for every column.
-        noise: unit normal, the shape of ``readings``.
+        noise: standard normal, the shape of ``measurements``.
+
+    Example:
+        >>> import numpy as np
+        >>> clean = np.full((2, 5), 10.0)
+        >>> add_noise(clean, 20.0, np.ones((2, 5)))[0].tolist()
+        [11.0, 11.0, 11.0, 11.0, 10.0]
     """
-    rms = np.sqrt(np.mean(readings**2, axis=0)) * 10.0 ** (-snr_db / 20.0)
+    rms = np.sqrt(np.mean(measurements**2, axis=0)) * 10.0 ** (-snr_db / 20.0)
     rms[-1] = 0.0
-    return np.asarray(readings + noise * rms)
+    return np.asarray(measurements + noise * rms)

@@ -1,7 +1,7 @@
-"""The discrete linear observer that Luenberger's and the shaft Kalman filter have in common.
+"""Discrete linear observer, the base of the Luenberger observer and the shaft Kalman filter.
 
 Both estimate shaft speed and propeller torque from x' = (A - K C) x + [K, B] (omega, M_m) with
-A = [[0, -1/I_R], [0, 0]], B = [1/I_R, 0], C = [1, 0] (thesis eqs. 3-3 to 3-5); only K differs.
+A = [[0, -1/I_R], [0, 0]], B = [1/I_R, 0], C = [1, 0] (thesis eqs. 3-3 to 3-5). They differ in K.
 """
 
 from __future__ import annotations
@@ -20,12 +20,18 @@ from .records import Measurement
 from .torque_curve import velocity_from_torque
 
 FAR_SHARE = 0.2
-"""Share of the measured shaft speed by which the estimated one may differ in a valid estimate: after a
-glitch it needs its time to come back."""
+"""Largest difference of estimated and measured shaft speed in a valid estimate, as a share of the
+measured speed. After a measurement error the estimate needs some time to converge."""
 
 
 def shaft_model(inertia: float) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """A, B, C of thesis eq. 3-3 for the inertia I_R behind the gauge [kg m2]."""
+    """Return A, B and C of thesis eq. 3-3 for the inertia I_R behind the torque meter [kg m2].
+
+    Example:
+        >>> a, b, c = shaft_model(20_000.0)
+        >>> b.tolist()
+        [[5e-05], [0.0]]
+    """
     a = np.array([[0.0, -1.0 / inertia], [0.0, 0.0]])
     return a, np.array([[1.0 / inertia], [0.0]]), np.array([[1.0, 0.0]])
 
@@ -33,7 +39,7 @@ def shaft_model(inertia: float) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any
 def first_order_hold(
     a: NDArray[Any], b: NDArray[Any], dt: float
 ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Exact discretisation of x' = A x + B u for an input that is linear between samples.
+    """Discretise x' = A x + B u exactly for an input that is linear between samples.
 
     Args:
         a: shape (n, n).
@@ -43,6 +49,14 @@ def first_order_hold(
     Returns:
         ``transition``, ``before``, ``now`` with x+ = transition x + before u(t) + now u(t + dt)
         (Franklin, Powell & Workman 1998, section 6.3.2: triangle hold), by one matrix exponential.
+
+    Example:
+        An integrator adds the mean of both inputs times the sample time:
+
+        >>> import numpy as np
+        >>> transition, before, now = first_order_hold(np.zeros((1, 1)), np.eye(1), 0.5)
+        >>> transition.item(), before.item(), now.item()
+        (1.0, 0.25, 0.25)
     """
     n, m = b.shape
     block = np.zeros((n + 2 * m, n + 2 * m))
@@ -56,18 +70,18 @@ def first_order_hold(
 
 
 class LinearObserver(Observer):
-    """Observer of shaft speed and propeller torque with a constant gain."""
+    """Estimate shaft speed and propeller torque with a constant gain (base class)."""
 
     @abstractmethod
     def gain(self, ship: Ship) -> NDArray[Any]:
-        """K = (k1 [1/s], k2 [N m/rad]) on the error of the shaft speed, shape (2, 1).
+        """Return K = (k1 [1/s], k2 [N m/rad]) on the error of the shaft speed, shape (2, 1).
 
         Raises:
-            ObserverError: there is no inertia behind the gauge.
+            ObserverError: the inertia behind the torque meter is 0.
         """
 
     def discretise(self, ship: Ship, dt: float) -> Any:
-        """OBSERVER record for a time step ``dt`` [s]; exact, so stable for any gain and step."""
+        """Return the OBSERVER record; the discretisation is exact, so stable for any gain and step."""
         record = super().discretise(ship, dt)
         a, b, c = shaft_model(self.inertia(ship))
         gain = self.gain(ship)
@@ -79,9 +93,9 @@ class LinearObserver(Observer):
     @staticmethod
     @compiled
     def update(observer: Record, estimate: Record, m: Measurement) -> tuple[float, bool]:
-        """One sample: estimates omega and M_p, then v_a by the inverse torque curve."""
+        """Estimate omega and M_p, then v_a by the inverse torque curve."""
         if estimate.started == 0:
-            # at rest in the first measurement: M_p = M_m
+            # The shaft is assumed in steady motion at the first sample: M_p = M_m.
             estimate.x[0] = m.shaft_speed
             estimate.x[1] = m.shaft_torque
         else:

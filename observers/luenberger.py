@@ -15,10 +15,16 @@ from .linear import LinearObserver
 
 @dataclass(frozen=True)
 class Luenberger(LinearObserver):
-    """Observer with its two poles placed.
+    """Estimate propeller torque and advance velocity by an observer with two given poles.
 
-    The propeller torque is modelled as a Wiener process; the advance velocity follows from it by the
-    inverse torque curve. Poles and tunings: thesis section 3-1-3.
+    The propeller torque is modelled as a Wiener process. The inverse torque curve gives the advance
+    velocity. Poles and tunings: thesis section 3-1-3.
+
+    Example:
+        >>> from shaftline.plant import load_ship
+        >>> k1, k2 = Luenberger((-100.0, -10.0)).gain(load_ship("frigate")).ravel()
+        >>> float(k1)
+        110.0
     """
 
     poles: tuple[float, float] = (-100.0, -10.0)  # [rad/s]
@@ -28,7 +34,7 @@ class Luenberger(LinearObserver):
     tunings: ClassVar[Mapping[str, Luenberger]]
 
     def gain(self, ship: Ship) -> NDArray[Any]:
-        """K with which A - K C has the poles, shape (2, 1)."""
+        """Return the gain K for which A - K C has the poles, shape (2, 1)."""
         first, second = self.poles
         # s^2 + k1 s - k2 / I_R = (s - p1)(s - p2)
         return np.array([[-(first + second)], [-first * second * self.inertia(ship)]])

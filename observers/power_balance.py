@@ -1,4 +1,4 @@
-"""Power balance estimator: the gauge's torque taken for the propeller's (thesis section 3-3)."""
+"""Power balance estimator: the measured torque equals the propeller torque (thesis section 3-3)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from .torque_curve import velocity_from_torque
 
 @dataclass(frozen=True)
 class PowerBalance(Observer):
-    """M_p = M_m: no dynamics, nothing to tune (thesis eq. 3-9)."""
+    """Estimate the advance velocity with the measured torque as propeller torque, without dynamics.
+
+    M_p = M_m (thesis eq. 3-9).
+    """
 
     name = "power-balance"
     source = "thesis section 3-3"
@@ -20,7 +23,7 @@ class PowerBalance(Observer):
     @staticmethod
     @compiled
     def update(observer: Record, estimate: Record, m: Measurement) -> tuple[float, bool]:
-        """One sample."""
+        """Invert the torque curve at the measured torque."""
         return velocity_from_torque(
             observer.ship, m.shaft_torque, m.shaft_speed, m.pitch_ratio, estimate.advance_velocity
         )

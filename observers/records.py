@@ -1,8 +1,7 @@
-"""An observer in use: two records, and what is measured.
+"""Records of an observer, and the measurement that it processes.
 
-OBSERVER holds what is fixed: which observer, its discrete coefficients, and the ship as the observer
-believes it to be (a PLANT record of its own, so that a wrong belief is one assignment). ESTIMATE holds
-what changes.
+OBSERVER holds the constants: code of the observer, discrete coefficients and the ship model (a PLANT
+record of its own, so that a model error can be assigned to it). ESTIMATE holds the variables.
 """
 
 from __future__ import annotations
@@ -17,22 +16,22 @@ from ..plant.signals import SIGNALS
 
 OBSERVER = np.dtype(
     [
-        ("kind", np.int64),  # whose update, see code_of
-        ("address", np.int64),  # of another's update in this process; 0 for ours
-        ("reads_instruments", np.int64),
+        ("kind", np.int64),  # code of the update function, see base.code_of
+        ("address", np.int64),  # of an external update function; 0 for those of this package
+        ("uses_instruments", np.int64),
         ("dt", np.float64),
         # linear observers: x+ = transition x + now u(t+dt) + before u(t), u = (omega, M_m)
         ("transition", np.float64, (2, 2)),
         ("before", np.float64, (2, 2)),
         ("now", np.float64, (2, 2)),
-        ("gain", np.float64),  # of the immersion-and-invariance observer; 1 / T of an inflow [1/s]
-        # of Kalman filters: variances per step of shaft speed and advance velocity, or densities
+        ("gain", np.float64),  # of immersion and invariance [m/rad]; 1 / T of the inflow [1/s]
+        # Kalman filters: variances per step of shaft speed and advance velocity, or densities
         ("process", np.float64, (4,)),
         ("measurement", np.float64),  # variance of the shaft speed
-        ("spread", np.float64, (4,)),  # standard deviations at the start
-        ("tracks", np.int64),  # which number of the ship
-        ("number", np.float64),  # as the ship's file has it
-        ("lowest", np.float64),  # that it may be
+        ("spread", np.float64, (4,)),  # initial standard deviations
+        ("tracks", np.int64),  # code of the estimated ship parameter
+        ("parameter", np.float64),  # its value in the ship file
+        ("lowest", np.float64),  # range of the estimated parameter, or of the gain
         ("highest", np.float64),
         ("ship", PLANT),
     ],
@@ -42,32 +41,28 @@ OBSERVER = np.dtype(
 ESTIMATE = np.dtype(
     [
         ("started", np.int64),
-        ("x", np.float64, (4,)),  # states; the number of the ship that is tracked stands last
+        ("x", np.float64, (4,)),  # states; an estimated ship parameter is the last
         ("covariance", np.float64, (4, 4)),
-        ("shaft_speed", np.float64),  # measured at the last sample
+        ("shaft_speed", np.float64),  # measurements and estimate of the last sample
         ("shaft_torque", np.float64),
         ("pitch_ratio", np.float64),
         ("advance_velocity", np.float64),
         ("valid", np.int64),
-        (
-            "answer",
-            np.float64,
-            (2,),
-        ),  # of an update that is not ours: velocity, whether to trust it
+        ("returned", np.float64, (2,)),  # by an external update: velocity, validity
     ],
     align=True,
 )
 
 
 TRACKED = 3
-"""Place in ``x`` and ``covariance`` of a number of the ship that an observer tracks."""
+"""Index in ``x`` and ``covariance`` of the ship parameter that an observer estimates."""
 
 
 class Measurement(NamedTuple):
-    """What the instruments say at one instant.
+    """Measurements of one instant.
 
-    ``advance_velocity`` is the truth, for the oracle alone; ``shaft_acceleration`` is for the one
-    observer that asks for an accelerometer.
+    Only the oracle uses ``advance_velocity``, the true value. Only the observer ``shaft-acceleration``
+    uses ``shaft_acceleration``.
     """
 
     shaft_speed: float  # [rad/s]
@@ -78,7 +73,7 @@ class Measurement(NamedTuple):
 
 
 READINGS = ["shaft_speed_rad_s", "shaft_torque_N_m", "pitch_ratio", "shaft_acceleration_rad_s2"]
-"""Columns of a recording that the observers read, in the order of a :class:`Measurement`."""
+"""Columns of a recording that the observers use, in the order of a :class:`Measurement`."""
 
 
 _HIGHEST = {signal.name: float(signal.high) for signal in SIGNALS}
@@ -87,12 +82,17 @@ _MAX_TORQUE = _HIGHEST["measured_shaft_torque"]
 _MAX_PITCH = _HIGHEST["measured_pitch_ratio"]
 
 PITCH_MARGIN = 0.1
-"""How far a measured P/D may lie beyond the ship's range [-], for noise and offsets."""
+"""Tolerance on the range of the measured P/D [-], for noise and offsets."""
 
 
 @compiled
 def is_plausible(m: Measurement) -> bool:
-    """Whether speed, torque and pitch are numbers within the bounds of the signal registry."""
+    """Return whether speed, torque and pitch are finite and within the bounds of the signal registry.
+
+    Example:
+        >>> is_plausible(Measurement(10.0, 1.4e5, 1.3, 0.0, 8.0))
+        True
+    """
     return (
         abs(m.shaft_speed) <= _MAX_SPEED
         and abs(m.shaft_torque) <= _MAX_TORQUE
@@ -102,14 +102,14 @@ def is_plausible(m: Measurement) -> bool:
 
 @compiled
 def pitch_is_known(ship: Record, pitch_ratio: float) -> bool:
-    """Whether a pitch lies in the ship's range, with :data:`PITCH_MARGIN`."""
+    """Return whether a measured P/D lies in the range of the ship, with :data:`PITCH_MARGIN`."""
     lowest, highest = ship.pitch_ratio_min - PITCH_MARGIN, ship.pitch_ratio_max + PITCH_MARGIN
     return bool(lowest <= pitch_ratio <= highest)
 
 
 @compiled
-def remember(estimate: Record, m: Measurement, velocity: float, valid: bool) -> None:
-    """Store this sample's measurement and estimate."""
+def store_sample(estimate: Record, m: Measurement, velocity: float, valid: bool) -> None:
+    """Store the measurement and the estimate of this sample."""
     estimate.started = 1
     estimate.shaft_speed = m.shaft_speed
     estimate.shaft_torque = m.shaft_torque

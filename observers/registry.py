@@ -1,21 +1,21 @@
-"""Observers by name, and the one kernel that updates any of them."""
+"""Observers by name, and the kernel that updates any of them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from ..core.compiled import Record, compiled, spelled_out
-from ..core.discovery import classes_in, of_others, offered
+from ..core.compiled import Record, compiled, generate_kernel
+from ..core.discovery import classes_in, entry_point_names, load_external_class
 from .base import Observer, ObserverError, code_of
-from .of_others import update_through_address
-from .records import Measurement, is_plausible, pitch_is_known, remember
-from .torque_curve import told_by_torque
+from .external import update_through_address
+from .records import Measurement, is_plausible, pitch_is_known, store_sample
+from .torque_curve import torque_determines_inflow
 
 OBSERVERS = "shaftline.observers"
-"""Group of entry points by which packages offer observers of their own."""
+"""Group of entry points through which packages register observers."""
 
 _CLASSES = sorted(
-    classes_in(__package__, Observer, but=("registry", "following", "of_others")),  # type: ignore[type-abstract]
+    classes_in(__package__, Observer, but=("registry", "following", "external")),  # type: ignore[type-abstract]
     key=lambda cls: (cls.source.casefold(), cls.name),
 )
 _NAMED = {cls.name: cls for cls in _CLASSES if "name" in vars(cls)}
@@ -23,45 +23,56 @@ _UPDATES = {code_of(cls.update): cls.update for cls in _CLASSES}
 
 
 def observer_names() -> list[str]:
-    """All observers and tunings: ``name`` for the default, ``name-tuning`` for the others.
+    """Return the names of all observers and tunings, those of installed packages last.
 
-    Those that installed packages offer stand last.
+    ``name`` is an observer with its default tuning, ``name-tuning`` with another one.
+
+    Example:
+        >>> "luenberger-high" in observer_names()
+        True
     """
     names = []
     for name, cls in _NAMED.items():
         names.append(name)
         names.extend(f"{name}-{tuning}" for tuning in cls.tunings)
-    return [*names, *offered(OBSERVERS)]
+    return [*names, *entry_point_names(OBSERVERS)]
 
 
-def _made(name: str, cls: type[Observer]) -> Observer:
+def _construct(name: str, cls: type[Observer]) -> Observer:
     try:
         return cls()
-    except TypeError as error:  # what its author left out
+    except TypeError as error:  # The class is abstract, or its constructor needs arguments.
         raise ObserverError(f"observer {name!r}: {error}") from None
 
 
 def get_observer(name: str, tuning: str | None = None) -> Observer:
-    """An observer by name and tuning.
+    """Return an observer by name and tuning.
 
     Args:
-        name: one of :func:`observer_names`, or a bare name with ``tuning`` beside it; one's own as
-            ``module:Class``, a class that derives from :class:`.base.Observer` and is called without
-            arguments.
-        tuning: ``low``, ``moderate``, ``high`` or ``printed`` where the observer has it; the
-            observer's default otherwise.
+        name: one of :func:`observer_names`; or ``module:Class`` for a class of your own that derives
+            from :class:`.base.Observer` and is called without arguments.
+        tuning: tuning of an observer that is named without one, such as ``low``, ``moderate``, ``high``
+            or ``printed``; the default tuning if it is None.
 
     Raises:
         ObserverError: unknown name or tuning.
+
+    Example:
+        >>> get_observer("luenberger-low").poles
+        (-10.0, -1.0)
+        >>> get_observer("luenberger", "low") == get_observer("luenberger-low")
+        True
     """
-    cls = _NAMED[name] if name in _NAMED else of_others(name, OBSERVERS)
+    cls = _NAMED[name] if name in _NAMED else load_external_class(name, OBSERVERS)
     if cls is not None:
         if not (isinstance(cls, type) and issubclass(cls, Observer)):
-            raise ObserverError(f"observer {name!r}: not a class that derives from Observer")
+            raise ObserverError(
+                f"observer {name!r}: expected a class that derives from shaftline.observers.Observer"
+            )
         if tuning is None:
-            return _made(name, cls)
+            return _construct(name, cls)
         if tuning not in cls.tunings:
-            known = ", ".join(cls.tunings) or "none, it has nothing to tune"
+            known = ", ".join(cls.tunings) or "none"
             raise ObserverError(f"observer {name!r} has no tuning {tuning!r}; tunings: {known}")
         return cls.tunings[tuning]
     bare, _, ending = name.rpartition("-")
@@ -70,7 +81,7 @@ def get_observer(name: str, tuning: str | None = None) -> Observer:
     raise ObserverError(f"unknown observer {name!r}; known: {', '.join(observer_names())}")
 
 
-_dispatch: Callable[[Record, Record, Measurement], tuple[float, bool]] = spelled_out(
+_dispatch: Callable[[Record, Record, Measurement], tuple[float, bool]] = generate_kernel(
     """
 def _dispatch(observer, estimate, m):
     if observer.kind == {field}: return update_{field}(observer, estimate, m)
@@ -82,32 +93,43 @@ def _dispatch(observer, estimate, m):
     | {f"update_{code}": update for code, update in _UPDATES.items()}
     | {"update_through_address": update_through_address},
 )
-"""The update of whichever observer a record is of."""
+"""Compiled function that calls the update of the observer to which a record belongs."""
 
 
 @compiled
 def update(observer: Record, estimate: Record, m: Measurement) -> float:
-    """Take one sample; gives the estimate of the advance velocity [m/s].
+    """Process one sample and return the estimate of the advance velocity [m/s].
 
-    Where a reading is not finite or beyond the signal registry's bounds, the estimate is held and
-    flagged invalid; the observer starts afresh with the next good sample. Where the torque lies off
-    the propeller's curve, the estimate is held at the curve's edge and flagged invalid; so is one at a
-    pitch that the ship does not have.
+    If a measurement is not finite or beyond the bounds of the signal registry, the last estimate is
+    returned as not valid, and the observer restarts with the next plausible sample. If the torque lies
+    off the torque curve of the propeller, the end of the curve is returned as not valid. An estimate at
+    a pitch outside the range of the ship is not valid either.
 
     Args:
         observer: OBSERVER record.
-        estimate: ESTIMATE record, changed in place; ``valid`` tells whether to trust the result.
-        m: the instruments' readings.
+        estimate: ESTIMATE record, changed in place; ``valid`` is 1 if the estimate is valid.
+        m: measurement.
+
+    Example:
+        >>> import numpy as np
+        >>> from shaftline.observers import ESTIMATE
+        >>> from shaftline.plant import load_ship
+        >>> observer = get_observer("power-balance").discretise(load_ship("frigate"), dt=0.05)
+        >>> estimate = np.zeros(1, ESTIMATE)[0]
+        >>> round(update(observer, estimate, Measurement(10.0, 1.4e5, 1.3, 0.0, 0.0)), 2)
+        6.8
+        >>> int(estimate["valid"])
+        1
     """
-    if observer.reads_instruments != 0 and not is_plausible(m):
+    if observer.uses_instruments != 0 and not is_plausible(m):
         estimate.started = 0
         estimate.valid = 0
         return float(estimate.advance_velocity)
     velocity, valid = _dispatch(observer, estimate, m)
-    if observer.reads_instruments != 0:
+    if observer.uses_instruments != 0:
         known = estimate.valid != 0 and estimate.shaft_speed * m.shaft_speed > 0.0
-        valid = valid and told_by_torque(
+        valid = valid and torque_determines_inflow(
             observer.ship, velocity, m.shaft_speed, m.pitch_ratio, known
         )
-    remember(estimate, m, velocity, valid and pitch_is_known(observer.ship, m.pitch_ratio))
+    store_sample(estimate, m, velocity, valid and pitch_is_known(observer.ship, m.pitch_ratio))
     return velocity

@@ -1,4 +1,4 @@
-"""Measured shaft acceleration observer, with an accelerometer or a derivative (thesis section 3-4)."""
+"""Observers that use the shaft acceleration, measured or derived (thesis section 3-4)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..core.compiled import Record, compiled
-from ..plant.shaft import inertia_behind_gauge
+from ..plant.shaft import inertia_behind_meter
 from ..plant.ship import Ship
 from .base import Observer
 from .linear import first_order_hold
@@ -21,8 +21,8 @@ from .torque_curve import velocity_from_torque
 def _velocity(
     observer: Record, estimate: Record, m: Measurement, acceleration: float
 ) -> tuple[float, bool]:
-    """Advance velocity [m/s] by M_p = M_m - I_R omega'."""
-    torque = m.shaft_torque - inertia_behind_gauge(observer.ship) * acceleration
+    """Return the advance velocity [m/s] at M_p = M_m - I_R omega', and whether it is valid."""
+    torque = m.shaft_torque - inertia_behind_meter(observer.ship) * acceleration
     return velocity_from_torque(
         observer.ship, torque, m.shaft_speed, m.pitch_ratio, estimate.advance_velocity
     )
@@ -30,7 +30,10 @@ def _velocity(
 
 @dataclass(frozen=True)
 class ShaftAcceleration(Observer):
-    """M_p = M_m - I_R omega' with a measured omega' (thesis eq. 3-10)."""
+    """Estimate the advance velocity from the shaft torque and a measured shaft acceleration.
+
+    M_p = M_m - I_R omega' (thesis eq. 3-10).
+    """
 
     name = "shaft-acceleration"
     source = "thesis section 3-4"
@@ -38,7 +41,7 @@ class ShaftAcceleration(Observer):
     @staticmethod
     @compiled
     def update(observer: Record, estimate: Record, m: Measurement) -> tuple[float, bool]:
-        """One sample; without an acceleration there is no valid estimate."""
+        """Return the estimate; without a measured acceleration it is not valid."""
         if not math.isfinite(m.shaft_acceleration):
             return estimate.advance_velocity, False
         return _velocity(observer, estimate, m, m.shaft_acceleration)
@@ -46,7 +49,10 @@ class ShaftAcceleration(Observer):
 
 @dataclass(frozen=True)
 class ShaftAccelerationDerived(Observer):
-    """The same with omega' from the filtered derivative s / (T s + 1) (thesis eq. 3-11)."""
+    """Estimate the advance velocity from the shaft torque and the derivative of the shaft speed.
+
+    M_p = M_m - I_R omega', with omega' from the filter s / (T s + 1) (thesis eq. 3-11).
+    """
 
     time_constant_s: float = 0.1
 
@@ -54,7 +60,7 @@ class ShaftAccelerationDerived(Observer):
     source = "thesis section 3-4"
 
     def discretise(self, ship: Ship, dt: float) -> Any:
-        """OBSERVER record for a time step ``dt`` [s]: the filter is discretised exactly."""
+        """Return the OBSERVER record; the filter is discretised exactly."""
         record = super().discretise(ship, dt)
         rate = 1.0 / self.time_constant_s
         f, before, now = first_order_hold(np.array([[-rate]]), np.array([[rate]]), dt)
@@ -67,7 +73,7 @@ class ShaftAccelerationDerived(Observer):
     @staticmethod
     @compiled
     def update(observer: Record, estimate: Record, m: Measurement) -> tuple[float, bool]:
-        """One sample: x follows omega with the filter's lag, (omega - x) / T is the derivative."""
+        """Update x, the omega of the low-pass filter; (omega - x) / T is the derivative."""
         if estimate.started == 0:
             estimate.x[0] = m.shaft_speed
         else:

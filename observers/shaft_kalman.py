@@ -1,4 +1,4 @@
-"""Shaft Kalman filter: the Luenberger observer with its gain from a Riccati equation (section 3-2)."""
+"""Shaft Kalman filter: a linear observer with its gain from a Riccati equation (thesis section 3-2)."""
 
 from __future__ import annotations
 
@@ -15,9 +15,14 @@ from .linear import LinearObserver, shaft_model
 
 @dataclass(frozen=True)
 class ShaftKalman(LinearObserver):
-    """Steady-state continuous Kalman filter of shaft speed and propeller torque.
+    """Estimate propeller torque and advance velocity by a steady-state Kalman filter.
 
-    Covariances: thesis section 3-2-3. On the frigate its poles are -10.53 +- 10.41i rad/s.
+    Covariances: thesis section 3-2-3.
+
+    Example:
+        >>> from shaftline.plant import load_ship
+        >>> ShaftKalman().poles(load_ship("frigate")).round(2)[0]
+        np.complex128(-10.53+10.41j)
     """
 
     process: tuple[float, float] = (5.0, 1e13)  # densities of omega [(rad/s)^2/s], M_p [(N m)^2/s]
@@ -27,9 +32,9 @@ class ShaftKalman(LinearObserver):
     source = "thesis section 3-2"
 
     def gain(self, ship: Ship) -> NDArray[Any]:
-        """Kalman gain K, shape (2, 1)."""
+        """Return the Kalman gain K, shape (2, 1)."""
         a, _, c = shaft_model(self.inertia(ship))
-        # torque in units of its own noise keeps the Riccati equation well scaled
+        # The torque in units of its noise keeps the Riccati equation well scaled.
         scale = np.diag([1.0, np.sqrt(self.process[1])])
         inverse = np.linalg.inv(scale)
         noise = inverse @ np.diag(self.process) @ inverse.T
@@ -39,6 +44,6 @@ class ShaftKalman(LinearObserver):
         return np.asarray(scale @ p @ (c @ scale).T / self.measurement)
 
     def poles(self, ship: Ship) -> NDArray[Any]:
-        """Eigenvalues of A - K C [rad/s]."""
+        """Return the eigenvalues of A - K C [rad/s]."""
         a, _, c = shaft_model(self.inertia(ship))
         return np.linalg.eigvals(a - self.gain(ship) @ c)

@@ -1,8 +1,8 @@
-"""The augmented filter of a ship: its own plant as the model, any numbers of its file as unknowns.
+"""Augmented Kalman filter of a ship: the plant is its model, any keys of the ship file are its unknowns.
 
-The prediction is the plant's own step, with its dead time, rack, backlash and ventilation; the slopes
-are exact, to states and numbers alike (:mod:`shaftline.plant.derivatives`). At sea the inflow of the
-propeller is disturbed; the disturbance may be estimated too, as a Gauss-Markov process.
+The prediction is one step of the plant, with dead time, fuel rack, backlash and ventilation. The
+derivatives by states and parameters are exact (:mod:`shaftline.plant.derivatives`). Waves disturb the
+inflow of the propeller; the disturbance may be estimated as a Gauss-Markov process.
 """
 
 from __future__ import annotations
@@ -14,54 +14,61 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..plant.derivatives import COMPLEX_PLANT, COMPLEX_WORD, acting, complex_record, words
-from ..plant.dynamics import evaluate, settled
-from ..plant.memory import MEMORY, settle
+from ..plant.derivatives import (
+    COMPLEX_PLANT,
+    COMPLEX_WORD,
+    as_words,
+    complex_record,
+    parameter_slope,
+)
+from ..plant.dynamics import evaluate, settle_lags
+from ..plant.memory import MEMORY, settle_memory
 from ..plant.record import PLANT
 from ..plant.replay import Replay
 from ..plant.ship import Ship
 from ..plant.state import STATE, State, active_states
-from .augmented_plant import CHANNELS, Course, Model, follow_course
+from .augmented_plant import CHANNELS, Model, RecordedInputs, follow_course
 from .base import ObserverError
 
 Floats = NDArray[np.float64]
 
-_LATE = (
+_DELAY_KEYS = (
     "torque_delay_s", "torque_lag_s", "speed_delay_s", "speed_lag_s", "thrust_lag_s",
     "current_lag_s", "power_lag_s", "speed_log_lag_s",
 )  # fmt: skip
-"""Keys of ``[sensors]`` that make an instrument late."""
+"""Keys of ``[sensors]`` that delay a measurement."""
 
-_OF_THE_INFLOW = (
+_INFLOW_KEYS = (
     "hull.wake_fraction", "hull.wake_slope_s_m", "hull.wake_reference_speed_m_s", "hull.current_m_s",
 )  # fmt: skip
 
-_OF_THE_GEAR = ("rudder.time_constant_s", "rudder.rate_limit_rad_s")
+_STEERING_GEAR_KEYS = ("rudder.time_constant_s", "rudder.rate_limit_rad_s")
 
 DISTURBANCE = "disturbance"
-"""Name by which the disturbance of the inflow [m/s] is spoken of among the states."""
+"""Name of the disturbance of the inflow [m/s] among the states."""
 
 DISTURBANCE_TIME_S = 3.0
-"""Its correlation time by default: about a radian of a sea's encounter period."""
+"""Default correlation time of the disturbance: about one radian of the wave encounter period."""
 
-_INSIDE = 1e-6
-"""Share of the way to a bound, from the file's number, at which an estimate is held."""
+_BOUND_MARGIN = 1e-6
+"""Margin to a bound, as a share of the distance from the value in the ship file to that bound [-]."""
 
-_FACTOR = 50.0
-"""Most by which an estimate may be larger or smaller than the file's number, where that has one sign: an
-inertia near 0 has time constants that no time step resolves."""
+_LARGEST_FACTOR = 50.0
+"""Largest ratio of an estimate and the value in the ship file, in either direction, for a parameter of
+one sign. An inertia near 0, for example, has time constants that no time step resolves."""
 
 
 @dataclass(frozen=True)
-class Followed:
-    """What a filter makes of one recording of n rows.
+class FilterResult:
+    """Estimates of a filter along one recording of n rows.
 
     Args:
-        estimates: of states, the inflow's disturbance and numbers, just after each row's readings,
-            shape (n, states + 1 + numbers).
-        standard_errors: likewise.
-        innovations: over their standard deviations, shape (n, channels); NaN where nothing was read.
-        likelihood: 2 log L of the readings.
+        estimates: states, disturbance of the inflow and parameters after the measurements of each row,
+            shape (n, states + 1 + parameters).
+        standard_errors: standard errors of the estimates, same shape.
+        innovations: innovations over their standard deviations, shape (n, channels); NaN for a missing
+            measurement.
+        likelihood: 2 log L of the measurements.
     """
 
     estimates: Floats
@@ -71,32 +78,35 @@ class Followed:
 
 
 class ShipFilter:
-    """A filter of one ship; it takes its numbers along from one recording to the next.
+    """Estimate states and parameters of a ship along recordings by an augmented Kalman filter.
+
+    The estimates of the parameters are kept from one recording to the next.
 
     Args:
-        ship: as its file has it.
-        free: dotted keys of the numbers that are estimated.
-        number_spread: standard deviation of each number at the start, by key, in its unit.
-        noise: standard deviation of each measured column that it goes by, in its unit; without any the
-            ship is simulated.
-        state_spread: of each state at the start of a recording, by name; those of
-            :func:`shaftline.plant.state.active_states`.
-        state_walk: square root of the density of each state's process noise [unit/s^0.5], by name, the
-            inflow's disturbance (:data:`DISTURBANCE`) among them; 0 for one that is not named.
-        number_walk: likewise of the numbers, by key.
-        record: of the ship where another number than the free ones differs from the file's.
-        disturbance_time_s: correlation time of the inflow's disturbance.
+        ship: nominal ship.
+        free: dotted keys of the parameters to estimate.
+        parameter_spread: initial standard deviation of each parameter, by key, in its unit.
+        noise: standard deviation of each measured column that the filter uses, in its unit; without any
+            column the ship is simulated.
+        state_spread: standard deviation of each state at the start of a recording, by name; the states
+            are those of :func:`shaftline.plant.state.active_states`.
+        state_walk: square root of the density of the process noise of each state [unit/s^0.5], by name,
+            the disturbance of the inflow (:data:`DISTURBANCE`) included; 0 for a state not named.
+        parameter_walk: square root of the density of the drift of each parameter, by key; 0 for a
+            parameter not named.
+        record: PLANT record of the ship, if fixed parameters differ from those of ``ship``.
+        disturbance_time_s: correlation time of the disturbance of the inflow [s].
 
     Attributes:
-        states: names of its states.
-        keys: of its numbers.
-        z: estimate of states, the inflow's disturbance and numbers.
-        p: its covariance.
+        states: names of the states.
+        keys: keys of the parameters.
+        z: estimate of states, disturbance of the inflow and parameters.
+        p: covariance of the estimate.
 
     Raises:
-        ObserverError: no key, an instrument that answers late, a column that cannot be compared with,
-            or a spread that is none.
-        ShipError: a key that is no number with a derivative.
+        ObserverError: ``free`` is empty, a measurement of the ship is delayed, a column cannot be used,
+            or a standard deviation is not positive.
+        ShipError: a key is no parameter with a derivative.
     """
 
     def __init__(
@@ -104,26 +114,27 @@ class ShipFilter:
         ship: Ship,
         free: Sequence[str],
         *,
-        number_spread: Mapping[str, float],
+        parameter_spread: Mapping[str, float],
         noise: Mapping[str, float],
         state_spread: Mapping[str, float],
         state_walk: Mapping[str, float] | None = None,
-        number_walk: Mapping[str, float] | None = None,
+        parameter_walk: Mapping[str, float] | None = None,
         record: Any = None,
         disturbance_time_s: float = DISTURBANCE_TIME_S,
     ) -> None:
         if not free:
-            raise ObserverError(f"{ship.name}: name at least one key that is to be estimated")
-        if late := [key for key in _LATE if getattr(ship.sensors, key) > 0.0]:
+            raise ObserverError(f"{ship.name}: name at least one key to estimate")
+        if late := [key for key in _DELAY_KEYS if getattr(ship.sensors, key) > 0.0]:
             raise ObserverError(
-                f"{ship.name}: the filter serves no instrument with sensors.{late[0]} above 0"
+                f"{ship.name}: the filter needs measurements without delay, but sensors.{late[0]} is "
+                "above 0; set it to 0 or choose another method"
             )
         if unknown := [column for column in noise if column not in CHANNELS]:
-            raise ObserverError(f"{unknown[0]}: the filter goes by {', '.join(CHANNELS)} only")
-        for name, spread in {**noise, **number_spread}.items():
+            raise ObserverError(f"{unknown[0]}: the filter can use {', '.join(CHANNELS)} only")
+        for name, spread in {**noise, **parameter_spread}.items():
             if not 0.0 < spread < np.inf:
                 raise ObserverError(
-                    f"{name}: a standard deviation above 0 is needed, not {spread:g}"
+                    f"{name}: the standard deviation must be above 0, not {spread:g}"
                 )
         self.ship, self.keys, self.columns = ship, tuple(free), tuple(noise)
         record = ship.record() if record is None else record
@@ -131,73 +142,75 @@ class ShipFilter:
         self.states = tuple(active_states(record))
         self._before = len(self.states) + 1
         walk = [(state_walk or {}).get(name, 0.0) for name in (*self.states, DISTURBANCE)]
-        # as it is when it has been there for ever
-        ever = walk[-1] * np.sqrt(0.5 * disturbance_time_s)
-        walk += [(number_walk or {}).get(key, 0.0) for key in self.keys]
+        stationary = walk[-1] * np.sqrt(0.5 * disturbance_time_s)
+        walk += [(parameter_walk or {}).get(key, 0.0) for key in self.keys]
         self._model = _model(
             ship, record, self.keys, self.states, np.array(walk), noise, 1.0 / disturbance_time_s
         )
         spreads = [state_spread[name] for name in self.states]
-        self._state_variances = np.array([*spreads, ever]) ** 2
-        self._number_variances = np.array([number_spread[key] for key in self.keys]) ** 2
+        self._state_variances = np.array([*spreads, stationary]) ** 2
+        self._parameter_variances = np.array([parameter_spread[key] for key in self.keys]) ** 2
         self.z = np.zeros(self._before + len(free))
         self.p = np.zeros((len(self.z),) * 2)
         self.restart(self._model.start)
 
     @property
-    def numbers(self) -> Floats:
-        """Estimate of the numbers."""
+    def parameters(self) -> Floats:
+        """Return the estimate of the parameters."""
         return self.z[self._before :].copy()
 
     @property
     def covariance(self) -> Floats:
-        """Of the numbers, shape (numbers, numbers)."""
+        """Return the covariance of the parameters, shape (parameters, parameters)."""
         return self.p[self._before :, self._before :].copy()
 
     @property
     def at_bounds(self) -> list[str]:
-        """Keys of the parameters whose estimate is held at the end of its range."""
-        held = (self.numbers <= self._model.low) | (self.numbers >= self._model.high)
+        """Return the keys of the parameters whose estimate is at the end of its range."""
+        held = (self.parameters <= self._model.low) | (self.parameters >= self._model.high)
         return [key for key, own in zip(self.keys, held, strict=True) if own]
 
     def restart(self, values: Sequence[float] | Floats) -> None:
-        """Begin anew, as unsure as at first, with these values of the numbers."""
+        """Restart with given values of the parameters and the initial covariance."""
         self.z[self._before :] = values
-        self.p[:] = np.diag(np.concatenate([self._state_variances, self._number_variances]))
+        self.p[:] = np.diag(np.concatenate([self._state_variances, self._parameter_variances]))
 
-    def follow(self, replay: Replay, rows: int | None = None) -> Followed:
-        """Follow one recording from its start, with the numbers as they are known by now.
+    def follow(self, replay: Replay, rows: int | None = None) -> FilterResult:
+        """Run the filter along one recording, starting with the present estimate of the parameters.
 
         Args:
-            replay: of this ship along the recording; a reading that is NaN is left out.
-            rows: how many of its rows; all by default.
+            replay: replay of the recording with this ship; a measurement that is NaN is not used.
+            rows: number of rows to use; all by default.
 
         Raises:
-            ObserverError: a number that the recording's measured inflow stands for.
+            ObserverError: a parameter has no effect, because the recording contains its result, the
+                inflow or the rudder angle.
         """
         table, model, count = replay.table, self._model, self._before
-        replaced = [key for key in self.keys if key in _OF_THE_INFLOW]
+        replaced = [key for key in self.keys if key in _INFLOW_KEYS]
         if replaced and "inflow_velocity_m_s" in table:
             raise ObserverError(
-                f"{replaced[0]} cannot be found where inflow_velocity_m_s is measured: the inflow is "
-                "then the measured one"
+                f"{replaced[0]} is not identifiable from a recording with inflow_velocity_m_s, because "
+                "the measured inflow replaces the computed one"
             )
-        if replay.helm_measured and (own := [key for key in self.keys if key in _OF_THE_GEAR]):
+        if replay.helm_measured and (
+            own := [key for key in self.keys if key in _STEERING_GEAR_KEYS]
+        ):
             raise ObserverError(
-                f"{own[0]} cannot be found where rudder_rad is measured and no command is: the rudder "
-                "does then what was measured"
+                f"{own[0]} is not identifiable from a recording with rudder_rad and no rudder command, "
+                "because the measured angle replaces the computed one"
             )
         plant = model.plant[0]
         lag = 0.0 if replay.helm_measured else self._rudder_lag
         plant["rudder_lag"], model.twin[0]["rudder_lag"] = lag, lag
         inflow = replay.inflow(plant)
         begin = replay.first_inputs(inflow)
-        first = settled(plant, replay.first_state(plant=plant), begin)
+        first = settle_lags(plant, replay.first_state(plant=plant), begin)
         if not self.ship.turns_freely:
             begin = begin._replace(drive=first.shaft_speed)
         _, outputs = evaluate(plant, first, begin, first.pitch_ratio)
         memory = np.zeros(1, MEMORY)
-        settle(plant, memory[0], first, outputs, begin.drive, replay.dt)
+        settle_memory(plant, memory[0], first, outputs, begin.drive, replay.dt)
         model.state[0] = tuple(first)
         self.z[:count] = [*model.state_words[model.slots], 0.0]
         self.p[:count, :] = 0.0
@@ -205,51 +218,52 @@ class ShipFilter:
         self.p[range(count), range(count)] = self._state_variances
         columns = [table[c].to_numpy(dtype=np.float64)[:rows] for c in self.columns]
         count_rows = replay.rows if rows is None else min(rows, replay.rows)
-        readings = np.ascontiguousarray(np.array(columns).reshape(-1, count_rows).T)
-        course = Course(
+        measurements = np.ascontiguousarray(np.array(columns).reshape(-1, count_rows).T)
+        recorded = RecordedInputs(
             replay.drive, replay.pitch, replay.rudder, inflow, replay.elevation, replay.signals,
             replay.per_row, replay.dt,
         )  # fmt: skip
-        shape = (len(readings), len(self.z))
+        shape = (len(measurements), len(self.z))
         estimates, variances = np.empty(shape), np.empty(shape)
-        innovations = np.empty(readings.shape)
+        innovations = np.empty(measurements.shape)
         likelihood = follow_course(
-            model, self.z, self.p, course, memory, readings, estimates,
+            model, self.z, self.p, recorded, memory, measurements, estimates,
             variances, innovations,
         )  # fmt: skip
-        return Followed(estimates, np.sqrt(np.maximum(variances, 0.0)), innovations, likelihood)
+        return FilterResult(estimates, np.sqrt(np.maximum(variances, 0.0)), innovations, likelihood)
 
 
 def _model(
     ship: Ship, record: Any, keys: Sequence[str], states: Sequence[str], walk: Floats,
     noise: Mapping[str, float], forgetting: float,
 ) -> Model:  # fmt: skip
-    """Records and places of a ship and its numbers."""
-    numbers = [acting(ship, key) for key in keys]
+    """Return the model of a ship with its free parameters."""
+    parameters = [parameter_slope(ship, key) for key in keys]
     plant, twin = np.zeros(1, PLANT), np.zeros(1, COMPLEX_PLANT)
     state, rate = np.zeros(1, STATE), np.zeros(1, STATE)
     plant[0], twin[0] = record, complex_record(record)
     units = np.zeros(len(states) + 1 + len(keys), STATE)
     for i, name in enumerate(states):
         units[name][i] = 1.0
-    start = np.array([number.value for number in numbers])
+    start = np.array([parameter.value for parameter in parameters])
     low, high = (
-        np.array([getattr(number.info, end) for number in numbers]) for end in ("low", "high")
+        np.array([getattr(parameter.info, end) for parameter in parameters])
+        for end in ("low", "high")
     )
     with np.errstate(invalid="ignore"):
         low, high = (
-            np.where(np.isfinite(end), end + _INSIDE * (start - end), end) for end in (low, high)
+            np.where(np.isfinite(end), end + _BOUND_MARGIN * (start - end), end)
+            for end in (low, high)
         )
     one_sign = (low >= 0.0) & (start > 0.0)
-    low = np.where(one_sign, np.maximum(low, start / _FACTOR), low)
-    high = np.where(one_sign, np.minimum(high, start * _FACTOR), high)
-    word = np.concatenate([number.words for number in numbers])
+    low = np.where(one_sign, np.maximum(low, start / _LARGEST_FACTOR), low)
+    high = np.where(one_sign, np.minimum(high, start * _LARGEST_FACTOR), high)
+    word = np.concatenate([parameter.words for parameter in parameters])
     return Model(
-        plant, words(plant), twin, words(twin), state, words(state), rate, words(rate),
+        plant, as_words(plant), twin, as_words(twin), state, as_words(state), rate, as_words(rate),
         np.array([State._fields.index(name) for name in states]), units,
-        np.concatenate([np.full(len(number.words), i) for i, number in enumerate(numbers)]),
-        word, COMPLEX_WORD[word],
-        np.concatenate([number.slopes for number in numbers]), words(plant)[word].copy(), start,
-        low, high, np.array([CHANNELS.index(column) for column in noise]),
-        np.array([*noise.values()]) ** 2, walk**2, forgetting,
+        np.concatenate([np.full(len(parameter.words), i) for i, parameter in enumerate(parameters)]),
+        word, COMPLEX_WORD[word], np.concatenate([parameter.slopes for parameter in parameters]),
+        as_words(plant)[word].copy(), start, low, high, np.array([CHANNELS.index(column) for column in
+        noise]), np.array([*noise.values()]) ** 2, walk**2, forgetting,
     )  # fmt: skip

@@ -1,10 +1,8 @@
-"""Between propeller torque and advance velocity, by the open-water curve of the ship as believed.
+"""Conversion between propeller torque and advance velocity by the open-water curve of the ship model.
 
-Where an observer's torque is read: at the gauge in the shaft, or at an electric drive without one.
-
-A ship with inertia behind a torque gauge has the gauge read. An electric drive whose file puts no
-inertia there has no gauge. What drives its shaft is then the torque of the drive, K_e i of a motor or
-the torque that is told, less friction; and what that drives is the whole line.
+The measured torque is that of the shaft torque meter if there is inertia behind it. An electric drive
+without inertia behind a torque meter has no torque meter. The torque is then that of the drive, K_e i of
+a motor or the commanded torque, less friction, and it accelerates the whole shaft line.
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled, compiled_apart
 from ..plant.drives.dc_motor import motor_torque
-from ..plant.drives.prime_mover import with_offset
+from ..plant.drives.prime_mover import add_torque_offset
 from ..plant.open_water import MIN_REVOLUTIONS, REVOLUTIONS_PER_RADIAN, advance_ratio
 from ..plant.propeller import (
     FOUR_QUADRANT,
@@ -32,20 +30,26 @@ from ..plant.ship import Ship
 from .augmented import STEP
 
 AT_REST = 1e-3
-"""Shaft speed up to which the shaft tells nothing about the inflow [rad/s]."""
+"""Shaft speed up to which the torque does not depend on the inflow noticeably [rad/s]."""
 
-_FASTEST = 40.0  # m/s; no inflow of a ship is faster
+_FASTEST = 40.0  # highest inflow of a ship [m/s]
 
 
 @compiled
 def model_torque(ship: Record, velocity: float, shaft_speed: float, pitch_ratio: float) -> float:
-    """Propeller torque M_p [N m] that the observer's model expects (thesis eq. 2-5).
+    """Return the propeller torque M_p [N m] of the ship model (thesis eq. 2-5).
 
     Args:
-        ship: PLANT record of the ship as believed.
+        ship: PLANT record of the ship model.
         velocity: v_a [m/s].
         shaft_speed: omega [rad/s].
         pitch_ratio: P/D [-].
+
+    Example:
+        >>> from shaftline.plant import load_ship
+        >>> frigate = load_ship("frigate").record()
+        >>> round(model_torque(frigate, 7.0, 10.0, 1.3))
+        130110
     """
     n = shaft_speed * REVOLUTIONS_PER_RADIAN
     if ship.propeller_model == FOUR_QUADRANT:
@@ -60,7 +64,7 @@ def model_torque(ship: Record, velocity: float, shaft_speed: float, pitch_ratio:
 def torque_slopes(
     ship: Record, velocity: float, shaft_speed: float, pitch_ratio: float
 ) -> tuple[float, float]:
-    """Partial derivatives of M_p to omega [N m s/rad] and to v_a [N s] (thesis eqs. 2-26, 2-38)."""
+    """Return the derivatives of M_p by omega [N m s/rad] and by v_a [N s] (thesis eqs. 2-26, 2-38)."""
     n = shaft_speed * REVOLUTIONS_PER_RADIAN
     if ship.propeller_model == FOUR_QUADRANT:
         return _slopes_in_any_quadrant(ship, velocity, n, pitch_ratio)
@@ -77,7 +81,7 @@ def torque_slopes(
 def _slopes_in_any_quadrant(
     ship: Record, velocity: float, revolutions: float, pitch_ratio: float
 ) -> tuple[float, float]:
-    """The same for a four-quadrant propeller, by complex steps."""
+    """Return the derivatives of M_p of a four-quadrant propeller, by complex steps."""
     factor = ship.density * ship.diameter**5 / ship.relative_rotative_efficiency
     v, along = velocity / ship.diameter, 1j * STEP
     by_revolutions = torque_in_any_quadrant(ship, v, revolutions + along, pitch_ratio).imag / STEP
@@ -89,10 +93,26 @@ def _slopes_in_any_quadrant(
 def velocity_from_torque(
     ship: Record, torque: float, shaft_speed: float, pitch_ratio: float, guess: float
 ) -> tuple[float, bool]:
-    """Advance velocity [m/s] at which the propeller takes a torque (thesis eqs. 3-7 and 3-8).
+    """Return the advance velocity [m/s] at a propeller torque, and its validity (thesis eqs. 3-7, 3-8).
 
-    KQ is inverted exactly. The second value tells whether the torque lies on the curve. In four
-    quadrants the shaft may turn astern, and the velocity is the one on the branch nearest to the guess.
+    KQ is inverted exactly. The velocity is valid if the torque lies on the curve. In four quadrants the
+    shaft may turn astern, and the result is on the branch nearest to the guess.
+
+    Args:
+        ship: PLANT record of the ship model.
+        torque: propeller torque [N m].
+        shaft_speed: omega [rad/s].
+        pitch_ratio: P/D [-].
+        guess: advance velocity [m/s] that selects the branch; returned if the shaft does not turn.
+
+    Example:
+        >>> from shaftline.plant import load_ship
+        >>> frigate = load_ship("frigate").record()
+        >>> velocity, valid = velocity_from_torque(
+        ...     frigate, model_torque(frigate, 7.0, 10.0, 1.3), 10.0, 1.3, 0.0
+        ... )
+        >>> round(velocity, 6), valid
+        (7.0, True)
     """
     n = shaft_speed * REVOLUTIONS_PER_RADIAN
     direction = 1.0
@@ -109,55 +129,55 @@ def velocity_from_torque(
 
 @compiled
 def highest_velocity(ship: Record, shaft_speed: float) -> float:
-    """Advance velocity [m/s] at which the torque curves end."""
+    """Return the advance velocity [m/s] at which the torque curves end."""
     return float(ship.advance_ratio_max * ship.diameter * shaft_speed * REVOLUTIONS_PER_RADIAN)
 
 
 @compiled
-def turns(ship: Record, shaft_speed: float) -> bool:
-    """Whether the shaft turns in a direction that the ship's torque curves know."""
+def shaft_turns(ship: Record, shaft_speed: float) -> bool:
+    """Return whether the shaft turns in a direction for which the ship has torque curves."""
     return bool(
         shaft_speed > AT_REST or (shaft_speed < -AT_REST and ship.propeller_model == FOUR_QUADRANT)
     )
 
 
 @compiled
-def held_on_curve(
+def limit_to_curve(
     ship: Record, velocity: float, shaft_speed: float, lowest_share: float = 0.0
 ) -> tuple[float, bool]:
-    """An estimate [m/s] held where the torque curves are known, and whether it is trusted.
+    """Limit an estimate [m/s] to the range of the torque curves, and return whether it is valid.
 
     Args:
-        ship: PLANT record of the ship as believed.
-        velocity: as estimated [m/s].
+        ship: PLANT record of the ship model.
+        velocity: estimated advance velocity [m/s].
         shaft_speed: omega [rad/s].
-        lowest_share: how far against the inflow it may go, as a share of the highest velocity. Four
-            quadrants have no such ends.
+        lowest_share: largest velocity astern, as a share of the highest velocity [-]. Four-quadrant
+            curves have no such limit.
     """
     if ship.propeller_model == FOUR_QUADRANT:
         held = min(max(velocity, -_FASTEST), _FASTEST)
-        return held, turns(ship, shaft_speed) and held == velocity
+        return held, shaft_turns(ship, shaft_speed) and held == velocity
     limit = highest_velocity(ship, shaft_speed)
     lowest = 0.0 if lowest_share == 0.0 else -lowest_share * limit
     held = min(max(velocity, lowest), limit)
-    return held, turns(ship, shaft_speed) and held == velocity and velocity >= 0.0
+    return held, shaft_turns(ship, shaft_speed) and held == velocity and velocity >= 0.0
 
 
 @compiled
-def told_by_torque(
+def torque_determines_inflow(
     ship: Record, velocity: float, shaft_speed: float, pitch_ratio: float, known: bool
 ) -> bool:
-    """Whether the torque of a four-quadrant propeller tells an estimate; of any other always.
+    """Return whether the propeller torque determines the inflow; true for all but four-quadrant curves.
 
-    Not where the shaft hardly turns, nor in the ring vortex of one that turns against the inflow
-    (:func:`shaftline.plant.propeller.outside_ring_vortex`).
+    With four-quadrant curves it does not near standstill, nor in the ring vortex of a shaft that turns
+    against the inflow (:func:`shaftline.plant.propeller.outside_ring_vortex`).
 
     Args:
-        ship: PLANT record of the ship as believed.
-        velocity: the estimate [m/s].
+        ship: PLANT record of the ship model.
+        velocity: estimated advance velocity [m/s].
         shaft_speed: omega [rad/s].
         pitch_ratio: P/D [-].
-        known: whether it was told at the last sample, the shaft turning in the same direction.
+        known: whether the last estimate was valid, with the same direction of rotation.
     """
     if ship.propeller_model != FOUR_QUADRANT:
         return True
@@ -172,55 +192,61 @@ def told_by_torque(
 Floats = NDArray[np.float64]
 
 
-def read_at_drive(ship: Ship) -> bool:
-    """Whether the torque is that of an electric drive, for want of a gauge."""
+def uses_drive_torque(ship: Ship) -> bool:
+    """Return whether the torque is that of an electric drive, because there is no torque meter.
+
+    Example:
+        >>> from shaftline.plant import load_ship
+        >>> uses_drive_torque(load_ship("frigate")), uses_drive_torque(load_ship("towing-tank"))
+        (False, True)
+    """
     electric = ship.turns_freely and not ship.has_diesel
     return electric and ship.transmission.inertia_propeller_side_kg_m2 == 0.0
 
 
-def believed(ship: Ship) -> Any:
-    """PLANT record of a ship as an observer sees it, with all inertia behind the place of its torque."""
+def observer_plant(ship: Ship) -> Any:
+    """Return the PLANT record of the ship model of an observer, with the inertia behind its torque."""
     record = ship.record()
-    if read_at_drive(ship):
+    if uses_drive_torque(ship):
         record["inertia_propeller_side"] = record["inertia_engine_side"]
         record["inertia_engine_side"] = 0.0
     return record
 
 
 @compiled
-def _less_friction(plant: Record, brake: Floats, shaft_speed: Floats, found: Floats) -> None:
+def _subtract_friction(plant: Record, brake: Floats, shaft_speed: Floats, found: Floats) -> None:
     for k in range(len(brake)):
         lost = load_torque(plant, 0.0, shaft_speed[k])
         found[k] = drive_torque(plant, brake[k], shaft_speed[k]) - lost
-        # what grows with the load is part of it: of a steady shaft, exactly
+        # The friction that grows with the load is part of the torque. This is exact in steady motion.
         carried = math.copysign(plant.load_friction, found[k] * shaft_speed[k])
         found[k] /= 1.0 + carried
 
 
 def torque_of_drive(ship: Ship, brake_torque: Floats, shaft_speed: Floats) -> Floats:
-    """Torque [N m] that a drive leaves for propeller and inertia.
+    """Return the torque [N m] of a drive less friction, shape (n,).
 
     Args:
-        ship: with an electric drive.
-        brake_torque: of the drive [N m], shape (n,).
-        shaft_speed: omega [rad/s], likewise; the friction goes by it.
+        ship: ship with an electric drive.
+        brake_torque: torque of the drive [N m], shape (n,).
+        shaft_speed: omega [rad/s], shape (n,); the friction depends on it.
     """
     found = np.empty(len(brake_torque))
     brake, speed = (np.ascontiguousarray(x, np.float64) for x in (brake_torque, shaft_speed))
-    _less_friction(ship.record(), brake, speed, found)
+    _subtract_friction(ship.record(), brake, speed, found)
     return found
 
 
 @compiled
-def _of_currents(plant: Record, current: Floats, shaft_speed: Floats, found: Floats) -> None:
+def _motor_torques(plant: Record, current: Floats, shaft_speed: Floats, found: Floats) -> None:
     for k in range(len(current)):
         turning = plant.gear_ratio * shaft_speed[k]
-        found[k] = with_offset(plant, motor_torque(plant, current[k], turning))
+        found[k] = add_torque_offset(plant, motor_torque(plant, current[k], turning))
 
 
 def torque_of_current(ship: Ship, current: Floats, shaft_speed: Floats) -> Floats:
-    """Torque [N m] of a motor by its current [A] and the shaft's speed [rad/s], each of shape (n,)."""
+    """Return the torque [N m] of a motor at currents [A] and shaft speeds [rad/s], all of shape (n,)."""
     found = np.empty(len(current))
     current, speed = (np.ascontiguousarray(x, np.float64) for x in (current, shaft_speed))
-    _of_currents(ship.record(), current, speed, found)
+    _motor_torques(ship.record(), current, speed, found)
     return found

@@ -1,7 +1,7 @@
-"""The physics: propeller, engine, shaft, hull, actuators, waves, and their integration in time."""
+"""Physics of the plant: propeller, engine, shaft, hull, actuators and waves, and their simulation."""
 
 from .approach import approach
-from .linear import along, linearise
+from .linear import linearise, linearise_along
 from .loops import Loop
 from .manoeuvres import spiral, turning_circle, zig_zag
 from .recording import RecordingError, read_recording
@@ -29,12 +29,12 @@ __all__ = [
     "State",
     "ValidityWarning",
     "Voyage",
-    "along",
     "approach",
     "departures",
     "equilibrium",
     "get_sea",
     "linearise",
+    "linearise_along",
     "load_ship",
     "nomoto",
     "read_recording",

@@ -1,4 +1,4 @@
-"""Actuators: pitch mechanism and fuel rack, with the imperfections that a real one may have."""
+"""Actuators: pitch mechanism and fuel rack, with dead band, backlash, rate limits, lag and offset."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 
 from ..core.compiled import Real, Record, compiled
 from ..core.numeric import clip
-from .keys import INF, Section, effect, number
+from .keys import INF, Section, effect, parameter
 from .validity import Validity
 
 
 class PitchActuator(Section):
-    """Hydraulic pitch mechanism, first order."""
+    """Hydraulic pitch actuator, a first-order lag."""
 
     needs = "has_variable_pitch"
     validity: ClassVar[tuple[Validity, ...]] = (
@@ -24,12 +24,18 @@ class PitchActuator(Section):
                 plant["pitch_ratio_min"] < plant["pitch_ratio_max"], samples["pitch_command"], np.nan
             ),
             lambda plant: (float(plant["pitch_ratio_min"]), float(plant["pitch_ratio_max"])),
-            "beyond it the pitch stays at its end stop",
+            "outside it the pitch stays at its end stop",
         ),
     )  # fmt: skip
 
-    time_constant_s: float = number(
-        "tau_p", "s", record="pitch_time_constant", lag=True, ge=0.05, le=100, default=2.0
+    time_constant_s: float = parameter(
+        "time constant tau_p of the pitch",
+        "s",
+        record="pitch_time_constant",
+        lag=True,
+        ge=0.05,
+        le=100,
+        default=2.0,
     )
     dead_band: float = effect(
         0.0, "P/D error that does not move it (half width)", record="pitch_dead_band", ge=0, le=0.5
@@ -47,10 +53,10 @@ class PitchActuator(Section):
 
 @compiled
 def pitch_rate(plant: Record, command: Real, pitch_ratio: Real) -> Real:
-    """d(P/D)/dt [1/s] of the pitch actuator.
+    """Return the rate d(P/D)/dt [1/s] of the pitch actuator.
 
-    First order (thesis eq. 2-9) towards the command plus ``pitch_actuator_offset``; errors inside
-    ``pitch_dead_band`` do not move it and ``pitch_rate_limit`` bounds its rate.
+    First order (thesis eq. 2-9) towards the command plus ``pitch_actuator_offset``. Errors inside
+    ``pitch_dead_band`` cause no motion, and ``pitch_rate_limit`` bounds the rate.
     """
     demand = clip(command, plant.pitch_ratio_min, plant.pitch_ratio_max)
     error = demand + plant.pitch_actuator_offset - pitch_ratio
@@ -62,7 +68,7 @@ def pitch_rate(plant: Record, command: Real, pitch_ratio: Real) -> Real:
 
 @compiled
 def blade_pitch(plant: Record, actuator_pitch: Real, blade_before: float) -> Real:
-    """Pitch ratio of the blades [-]: the play operator of ``pitch_backlash`` [-] (full width)."""
+    """Return the pitch ratio of the blades [-] behind the backlash ``pitch_backlash`` [-]."""
     if plant.pitch_backlash == 0.0:
         return actuator_pitch
     half = 0.5 * plant.pitch_backlash
@@ -74,7 +80,7 @@ def blade_pitch(plant: Record, actuator_pitch: Real, blade_before: float) -> Rea
 
 
 class RackTravel(NamedTuple):
-    """Fuel rack [mm] that acts at the start, the middle and the end of a step."""
+    """Fuel rack [mm] at the start, the middle and the end of a time step."""
 
     start: float
     middle: float
@@ -85,10 +91,10 @@ class RackTravel(NamedTuple):
 def rack_travel(plant: Record, demand: float, rack_before: float, dt: float) -> RackTravel:
     """Return the fuel rack [mm] over a step of ``dt`` seconds, with its rate limit and end stops.
 
-    The rack moves along a straight line and stands still once it has reached the demand, anywhere within
-    the step. The end is where it then stands. Start and middle are such that Simpson's rule, which is
-    how a Runge-Kutta step weighs them, gives the travel's exact mean and first moment. A rack without a
-    rate limit is at the demand throughout.
+    The rack moves at its rate limit until it reaches the command, which may be within the step. ``end``
+    is its position at the end of the step. ``start`` and ``middle`` are chosen so that Simpson's rule,
+    which a Runge-Kutta step applies to them, gives the exact mean and first moment of the travel. A
+    rack without a rate limit is at the command throughout.
     """
     low, high = plant.drive_min, plant.drive_max
     demand = min(max(demand, low), high)
@@ -100,16 +106,16 @@ def rack_travel(plant: Record, demand: float, rack_before: float, dt: float) -> 
     if abs(way) >= reach:
         end = before + math.copysign(reach, way)
         return RackTravel(before, 0.5 * (before + end), end)
-    moves = abs(way) / reach  # share of the step in which the rack moves
+    moves = abs(way) / reach  # share of the step during which the rack moves
     start = before + way * (1.0 - moves) * (1.0 - 2.0 * moves)
     return RackTravel(min(max(start, low), high), demand - 0.5 * way * moves * moves, demand)
 
 
 @compiled
 def lagged_travel(plant: Record, demand: float, before: float, dt: float) -> RackTravel:
-    """Return the command of an electric drive over a step of ``dt`` seconds, behind its lag.
+    """Return the command of an electric drive behind its first-order lag, over a step of ``dt`` seconds.
 
-    The values at start, middle and end are exact for a command that is held over the step.
+    The values at start, middle and end are exact for a command that is constant over the step.
     """
     demand = min(max(demand, plant.drive_min), plant.drive_max)
     way = before - demand

@@ -1,12 +1,13 @@
-"""Cavitation: thrust loading against Burrill's line, and the blades' angle of attack in its bucket.
+"""Cavitation: thrust loading relative to Burrill's line, and angle of attack relative to the bucket.
 
-Burrill & Emerson (1963) draw the thrust loading tau_c of the projected blade area at which a given
-share of the blades' backs cavitates, over the cavitation number sigma at 0.7 R. Their chart has no
+Burrill & Emerson (1963) plot the thrust loading tau_c of the projected blade area at which a given
+share of the back of the blades cavitates, over the cavitation number sigma at 0.7 R. Their chart has no
 printed formula; the power curve below is the one that designers commonly use for its 5 % line.
 
-A propeller in waves or while accelerating leaves its design point long before that: Vrijdag, de Jong
-and van Nuland (2013) hold the effective angle of attack of the section at 0.7 R inside the cavitation
-bucket, the range of angles in which no sheet has begun, which narrows with the cavitation number.
+A propeller in waves or during acceleration can cavitate well below this loading. Vrijdag, de Jong and
+van Nuland (2013) therefore keep the effective angle of attack of the section at 0.7 R inside the
+cavitation bucket: the range of angles without sheet cavitation, which narrows as the cavitation number
+falls.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 
 from ..core.compiled import Real, Record, compiled
 from ..core.numeric import clip
-from .keys import INF, Section, number
+from .keys import INF, Section, parameter
 from .open_water import REVOLUTIONS_PER_RADIAN
 from .propeller import cavitation_number
 from .surroundings import static_pressure
@@ -26,14 +27,14 @@ LINE_FACTOR, LINE_OFFSET, LINE_EXPONENT = 0.28, 0.03, 0.57
 """tau_limit = 0.28 (sigma - 0.03)^0.57 for 5 % back cavitation."""
 
 LOWEST_SIGMA, HIGHEST_SIGMA = 0.1, 2.0
-"""Range of the chart's sigma; outside, the line is held at its ends."""
+"""Range of sigma in the chart; outside it, the line is held constant."""
 
-_AT_REST = 1e-6  # m2/s2; below it, nothing moves that could cavitate
+_AT_REST = 1e-6  # m2/s2; below it the flow is too slow for cavitation
 
 
 @compiled
 def burrill_limit(sigma: Real) -> Real:
-    """Thrust loading tau_c [-] of 5 % back cavitation at a cavitation number sigma_0.7R [-]."""
+    """Return the thrust loading tau_c [-] of 5 % back cavitation at a number sigma_0.7R [-]."""
     held = clip(sigma, LOWEST_SIGMA, HIGHEST_SIGMA)
     return LINE_FACTOR * (held - LINE_OFFSET) ** LINE_EXPONENT
 
@@ -47,11 +48,13 @@ def burrill_ratio(
     pitch_ratio: Real,
     submergence: Real,
 ) -> Real:
-    """Thrust loading over Burrill's 5 % limit, tau_c / tau_limit [-]; above 1 more than 5 % cavitates.
+    """Return the thrust loading over Burrill's 5 % limit, tau_c / tau_limit [-].
+
+    Above 1, more than 5 % of the back of the blades cavitates.
 
     Args:
         plant: ship record.
-        thrust: T of one propeller [N]; astern or windmilling thrust counts as none.
+        thrust: T of one propeller [N]; a thrust below 0 gives 0.
         advance_velocity: v_a [m/s].
         shaft_speed: omega [rad/s].
         pitch_ratio: P/D [-], for the projected area A_P = A_E (1.067 - 0.229 P/D).
@@ -69,27 +72,27 @@ def burrill_ratio(
 
 
 class CavitationBucket(Section):
-    """Angles of attack of the blades at which no sheet cavitation begins; without one, all of them."""
+    """Cavitation bucket: angles of attack without sheet cavitation; infinitely wide by default."""
 
     needs = "has_propeller in_water"
 
-    pitch_factor: float = number(
-        "c1: effective over geometric pitch angle", record="attack_pitch_factor", gt=0, le=2,
+    pitch_factor: float = parameter(
+        "c1: effective pitch angle / geometric pitch angle", record="attack_pitch_factor", gt=0, le=2,
         default=1.0,
     )  # fmt: skip
-    inflow_factor: float = number(
-        "c2: inflow at the section over v_a", record="attack_inflow_factor", gt=0, le=2, default=1.0
+    inflow_factor: float = parameter(
+        "c2: inflow at the section / v_a", record="attack_inflow_factor", gt=0, le=2, default=1.0
     )
-    centre_deg: float = number(
-        "angle of attack to which the bucket narrows", "deg", record="bucket_centre", ge=-10,
-        le=20, default=0.0,
+    centre_deg: float = parameter(
+        "centre of the bucket: angle of attack to which it narrows", "deg", record="bucket_centre",
+        ge=-10, le=20, default=0.0,
     )  # fmt: skip
-    suction_deg: float = number(
-        "its width to the suction side per unit of sigma_n", "deg", record="bucket_suction", gt=0,
+    suction_deg: float = parameter(
+        "width to the suction side per unit of sigma_n", "deg", record="bucket_suction", gt=0,
         default=INF,
     )  # fmt: skip
-    pressure_deg: float = number(
-        "its width to the pressure side per unit of sigma_n", "deg", record="bucket_pressure", gt=0,
+    pressure_deg: float = parameter(
+        "width to the pressure side per unit of sigma_n", "deg", record="bucket_pressure", gt=0,
         default=INF,
     )  # fmt: skip
 
@@ -98,10 +101,9 @@ class CavitationBucket(Section):
 def effective_attack(
     plant: Record, advance_velocity: Real, shaft_speed: Real, pitch_ratio: Real
 ) -> Real:
-    """Effective angle of attack [deg] of the blade section at 0.7 R (Vrijdag et al. 2013, eq. 1).
+    """Return the effective angle of attack [deg] of the section at 0.7 R (Vrijdag et al. 2013, eq. 1).
 
-    alpha = c1 arctan(P/D / (0.7 pi)) - arctan(c2 v_a / (0.7 pi n D)); 0 for a shaft that does not turn
-    ahead.
+    alpha = c1 arctan(P/D / (0.7 pi)) - arctan(c2 v_a / (0.7 pi n D)); 0 unless the shaft turns ahead.
     """
     if shaft_speed.real <= 0.0:
         return 0.0
@@ -113,7 +115,7 @@ def effective_attack(
 
 @compiled
 def outside_bucket(plant: Record, attack: Real, shaft_speed: Real, submergence: Real) -> Real:
-    """How far [deg] an angle of attack lies outside the cavitation bucket; 0 inside.
+    """Return the distance [deg] of an angle of attack from the cavitation bucket; 0 inside it.
 
     Args:
         plant: ship record.

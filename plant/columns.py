@@ -1,4 +1,4 @@
-"""The columns that a recording may have: the signals' own, and the demands on the prime movers."""
+"""Columns of a recording: which are known, which drive a ship, and which a simulation gives."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ RUDDER_COMMAND, RUDDER = "rudder_command_rad", "rudder_rad"
 SWAY_SPEED, YAW_RATE, HEADING = "sway_speed_m_s", "yaw_rate_rad_s", "heading_rad"
 
 DEMANDS = tuple(drive.demand for drive in DRIVES)
-"""Signal by which each kind of prime mover is driven."""
+"""Command signal of each kind of prime mover."""
 
 BOUNDS = {
     signal.column: (signal.low, signal.high, signal.unit)
     for signal in (*SIGNALS, *DEMANDS, *RECORDED_SIGNALS)
 }
-"""Lowest and highest value and unit of each column that is understood."""
+"""Lowest value, highest value and unit of each known column."""
 
 _DEMANDS = tuple(demand.column for demand in DEMANDS if demand.column != SHAFT_SPEED)
 COLUMNS = (
@@ -29,7 +29,7 @@ COLUMNS = (
     "inflow_velocity_m_s",
     RUDDER_COMMAND, RUDDER, SWAY_SPEED, YAW_RATE, HEADING,
 )  # fmt: skip
-"""Canonical columns of a recording; demands first, then what was measured."""
+"""Canonical columns of a recording: commands first, then measurements."""
 
 MEASURED = {
     "pitch_ratio": "measured_pitch_ratio",
@@ -46,50 +46,51 @@ MEASURED = {
     HEADING: "heading",
     RUDDER: "rudder_angle",
 }
-"""Measured columns and the simulated signal that answers each."""
+"""Measured columns, each with the simulated signal that corresponds to it."""
 
-IN_A_TURN = (SWAY_SPEED, YAW_RATE, HEADING, RUDDER)
-"""Columns that a ship has that turns."""
+TURNING_COLUMNS = (SWAY_SPEED, YAW_RATE, HEADING, RUDDER)
+"""Columns that only a ship with sway and yaw has."""
 
-ON_ANY_SHIP = tuple(MEASURED)[:4]
-"""Columns that a simulation always has; the rest where the recording has them."""
+ALWAYS_SIMULATED = tuple(MEASURED)[:4]
+"""Columns that a simulation always returns; it returns the others only if the recording has them."""
 
 
 def drive_column(ship: Ship) -> str:
-    """Column that holds the demand on the ship's prime mover."""
+    """Return the column of the command to the ship's prime mover."""
     return ship.prime_mover.demand.column
 
 
 def signal_columns(ship: Ship) -> dict[str, str]:
-    """Signals that a ship has, by the column that each has in her recordings; canonical ones first.
+    """Return the signals of a ship by their columns in a recording, canonical columns first.
 
-    The demand stands under the name of her prime mover's, and what she does not have is left out: of a
-    fixed pitch the order, of a straight course the turn, the current without an armature.
+    The signal ``drive`` has the column of the ship's own prime mover. Columns that do not apply are
+    absent: the pitch command of a fixed pitch, sway and yaw of a straight course, the current of a drive
+    without an armature.
     """
-    found = {s.column: s.name for s in SIGNALS if s.name != "drive"}
-    found = {drive_column(ship): "drive"} | found  # of a shaft that is led, the speed reached
-    absent = foreign_columns(ship) | (set() if ship.has_variable_pitch else {"pitch_ratio_command"})
-    ordered = dict.fromkeys((*(c for c in COLUMNS if c in found), *found))
-    return {column: found[column] for column in ordered if column not in absent}
+    names = {s.column: s.name for s in SIGNALS if s.name != "drive"}
+    names = {drive_column(ship): "drive"} | names  # if the drive holds the speed: the speed reached
+    absent = absent_columns(ship) | (set() if ship.has_variable_pitch else {"pitch_ratio_command"})
+    ordered = dict.fromkeys((*(c for c in COLUMNS if c in names), *names))
+    return {column: names[column] for column in ordered if column not in absent}
 
 
-def answered_columns(ship: Ship) -> list[str]:
-    """Measured columns that a simulation of the ship answers."""
+def simulated_columns(ship: Ship) -> list[str]:
+    """Return the measured columns that a simulation of the ship gives."""
     none = set() if ship.has_propeller else {"thrust_N"}
     none |= set() if ship.turns_freely else {SHAFT_SPEED, SHAFT_ANGLE}
-    none |= set() if ship.turns else set(IN_A_TURN)
+    none |= set() if ship.turns else set(TURNING_COLUMNS)
     none |= set() if ship.prime_mover.electric else {ELECTRIC_POWER}
     return [column for column in MEASURED if column not in none]
 
 
-def foreign_columns(ship: Ship) -> set[str]:
-    """Columns of what the ship does not have: an armature, an electric drive, a rudder."""
+def absent_columns(ship: Ship) -> set[str]:
+    """Return the columns of equipment that the ship lacks: armature, electric drive, rudder."""
     absent = set() if ship.has_voltage else {"motor_current_A", "true_motor_current_A"}
     absent |= set() if ship.prime_mover.electric else {ELECTRIC_POWER}
-    return absent if ship.turns else {*absent, *IN_A_TURN, RUDDER_COMMAND}
+    return absent if ship.turns else {*absent, *TURNING_COLUMNS, RUDDER_COMMAND}
 
 
 def input_columns(ship: Ship) -> list[str]:
-    """Columns that a recording must have to drive the ship."""
+    """Return the columns that a recording must have in order to drive the ship."""
     command = ["pitch_ratio_command"] if ship.has_variable_pitch else []
     return [TIME, drive_column(ship), *command]

@@ -1,7 +1,8 @@
-"""The plant's equations of motion, put together from the parts.
+"""Equations of motion of the plant, assembled from its models.
 
-``loads`` gives the torques and forces at one instant, ``evaluate`` the state's derivative under them:
-the only place where it is formed (thesis eq. 2-20). Both take complex numbers, for exact linear models.
+``loads`` returns the torques and forces at one instant. ``evaluate`` returns the derivative of the
+state under these loads; the derivative is formed nowhere else (thesis eq. 2-20). Both accept complex
+numbers, for exact linear models.
 """
 
 from __future__ import annotations
@@ -11,8 +12,8 @@ from typing import NamedTuple
 
 from ..core.compiled import Real, Record, compiled
 from .actuators import blade_pitch, pitch_rate
-from .drives import Driving, driven, electric_power, holding_torque
-from .expressions import Heard, Loaded, added, added_before
+from .drives import DriveStates, drive_output, electric_power, holding_torque
+from .expressions import InputSignals, LoadSignals, sum_input_terms, sum_load_terms
 from .hull import resistance, wake_inflow, water_speed, wave_resistance
 from .kinematics import over_ground
 from .manoeuvring import (
@@ -27,50 +28,45 @@ from .rudder import rudder_angle, rudder_forces, rudder_rate
 from .shaft import (
     brake_torque_of,
     drive_torque,
-    gauge_torque,
     load_friction,
     load_torque,
     shaft_inertia,
+    shaft_meter_torque,
 )
 from .state import (
-    AIR,
     LAGGING,
     TERM_STATES,
+    VENTILATION_DIRECTION,
     WAITING,
     Inputs,
     Outputs,
     State,
-    along,
-    moved,
-    without_rates,
+    directional_rate,
+    shift_state,
+    zero_lag_rates,
 )
-from .ventilation import (
-    can_ventilate,
-    relative_submergence,
-    suction_head,
-    ventilation_rate,
-)
+from .ventilation import can_ventilate, relative_submergence, suction_head, ventilation_rate
 
 
 class Loads(NamedTuple):
-    """Torques and forces on shaft and hull at one instant, and the rates of what lags."""
+    """Torques and forces on shaft and hull at one instant, and the rates of the lag states."""
 
-    shaft_speed: Real  # omega, the state's or the one that is held [rad/s]
+    shaft_speed: Real  # omega, the state or the held speed [rad/s]
     advance_velocity: Real  # v_a [m/s]
     submergence: Real  # of the propeller's centre [m]
     thrust: Real  # of one propeller [N]
-    thrust_coefficient: Real  # KT [-] without air
+    thrust_coefficient: Real  # KT [-] without ventilation
     propeller_torque: Real  # M_p [N m]
     brake_torque: Real  # M_b [N m]
     motor_current: Real  # [A]
     electric_power: Real  # of the drive [W]
-    drive_torque: Real  # on the shaft before the gauge [N m]
-    load_torque: Real  # on the shaft behind it [N m]
-    push: Real  # of all propellers on the hull [N]
+    drive_torque: Real  # on the shaft before the torque meter [N m]
+    load_torque: Real  # on the shaft behind the torque meter [N m]
+    push: Real  # total propeller thrust on the hull, after thrust deduction [N]
     resistance: Real  # R [N]
     ahead: Real  # u through the water [m/s]
     across: Real  # v through the water [m/s]
-    surge_force: Real  # of hull and rudder in a turn, beside the resistance [N]
+    surge_force: Real  # of hull and rudder in a turn, without the resistance [N]
     side_force: Real  # Y [N]
     yaw_moment: Real  # N [N m]
     inflow_rate: Real  # [m/s2]
@@ -78,20 +74,20 @@ class Loads(NamedTuple):
     motor_current_rate: Real  # [A/s]
     charge_rate: Real  # [1/s]
     warmth_rate: Real  # [1/s]
-    added_pitch_rate: Real  # by terms [1/s]
-    term_rate_1: Real  # of the states of terms
+    added_pitch_rate: Real  # from terms [1/s]
+    term_rate_1: Real  # of the terms' states
     term_rate_2: Real
     term_rate_3: Real
 
 
 @compiled
 def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
-    """Torques and forces at one instant.
+    """Return torques and forces at one instant.
 
     Args:
         plant: ship record.
         state: continuous states; real or complex.
-        inputs: what acts at this instant.
+        inputs: inputs at this instant.
         blade: pitch ratio of the blades [-].
 
     Constant divisors are written as reciprocals so that one division serves all stages of a step.
@@ -117,13 +113,13 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
     rudder = 0.0
     if plant.turns != 0:
         rudder = rudder_angle(plant, state.rudder_angle, inputs.rudder_command)
-    heard = Heard(
+    input_signals = InputSignals(
         omega, state.ship_speed, blade, inputs.pitch_command, demand, kinematic,
         submergence, inputs.time, state.sway_speed, state.yaw_rate, state.heading, rudder,
         state.shaft_angle,
     )  # fmt: skip
     if plant.term_early > 0:
-        before = added_before(plant, heard, states, inputs.outside)
+        before = sum_input_terms(plant, input_signals, states, inputs.outside)
         kinematic = kinematic + before.inflow_velocity
         demand = demand + before.drive
     inflow_rate = 0.0
@@ -135,8 +131,8 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
     propeller_torque = load.torque * (1.0 / plant.relative_rotative_efficiency)  # eq. 2-5
 
     engine_speed = plant.gear_ratio * omega  # eq. 2-11
-    driving = Driving(state.brake_torque, state.motor_current, state.charge, state.warmth)
-    mover = driven(plant, engine_speed, demand, driving)
+    driving = DriveStates(state.brake_torque, state.motor_current, state.charge, state.warmth)
+    mover = drive_output(plant, engine_speed, demand, driving)
 
     drive = drive_torque(plant, mover.brake_torque, omega)
     load_behind = load_torque(plant, propeller_torque, omega)
@@ -151,11 +147,11 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
         surge_force, side_force, yaw_moment = surge_force + x, side_force + y, yaw_moment + n
     added_pitch_rate = term_rate_1 = term_rate_2 = term_rate_3 = 0.0
     if plant.term_count > 0:
-        loaded = Loaded(
+        load_signals = LoadSignals(
             thrust, propeller_torque, mover.brake_torque, drag,
             pitch_rate(plant, inputs.pitch_command, state.pitch_ratio),
         )  # fmt: skip
-        more = added(plant, heard, loaded, states, inputs.outside)
+        more = sum_load_terms(plant, input_signals, load_signals, states, inputs.outside)
         thrust = thrust + more.thrust
         drive = drive + more.drive_torque
         load_behind = load_behind + more.load_torque
@@ -172,25 +168,47 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
         drive = holding_torque(plant, load_behind, inputs.drive_rate)
         brake_torque = brake_torque_of(plant, drive, omega)
     return Loads(
-        omega, advance, submergence, thrust, load.thrust_coefficient, propeller_torque, brake_torque,
-        mover.current, electric_power(plant, mover, brake_torque, engine_speed), drive, load_behind,
-        push, drag, speed, across, surge_force, side_force, yaw_moment, inflow_rate,
-        mover.brake_torque_rate, mover.current_rate, mover.charge_rate, mover.warmth_rate,
-        added_pitch_rate, term_rate_1, term_rate_2, term_rate_3,
-    )  # fmt: skip
+        shaft_speed=omega,
+        advance_velocity=advance,
+        submergence=submergence,
+        thrust=thrust,
+        thrust_coefficient=load.thrust_coefficient,
+        propeller_torque=propeller_torque,
+        brake_torque=brake_torque,
+        motor_current=mover.current,
+        electric_power=electric_power(plant, mover, brake_torque, engine_speed),
+        drive_torque=drive,
+        load_torque=load_behind,
+        push=push,
+        resistance=drag,
+        ahead=speed,
+        across=across,
+        surge_force=surge_force,
+        side_force=side_force,
+        yaw_moment=yaw_moment,
+        inflow_rate=inflow_rate,
+        brake_torque_rate=mover.brake_torque_rate,
+        motor_current_rate=mover.current_rate,
+        charge_rate=mover.charge_rate,
+        warmth_rate=mover.warmth_rate,
+        added_pitch_rate=added_pitch_rate,
+        term_rate_1=term_rate_1,
+        term_rate_2=term_rate_2,
+        term_rate_3=term_rate_3,
+    )
 
 
 @compiled
 def evaluate(
     plant: Record, state: State, inputs: Inputs, blade_before: float
 ) -> tuple[State, Outputs]:
-    """The state's derivative and the outputs (thesis eq. 2-20 with the optional effects).
+    """Return the derivative of the state and the outputs (thesis eq. 2-20 with the optional effects).
 
     Args:
         plant: ship record.
         state: continuous states; real or complex.
-        inputs: what acts at this instant.
-        blade_before: blade pitch at the last step (for backlash) [-].
+        inputs: inputs at this instant.
+        blade_before: pitch ratio of the blades after the previous step (for backlash) [-].
     """
     blade = blade_pitch(plant, state.pitch_ratio, blade_before)
     acting = loads(plant, state, inputs, blade)
@@ -212,7 +230,7 @@ def evaluate(
         )  # fmt: skip
         if plant.rudder_lag.real > 0.0:
             helm_rate = rudder_rate(plant, inputs.rudder_command, state.rudder_angle)
-    torque = gauge_torque(plant, acting.drive_torque, acting.load_torque, acceleration)
+    torque = shaft_meter_torque(plant, acting.drive_torque, acting.load_torque, acceleration)
     blade_rate = pitch_rate(plant, inputs.pitch_command, state.pitch_ratio)
     if plant.term_count > 0:
         blade_rate = blade_rate + acting.added_pitch_rate
@@ -265,18 +283,18 @@ def evaluate(
 
 
 @compiled
-def settled(plant: Record, state: State, inputs: Inputs) -> State:
-    """The same state with all that lags where its lag leads it: as if it had been there for ever.
+def settle_lags(plant: Record, state: State, inputs: Inputs) -> State:
+    """Return a state in which all lag states are at rest for the present speeds and inputs.
 
     Args:
         plant: ship record.
-        state: pitch, shaft speed, ship speed and position; lags are sought from the values given.
-        inputs: what acts.
+        state: pitch, shaft speed, ship speed and position; lag states start from the values given.
+        inputs: inputs at this instant.
 
-    Each lag is linear in its own state and no lag acts on another's, so one Newton step finds them; the
-    others take away what rounding leaves. Only a diesel's torque and what it waits for act on each
-    other, and close in on where they rest. Ventilation and the state of a term are sought with all else
-    held, from the value given, first the way that they move. Where the rate has no root, they stay.
+    Each lag is linear in its own state and independent of the other lags, so one Newton step solves it;
+    further steps remove rounding errors. The torque of a diesel and its charge air or warmth depend on
+    each other and converge by iteration. Ventilation and the states of terms are solved one at a time,
+    first in the direction in which they move. A state whose rate has no root stays unchanged.
     """
     waits = plant.charge_lag.real > 0.0 or plant.warmth_lag.real > 0.0
     for _ in range(60 if waits else 3):
@@ -285,10 +303,12 @@ def settled(plant: Record, state: State, inputs: Inputs) -> State:
         if waits:
             state = _without_rates(plant, state, inputs, WAITING)
         if can_ventilate(plant):
-            state = moved(state, AIR, _to_rest(plant, state, inputs, AIR))
+            rest = _distance_to_rest(plant, state, inputs, VENTILATION_DIRECTION)
+            state = shift_state(state, VENTILATION_DIRECTION, rest)
         for k in range(plant.term_states):
-            state = moved(state, TERM_STATES[k], _to_rest(plant, state, inputs, TERM_STATES[k]))
-        if state == before:  # to the last bit, so further rounds would change nothing
+            rest = _distance_to_rest(plant, state, inputs, TERM_STATES[k])
+            state = shift_state(state, TERM_STATES[k], rest)
+        if state == before:  # Equal to the last bit: further iterations would change nothing.
             break
     return state
 
@@ -296,26 +316,27 @@ def settled(plant: Record, state: State, inputs: Inputs) -> State:
 @compiled
 def _without_rates(plant: Record, state: State, inputs: Inputs, probe: State) -> State:
     rate, _ = evaluate(plant, state, inputs, state.pitch_ratio)
-    beside, _ = evaluate(plant, moved(state, probe, 1.0), inputs, state.pitch_ratio)
-    return without_rates(state, rate, beside, probe)
+    beside, _ = evaluate(plant, shift_state(state, probe, 1.0), inputs, state.pitch_ratio)
+    return zero_lag_rates(state, rate, beside, probe)
 
 
 @compiled
-def _to_rest(plant: Record, state: State, inputs: Inputs, direction: State) -> float:
-    """Return how far a state is from where its rate vanishes; 0 where that is nowhere.
+def _distance_to_rest(plant: Record, state: State, inputs: Inputs, direction: State) -> float:
+    """Return the distance along a direction to the point where the rate vanishes; 0 if there is none.
 
-    By doubled steps and halved intervals, first the way that the state moves, then the other way.
+    The search doubles its steps until the rate changes sign, then bisects: first in the direction in
+    which the state moves, then in the opposite one.
     """
     rate, _ = evaluate(plant, state, inputs, state.pitch_ratio)
-    begins = along(rate, direction)
+    begins = directional_rate(rate, direction)
     if begins == 0.0:
         return 0.0
     near = far = 0.0
     for side in (1.0, -1.0):
         near, far = 0.0, math.copysign(1e-6, side * begins)
         for _ in range(80):
-            rate, _ = evaluate(plant, moved(state, direction, far), inputs, state.pitch_ratio)
-            if along(rate, direction) * begins <= 0.0:
+            rate, _ = evaluate(plant, shift_state(state, direction, far), inputs, state.pitch_ratio)
+            if directional_rate(rate, direction) * begins <= 0.0:
                 break
             near, far = far, 2.0 * far
         else:
@@ -325,8 +346,8 @@ def _to_rest(plant: Record, state: State, inputs: Inputs, direction: State) -> f
         return 0.0
     for _ in range(60):
         middle = 0.5 * (near + far)
-        rate, _ = evaluate(plant, moved(state, direction, middle), inputs, state.pitch_ratio)
-        if along(rate, direction) * begins > 0.0:
+        rate, _ = evaluate(plant, shift_state(state, direction, middle), inputs, state.pitch_ratio)
+        if directional_rate(rate, direction) * begins > 0.0:
             near = middle
         else:
             far = middle

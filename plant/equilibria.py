@@ -1,8 +1,8 @@
-"""Rows that are slower than the ship: each is an equilibrium of the ship at the inputs of that row.
+"""Simulation of recordings with slow rows: each row is an equilibrium of the ship at its inputs.
 
 Logs of ships in service have a row every ten minutes, hour or day. Between two such rows the shaft and
-the hull settle many times over, so a row depends on its own inputs and on no other row. Inertia, mass,
-lags and delays do not act.
+the hull settle many times over, so a row depends on its own inputs only. Inertia, mass, lags and delays
+have no effect.
 """
 
 from __future__ import annotations
@@ -15,11 +15,18 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
-from .columns import MEASURED, answered_columns, input_columns
-from .dynamics import evaluate, settled
-from .expressions import outside_at
+from .columns import MEASURED, input_columns, simulated_columns
+from .dynamics import evaluate, settle_lags
+from .expressions import external_at
 from .hull import episode_factor
-from .memory import MEMORY, current_read, pitch_read, speed_read, thrust_read, torque_read
+from .memory import (
+    MEMORY,
+    measured_current_of,
+    measured_pitch_of,
+    measured_speed_of,
+    measured_thrust_of,
+    measured_torque_of,
+)
 from .recording import WATER, RecordedInputs
 from .replay import Replay
 from .shaft import shaft_inertia
@@ -31,28 +38,28 @@ from .steady_state import equilibrium
 from .ventilation import can_ventilate
 
 MOST_STEPS = 200
-"""Steps towards one equilibrium, at most."""
+"""Largest number of steps to one equilibrium."""
 
 BALANCED = 1e-11
-"""Share of the propeller torque and of the resistance that may be left over at an equilibrium."""
+"""Residual of an equilibrium: share of the propeller torque and of the resistance."""
 
 NEAR = 0.3
-"""The same, below which plain Newton steps are taken from the start."""
+"""Residual below which plain Newton steps are taken from the start."""
 
 STALLED = 0.1
-"""Share of the first row's shaft speed below which the next row does not start from a row's state."""
+"""Share of the first row's shaft speed below which the next row starts from the first row's state."""
 
 LONGEST_STEP = 0.3
-"""Share of the present scale of shaft speed and ship speed by which a step may change them."""
+"""Largest step, as a share of the present shaft speed and ship speed."""
 
 
 @compiled
 def _surplus(
     plant: Record, state: State, inputs: Inputs, settles: bool
 ) -> tuple[float, float, State, Outputs]:
-    """Return the torque [N m] and force [N] left over at a state, the state and its outputs."""
+    """Return the unbalanced torque [N m] and force [N] at a state, the state and its outputs."""
     if settles:
-        state = settled(plant, state, inputs)
+        state = settle_lags(plant, state, inputs)
     rate, outputs = evaluate(plant, state, inputs, state.pitch_ratio)
     torque = rate.shaft_speed * shaft_inertia(plant)
     return torque, rate.ship_speed * plant.mass, state, outputs
@@ -64,16 +71,16 @@ def equilibrium_near(
 ) -> tuple[State, Outputs]:
     """Return the equilibrium that a ship reaches from a state, and the outputs there.
 
-    Pseudo-transient continuation (Kelley & Keyes 1998): implicit Euler steps along the ship's own
-    motion, with the inertias scaled so that shaft and hull are equally fast. The steps grow as the ship
-    comes to rest and end as Newton's, so a stable equilibrium is found.
+    Pseudo-transient continuation (Kelley & Keyes 1998): implicit Euler steps along the motion of the
+    ship, with inertias scaled so that shaft and hull are equally fast. The steps grow as the ship
+    approaches rest and end as Newton steps, so the result is a stable equilibrium.
 
     Args:
         plant: ship record without lags.
-        state: from which it starts; its pitch ratio is that of the row.
-        inputs: of the row.
-        settles: whether other states than the speeds must come to rest.
-        leads: whether the drive holds the shaft's speed.
+        state: start of the search, with the pitch ratio of the row.
+        inputs: inputs of the row.
+        settles: whether states other than the two speeds must come to rest.
+        leads: whether the drive holds the shaft speed.
     """
     moves, pitch = plant.hull_fixed == 0, state.pitch_ratio
     torque, force, state, outputs = _surplus(plant, state, inputs, settles)
@@ -93,7 +100,7 @@ def equilibrium_near(
         else:
             length = min(1e12, length * min(max(before / left, 0.3), 10.0))
         before = left
-        # slopes of the shares a and b over shares of the speeds
+        # Slopes of the residuals a and b with respect to relative changes of the two speeds.
         aa = ab = ba = bb = 0.0
         step = 1e-6
         if not leads:
@@ -113,7 +120,9 @@ def equilibrium_near(
         one, two = 1.0 / length - aa, 1.0 / length - bb
         determinant = one * two - ab * ba
         if not (one > 0.0 or two > 0.0) or determinant == 0.0:
-            determinant = 1.0  # the ship runs away from here: a short step along its motion
+            determinant = (
+                1.0  # The equilibrium is unstable here: take a short step along the motion.
+            )
             one, two, ab, ba = 1.0, 1.0, 0.0, 0.0
         by_shaft = (two * a + ab * b) / determinant
         by_speed = (ba * a + one * b) / determinant
@@ -148,15 +157,15 @@ def fill_equilibria(
 
     Args:
         plant: PLANT record without lags.
-        state: STATE record from which the first row's equilibrium is sought.
-        memory: MEMORY record, for what the instruments measure.
-        drive: command of each row [mm | V | N m | rad/s], shape (n,), as are the next three.
+        state: STATE record from which the search for the first row starts.
+        memory: MEMORY record, for the measurements.
+        drive: drive command of each row [mm | V | N m | rad/s], shape (n,), as are the next three.
         pitch: commanded pitch ratio [-].
         inflow: disturbance of the advance velocity [m/s].
-        elevation: of the surface above the propeller [m].
-        signals: that terms hear, shape (n, MAX_SIGNALS) or one row.
-        interval: from row to row [s].
-        samples: SAMPLE array of shape (n,).
+        elevation: elevation of the surface above the propeller [m].
+        signals: external signals, shape (n, MAX_SIGNALS) or one row.
+        interval: time between two rows [s].
+        samples: SAMPLE array of shape (n,), filled.
     """
     leads = plant.speed_held != 0
     settles = plant.term_states > 0 or can_ventilate(plant)
@@ -169,22 +178,22 @@ def fill_equilibria(
         factor = episode_factor(plant, time - 0.5 * interval, interval)
         inputs = Inputs(
             command, pitch[k], inflow[k], 0.0, 0.0, 0.0, 0.0, elevation[k], factor, time, 0.0, 0.0,
-            0.0, 0.0, outside_at(signals, k),
+            0.0, 0.0, external_at(signals, k),
         )  # fmt: skip
         if abs(now.shaft_speed) < STALLED * abs(first.shaft_speed):
             now = first
         shaft = command if leads else now.shaft_speed
         here = with_motion(now, blade, shaft, now.ship_speed)
-        if plant.term_count > 0:  # what acts on the actuator keeps the blades away from the command
+        if plant.term_count > 0:  # A term on the actuator shifts the blades from the command.
             rate, _ = evaluate(plant, here, inputs, blade)
             blade += plant.pitch_time_constant * rate.pitch_ratio
             here = with_motion(now, blade, shaft, now.ship_speed)
         here, outputs = equilibrium_near(plant, here, inputs, settles, leads)
-        memory.shaft_speed = speed_read(plant, here.shaft_speed)
-        memory.pitch_ratio = pitch_read(plant, outputs.pitch_ratio)
-        memory.shaft_torque = torque_read(plant, outputs.shaft_torque)
-        memory.thrust = thrust_read(plant, outputs.thrust)
-        memory.motor_current = current_read(plant, outputs.motor_current)
+        memory.shaft_speed = measured_speed_of(plant, here.shaft_speed)
+        memory.pitch_ratio = measured_pitch_of(plant, outputs.pitch_ratio)
+        memory.shaft_torque = measured_torque_of(plant, outputs.shaft_torque)
+        memory.thrust = measured_thrust_of(plant, outputs.thrust)
+        memory.motor_current = measured_current_of(plant, outputs.motor_current)
         write_sample(
             plant, samples[k], time, command, pitch[k], 0.0, here, memory, here.ship_speed, outputs
         )
@@ -193,20 +202,20 @@ def fill_equilibria(
 
 
 class SteadyReplay(Replay):
-    """Rows of a recording, each of them an equilibrium of the ship at the inputs of that row.
+    """Simulation of a recording whose rows are equilibria of the ship.
 
-    It has the interface of :class:`.replay.Replay`. Where several equilibria exist, that of a row is
-    the one which the ship reaches from the equilibrium of the row before, its shaft turning. A ship that
-    turns runs straight ahead, her rudder amidships.
+    It has the interface of :class:`.replay.Replay`. If several equilibria exist, the ship takes the one
+    that it reaches from the equilibrium of the previous row with the shaft turning. A ship with sway and
+    yaw runs straight ahead with the rudder amidships.
 
     Args:
         ship: the ship.
         table: canonical columns at an even interval, all finite.
 
     Raises:
-        RecordingError: a column that is missing or not finite, no state to start from, or a measured
-            inflow at a hull that moves without a ship speed beside it.
-        ShipError: a term hears a signal of which the recording has no column.
+        RecordingError: a column is missing or not finite, there is no state to start from, or a moving
+            hull has a measured inflow but no ship speed.
+        ShipError: a term uses a signal for which the recording has no column.
     """
 
     def __init__(self, ship: Ship, table: pd.DataFrame) -> None:
@@ -215,23 +224,24 @@ class SteadyReplay(Replay):
         self.drive, self.pitch = self.drive_rows, self.command
         self.helm_measured = False
         self.rudder = self.rudder_rows = np.zeros(self.rows)
-        self.channels = [column for column in answered_columns(ship) if column in table]
+        self.channels = [column for column in simulated_columns(ship) if column in table]
         self.start = self._running_state()
         self._beside = {}
-        heard = (name for name in ship.signals if name in table)
-        self.signals = ship.outside_rows({name: self._column(name) for name in heard})
+        signals = (name for name in ship.signals if name in table)
+        self.signals = ship.external_rows({name: self._column(name) for name in signals})
 
     def _running_state(self) -> tuple[float, float, float]:
         """Return pitch ratio, shaft speed and ship speed of a running ship at the first row's inputs.
 
-        A first row that was recorded wrongly may be near a stalled engine's equilibrium.
+        The measured first row is not used: if it is wrong, it may be near the equilibrium of a stalled
+        engine.
         """
-        heard = {name: float(self._column(name)[0]) for name in self.ship.hears}
+        signals = {name: float(self._column(name)[0]) for name in self.ship.external_signals}
         try:
             state = equilibrium(
-                self.ship, float(self.drive[0]), float(self.pitch[0]), signals=heard
+                self.ship, float(self.drive[0]), float(self.pitch[0]), signals=signals
             ).state
-        except ValueError:  # none with the shaft turning ahead
+        except ValueError:  # There is no equilibrium with the shaft turning ahead.
             return self._first_state(1)
         return float(state.pitch_ratio), float(state.shaft_speed), float(state.ship_speed)
 
@@ -246,8 +256,8 @@ class SteadyReplay(Replay):
 
         Args:
             plant: ship record.
-            start: not used; an equilibrium does not depend on it.
-            sea: not used; waves have no steady state.
+            start: ignored; an equilibrium does not depend on it.
+            sea: ignored; waves have no steady state.
         """
         prompt = without_lags(plant)
         state = np.zeros(1, STATE)
@@ -268,11 +278,11 @@ def simulate_steady(ship: Ship, recording: pd.DataFrame) -> pd.DataFrame:
         recording: canonical columns at an even interval.
 
     Returns:
-        The same time base and columns: the inputs as given, everything else simulated.
+        The same time base and columns: the inputs as given, the other columns simulated.
 
     Raises:
-        RecordingError: as of :class:`SteadyReplay`.
-        ShipError: likewise.
+        RecordingError: as in :class:`SteadyReplay`.
+        ShipError: as in :class:`SteadyReplay`.
     """
     replay = SteadyReplay(ship, recording)
     samples = replay.simulate(ship.record())

@@ -1,6 +1,8 @@
-"""Evaluating terms inside the equations: operations on a stack, as :mod:`.terms` writes them.
+"""Expressions of terms: parsed into operations on a stack, and evaluated inside the equations.
 
-Expressions of terms: parsed, never run, into a list of operations on a stack for the kernels.
+An expression is never executed as Python. :func:`parse_expression` translates it into a program, a list
+of operations with indices of constants and signals. The kernels run the programs that :mod:`.terms`
+writes into the ship record.
 """
 
 from __future__ import annotations
@@ -19,18 +21,18 @@ from ..core.numeric import piecewise_linear
 MAX_TERMS, MAX_PROGRAMS, MAX_OPERATIONS, MAX_CONSTANTS, MAX_DEPTH = 6, 12, 64, 24, 24
 MAX_STATES = 3
 MAX_SIGNALS = 6
-"""From outside the ship that its terms may hear."""
+"""Largest number of external signals of a ship."""
 
 (CONSTANT, SIGNAL, ADD, SUBTRACT, MULTIPLY, DIVIDE, POWER, NEGATE, ABS, SIGN, STEP, SQRT, EXP, LOG,
  TANH, SIN, COS, ARCTAN, MIN, MAX, TABLE) = range(21)  # fmt: skip
-"""Operations."""
+"""Codes of the operations."""
 
 NO_SIGNALS = (0.0,) * MAX_SIGNALS
-"""Where nothing from outside is heard."""
+"""Values of the external signals if there are none."""
 
 
-class Heard(NamedTuple):
-    """Signals at one instant that are known before any term acts."""
+class InputSignals(NamedTuple):
+    """Signals at one instant that are known before the models of the plant are evaluated."""
 
     shaft_speed: Real
     ship_speed: Real
@@ -47,8 +49,8 @@ class Heard(NamedTuple):
     shaft_angle: Real
 
 
-class Loaded(NamedTuple):
-    """Signals that are known once demand and inflow are: what the plant's own parts give."""
+class LoadSignals(NamedTuple):
+    """Signals at one instant that the models of the plant give, from drive command and inflow."""
 
     thrust: Real
     propeller_torque: Real
@@ -58,22 +60,22 @@ class Loaded(NamedTuple):
 
 
 BEFORE = 2
-"""Places whose terms act before the parts do: the first of :data:`shaftline.plant.terms.PLACES`."""
+"""Number of locations whose terms act on the inputs of the models, first in ``terms.PLACES``."""
 
-FIRST_STATE = len(Heard._fields) + len(Loaded._fields)
+FIRST_STATE = len(InputSignals._fields) + len(LoadSignals._fields)
 FIRST_SIGNAL = FIRST_STATE + MAX_STATES
-"""Where the states of terms, and what is heard from outside, begin among the signals."""
+"""Indices at which the terms' states, and the external signals, begin among the signals."""
 
 
-class AddedBefore(NamedTuple):
-    """What a ship's terms add to what its parts are given."""
+class InputTermSums(NamedTuple):
+    """Sums of a ship's terms that act on inputs of the models."""
 
     drive: Real  # [mm | V | N m]
     inflow_velocity: Real  # [m/s]
 
 
-class Added(NamedTuple):
-    """What a ship's terms add to what its parts give, and the rates of the terms' own states."""
+class LoadTermSums(NamedTuple):
+    """Sums of a ship's terms that act on results of the models, and the rates of the terms' states."""
 
     thrust: Real  # of one propeller [N]
     drive_torque: Real  # [N m]
@@ -88,8 +90,8 @@ class Added(NamedTuple):
 
 
 @compiled
-def outside_at(signals: Any, row: int) -> tuple[float, ...]:
-    """What is heard from outside at a row of an array of shape (rows, MAX_SIGNALS), or its only one."""
+def external_at(signals: Any, row: int) -> tuple[float, ...]:
+    """Return the external signals at a row of an array, shape (rows, MAX_SIGNALS) or a single row."""
     k = min(row, len(signals) - 1)
     return (
         signals[k, 0], signals[k, 1], signals[k, 2], signals[k, 3], signals[k, 4], signals[k, 5],
@@ -97,43 +99,43 @@ def outside_at(signals: Any, row: int) -> tuple[float, ...]:
 
 
 @compiled_apart
-def added_before(
-    plant: Record, heard: Heard, states: tuple[Real, ...], outside: tuple[float, ...]
-) -> AddedBefore:
-    """Sums of a ship's terms on what its parts are given.
+def sum_input_terms(
+    plant: Record, inputs: InputSignals, states: tuple[Real, ...], outside: tuple[float, ...]
+) -> InputTermSums:
+    """Return the sums of a ship's terms that act on inputs of the models.
 
     Args:
         plant: ship record.
-        heard: the signals.
-        states: of its terms.
-        outside: signals from outside the ship.
+        inputs: signals known before the models are evaluated.
+        states: states of the terms.
+        outside: external signals.
     """
-    none = Loaded(0.0, 0.0, 0.0, 0.0, 0.0)
-    signals = _signals(heard, none, states, outside)
+    none = LoadSignals(0.0, 0.0, 0.0, 0.0, 0.0)
+    signals = _signals(inputs, none, states, outside)
     drive = inflow_velocity = signals[0] * 0.0
     for slot in range(plant.term_programs):
         if plant.term_place[slot] == 0:
             drive += _value(plant, signals, slot)
         elif plant.term_place[slot] == 1:
             inflow_velocity += _value(plant, signals, slot)
-    return AddedBefore(drive, inflow_velocity)
+    return InputTermSums(drive, inflow_velocity)
 
 
 @compiled_apart
-def added(
-    plant: Record, heard: Heard, loaded: Loaded, states: tuple[Real, ...],
+def sum_load_terms(
+    plant: Record, inputs: InputSignals, loads: LoadSignals, states: tuple[Real, ...],
     outside: tuple[float, ...],
-) -> Added:  # fmt: skip
-    """Sums of a ship's terms on what its parts give, place by place; 0 where it has none.
+) -> LoadTermSums:  # fmt: skip
+    """Return the sums of a ship's terms that act on results of the models, by location.
 
     Args:
         plant: ship record.
-        heard: the signals.
-        loaded: the signals that the parts give.
-        states: of its terms.
-        outside: signals from outside the ship.
+        inputs: signals known before the models are evaluated.
+        loads: signals that the models give.
+        states: states of the terms.
+        outside: external signals.
     """
-    signals = _signals(heard, loaded, states, outside)
+    signals = _signals(inputs, loads, states, outside)
     t = q = m = r = p = y = n = rate_1 = rate_2 = rate_3 = signals[0] * 0.0
     for slot in range(plant.term_programs):
         place = plant.term_place[slot]
@@ -160,14 +162,14 @@ def added(
             rate_2 += value
         else:
             rate_3 += value
-    return Added(t, q, m, r, p, y, n, rate_1, rate_2, rate_3)
+    return LoadTermSums(t, q, m, r, p, y, n, rate_1, rate_2, rate_3)
 
 
 @compiled
 def _signals(
-    heard: Heard, loaded: Loaded, states: tuple[Real, ...], outside: tuple[float, ...]
+    heard: InputSignals, loaded: LoadSignals, states: tuple[Real, ...], outside: tuple[float, ...]
 ) -> tuple[Real, ...]:
-    """All signals in their order, of one type: complex where any of them is."""
+    """Return all signals in their order and of one type: complex if any of them is complex."""
     of_type = 0.0 * (
         heard.shaft_speed + heard.ship_speed + heard.pitch_ratio + heard.pitch_command + heard.drive
         + heard.advance_velocity + heard.submergence + heard.time + heard.sway_speed
@@ -191,19 +193,19 @@ def _signals(
 
 @compiled
 def _value(plant: Record, signals: tuple[Real, ...], slot: int) -> Real:
-    """Value of a program."""
+    """Return the value of a program."""
     if plant.term_depth[slot] <= REGISTERS:
         return _in_registers(plant, signals, slot)
     return _on_a_stack(plant, signals, slot)
 
 
 REGISTERS = 4
-"""Depth up to which a program needs no stack in memory."""
+"""Stack depth up to which a program needs no stack in memory."""
 
 
 @compiled
 def _in_registers(plant: Record, signals: tuple[Real, ...], slot: int) -> Real:
-    """Value of a program that is not deep; ``a`` is the top of its stack."""
+    """Return the value of a program of small depth; ``a`` is the top of its stack."""
     term = plant.term_owner[slot]
     a = b = c = d = signals[0] * 0.0
     for k in range(plant.term_length[slot]):
@@ -221,7 +223,7 @@ def _in_registers(plant: Record, signals: tuple[Real, ...], slot: int) -> Real:
 
 @compiled_apart
 def _on_a_stack(plant: Record, signals: tuple[Real, ...], slot: int) -> Real:
-    """The same of any program."""
+    """Return the value of a program of any depth."""
     term = plant.term_owner[slot]
     stack = np.zeros(MAX_DEPTH, np.array(signals[:1]).dtype)
     top = -1
@@ -246,14 +248,14 @@ def _on_a_stack(plant: Record, signals: tuple[Real, ...], slot: int) -> Real:
 
 
 @compiled_apart
-def rows_of(program: Any, constants: Any, signals: Any, found: Any) -> None:
-    """Values of a program that belongs to no term, a row each.
+def evaluate_rows(program: Any, constants: Any, signals: Any, values: Any) -> None:
+    """Evaluate a program that belongs to no term at each row of its signals.
 
     Args:
         program: operations, each with its index, shape (n, 2).
-        constants: that it uses, shape (m,).
-        signals: that it uses, shape (rows, k).
-        found: shape (rows,), filled; not finite where the program has no value.
+        constants: constants of the program, shape (m,).
+        signals: signals of the program, shape (rows, k).
+        values: shape (rows,), filled; not finite where the program has no value.
     """
     stack = np.zeros(MAX_DEPTH)
     for row in range(len(signals)):
@@ -275,7 +277,7 @@ def rows_of(program: Any, constants: Any, signals: Any, found: Any) -> None:
                 stack[top] = _of_two(code, stack[top], stack[top + 1])
             else:
                 stack[top] = _of_one(code, stack[top])
-        found[row] = stack[0]
+        values[row] = stack[0]
 
 
 @compiled
@@ -292,7 +294,7 @@ def _of_two(code: int, left: Real, right: Real) -> Real:
         return left if left.real <= right.real else right
     if code == MAX:
         return left if left.real >= right.real else right
-    # whole powers by multiplication, so that a negative base is no complex number
+    # Whole powers use multiplication, so that a negative base gives no complex number.
     if right.real != math.floor(right.real) or abs(right.real) > 8.0:
         return left**right
     product = left * 0.0 + 1.0
@@ -331,55 +333,67 @@ FUNCTIONS = {
     "log": (LOG, 1), "tanh": (TANH, 1), "sin": (SIN, 1), "cos": (COS, 1), "atan": (ARCTAN, 1),
     "min": (MIN, 2), "max": (MAX, 2), "table": (TABLE, 0),
 }  # fmt: skip
-"""Code and number of arguments; ``step`` is 1 above 0 and 0 elsewhere, ``sign`` 0 at 0.
+"""Code and number of arguments of each function.
 
-``table(x, x1, y1, x2, y2, ...)`` draws straight lines between two or more points and holds the outermost
-values outside them. Their x are plain numbers that rise; their y may be any expressions.
+``step`` is 1 above 0 and 0 elsewhere; ``sign`` is 0 at 0. ``table(x, x1, y1, x2, y2, ...)``
+interpolates linearly between two or more points and is constant outside them. The x of the points are
+plain numbers in rising order; the y may be any expressions.
 """
 
-_LARGEST = 1e300  # of a literal
+_LARGEST = 1e300  # absolute value of a literal
 
 _BINARY = {ast.Add: ADD, ast.Sub: SUBTRACT, ast.Mult: MULTIPLY, ast.Div: DIVIDE, ast.Pow: POWER}
 
 
 Program: TypeAlias = tuple[tuple[int, int], ...]
-"""An expression as the kernels take it: codes, each with the index of a constant or signal."""
+"""A translated expression: operation codes, each with the index of a constant or a signal."""
 
 
 class TermError(ValueError):
-    """An expression that cannot be used; the message says where and why."""
+    """An invalid expression; the message says where and why."""
 
 
-def parsed(
-    expression: str, numbers: Sequence[str], names: Mapping[str, int], literals: list[float]
+def parse_expression(
+    expression: str, parameters: Sequence[str], names: Mapping[str, int], literals: list[float]
 ) -> Program:
-    """A term's program.
+    """Return the program of an expression.
 
     Args:
-        expression: see the module.
-        numbers: names of the term's parameters.
-        names: signals that it may use, and their places among the kernels' signals.
-        literals: numbers that stand in the term's expressions so far; its own are appended.
+        expression: see :mod:`.terms`.
+        parameters: names of the term's parameters.
+        names: signals that the expression may use, and their indices among the kernels' signals.
+        literals: numbers in the term's expressions so far; those of this expression are appended.
 
     Raises:
-        TermError: no expression, a name or function that is unknown, or one that is too long or too
-            deep.
+        TermError: no valid expression, an unknown name or function, or an expression that is too long or
+            too deep.
+
+    >>> from shaftline.plant.expressions import parse_expression
+    >>> parse_expression("k * speed", ["k"], {"speed": 1}, [])
+    ((0, 0), (1, 1), (4, 0))
+    >>> parse_expression("k * sped", ["k"], {"speed": 1}, [])
+    Traceback (most recent call last):
+    ...
+    shaftline.plant.expressions.TermError: 'k * sped': 'sped' is unknown; known: k, speed
     """
     try:
         tree = ast.parse(expression.strip(), mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
-        raise TermError(f"{expression!r}: no expression ({type(error).__name__})") from None
+        raise TermError(
+            f"{expression!r} is not a valid expression ({type(error).__name__}); write it like "
+            "'-c * shaft_speed'"
+        ) from None
     operations: list[tuple[int, int]] = []
-    known = {name: (CONSTANT, i) for i, name in enumerate(numbers)}
+    known = {name: (CONSTANT, i) for i, name in enumerate(parameters)}
     known |= {name: (SIGNAL, i) for name, i in names.items() if name not in known}
-    deepest = _walk(tree, known, operations, literals, len(numbers), expression)
-    for what, found, most in (
+    deepest = _walk(tree, known, operations, literals, len(parameters), expression)
+    for what, count, most in (
         ("operations", len(operations), MAX_OPERATIONS),
-        ("numbers", len(numbers) + len(literals), MAX_CONSTANTS),
-        ("steps of depth", deepest, MAX_DEPTH),
+        ("numbers", len(parameters) + len(literals), MAX_CONSTANTS),
+        ("levels of nesting", deepest, MAX_DEPTH),
     ):
-        if found > most:
-            raise TermError(f"{expression!r}: {found} {what}; at most {most} are allowed")
+        if count > most:
+            raise TermError(f"{expression!r} has {count} {what}; at most {most} are allowed")
     return tuple(operations)
 
 
@@ -391,12 +405,12 @@ def _walk(
     first: int,
     source: str,
 ) -> int:
-    """Append a node's operations; gives the depth of stack that it needs."""
-    # a truth value is a whole number to Python, but nobody means one
+    """Append the operations of a node and return the stack depth that it needs."""
+    # Python counts True and False as whole numbers; here they are an error.
     if isinstance(node, ast.Constant) and type(node.value) in (int, float):
         assert isinstance(node.value, int | float)  # for the type checker
         if not -_LARGEST <= node.value <= _LARGEST:
-            raise TermError(f"{source!r}: a number in it is larger than {_LARGEST:g}")
+            raise TermError(f"{source!r}: a number exceeds {_LARGEST:g}; write smaller numbers")
         operations.append((CONSTANT, first + len(literals)))
         literals.append(float(node.value))
         return 1
@@ -429,18 +443,23 @@ def _walk(
                 )
             _check_rising(node.args[1::2], source)
         if len(node.args) != count:
-            raise TermError(f"{source!r}: {node.func.id} takes {count}, not {len(node.args)}")
+            raise TermError(
+                f"{source!r}: {node.func.id} takes {count} argument(s), not {len(node.args)}"
+            )
         depths = [
             _walk(a, names, operations, literals, first, source) + i
             for i, a in enumerate(node.args)
         ]
         operations.append((code, count - 1 if code == TABLE else 0))
         return max(depths)
-    raise TermError(f"{source!r}: {ast.unparse(node)!r} cannot stand in an expression")
+    raise TermError(
+        f"{source!r}: {ast.unparse(node)!r} is not allowed in an expression; use numbers, names, "
+        "+ - * / ** and functions"
+    )
 
 
 def _check_rising(knots: Sequence[ast.expr], source: str) -> None:
-    """Refuse the x of a table's points that are no plain numbers or do not rise."""
+    """Refuse points of a table whose x are not plain numbers in rising order."""
     values: list[float] = []
     for knot in knots:
         sign, digits = 1.0, knot
@@ -450,7 +469,7 @@ def _check_rising(knots: Sequence[ast.expr], source: str) -> None:
         if not isinstance(digits, ast.Constant) or type(digits.value) not in (int, float):
             raise TermError(
                 f"{source!r}: {ast.unparse(knot)!r} is the x of a table's point; it must be a plain "
-                "number, so that the points stand in order whatever the parameters are"
+                "number, so that the points are in order for all values of the parameters"
             )
         assert isinstance(digits.value, int | float)  # for the type checker
         values.append(sign * digits.value)
@@ -461,8 +480,8 @@ def _check_rising(knots: Sequence[ast.expr], source: str) -> None:
             )
 
 
-def deepest(program: Program) -> int:
-    """Most values that stand on the stack at once while a program runs."""
+def stack_depth(program: Program) -> int:
+    """Return the largest number of values on the stack while a program runs."""
     depth = most = 0
     for code, index in program:
         if code in (CONSTANT, SIGNAL):
@@ -476,7 +495,7 @@ def deepest(program: Program) -> int:
 
 
 def names_in(expression: str) -> list[str]:
-    """Names in an expression that stand for values, not functions; none in what is no expression."""
+    """Return the names of values in an expression; none if the text is no valid expression."""
     try:
         tree = ast.parse(expression.strip(), mode="eval")
     except (SyntaxError, ValueError, MemoryError, RecursionError):

@@ -1,12 +1,13 @@
-"""Four-quadrant open-water loads from the B-series Fourier table.
+"""Four-quadrant propeller loads from the B-series Fourier table.
 
-CT*(beta) and CQ*(beta), beta = atan2(J, 0.7 pi), as 31-term Fourier series
-(Roddy, Hess & Faller, NSWCCD-50-TR-2006/004). The table holds no five-bladed propeller of variable
-pitch; a controllable-pitch propeller takes the B4-70 family at P/D 0.5 to 1.4, each member scaled so
-that KT and KQ at bollard pull are those of the ship's own B-series propeller.
+CT*(beta) and CQ*(beta), beta = atan2(J, 0.7 pi), as 31-term Fourier series (Roddy, Hess & Faller,
+NSWCCD-50-TR-2006/004). The table has no five-bladed propeller with variable pitch. A controllable-pitch
+propeller uses the B4-70 family at P/D 0.5 to 1.4, each member scaled so that KT and KQ at bollard pull
+equal those of the ship's own B-series propeller.
 
-Where a shaft turns against the inflow (J = v_a / n D below 0) the two flows fight in a ring vortex, and
-KQ folds: from a peak near J = 0 it falls to a dip before it rises again; three inflows have one torque.
+Where the shaft turns against the inflow (J = v_a / n D below 0), the opposing flows form a ring vortex
+and KQ is not monotonic: it falls from a peak near J = 0 to a dip and rises again, so three inflows have
+the same torque.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ _FAMILY_BLADES, _FAMILY_AREA = 4, 0.7
 
 
 def b4_70_family() -> NDArray[np.float64]:
-    """Fourier coefficients of B4-70.
+    """Return the Fourier coefficients of the B4-70 family.
 
     Returns:
         Array of shape (6, 31, 4): P/D node, harmonic, (CT cos, CT sin, CQ cos, CQ sin), all [-].
@@ -50,7 +51,7 @@ def b4_70_family() -> NDArray[np.float64]:
 def scaled_to_bollard(
     kt_bollard: NDArray[np.float64], kq_bollard: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """B4-70 family scaled to given bollard KT and KQ [-] at the six pitch nodes; shape (6, 31, 4)."""
+    """Return the B4-70 family scaled to KT and KQ [-] at bollard pull, shape (6, 31, 4)."""
     table = b4_70_family()
     pitch = np.array(PITCH_NODES)
     for i, p in enumerate(PITCH_NODES):
@@ -61,17 +62,17 @@ def scaled_to_bollard(
 
 
 def ring_vortex(table: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Where KQ(J) folds, for both directions of rotation and each pitch node.
+    """Return the dip and the peak of KQ(J), for both directions of rotation and each pitch node.
 
     Args:
         table: Fourier coefficients, shape (nodes, 31, 4).
 
     Returns:
-        J [-] of the dip and of the peak, to 0.001, shape (2, nodes, 2); turning ahead stands first. KQ
+        J [-] of the dip and of the peak, to 0.001, shape (2, nodes, 2); rotation ahead comes first. KQ
         falls with J above the peak and below the dip.
 
     Raises:
-        ValueError: a curve that does not fold once.
+        ValueError: a curve without exactly one dip and one peak.
     """
     j = np.arange(-1.0, 0.5, 1e-3)
     ahead = np.arctan2(j, 0.7 * math.pi)
@@ -83,14 +84,16 @@ def ring_vortex(table: NDArray[np.float64]) -> NDArray[np.float64]:
         for node, rises in enumerate(np.diff(kq) > 0.0):
             turns = np.flatnonzero(np.diff(rises)) + 1
             if len(turns) != 2:
-                raise ValueError(f"KQ of pitch node {node} has {len(turns)} turning points, not 2")
+                raise ValueError(
+                    f"KQ of pitch node {node} has {len(turns)} extrema instead of a dip and a peak"
+                )
             ends[side, node] = j[turns]
     return ends
 
 
 @compiled
 def between_nodes(nodes: NDArray[np.float64], pitch_ratio: Real) -> tuple[int, Real]:
-    """The node below a pitch ratio, and how far that lies towards the next; held at the outer ones."""
+    """Return the node below a pitch ratio and the interpolation weight of the next node, in [0, 1]."""
     i = 0
     while i < len(nodes) - 2 and pitch_ratio.real > nodes[i + 1]:
         i += 1
@@ -110,21 +113,21 @@ def four_quadrant_coefficients(
     revolutions: Real,
     pitch_ratio: Real,
 ) -> tuple[Real, Real]:
-    """KT n^2 and KQ n^2 [1/s2] in any quadrant.
+    """Return KT n^2 and KQ n^2 [1/s2] in any quadrant.
 
     Args:
         table: Fourier coefficients, shape (nodes, 31, 4).
         nodes: pitch ratios of the table's members, rising.
         velocity_per_diameter: v_a / D [1/s].
         revolutions: n [1/s], either sign.
-        pitch_ratio: P/D [-]; linear between nodes, held at the outer ones.
+        pitch_ratio: P/D [-]; linear between nodes, constant beyond the outer ones.
 
-    KT n^2 = CT* (pi/8) ((v_a/D)^2 + (0.7 pi n)^2). The harmonics follow from cos(beta) and
-    sin(beta) by rotation, so no angle is ever formed and a complex step passes through.
+    KT n^2 = CT* (pi/8) ((v_a/D)^2 + (0.7 pi n)^2). The harmonics follow from cos(beta) and sin(beta) by
+    rotation, so the angle itself is never computed and complex steps remain exact.
     """
     tangential = 0.7 * math.pi * revolutions
     square = velocity_per_diameter * velocity_per_diameter + tangential * tangential
-    resultant = np.sqrt(square + 1e-300)  # not 0 at standstill
+    resultant = np.sqrt(square + 1e-300)  # above 0 at standstill
     cos1 = tangential / resultant
     sin1 = velocity_per_diameter / resultant
 

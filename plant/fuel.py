@@ -1,14 +1,14 @@
-"""Fuel: consumption of a diesel engine as a polynomial surface over power and speed.
+"""Fuel consumption of a diesel engine, as a polynomial in power and speed.
 
 The paper on the CPP optimiser (section 2.2) gives the specific consumption as a polynomial in power N
-and speed, C_s = N' C n. Its product with the power is used here, with a term free of power added, so
-that an idling engine burns fuel and nothing is divided by zero:
+and speed, C_s = N' C n. This module uses its product with the power and adds terms without power, so
+that an idling engine burns fuel and no division by zero occurs:
 
     fuel / (C_base N_r) = sum of c_ij (N / N_r)^i (omega_e / omega_r)^j
 
-A share of 1 is the fuel of rated power at the base consumption. There is no term with i = j = 0: an
-engine at rest burns nothing. The paper's own form, i up to 2 and j up to 3 of C_s, are the twelve
-coefficients with i from 1 to 3 and j from 0 to 3.
+The value 1 is the fuel flow at rated power and base consumption. There is no term with i = j = 0,
+because an engine at rest burns nothing. The paper's own form, C_s with i up to 2 and j up to 3, has the
+twelve coefficients with i from 1 to 3 and j from 0 to 3.
 """
 
 from __future__ import annotations
@@ -17,18 +17,17 @@ import math
 
 from ..core.compiled import Real, Record, compiled
 
-_KG_PER_J = 1e-3 / 3.6e6  # of 1 g/kWh
+_KG_PER_J = 1e-3 / 3.6e6  # 1 g/kWh
 
 
 @compiled
 def fuel_rate(plant: Record, engine_speed: Real, brake_torque: Real) -> Real:
-    """Fuel flow of one engine [kg/s], never negative; 0 where the ship has no fuel model.
+    """Return the fuel flow of one engine [kg/s], never negative; 0 if the ship has no fuel model.
 
     Args:
         plant: ship record; ``fuel_base`` 0 means no fuel model.
-        engine_speed: omega_e [rad/s]; an engine that stands or turns astern burns nothing.
-        brake_torque: M_b [N m]; below zero the surface goes on along its slope in power, down to no
-            fuel at all.
+        engine_speed: omega_e [rad/s]; an engine at rest or turning astern burns nothing.
+        brake_torque: M_b [N m]; below 0 the surface continues along its slope in power, down to no fuel.
     """
     if plant.fuel_base <= 0.0 or engine_speed.real <= 0.0:
         return 0.0
@@ -37,7 +36,7 @@ def fuel_rate(plant: Record, engine_speed: Real, brake_torque: Real) -> Real:
     share = speed * (plant.fuel_p0_s1 + plant.fuel_p0_s2 * speed)
     bent = plant.fuel_p1_s1 + speed * (plant.fuel_p1_s2 + speed * plant.fuel_p1_s3)
     slope = plant.fuel_p1_s0 + speed * bent
-    if power.real > 0.0:  # an overrun engine has no use for the bend
+    if power.real > 0.0:  # For an overrun engine only the linear terms in power apply.
         square = plant.fuel_p2_s1 + speed * (plant.fuel_p2_s2 + speed * plant.fuel_p2_s3)
         cube = plant.fuel_p3_s1 + speed * (plant.fuel_p3_s2 + speed * plant.fuel_p3_s3)
         bend = plant.fuel_p2_s0 + square * speed + (plant.fuel_p3_s0 + speed * cube) * power
@@ -50,7 +49,7 @@ def fuel_rate(plant: Record, engine_speed: Real, brake_torque: Real) -> Real:
 
 @compiled
 def specific_consumption(plant: Record, engine_speed: float, brake_torque: float) -> float:
-    """Specific fuel consumption [g/kWh] of one engine; not a number where it gives no power.
+    """Return the specific fuel consumption [g/kWh] of one engine; NaN if it delivers no power.
 
     Args:
         plant: ship record.

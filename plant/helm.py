@@ -1,4 +1,4 @@
-"""A ship at her helm: rudder orders in, her track through the water out, for manoeuvres."""
+"""The helm of a ship on a manoeuvre: rudder commands in, track through the water out."""
 
 from __future__ import annotations
 
@@ -13,72 +13,71 @@ from .steady_state import Equilibrium
 from .voyage import Voyage
 
 STALLED = 0.02
-"""Share of the approach's speed below which a ship has come to a stop."""
+"""Share of the approach speed below which the ship counts as stopped."""
 
 
-def refuse_to_steer(ship: Ship) -> None:
-    """Refuse a ship that cannot be steered.
+def require_steering(ship: Ship) -> None:
+    """Refuse a ship without manoeuvring data or rudder.
 
     Raises:
-        ShipError: names the key that she lacks.
+        ShipError: names the missing key.
     """
     if not ship.turns or ship.rudder.area_m2 == 0.0:
-        lacking = "rudder.area_m2 (unit m2; allowed: > 0 and <= 500)"
+        missing = "rudder.area_m2 (unit m2; allowed: > 0 and <= 500)"
         if not ship.turns:
-            lacking = "manoeuvring.length_m (unit m; allowed: > 0 and <= 500)"
-        raise ShipError(f"{ship.name} cannot be steered: it has no {lacking}")
+            missing = "manoeuvring.length_m (unit m; allowed: > 0 and <= 500)"
+        raise ShipError(f"{ship.name} cannot be steered: the ship file has no {missing}")
 
 
 def refuse_angle(ship: Ship, rudder_rad: float, *, amidships: bool = False) -> None:
-    """Refuse a rudder angle [rad] beyond the end stops, or one of 0 unless ``amidships`` is asked for.
+    """Refuse a rudder angle [rad] beyond the end stops; refuse 0 unless ``amidships`` is true.
 
     Raises:
-        ShipError: names the angle with its allowed range.
+        ShipError: names the angle and its allowed range.
     """
     most = ship.rudder.angle_max_rad
     if not abs(rudder_rad) <= most * (1.0 + 1e-12) or (rudder_rad == 0.0 and not amidships):
-        besides = "" if amidships else " and not 0"
+        nonzero = "" if amidships else " and not 0"
         raise ShipError(
-            f"{ship.name}: a rudder angle of {rudder_rad:g} cannot be laid (unit rad; allowed: >= "
-            f"{-most:g} and <= {most:g}{besides}, by rudder.angle_max_rad)"
+            f"{ship.name}: a rudder angle of {rudder_rad:g} is not possible (unit rad; allowed: "
+            f">= {-most:g} and <= {most:g}{nonzero}, by rudder.angle_max_rad)"
         )
 
 
 class Helm:
-    """A ship on a manoeuvre, in calm water and with her drive's demand kept.
+    """The helm of a ship on a manoeuvre in calm water, with a constant drive command.
 
     Args:
-        ship: that turns.
-        point: straight course from which she begins.
-        longest: ship lengths after which an order that does not come to its end is given up [-].
+        ship: ship with sway and yaw.
+        point: straight course from which the manoeuvre begins.
+        longest: number of ship lengths after which a rudder command is given up [-].
 
     Raises:
-        ShipError: a ship that cannot be steered, that hears signals from outside, or does not sail
-            ahead.
+        ShipError: the ship has no rudder, uses external signals, or does not move ahead.
     """
 
     def __init__(self, ship: Ship, point: Equilibrium, longest: float) -> None:
-        refuse_to_steer(ship)
-        ship.refuse_unheard({})
+        require_steering(ship)
+        ship.require_external_signals({})
         self.ship, self.point, self.length = ship, point, ship.manoeuvring.length_m
         self._current = (ship.hull.current_m_s, ship.manoeuvring.cross_current_m_s)
         self.approach_speed = float(point.state.ship_speed) - self._current[0]
         if not self.approach_speed > 0.0:
             raise ShipError(
-                f"{ship.name}: a manoeuvre begins at {self.approach_speed:g} m/s through the water "
-                "(unit m/s; allowed: > 0)"
+                f"{ship.name}: a manoeuvre must begin with headway, not at {self.approach_speed:g} m/s "
+                "through the water (unit m/s; allowed: > 0)"
             )
         self._longest, self._since = longest, 0.0
         self._voyage = Voyage(ship, point.state, point.inputs.drive)
 
     @property
     def time_s(self) -> float:
-        """Since she began [s]."""
+        """Time since the start of the manoeuvre [s]."""
         return self._voyage.time_s
 
     @property
     def heading(self) -> float:
-        """Change of heading so far [rad]."""
+        """Change of heading since the start [rad]."""
         return float(self._voyage.state.heading - self.point.state.heading)
 
     @property
@@ -88,12 +87,12 @@ class Helm:
 
     @property
     def steps_to_a_length(self) -> int:
-        """Time steps in which she sails her length at the approach's speed."""
+        """Number of time steps in which the ship travels its length at the approach speed."""
         steps = self.length / self.approach_speed / float(self._voyage.dt)
         return max(1, round(steps))
 
     def speed(self) -> float:
-        """Speed through the water [m/s]."""
+        """Return the speed through the water [m/s]."""
         state = self._voyage.state
         cosine, sine = math.cos(state.heading), math.sin(state.heading)
         along, across = self._current
@@ -102,45 +101,45 @@ class Helm:
             state.sway_speed - across * cosine + along * sine,
         )
 
-    def order(self) -> None:
-        """Begin to count the ship lengths of a new order."""
+    def begin_command(self) -> None:
+        """Start to count the ship lengths of a new rudder command."""
         self._since = 0.0
 
     def hold(self, rudder_rad: float, steps: int, purpose: str) -> None:
-        """Sail on with the rudder commanded to an angle.
+        """Simulate the ship with a constant rudder command.
 
         Args:
-            rudder_rad: [rad].
-            steps: how many time steps.
-            purpose: what the order is to reach, for the message.
+            rudder_rad: rudder command [rad].
+            steps: number of time steps.
+            purpose: aim of the command, for the message.
 
         Raises:
-            ShipError: she stops, or does not get there within the longest way.
+            ShipError: the ship stops, or does not reach the aim within the longest way.
         """
         before = self.speed()
         command = self.point.inputs.pitch_command
-        self._voyage.sail(self.point.inputs.drive, command, rudder_rad, steps)
+        self._voyage.run(self.point.inputs.drive, command, rudder_rad, steps)
         after = self.speed()
         self._since += 0.5 * (before + after) * steps * self._voyage.dt / self.length
-        told = f"{self.ship.name}: with the rudder at {math.degrees(rudder_rad):g} deg she"
+        begin = f"{self.ship.name}: with the rudder at {math.degrees(rudder_rad):g} deg the ship"
         if not after > STALLED * self.approach_speed:
             raise ShipError(
-                f"{told} comes to a stop before {purpose} (speed {after:.3g} m/s; allowed: > "
-                f"{STALLED * self.approach_speed:.3g} m/s, {100.0 * STALLED:g} % of the approach)"
+                f"{begin} stops before {purpose} (speed {after:.3g} m/s; allowed: > "
+                f"{STALLED * self.approach_speed:.3g} m/s, {100.0 * STALLED:g} % of the approach speed)"
             )
         if self._since > self._longest:
             raise ShipError(
-                f"{told} has not reached {purpose} after {self._longest:g} ship lengths, where it is "
-                f"given up; her heading has changed by {math.degrees(self.heading):.4g} deg"
+                f"{begin} has not reached {purpose} within {self._longest:g} ship lengths; "
+                f"its heading has changed by {math.degrees(self.heading):.4g} deg"
             )
 
     def track(self) -> pd.DataFrame:
-        """What she has sailed, by time step.
+        """Return the track of the manoeuvre, one row for each time step.
 
         Returns:
-            Columns time_s, position_m and cross_track_m (through the water, along and to starboard of
-            the first course), heading_rad (from that course), speed_m_s (through the water), drift_rad
-            (-atan(v / u)), and every other canonical column that a recording of the ship has
+            Columns time_s, position_m and cross_track_m (through the water, along the initial course and
+            to starboard of it), heading_rad (relative to that course), speed_m_s (through the water),
+            drift_rad (-atan(v / u)), and every other canonical column that a recording of the ship has
             (:func:`.columns.signal_columns`), so that the track is a recording.
         """
         s = self._voyage.samples

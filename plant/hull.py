@@ -1,4 +1,4 @@
-"""Hull: resistance, wake, and what a current does to both."""
+"""Hull: resistance in calm water and in waves, wake, and the effect of a current."""
 
 from __future__ import annotations
 
@@ -10,102 +10,120 @@ from pydantic import Field, model_validator
 
 from ..core.compiled import Real, Record, compiled
 from ..core.numeric import clip
-from .keys import INF, Section, effect, measure, number, require
+from .keys import INF, Section, effect, parameter, quantity, require
 from .surroundings import GRAVITY
 
 
 class Hull(Section):
-    """Surge dynamics, resistance and wake."""
+    """Hull: surge dynamics, resistance and wake."""
 
     derived = (
         ("propellers", np.float64), ("hull_fixed", np.int64), ("wave_drag_length", np.float64),
     )  # fmt: skip
 
     fixed: bool = Field(
-        default=False, description="held at its place, as in a bollard pull or on a bench"
+        default=False, description="held in place, as in a bollard-pull test or on a test bench"
     )
-    mass_kg: float = number(
-        "mass with added mass", "kg", record="mass", needs="moves", required="unless hull.fixed",
+    mass_kg: float = parameter(
+        "mass including added mass", "kg", record="mass", needs="moves", required="unless hull.fixed",
         ge=0.01, le=1e9, default=1.0,
     )  # fmt: skip
-    resistance_coefficient_N_s2_m2: float = number(
-        "c1, where R = c1 v^2 (see resistance_exponent)", "N s2/m2",
+    resistance_coefficient_N_s2_m2: float = parameter(
+        "c1 in R = c1 v^2 (see resistance_exponent)", "N s2/m2",
         record="resistance_coefficient", needs="moves",
         required="unless hull.fixed", ge=0, le=1e7, default=0.0,
     )  # fmt: skip
     resistance_exponent: float = effect(
-        2.0, "k, where R = c1 v^2 (v / v_r)^(k - 2)", record="resistance_exponent", needs="moves",
+        2.0, "k in R = c1 v^2 (v / v_r)^(k - 2)", record="resistance_exponent", needs="moves",
         ge=1, le=6,
     )  # fmt: skip
-    resistance_reference_speed_m_s: float = number(
+    resistance_reference_speed_m_s: float = parameter(
         "v_r, speed at which R is c1 v^2", "m/s", record="resistance_reference_speed", needs="moves",
         gt=0, le=40, default=1.0,
     )  # fmt: skip
-    thrust_deduction: float = number(
-        "t", record="thrust_deduction", needs="moves has_propeller", ge=-0.2, lt=0.6, default=0.0
+    thrust_deduction: float = parameter(
+        "thrust deduction t",
+        record="thrust_deduction",
+        needs="moves has_propeller",
+        ge=-0.2,
+        lt=0.6,
+        default=0.0,
     )
-    wake_fraction: float = number(
-        "w", record="wake_fraction", needs="has_propeller", ge=-0.2, lt=0.6, default=0.0
+    wake_fraction: float = parameter(
+        "wake fraction w",
+        record="wake_fraction",
+        needs="has_propeller",
+        ge=-0.2,
+        lt=0.6,
+        default=0.0,
     )
-    beam_m: float = measure(
-        "on the water line; 0: waves add no resistance", "m", default=0.0, ge=0, le=100
+    beam_m: float = quantity(
+        "beam at the water line; 0: waves add no resistance", "m", default=0.0, ge=0, le=100
     )
-    bow_length_m: float = measure(
-        "of the water line from the bow to 95 % of the beam", "m", default=0.0, ge=0, le=500
+    bow_length_m: float = quantity(
+        "length of the water line from the bow to 95 % of the beam", "m", default=0.0, ge=0, le=500
     )
-    propellers: int = Field(default=1, ge=1, le=8, description="number of equal propellers k_p")
+    propellers: int = Field(default=1, ge=1, le=8, description="number k_p of equal propellers")
     fouling_fraction: float = effect(
-        0.0, "added share of the resistance", record="hull_fouling", needs="moves", ge=-0.5, le=3
+        0.0,
+        "added resistance as a share of the resistance",
+        record="hull_fouling",
+        needs="moves",
+        ge=-0.5,
+        le=3,
     )
     current_m_s: float = effect(
-        0.0, "current along the track, positive from astern", "m/s", record="current",
+        0.0, "current along the initial course, positive from astern", "m/s", record="current",
         needs="meets_water", ge=-5, le=5,
     )  # fmt: skip
     wake_slope_s_m: float = effect(
         0.0, "change of wake fraction with speed", "s/m", record="wake_slope",
         needs="has_propeller", ge=-0.2, le=0.2,
     )  # fmt: skip
-    wake_reference_speed_m_s: float = number(
+    wake_reference_speed_m_s: float = parameter(
         "speed at which the wake fraction is w", "m/s", record="wake_reference_speed",
         needs="has_propeller", ge=0, le=40, default=0.0,
     )  # fmt: skip
     episode_resistance_fraction: float = effect(
-        0.0, "added share of the resistance during an episode", record="episode_resistance",
+        0.0, "added share of the resistance during the episode", record="episode_resistance",
         needs="moves", ge=-0.9, le=10,
     )  # fmt: skip
-    episode_start_s: float = number(
-        "its start, from the simulation's", "s", record="episode_start", needs="moves", ge=0,
-        default=0.0,
+    episode_start_s: float = parameter(
+        "start of the episode, from the start of the simulation", "s", record="episode_start",
+        needs="moves", ge=0, default=0.0,
     )  # fmt: skip
-    episode_end_s: float = number(
-        "its end", "s", record="episode_end", needs="moves", ge=0, default=INF
+    episode_end_s: float = parameter(
+        "end of the episode", "s", record="episode_end", needs="moves", ge=0, default=INF
     )
 
     @model_validator(mode="after")
     def _complete(self) -> Hull:
         if self.episode_end_s < self.episode_start_s:
-            raise ValueError("episode_end_s must not be before episode_start_s")
+            raise ValueError(
+                f"episode_end_s = {self.episode_end_s:g} s must not be before episode_start_s = "
+                f"{self.episode_start_s:g} s"
+            )
         if self.beam_m > 0.0:
             require(self, ("bow_length_m",), "with a beam_m")
             if self.bow_length_m == 0.0:
-                raise ValueError("bow_length_m must be above 0 m with a beam_m")
+                raise ValueError("bow_length_m must be above 0 m if beam_m is given")
         if not self.fixed:
             keys = ("mass_kg", "resistance_coefficient_N_s2_m2")
             require(self, keys, "unless hull.fixed is true")
         return self
 
     def resistance_slope(self, speed_m_s: float) -> float:
-        """Rise of the resistance in calm water with speed, dR/dv [N s/m].
+        """Return the slope dR/dv [N s/m] of the resistance in calm water.
 
         Args:
-            speed_m_s: through the water [m/s], ahead.
+            speed_m_s: speed ahead through the water [m/s].
         """
         k, of_reference = self.resistance_exponent, speed_m_s / self.resistance_reference_speed_m_s
         drag = self.resistance_coefficient_N_s2_m2 * speed_m_s
         return float(k * drag * of_reference ** (k - 2.0))
 
     def fill(self, record: Any) -> None:
-        """Its numbers, whether it moves, and the length by which waves add to its resistance."""
+        """Write the parameters, the flag of a fixed hull and the length for the resistance in waves."""
         super().fill(record)
         if self.beam_m > 0.0:
             slender = math.sqrt(self.beam_m / self.bow_length_m)
@@ -116,13 +134,13 @@ class Hull(Section):
 
 @compiled
 def water_speed(plant: Record, ship_speed: Real) -> Real:
-    """Speed through the water [m/s]; ``current`` is positive where it carries the ship along."""
+    """Return the speed through the water [m/s]; ``current`` is positive if it carries the ship ahead."""
     return ship_speed - plant.current
 
 
 @compiled
 def resistance(plant: Record, speed_through_water: Real, resistance_factor: Real) -> Real:
-    """Resistance R [N] (thesis eq. 2-10), opposing the motion, with the fouling's share.
+    """Return the resistance R [N] (thesis eq. 2-10), opposing the motion, with the share of fouling.
 
     Args:
         plant: ship record.
@@ -140,22 +158,22 @@ def resistance(plant: Record, speed_through_water: Real, resistance_factor: Real
 
 
 WAVE_HEADWAY = 2.0
-"""Speed ahead [m/s] from which on waves add the resistance that speed trials correct for."""
+"""Speed ahead [m/s] from which waves add their full resistance."""
 
 
 @compiled
 def wave_resistance(plant: Record, head_sea: Real, speed_through_water: Real) -> Real:
-    """Mean resistance [N] that waves from ahead add: STAWAVE-1, ISO 15016:2015, Annex D.
+    """Return the mean added resistance [N] of waves from ahead (STAWAVE-1, ISO 15016:2015, Annex D).
 
-    R = rho g Hs^2 B sqrt(B / L_BWL) / 16, of the waves that the bow throws back. Meant for seas in which
-    the ship hardly heaves and pitches; beyond, what her motions add is left out. It is made for speed
-    trials, of a ship under way: below 2 m/s it fades by the cubic r^2 (3 - 2 r), and a ship without
-    headway has none (assumed). So waves stop no ship and drive none astern; the drift of a ship that
-    lies dead in the sea is not modelled.
+    R = rho g Hs^2 B sqrt(B / L_BWL) / 16, for waves that the bow reflects. It is valid for seas in which
+    the ship hardly heaves and pitches; the resistance from larger ship motions is not modelled. The
+    formula is made for speed trials, of a ship under way. Below 2 m/s it fades by the cubic
+    r^2 (3 - 2 r), and a ship without headway has none (assumed). So waves stop no ship and drive none
+    astern; the drift of a ship without headway is not modelled.
 
     Args:
         plant: ship record.
-        head_sea: Hs^2 of waves within 45 degrees of the bow [m2]; 0 of others.
+        head_sea: Hs^2 of waves within 45 degrees of the bow [m2]; 0 for other waves.
         speed_through_water: [m/s], positive ahead.
     """
     force = plant.density * GRAVITY * plant.wave_drag_length * head_sea
@@ -167,10 +185,10 @@ def wave_resistance(plant: Record, head_sea: Real, speed_through_water: Real) ->
 
 @compiled
 def episode_factor(plant: Record, time: float, dt: float) -> float:
-    """Factor [-] on the resistance over the step from ``time`` to ``time + dt`` [s].
+    """Return the factor [-] on the resistance over the step from ``time`` to ``time + dt`` [s].
 
-    1 + ``episode_resistance`` inside the window, 1 outside it; a step that an edge of the window cuts
-    has the mean of both, held over the step. So a voyage depends continuously on the window's edges.
+    The factor is 1 + ``episode_resistance`` inside the window and 1 outside it. A step that contains an
+    edge of the window has the mean of both, so that a simulation depends continuously on the edges.
     """
     if plant.episode_resistance == 0.0:
         return 1.0
@@ -180,9 +198,9 @@ def episode_factor(plant: Record, time: float, dt: float) -> float:
 
 @compiled
 def wake_inflow(plant: Record, speed_through_water: Real) -> Real:
-    """Advance velocity (1 - w) v [m/s] without disturbances (thesis eq. 2-8).
+    """Return the advance velocity (1 - w) v [m/s] without disturbances (thesis eq. 2-8).
 
-    ``wake_slope`` lets the wake fraction change with speed about ``wake_reference_speed``.
+    ``wake_slope`` makes the wake fraction depend on speed, relative to ``wake_reference_speed``.
     """
     wake = plant.wake_fraction + plant.wake_slope * (
         speed_through_water - plant.wake_reference_speed

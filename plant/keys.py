@@ -1,7 +1,7 @@
-"""How a number of a ship's file is declared: key with unit, allowed range, meaning, place in the record.
+"""Declaration of the parameters of a ship: TOML key, unit, allowed range, meaning, field in the record.
 
-Each number stands once, in its section: its TOML key (with unit), its range, its neutral value where it
-is an effect that a ship may or may not have, and the name of its field in the kernels' record.
+Each parameter is declared once, in its section: its TOML key (with the unit as suffix), its range, its
+neutral value if it is an optional effect, and the name of its field in the kernels' ship record.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from .validity import Validity
 INF = math.inf
 
 
-def _in_print(text: str) -> str:
-    if not text.isprintable():  # a terminal would obey the rest
-        raise ValueError("holds signs that cannot be printed")
+def _printable(text: str) -> str:
+    if not text.isprintable():  # A terminal would execute control characters.
+        raise ValueError("contains control characters; use printable characters only")
     return text
 
 
-Label: TypeAlias = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_in_print)]
-"""A name that is shown."""
+Label: TypeAlias = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_printable)]
+"""A short name that is displayed."""
 
-Line: TypeAlias = Annotated[str, Field(max_length=1000), AfterValidator(_in_print)]
-"""A sentence or two that are shown."""
+Line: TypeAlias = Annotated[str, Field(max_length=1000), AfterValidator(_printable)]
+"""One or two sentences that are displayed."""
 
 
-LACKING = {
+MISSING_PROPERTIES = {
     "has_propeller": "has no propeller",
     "moves": "has a hull that is fixed",
     "turns": "does not turn: it has no manoeuvring.length_m",
@@ -43,10 +43,10 @@ LACKING = {
     "in_liquid": "turns in a gas (water.density_kg_m3)",
     "has_constant_coefficients": "has a propeller whose KT and KQ follow J",
 }
-"""What a number may need of its ship, by the ship's property, and how a ship is called without it."""
+"""Properties of a ship that a parameter may require, each with the phrase for a ship that lacks it."""
 
 
-def number(
+def parameter(
     description: str,
     unit: str = "-",
     *,
@@ -56,34 +56,33 @@ def number(
     lag: bool = False,
     **limits: Any,
 ) -> Any:
-    """A number of a ship.
+    """Declare a parameter of a ship.
 
     Args:
-        description: what it is.
-        unit: SI.
-        record: its field in the kernels' record.
-        needs: names of :data:`LACKING`; on a ship without one of them it acts on nothing.
-        required: when it must be given although it has a default: ``with a propeller``.
-        lag: whether it is a time constant [s] of a state that the Runge-Kutta steps integrate.
-        limits: pydantic's ``ge``, ``gt``, ``le``, ``lt`` and ``default``.
+        description: meaning of the parameter.
+        unit: SI unit.
+        record: field of the kernels' ship record that holds the value.
+        needs: names of :data:`MISSING_PROPERTIES`, separated by spaces. On a ship that lacks one of
+            these properties the parameter has no effect.
+        required: condition under which a parameter with a default must be given: ``with a propeller``.
+        lag: whether it is the time constant [s] of a state that the Runge-Kutta steps integrate.
+        limits: ``ge``, ``gt``, ``le``, ``lt`` and ``default``, as in pydantic.
     """
     extra: dict[str, Any] = {"unit": unit, "record": record, "needs": needs, "required": required}
     if lag:
         extra["lag"] = True
-    if limits.get("default") == INF:
-        limits["allow_inf_nan"] = (
-            True  # the lower bound that each such key has refuses nan and -inf
-        )
+    if limits.get("default") == INF:  # The lower bound of each such key refuses nan and -inf.
+        limits["allow_inf_nan"] = True
     return Field(description=description, json_schema_extra=extra, **limits)
 
 
-def measure(description: str, unit: str, **limits: Any) -> Any:
-    """A number with a unit that its section writes into the record itself.
+def quantity(description: str, unit: str, **limits: Any) -> Any:
+    """Declare a parameter with a unit that has no record field of its own: its section converts it.
 
     Args:
-        description: what it is.
-        unit: as its key has it.
-        limits: as of a number.
+        description: meaning of the parameter.
+        unit: unit in the key's name.
+        limits: as in :func:`parameter`.
     """
     return Field(description=description, json_schema_extra={"unit": unit}, **limits)
 
@@ -91,53 +90,53 @@ def measure(description: str, unit: str, **limits: Any) -> Any:
 def entry(
     description: str, *, record: str, place: tuple[int, ...], needs: str, **limits: Any
 ) -> Any:
-    """A number without a unit that is one entry of a field of the kernels' record.
+    """Declare a dimensionless parameter that is one entry of an array field of the ship record.
 
-    The section writes it itself, with the others of that field.
+    Its section writes the whole field.
 
     Args:
-        description: what it is.
-        record: the field.
-        place: in it.
-        needs: as of a number.
-        limits: likewise.
+        description: meaning of the parameter.
+        record: name of the array field.
+        place: index in the field.
+        needs: as in :func:`parameter`.
+        limits: as in :func:`parameter`.
     """
     extra: dict[str, Any] = {"unit": "-", "entry": (record, place), "needs": needs}
     return Field(description=description, json_schema_extra=extra, **limits)
 
 
 def effect(neutral: float, description: str, unit: str = "-", *, record: str, **more: Any) -> Any:
-    """A number whose ``neutral`` value means that the effect is absent; the rest as of a number."""
-    field = number(description, unit, record=record, default=neutral, **more)
+    """Declare a parameter whose ``neutral`` value switches its effect off; see :func:`parameter`."""
+    field = parameter(description, unit, record=record, default=neutral, **more)
     field.json_schema_extra["effect"] = True
     return field
 
 
 class Section(BaseModel):
-    """A table of a ship's file: immutable, strictly typed, no unknown keys, every number finite.
+    """A table of a ship file: immutable, strictly typed, without unknown keys, every number finite.
 
-    Infinity is allowed for a key whose own default is infinity, where it means that a limit is absent.
+    Infinity is allowed only for a key whose default is infinity: such a limit is absent.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
     derived: ClassVar[tuple[tuple[Any, ...], ...]] = ()
-    """Further fields of the kernels' record, worked out from the section's keys, as NumPy has them."""
+    """Further fields of the ship record that ``fill`` computes from the keys, as NumPy dtype entries."""
     needs: ClassVar[str] = ""
-    """What all of its numbers need of their ship: names of :data:`LACKING`."""
+    """Properties that all parameters of the section require: names of :data:`MISSING_PROPERTIES`."""
     validity: ClassVar[tuple[Validity, ...]] = ()
-    """Ranges in which the section's models hold."""
+    """Ranges of validity of the section's models."""
 
     @property
     def time_constants(self) -> dict[str, float]:
-        """Time constants [s] in force, by key, that the time step has to resolve; 0 is none."""
+        """Return the non-zero time constants [s] that the time step has to resolve, by key."""
         values = {
             k: getattr(self, k) for k, info in type(self).model_fields.items() if is_lag(info)
         }
         return {key: float(value) for key, value in values.items() if value > 0.0}
 
     def fill(self, record: Any) -> None:
-        """Write the section's numbers into a ship's record; a section with ``derived`` adds those."""
+        """Write the section's values into a ship record; sections with ``derived`` fields extend it."""
         for key, info in type(self).model_fields.items():
             field = record_field(info)
             if field is not None:
@@ -145,20 +144,20 @@ class Section(BaseModel):
 
 
 class MissingKeyError(ValueError):
-    """A key of a section that is left out and must not be; the message begins with the key."""
+    """A required key is missing; the message begins with the key."""
 
 
 def require(section: BaseModel, keys: tuple[str, ...], because: str, before: str = "") -> None:
-    """Refuse a section in which keys are left out that another key's value asks for.
+    """Refuse a section in which keys are missing that the value of another key requires.
 
     Args:
-        section: that lacks them.
-        keys: of it.
-        because: why they are needed.
-        before: what stands before the key in the message, where the section is not named already.
+        section: section to check.
+        keys: keys that must be given.
+        because: condition that makes them required, for the message.
+        before: prefix of the key in the message, such as ``water.``.
 
     Raises:
-        MissingKeyError: names the first key that is missing, with its unit and range.
+        MissingKeyError: names the first missing key, with its unit and range.
     """
     for key in keys:
         if key not in section.model_fields_set:
@@ -170,13 +169,13 @@ def require(section: BaseModel, keys: tuple[str, ...], because: str, before: str
 
 
 INSIDE = 1e-3
-"""Share of the way from an excluded bound to a number that a search keeps away from the bound."""
+"""Distance that a search keeps from an excluded bound, as a fraction of the distance to its start."""
 
 
 class KeyInfo(NamedTuple):
-    """Unit and range of a ship's number; ``neutral`` is None where it describes no effect.
+    """Unit and allowed range of a parameter; ``neutral`` is None if it does not switch an effect off.
 
-    ``above`` and ``below`` say that the lowest and the highest value are themselves not allowed. Values
+    ``above`` and ``below`` mean that the bounds ``low`` and ``high`` themselves are excluded. Values
     between 0 and ``gap`` are time constants that the time step cannot resolve.
     """
 
@@ -189,17 +188,17 @@ class KeyInfo(NamedTuple):
     gap: float = 0.0
 
     def inside(self, value: float) -> float:
-        """Return the nearest value that the ship can have: within the range and outside the gap."""
+        """Return the nearest allowed value: within the range and outside the gap."""
         value = min(max(value, self.low), self.high)
         if 0.0 < value < self.gap:
             return self.gap if value >= 0.5 * self.gap else 0.0
         return value
 
     def around(self, value: float) -> tuple[float, float]:
-        """Return the lowest and the highest value that a search may try, both of them allowed.
+        """Return the bounds of a search, both of them allowed values.
 
         Args:
-            value: from which the search starts, in the key's unit; inside the range or infinite.
+            value: start of the search, in the key's unit; inside the range or infinite.
         """
         value = value if math.isfinite(value) else self.low + 1.0
         low = self.low + INSIDE * (value - self.low) if self.above else self.low
@@ -207,24 +206,24 @@ class KeyInfo(NamedTuple):
         return low, high
 
 
-class Number(NamedTuple):
-    """A number that stands in a ship's file, and its place in the kernels' record."""
+class ShipParameter(NamedTuple):
+    """A parameter of one ship: its value, and its location in the kernels' ship record."""
 
     key: str  # dotted
     value: float
     info: KeyInfo
-    field: str  # of the record
-    place: tuple[int, ...] = ()  # in a field that holds several
+    field: str  # of the ship record
+    place: tuple[int, ...] = ()  # index, if the field is an array
 
     @property
-    def searched(self) -> tuple[float, float]:
-        """Lowest and highest value that a search from here may try; a ship's file allows both."""
+    def search_range(self) -> tuple[float, float]:
+        """Bounds of a search that starts at the present value; a ship file may hold both of them."""
         return self.info.around(self.value)
 
     def write(self, record: Any, value: float) -> None:
-        """Put another value into a record: what ``with_values`` does, without its checks.
+        """Write another value into a ship record, without the checks of :meth:`Ship.with_values`.
 
-        Only a motor's end stop also sets ``drive_min``, to its negative.
+        The end stop of a motor is the one exception: ``with_values`` also sets ``drive_min``.
         """
         if self.place:
             record[self.field][self.place] = value
@@ -232,27 +231,30 @@ class Number(NamedTuple):
             record[self.field] = value
 
     def read(self, record: Any) -> float:
-        """The value that stands in a record."""
+        """Return the value in a ship record."""
         return float(record[self.field][self.place] if self.place else record[self.field])
 
 
+def _declaration(info: FieldInfo) -> dict[str, Any]:
+    extra: Any = info.json_schema_extra
+    return extra if isinstance(extra, dict) else {}
+
+
 def info_of(info: FieldInfo) -> KeyInfo:
-    """Unit, range and neutral value of a number, and which bounds are excluded (> or <)."""
+    """Return unit, range, neutral value and excluded bounds of a declared parameter."""
     ends = {
         name: [getattr(limit, name) for limit in info.metadata if hasattr(limit, name)]
         for name in ("ge", "gt", "le", "lt")
     }
     low, high = max((-INF, *ends["ge"], *ends["gt"])), min((INF, *ends["le"], *ends["lt"]))
-    extra = info.json_schema_extra
-    effect = isinstance(extra, dict) and "effect" in extra
-    neutral = float(info.default) if effect else None
+    neutral = float(info.default) if "effect" in _declaration(info) else None
     return KeyInfo(
         unit_of(info), float(low), float(high), neutral, low in ends["gt"], high in ends["lt"]
     )
 
 
 def allowed_range(info: FieldInfo) -> str:
-    """Allowed range of a number, or the names that a key takes, in words."""
+    """Return the allowed range of a parameter, or the names that a key accepts, as text."""
     if get_origin(info.annotation) is Literal:
         return ", ".join(map(str, get_args(info.annotation)))
     bounds = [
@@ -265,48 +267,41 @@ def allowed_range(info: FieldInfo) -> str:
 
 
 def unit_of(info: FieldInfo) -> str:
-    """Unit of a number."""
-    extra = info.json_schema_extra
-    return str(extra.get("unit", "-")) if isinstance(extra, dict) else "-"
+    """Return the unit of a parameter."""
+    return str(_declaration(info).get("unit", "-"))
 
 
 def is_lag(info: FieldInfo) -> bool:
-    """Return whether a number is the time constant of a state that is integrated in steps."""
-    extra = info.json_schema_extra
-    return isinstance(extra, dict) and "lag" in extra
+    """Return whether a parameter is the time constant of a state that is integrated in steps."""
+    return "lag" in _declaration(info)
 
 
 def needs_of(info: FieldInfo) -> str:
-    """What a number needs of its ship: names of :data:`LACKING`."""
-    extra = info.json_schema_extra
-    return str(extra.get("needs", "")) if isinstance(extra, dict) else ""
+    """Return the properties that a parameter requires: names of :data:`MISSING_PROPERTIES`."""
+    return str(_declaration(info).get("needs", ""))
 
 
 def required_when(info: FieldInfo) -> str:
-    """When a number that has a default must be given, in words; empty if never."""
-    extra = info.json_schema_extra
-    return str(extra.get("required", "")) if isinstance(extra, dict) else ""
+    """Return when a parameter with a default must be given, as text; empty if never."""
+    return str(_declaration(info).get("required", ""))
 
 
 def default_of(info: FieldInfo) -> str:
-    """Default of a number in words, or when it is required."""
+    """Return the default of a parameter, or when it is required, as text."""
     when = required_when(info)
-    if info.is_required() or when:
-        return f"required {when}".strip()
-    return f"{info.default}"
+    return f"required {when}".strip() if info.is_required() or when else f"{info.default}"
 
 
 def place_of(info: FieldInfo) -> tuple[str, tuple[int, ...]] | None:
-    """Field of the kernels' record that holds a number, and the place in it; None for what has none."""
+    """Return the field of the ship record, and the index in it, of a parameter; None if it has none."""
     field = record_field(info)
     if field is not None:
         return field, ()
-    extra = info.json_schema_extra
-    found: Any = extra.get("entry") if isinstance(extra, dict) else None
-    return found if found is None else (str(found[0]), tuple(found[1]))
+    location = _declaration(info).get("entry")
+    return None if location is None else (str(location[0]), tuple(location[1]))
 
 
 def record_field(info: FieldInfo) -> str | None:
-    """Name of a number's field in the kernels' record; None for what stays outside."""
-    extra = info.json_schema_extra
-    return str(extra["record"]) if isinstance(extra, dict) and "record" in extra else None
+    """Return the name of a parameter's own field in the ship record; None if it has none."""
+    field = _declaration(info).get("record")
+    return None if field is None else str(field)

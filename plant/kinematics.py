@@ -1,7 +1,7 @@
-"""Kinematics in the plane: heading and track, over ground and through the water.
+"""Kinematics in the horizontal plane: heading and track, over ground and through the water.
 
-The position lies along the first course, the cross track to starboard of it; heading and rate of turn
-are positive to starboard. A ship that does not turn has a heading of 0 for ever.
+The position lies along the initial course, the cross track to starboard of it. Heading and rate of turn
+are positive to starboard. A ship without sway and yaw keeps heading 0.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from .state import State
 
 @compiled
 def over_ground(state: State) -> tuple[Real, Real]:
-    """Rates of position and cross track [m/s]."""
+    """Return the rates of position and cross track [m/s]."""
     sine, cosine = sine_cosine(state.heading)
     ahead, across = state.ship_speed, state.sway_speed
     return ahead * cosine - across * sine, ahead * sine + across * cosine
@@ -21,7 +21,7 @@ def over_ground(state: State) -> tuple[Real, Real]:
 
 @compiled
 def current_met(plant: Record, heading: Real) -> tuple[Real, Real]:
-    """Velocity of the current [m/s] ahead and to starboard of a ship on a heading [rad]."""
+    """Return the velocity of the current [m/s] ahead and to starboard, for a ship on a heading [rad]."""
     sine, cosine = sine_cosine(heading)
     return (
         plant.current * cosine + plant.cross_current * sine,

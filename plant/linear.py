@@ -1,4 +1,4 @@
-"""Linear models of the plant by exact derivatives, as python-control systems."""
+"""Linear models of the plant from exact derivatives, as python-control systems."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ INPUTS = {
     "resistance_factor": "resistance_factor",
     "inflow": "inflow",
 }
-"""Inputs of the linear model, in order: P/D command, rack (voltage, torque, speed), d_c1, u_x."""
+"""Inputs of the linear model: P/D command, drive command, resistance factor d_c1, inflow u_x."""
 
-STEERED = {**INPUTS, "rudder_command": "rudder_command"}
-"""Those of a ship that turns."""
+STEERED_INPUTS = {**INPUTS, "rudder_command": "rudder_command"}
+"""Inputs of the linear model of a ship with sway and yaw."""
 
-_STEEPEST = 1e50  # derivative beyond which poles cannot be told in double precision
+_STEEPEST = 1e50  # derivative beyond which double precision cannot resolve the poles
 
 
 def linearise(
@@ -36,53 +36,60 @@ def linearise(
     point: Equilibrium,
     outputs: tuple[str, ...] = ("pitch_ratio", "shaft_speed", "ship_speed", "shaft_torque"),
 ) -> control.StateSpace:
-    """Linear model x' = A x + B u, y = C x + D u of the plant about a working point.
+    """Return the linear model x' = A x + B u, y = C x + D u of the plant about a steady state.
 
     Args:
         ship: the ship.
-        point: working point, from :func:`shaftline.plant.equilibrium`.
+        point: steady state, from :func:`shaftline.plant.equilibrium`.
         outputs: names of states or of algebraic outputs.
 
     Returns:
-        State-space system with named states, the inputs of :data:`INPUTS`, or :data:`STEERED` of a ship
-        that turns, and the outputs.
-        Dead time and the rack's rate limit lie outside the differential equations and are left out;
-        inside a dead band or backlash the pitch does not answer, and its derivative is 0.
+        State-space system with named states, inputs and outputs. The inputs are :data:`INPUTS`, or
+        :data:`STEERED_INPUTS` for a ship with sway and yaw. Dead time and the rack's rate limit are not
+        part of the differential equations and are left out. Inside a dead band or backlash the
+        derivative of the pitch is 0.
 
-    The derivatives are those of the simulated equations themselves, exact to rounding, by complex
-    steps (Squire & Trapp 1998); they equal the thesis's eqs. 2-22 to 2-38 on the frigate.
+    The derivatives are those of the simulated equations themselves, exact to rounding, by complex steps
+    (Squire & Trapp 1998). On the frigate they equal the thesis's eqs. 2-22 to 2-38.
 
     Raises:
-        ValueError: an output that does not exist, or numbers of a ship too extreme to be derived.
+        ValueError: an unknown output, or parameters so extreme that the derivatives are not finite.
+
+    >>> from shaftline.plant import equilibrium, linearise, load_ship
+    >>> ship = load_ship("frigate")
+    >>> model = linearise(ship, equilibrium(ship, drive=22.0, pitch_ratio=1.2))
+    >>> model.state_labels
+    ['pitch_ratio', 'shaft_speed', 'ship_speed']
+    >>> sorted(round(float(pole.real), 3) for pole in model.poles())  # [1/s]
+    [-0.99, -0.5, -0.023]
     """
     plant = ship.record()
     states = active_states(plant)
-    by = STEERED if ship.turns else INPUTS
-    found = tangent(
+    by = STEERED_INPUTS if ship.turns else INPUTS
+    model = tangent(
         plant, point.state, point.inputs, point.outputs.pitch_ratio, states, outputs, by
     )
-    if not all((np.abs(part) < _STEEPEST).all() for part in found):
+    if not all((np.abs(part) < _STEEPEST).all() for part in model):
         raise ValueError(
-            f"{ship.name}: no linear model, for its equations are all but vertical here; is a mass, an "
-            "inertia or a time constant of its file many orders too small?"
+            f"{ship.name}: there is no linear model, because derivatives exceed {_STEEPEST:g}; check "
+            "whether a mass, an inertia or a time constant of the ship file is many orders too small"
         )
     return control.ss(
-        found.a, found.b, found.c, found.d,
+        model.a, model.b, model.c, model.d,
         states=states, inputs=list(by), outputs=list(outputs),
-        name=ship.name.replace(".", " "),  # where python-control has a dot, a name parts
-
+        name=ship.name.replace(".", " "),  # python-control allows no dot in a name
     )  # fmt: skip
 
 
 class Tangent(NamedTuple):
-    """The plant about any point, to first order: rates and values there, and their slopes."""
+    """First-order expansion of the plant about any point: rates and outputs there, and their slopes."""
 
     rates: NDArray[np.float64]  # of the states, shape (n,); 0 in a steady state
     values: NDArray[np.float64]  # of the outputs, shape (p,)
-    a: NDArray[np.float64]  # rates by states, shape (n, n)
-    b: NDArray[np.float64]  # rates by the inputs, shape (n, m)
-    c: NDArray[np.float64]  # outputs by states, shape (p, n)
-    d: NDArray[np.float64]  # outputs by inputs, shape (p, m)
+    a: NDArray[np.float64]  # d rates / d states, shape (n, n)
+    b: NDArray[np.float64]  # d rates / d inputs, shape (n, m)
+    c: NDArray[np.float64]  # d outputs / d states, shape (p, n)
+    d: NDArray[np.float64]  # d outputs / d inputs, shape (p, m)
 
 
 def tangent(
@@ -94,32 +101,32 @@ def tangent(
     outputs: Sequence[str],
     by: Mapping[str, str] = MappingProxyType(INPUTS),
 ) -> Tangent:
-    """Rates and outputs with their derivatives, by complex steps.
+    """Return rates and outputs with their derivatives, by complex steps.
 
     Args:
         plant: ship record.
-        state: where.
-        inputs: what acts there.
-        blade: pitch ratio of the blades before [-], of a mechanism that has play.
-        states: names of those that move.
+        state: state at the point.
+        inputs: inputs at the point.
+        blade: pitch ratio of the blades before [-], for an actuator with backlash.
+        states: names of the states of the expansion.
         outputs: names of states or of algebraic outputs.
-        by: inputs, by their names; the values are fields of :class:`Inputs`.
+        by: inputs of the expansion by name; the values are fields of :class:`Inputs`.
 
     Raises:
-        ValueError: an output that does not exist.
+        ValueError: unknown output.
     """
     known = {*State._fields, *Outputs._fields}
     for name in outputs:
         if name not in known:
             raise ValueError(f"unknown output {name!r}; known: {', '.join(sorted(known))}")
     here = State(*(complex(value) for value in state))
-    # all of one type, for the kernel
+    # The kernel needs all inputs of one type.
     acting: Any = [complex(value) for value in inputs[:-1]]
     acts = Inputs(*acting)._replace(outside=tuple(complex(x) for x in inputs.outside))
     held = float(np.real(blade))
 
-    def found(shifted: State, acted: Inputs) -> tuple[list[complex], list[complex]]:
-        if plant["speed_held"]:  # then an input, and no state
+    def rates_and_outputs(shifted: State, acted: Inputs) -> tuple[list[complex], list[complex]]:
+        if plant["speed_held"]:  # The shaft speed is then an input and no state.
             shifted = shifted._replace(shaft_speed=acted.drive)
         rate, out = evaluate(plant, shifted, acted, held)
         values = {**shifted._asdict(), **out._asdict()}
@@ -131,10 +138,13 @@ def tangent(
     def slopes(columns: list[tuple[list[complex], list[complex]]], part: int) -> Any:
         return np.array([column[part] for column in columns]).T.imag / STEP
 
-    rates, values = (np.array(part).real for part in found(here, acts))
-    by_states = [found(here._replace(**{n: getattr(here, n) + 1j * STEP}), acts) for n in states]
+    rates, values = (np.array(part).real for part in rates_and_outputs(here, acts))
+    by_states = [
+        rates_and_outputs(here._replace(**{n: getattr(here, n) + 1j * STEP}), acts) for n in states
+    ]
     by_inputs = [
-        found(here, acts._replace(**{n: getattr(acts, n) + 1j * STEP})) for n in by.values()
+        rates_and_outputs(here, acts._replace(**{n: getattr(acts, n) + 1j * STEP}))
+        for n in by.values()
     ]
     return Tangent(
         rates, values, slopes(by_states, 0), slopes(by_inputs, 0), slopes(by_states, 1),
@@ -142,21 +152,21 @@ def tangent(
     )  # fmt: skip
 
 
-class Local(NamedTuple):
-    """The plant about one instant of a run, to first order."""
+class LocalModel(NamedTuple):
+    """Linear model of the plant about one instant of a simulation."""
 
     time_s: float
     states: tuple[str, ...]  # names
     state: NDArray[np.float64]  # shape (n,)
     tangent: Tangent
 
-    def ahead(self, seconds: float) -> NDArray[np.float64]:
-        """State some time later, shape (n,), by this model alone, all that acts on the ship held.
+    def predict(self, seconds: float) -> NDArray[np.float64]:
+        """Return the state after some time, shape (n,), with all inputs held constant.
 
-        The exact solution of x' = f + A (x - x0).
+        This is the exact solution of x' = f + A (x - x0).
 
         Args:
-            seconds: how much later [s].
+            seconds: prediction horizon [s].
         """
         n = len(self.state)
         block = np.zeros((n + 1, n + 1))
@@ -164,50 +174,51 @@ class Local(NamedTuple):
         return np.asarray(self.state + scipy.linalg.expm(block * seconds)[:n, n])
 
 
-def along(
+def linearise_along(
     ship: Ship,
     samples: NDArray[Any],
     every_s: float,
     outputs: tuple[str, ...] = ("pitch_ratio", "shaft_speed", "ship_speed", "shaft_torque"),
-) -> list[Local]:
-    """Linear models about the instants of a run, one after the other (thesis, end of section 2-7-2).
+) -> list[LocalModel]:
+    """Return linear models about instants of a simulation (thesis, end of section 2-7-2).
 
-    What acts on the ship is read from the run and held about each instant: the demands as they stand in
-    it, the inflow and the factor on the resistance as its advance velocity and resistance ask for. The
-    rates of the states are not 0 there, as they are in a steady state.
+    The inputs at each instant follow from the samples: the commands directly, the inflow and the
+    resistance factor from advance velocity and resistance. Unlike in a steady state, the rates of the
+    states are not 0.
 
     Args:
-        ship: that sailed.
+        ship: simulated ship.
         samples: SAMPLE array of :func:`shaftline.plant.simulate`, shape (n,).
-        every_s: between two models [s], a multiple of the samples' interval.
+        every_s: interval between two models [s], a multiple of the samples' interval.
         outputs: names of states or of algebraic outputs.
 
     Raises:
-        ShipError: a ship with states of which samples tell nothing.
-        ValueError: an interval that is none of the samples', or an output that does not exist.
+        ShipError: the samples lack a state or an input of the ship.
+        ValueError: the interval is no multiple of the samples' interval, or an output is unknown.
     """
     plant = ship.record()
     names = tuple(active_states(plant))
-    untold = set(names) - set(samples.dtype.names or ())
-    if untold or ship.hears or plant["pitch_backlash"]:
+    missing = set(names) - set(samples.dtype.names or ())
+    if missing or ship.external_signals or plant["pitch_backlash"]:
         raise ShipError(
-            f"{ship.name}: samples do not tell {', '.join(sorted(untold)) or 'all that acts on it'}"
+            f"{ship.name}: the samples do not contain {', '.join(sorted(missing)) or 'all inputs'} "
+            "of this ship, so no linear model along them can be formed"
         )
     interval = float(samples["time"][1] - samples["time"][0])
     step = round(every_s / interval)
     if step < 1 or abs(step * interval - every_s) > 1e-6 * interval:
         raise ValueError(
-            f"every_s = {every_s:g}: must be a multiple of the samples' {interval:g} s, at least one"
+            f"every_s = {every_s:g} s must be a multiple of the samples' interval of {interval:g} s"
         )
-    return [_local(plant, row, names, outputs, ship.turns) for row in samples[::step]]
+    return [_model_at(plant, row, names, outputs, ship.turns) for row in samples[::step]]
 
 
-def _local(
+def _model_at(
     plant: Any, row: Any, names: tuple[str, ...], outputs: tuple[str, ...], turns: bool
-) -> Local:
-    told = {name: float(row[name]) for name in State._fields if name in row.dtype.names}
-    told["pitch_ratio"] -= float(plant["pitch_actuator_offset"])
-    state = State(**told)
+) -> LocalModel:
+    values = {name: float(row[name]) for name in State._fields if name in row.dtype.names}
+    values["pitch_ratio"] -= float(plant["pitch_actuator_offset"])
+    state = State(**values)
     bare = Inputs(float(row["drive"]), float(row["pitch_command"]))
     if turns:
         bare = bare._replace(rudder_command=float(row["rudder_command"]))
@@ -218,6 +229,8 @@ def _local(
         inflow=float(row["advance_velocity"] - calm.advance_velocity),
         resistance_factor=float(factor),
     )
-    by = STEERED if turns else INPUTS
-    found = tangent(plant, state, acting, blade, names, outputs, by)
-    return Local(float(row["time"]), names, np.array([told[name] for name in names]), found)
+    by = STEERED_INPUTS if turns else INPUTS
+    expansion = tangent(plant, state, acting, blade, names, outputs, by)
+    return LocalModel(
+        float(row["time"]), names, np.array([values[name] for name in names]), expansion
+    )

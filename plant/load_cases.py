@@ -1,7 +1,7 @@
 """The eight load cases of van der Kroft's thesis (section 4-1), scaled to any ship.
 
-The thesis prints the cases for a frigate. For another ship the commands are scaled by the range of its
-drive and by its highest pitch ratio, and the inflow's amplitude is scaled by n D.
+The thesis gives the cases for a frigate. For another ship, the commands are scaled by the range of its
+drive and by its highest pitch ratio, and the amplitude of the inflow is scaled by n D.
 """
 
 from __future__ import annotations
@@ -22,22 +22,25 @@ from .steady_state import equilibrium
 from .waves import realise
 
 RACK, PITCH = 22.0, 1.4
-"""Constant inputs [mm], [-] of every case that does not change them (section 4-1)."""
+"""Constant commands [mm], [-] of the cases that do not change them (section 4-1)."""
 
 NOISE_SNR_DB = 40.0
-"""Signal-to-noise ratio of the readings where the noisy case is simulated by itself; the thesis's
-study varies it from 0 to 100 dB."""
+"""Signal-to-noise ratio of the measurements in the noisy case by default; the thesis's study varies it
+from 0 to 100 dB."""
 
 STEP_AT = 10.0
 RACK_STEP_DURATION, PITCH_STEP_DURATION = 50.0, 76.0
-"""The scores of the steps hang on the record's length, which the thesis does not print. 50 s give its
-rack-step column; 76 s give the pitch-step scores of the two kinds of observers that use no inverse
-table (I&I low 99.94, random-walk Kalman 74.18)."""
+"""Durations of the step cases [s].
+
+The scores depend on the length of the record, which the thesis does not state. 50 s reproduce its
+rack-step column; 76 s reproduce the pitch-step scores of the two kinds of observers that use no inverse
+table (I&I low 99.94, random-walk Kalman 74.18).
+"""
 
 
 @dataclass(frozen=True)
 class LoadCase:
-    """One load case: what changes, from which steady state, for how long."""
+    """One load case: its schedule, its initial steady state and its duration."""
 
     name: str
     description: str
@@ -50,18 +53,18 @@ class LoadCase:
     def run(
         self, ship: Ship, *, seed: int = 0, dt: float | None = None, sea: str | None = None
     ) -> NDArray[Any]:
-        """Simulate the case; SAMPLE array of shape (steps + 1,).
+        """Simulate the case and return a SAMPLE array of shape (steps + 1,).
 
         Args:
             ship: the ship.
-            seed: of the sea, where the case has one.
-            dt: time step [s]; the ship's own by default.
-            sea: sea instead of the case's own, as of :func:`shaftline.plant.get_sea`.
+            seed: seed of the sea, if the case has one.
+            dt: time step [s]; by default that of the ship.
+            sea: sea that replaces the case's own, as in :func:`shaftline.plant.get_sea`.
 
         Raises:
-            ValueError: a ship on which the case would move nothing, or without a steady state there.
+            ValueError: the case has no effect on this ship, or there is no initial steady state.
         """
-        drive, pitch, inflow = self._sizes(ship)
+        drive, pitch, inflow = self._scales(ship)
         start = equilibrium(ship, drive * self.start[0], pitch * self.start[1])
         waves = get_sea(sea or self.sea or "calm")
         return simulate(
@@ -78,26 +81,26 @@ class LoadCase:
             dt=dt,
         )
 
-    def _sizes(self, ship: Ship) -> tuple[float, float, float]:
-        """By what the frigate's rack, pitch and inflow are multiplied."""
+    def _scales(self, ship: Ship) -> tuple[float, float, float]:
+        """Return the factors on the frigate's rack, pitch and inflow."""
         if not ship.has_propeller:
             raise ValueError(f"load case {self.name!r} needs a propeller; {ship.name} has none")
         if callable(self.schedule.pitch_command) and not ship.has_variable_pitch:
             raise ValueError(
-                f"load case {self.name!r} needs blades that turn; {ship.name} has a fixed pitch"
+                f"load case {self.name!r} needs a variable pitch; {ship.name} has a fixed pitch"
             )
         if callable(self.schedule.resistance_factor) and not ship.moves:
             raise ValueError(
                 f"load case {self.name!r} needs a hull that moves; {ship.name}'s is fixed"
             )
-        printed = load_ship("frigate")
-        drive = float(ship.record()["drive_max"] / printed.record()["drive_max"])
-        pitch = ship.propeller.pitch_ratio_max / printed.propeller.pitch_ratio_max
-        return drive, pitch, _pace(ship, drive, pitch) / _pace(printed, 1.0, 1.0)
+        frigate = load_ship("frigate")
+        drive = float(ship.record()["drive_max"] / frigate.record()["drive_max"])
+        pitch = ship.propeller.pitch_ratio_max / frigate.propeller.pitch_ratio_max
+        return drive, pitch, _tip_velocity(ship, drive, pitch) / _tip_velocity(frigate, 1.0, 1.0)
 
 
-def _pace(ship: Ship, drive: float, pitch: float) -> float:
-    """Revolutions times diameter, n D [m/s], where the cases are sailed."""
+def _tip_velocity(ship: Ship, drive: float, pitch: float) -> float:
+    """Return n D [m/s] of a ship in the steady state of the cases."""
     steady = equilibrium(ship, drive * RACK, pitch * PITCH)
     return float(steady.state.shaft_speed / (2.0 * math.pi) * ship.propeller.diameter_m)
 
@@ -169,7 +172,7 @@ CASES = {
         ),
         LoadCase(
             "measurement_noise",
-            "inflow 1 m/s at 4 rad/s with white noise on every reading",
+            "inflow 1 m/s at 4 rad/s with white noise on every measurement",
             _FAST,
             _periods(20, 4.0),
             noisy=True,
@@ -179,10 +182,14 @@ CASES = {
 
 
 def get_case(name: str) -> LoadCase:
-    """Load case by name.
+    """Return a load case by name.
 
     Raises:
         ValueError: unknown name; the message lists the known ones.
+
+    >>> from shaftline.plant.load_cases import get_case
+    >>> get_case("rack_step").description
+    'fuel rack from 20 to 27.5 mm'
     """
     if name not in CASES:
         raise ValueError(f"unknown load case {name!r}; known: {', '.join(CASES)}")

@@ -1,10 +1,10 @@
-"""A feedback loop by its linear models: margins, sensitivities, what a step of the order does.
+"""A feedback loop of linear models: stability margins, sensitivities, and the step response.
 
     L = P C,   S = 1 / (1 + L),   T = 1 - S,   y = T r,   u = C S (r - noise)
 
-Skogestad & Postlethwaite 2005, Multivariable Feedback Control, chapter 2. A controller that acts at
-intervals is seen as it is: the plant is sampled with the command held in between, and what it reads is
-what the plant showed just before, so what the holding costs in phase is in every number.
+Skogestad & Postlethwaite 2005, Multivariable Feedback Control, chapter 2. For a discrete controller the
+plant is sampled with the command held constant between two samples, and each measurement is taken just
+before the next command. So all results include the phase lag of the hold.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from numpy.typing import NDArray
 
 from ..core.lazy import control
 
-_SETTLED = 0.02  # of the step
-_STEPS = 20_000  # of a step response at most
-_SLOWEST = 12.0  # time constants of the slowest pole over which a step is followed
+_SETTLED = 0.02  # settling band, as a share of the step
+_STEPS = 20_000  # largest number of points of a step response
+_SLOWEST = 12.0  # duration of a step response, in time constants of the slowest pole
 
 
 class Margins(NamedTuple):
-    """How far a loop stands from instability; times and frequencies in the models' unit of time.
+    """Stability margins of a loop; times and frequencies are in the models' unit of time.
 
     Args:
-        gain_margin_dB: by which the gain may rise; infinite where the phase never reaches -180 deg.
-        gain_margin_down_dB: by which it may fall, of a loop that needs its gain to be stable; else
+        gain_margin_dB: allowed increase of the gain; infinite if the phase never reaches -180 deg.
+        gain_margin_down_dB: allowed decrease of the gain, if the loop is stable only above a gain; else
             infinite.
-        phase_margin_deg: by which the phase may change, to the nearer side; the least of all crossovers.
-        delay_margin: dead time that takes it away.
+        phase_margin_deg: allowed change of the phase, the least over all crossovers.
+        delay_margin: dead time that makes the loop unstable.
         crossover: frequency at which |L| = 1.
-        phase_crossover: at which the gain margin is met.
-        peak_sensitivity: largest |S|; the loop's curve keeps 1 over it away from -1.
+        phase_crossover: frequency of the gain margin.
+        peak_sensitivity: largest |S|; its inverse is the least distance of L from -1.
         peak_complementary: largest |T|.
     """
 
@@ -49,14 +49,14 @@ class Margins(NamedTuple):
 
 
 class StepMeasures(NamedTuple):
-    """What the controlled output does where its order steps from 0 to 1.
+    """Measures of the response of the controlled output to a unit step of the set-point.
 
     Args:
-        overshoot_percent: beyond its last value.
-        settling: time until it stays within 2 % of that.
-        rise: time from 10 to 90 %.
+        overshoot_percent: overshoot over the final value.
+        settling: time after which the output stays within 2 % of the final value.
+        rise: time from 10 to 90 % of the final value.
         peak: time of the highest value.
-        last_value: where it comes to rest.
+        last_value: final value.
     """
 
     overshoot_percent: float
@@ -67,15 +67,22 @@ class StepMeasures(NamedTuple):
 
 
 class Loop:
-    """One loop, opened at its command.
+    """A feedback loop with one input and one output, opened at its command.
 
     Args:
-        open_loop: L, with the sign of negative feedback: L > 0 where the controller works against an
-            error.
-        closed: from the order to the controlled output; T where it is not given.
+        open_loop: L, with the sign of negative feedback: L > 0 if the controller acts against an error.
+        closed: transfer function from the set-point to the controlled output; by default T.
 
     Raises:
         ValueError: more than one input or output.
+
+    >>> import control
+    >>> from shaftline.plant import Loop
+    >>> loop = Loop.from_plant(control.tf([1.0], [1.0, 1.0, 0.0]), control.tf([1.0], [1.0]))
+    >>> round(loop.margins().phase_margin_deg, 1), round(loop.margins().crossover, 3)
+    (51.8, 0.786)
+    >>> round(loop.step_measures().overshoot_percent)  # [%]
+    16
     """
 
     def __init__(self, open_loop: control.LTI, closed: control.LTI | None = None) -> None:
@@ -85,43 +92,45 @@ class Loop:
                     f"a loop has one input and one output, not {one.ninputs} and {one.noutputs}"
                 )
         self.open_loop = control.ss(open_loop)
-        self.closed = control.feedback(self.open_loop, 1) if closed is None else control.ss(closed)
+        self.closed_loop = (
+            control.feedback(self.open_loop, 1) if closed is None else control.ss(closed)
+        )
 
     @classmethod
-    def of(cls, plant: control.LTI, controller: control.LTI) -> Loop:
-        """Of a plant and a controller with one input and output each; negative feedback.
+    def from_plant(cls, plant: control.LTI, controller: control.LTI) -> Loop:
+        """Return the loop of a plant and a controller with negative feedback.
 
-        Where the controller is discrete, the plant is sampled for it.
+        If the controller is discrete, the plant is sampled at its interval.
 
         Args:
-            plant: from command to what is controlled.
-            controller: from the error to the command.
+            plant: transfer function from the command to the controlled output.
+            controller: transfer function from the error to the command.
 
         Raises:
             ValueError: more than one input or output.
         """
         if controller.dt and not plant.dt:
-            plant = sampled(reached(control.ss(plant)), controller.dt)
+            plant = sample_plant(drop_unconnected_states(control.ss(plant)), controller.dt)
         return cls(control.ss(plant) * control.ss(controller))
 
     @property
     def interval(self) -> float:
-        """Between two commands; 0 where the controller acts all the time."""
+        """Interval between two commands; 0 for a continuous controller."""
         return float(self.open_loop.dt or 0.0)
 
     @property
     def stable(self) -> bool:
-        """Whether the closed loop is."""
+        """Whether the closed loop is stable."""
         poles = control.feedback(self.open_loop, 1).poles()
         return bool(np.all(np.abs(poles) < 1.0) if self.interval else np.all(poles.real < 0.0))
 
     def response(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """L at frequencies [rad per unit of time], shape (n,)."""
+        """Return L at frequencies [rad per unit of time], shape (n,)."""
         points = np.exp(1j * frequency * self.interval) if self.interval else 1j * frequency
         return np.asarray(self.open_loop(points)).reshape(-1)
 
     def frequencies(self, points: int = 4000) -> NDArray[np.float64]:
-        """Frequencies over which the loop is worth looking at, shape (points,)."""
+        """Return a grid of frequencies that covers all poles and zeros of the loop, shape (points,)."""
         poles = self.open_loop.poles()
         zeros = self.open_loop.zeros()
         corners = np.concatenate([poles, zeros])
@@ -134,20 +143,22 @@ class Loop:
         return np.geomspace(min(low / 30.0, top / 1e3), top, points)
 
     def margins(self) -> Margins:
-        """The loop's margins.
+        """Return the stability margins.
 
         Raises:
-            ValueError: the closed loop is unstable, so it has none.
+            ValueError: the closed loop is unstable.
         """
         if not self.stable:
-            raise ValueError("the closed loop is unstable: there are no margins to speak of")
+            raise ValueError(
+                "the closed loop is unstable, so it has no margins; change the gain or the controller"
+            )
         grid = self.frequencies()
         response = self.response(grid)
         gains = self._crossings(grid, np.abs(response) - 1.0, lambda one: abs(one) - 1.0)
         turned = self._crossings(grid, response.imag, lambda one: one.imag)
         real = np.array([self.response(np.array([at]))[0].real for at in turned])
         turned, real = turned[real < 0.0], real[real < 0.0]
-        if self.interval:  # there the curve ends on the real axis
+        if self.interval:  # The curve of a discrete loop ends on the real axis.
             last = self.response(np.array([np.pi / self.interval]))[0].real
             if last < 0.0:
                 turned, real = np.append(turned, np.pi / self.interval), np.append(real, last)
@@ -168,12 +179,9 @@ class Loop:
         )
 
     def _crossings(
-        self,
-        grid: NDArray[np.float64],
-        values: NDArray[np.float64],
-        of: Callable[[complex], float],
+        self, grid: NDArray[np.float64], values: NDArray[np.float64], of: Callable[[complex], float]
     ) -> NDArray[np.float64]:
-        """Frequencies at which something of L passes through 0."""
+        """Return the frequencies at which a function of L changes its sign."""
 
         def at(frequency: float) -> float:
             return float(of(self.response(np.array([frequency]))[0]))
@@ -187,14 +195,17 @@ class Loop:
         )
 
     def step(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Time and controlled output after a step of the order by 1, each of shape (n,).
+        """Return time and controlled output after a unit step of the set-point, each of shape (n,).
 
         Raises:
             ValueError: the closed loop is unstable.
         """
         if not self.stable:
-            raise ValueError("the closed loop is unstable: a step of the order has no end")
-        poles = self.closed.poles()
+            raise ValueError(
+                "the closed loop is unstable, so its step response has no final value; "
+                "change the gain or the controller"
+            )
+        poles = self.closed_loop.poles()
         if self.interval:
             poles = np.log(poles[np.abs(poles) > 1e-12].astype(complex)) / self.interval
         slowest = np.abs(poles.real).min() if len(poles) else 1.0
@@ -204,39 +215,39 @@ class Loop:
             steps = min(_STEPS, max(10, int(np.ceil(horizon / self.interval))))
             horizon = steps * self.interval
         time = np.linspace(0.0, horizon, steps + 1)
-        return time, np.asarray(control.step_response(self.closed, time).outputs).reshape(-1)
+        return time, np.asarray(control.step_response(self.closed_loop, time).outputs).reshape(-1)
 
     def step_measures(self) -> StepMeasures:
-        """What a step of the order does.
+        """Return the measures of the step response.
 
         Raises:
-            ValueError: as of :meth:`step`.
+            ValueError: as in :meth:`step`.
         """
         time, output = self.step()
-        last = float(np.real(self.closed.dcgain()))
-        found = control.step_info(output, T=time, SettlingTimeThreshold=_SETTLED, yfinal=last)
+        last = float(np.real(self.closed_loop.dcgain()))
+        info = control.step_info(output, T=time, SettlingTimeThreshold=_SETTLED, yfinal=last)
         return StepMeasures(
-            float(found["Overshoot"]), float(found["SettlingTime"]), float(found["RiseTime"]),
-            float(found["PeakTime"]), last,
+            float(info["Overshoot"]), float(info["SettlingTime"]), float(info["RiseTime"]),
+            float(info["PeakTime"]), last,
         )  # fmt: skip
 
 
-def sampled(plant: control.StateSpace, interval: float) -> control.StateSpace:
-    """A plant as a controller meets it that acts at intervals.
+def sample_plant(plant: control.StateSpace, interval: float) -> control.StateSpace:
+    """Return a continuous plant sampled as a discrete controller acts on it.
 
-    Its commands are held; each reading is what the plant showed just before the next command, so one
-    that follows a command at once shows the last: y[k] = C x[k] + D u[k-1].
+    Commands are held constant over an interval. Each measurement is taken just before the next command,
+    so direct feedthrough acts with the previous command: y[k] = C x[k] + D u[k-1].
 
     Args:
-        plant: continuous.
-        interval: between two commands, in the plant's unit of time.
+        plant: continuous plant.
+        interval: interval between two commands, in the plant's unit of time.
 
     Returns:
-        Discrete, with the plant's names of inputs and outputs and no direct feedthrough.
+        Discrete system with the plant's names of inputs and outputs and no direct feedthrough.
     """
     held = control.sample_system(plant, interval, method="zoh")
     states, inputs = held.nstates, held.ninputs
-    prompt = np.any(plant.D != 0.0, axis=0)  # commands that are seen at once
+    prompt = np.any(plant.D != 0.0, axis=0)  # commands with direct feedthrough
     kept = np.flatnonzero(prompt)
     a = np.block(
         [[held.A, np.zeros((states, len(kept)))], [np.zeros((len(kept), states + len(kept)))]]
@@ -249,18 +260,18 @@ def sampled(plant: control.StateSpace, interval: float) -> control.StateSpace:
     )  # fmt: skip
 
 
-def reached(system: control.StateSpace) -> control.StateSpace:
-    """The system without states that no input moves, or that no output shows.
+def drop_unconnected_states(system: control.StateSpace) -> control.StateSpace:
+    """Return a system without the states that no input affects or that affect no output.
 
-    By which numbers are 0 alone: a heading that nothing reads is no pole of a loop of the shaft's speed.
+    Only structural zeros count: for example, the heading is dropped from a loop of the shaft speed.
     """
     linked = system.A != 0.0
-    moved = np.any(system.B != 0.0, axis=1)
-    shown = np.any(system.C != 0.0, axis=0)
+    affected = np.any(system.B != 0.0, axis=1)
+    observed = np.any(system.C != 0.0, axis=0)
     for _ in range(system.nstates):
-        moved = moved | (linked @ moved)
-        shown = shown | (linked.T @ shown)
-    kept = np.flatnonzero(moved & shown)
+        affected = affected | (linked @ affected)
+        observed = observed | (linked.T @ observed)
+    kept = np.flatnonzero(affected & observed)
     labels = [system.state_labels[k] for k in kept]
     return control.ss(
         system.A[np.ix_(kept, kept)], system.B[kept], system.C[:, kept], system.D, system.dt,
@@ -268,52 +279,59 @@ def reached(system: control.StateSpace) -> control.StateSpace:
     )  # fmt: skip
 
 
-def broken_at(
+def loop_at_command(
     plant: control.StateSpace,
     controller: control.StateSpace,
     command: str,
     order: str,
     controlled: str,
 ) -> Loop:
-    """The loop of a controller with several readings and commands, opened at one of them.
+    """Return the loop of a controller with several measurements and commands, opened at one command.
 
-    The others stay closed; so do inner loops that the controller holds.
+    The other commands stay connected, and so do the controller's inner loops.
 
     Args:
-        plant: with commands as inputs and readings as outputs, by name.
-        controller: with readings and the order as inputs, and commands as outputs; its signs are those
-            of what it commands.
-        command: at which the loop is opened.
-        order: the controller's input that a step is given to.
-        controlled: the reading that is to follow it.
+        plant: system with commands as inputs and measurements as outputs, by name.
+        controller: system with measurements and set-points as inputs, and commands as outputs; its signs
+            are those of its commands.
+        command: command at which the loop is opened.
+        order: input of the controller that receives the step.
+        controlled: measurement that should follow it.
 
     Raises:
-        ValueError: a name that one of them lacks.
+        ValueError: a name that plant or controller lacks.
     """
-    _named(command, "command", plant.input_labels, controller.output_labels)
-    _named(order, "order", controller.input_labels)
-    _named(controlled, "reading", plant.output_labels)
+    _check_names(command, "command", plant.input_labels, controller.output_labels)
+    _check_names(order, "set-point", controller.input_labels)
+    _check_names(controlled, "measurement", plant.output_labels)
     if controller.dt and not plant.dt:
-        plant = sampled(plant, controller.dt)
+        plant = sample_plant(plant, controller.dt)
     ship = control.ss(plant, name="ship")
     law = control.ss(controller, name="law")
-    readings = [name for name in law.input_labels if name in ship.output_labels]
-    commands = [name for name in law.output_labels if name in ship.input_labels]
-    hears = [[f"law.{name}", f"ship.{name}"] for name in readings]
-    obeys = {name: [f"ship.{name}", f"law.{name}"] for name in commands}
-    others = [wire for name, wire in obeys.items() if name != command]
-    around = control.interconnect(
-        [ship, law], [*hears, *others], inplist=[f"ship.{command}"], outlist=[f"law.{command}"],
-        check_unused=False,
+    measurements = [
+        [f"law.{name}", f"ship.{name}"] for name in law.input_labels if name in ship.output_labels
+    ]
+    commands = {
+        name: [f"ship.{name}", f"law.{name}"]
+        for name in law.output_labels
+        if name in ship.input_labels
+    }
+    closed = [wire for name, wire in commands.items() if name != command]
+    opened = control.interconnect(
+        [ship, law], [*measurements, *closed], inplist=[f"ship.{command}"],
+        outlist=[f"law.{command}"], check_unused=False,
     )  # fmt: skip
-    followed = control.interconnect(
-        [ship, law], [*hears, *obeys.values()], inplist=[f"law.{order}"],
+    whole = control.interconnect(
+        [ship, law], [*measurements, *commands.values()], inplist=[f"law.{order}"],
         outlist=[f"ship.{controlled}"], check_unused=False,
     )  # fmt: skip
-    return Loop(-1.0 * reached(control.ss(around)), reached(control.ss(followed)))
+    return Loop(
+        -1.0 * drop_unconnected_states(control.ss(opened)),
+        drop_unconnected_states(control.ss(whole)),
+    )
 
 
-def _named(name: str, kind: str, *signals: Sequence[str]) -> None:
+def _check_names(name: str, kind: str, *signals: Sequence[str]) -> None:
     for known in signals:
         if name not in known:
             raise ValueError(f"unknown {kind} {name!r}; known: {', '.join(known)}")

@@ -1,4 +1,4 @@
-"""A hull that turns: surge, sway and yaw, and what drift and yaw do to hull and wake.
+"""Manoeuvring: surge, sway and yaw of the hull, and the effect of drift and yaw on the wake.
 
 Equations of the MMG (Yasukawa & Yoshimura 2015, eqs. 3 to 14), origin at midship, x ahead, y and rate
 of turn r positive to starboard:
@@ -7,8 +7,8 @@ of turn r positive to starboard:
     (m + m_y) dv/dt + (m x_G - Y_rdot) dr/dt + (m + m_x) u r = Y
     (I_z + J_z) dr/dt + (m x_G - N_vdot) dv/dt + m x_G u r = N
 
-with u, v through the water. Taylor (2000, Table 3.2) and Abkowitz write the same with the centripetal
-force inside Y_r: their Y_r is this one less m_x. A ship without a ``length_m`` here has surge alone.
+with u, v through the water. Taylor (2000, Table 3.2) and Abkowitz include the centripetal force in Y_r:
+their Y_r equals this Y_r minus m_x. A ship without a ``length_m`` here moves in surge only.
 """
 
 from __future__ import annotations
@@ -20,19 +20,21 @@ from pydantic import Field, model_validator
 
 from ..core.compiled import Real, Record, compiled
 from ..core.numeric import modulus
-from .keys import Section, effect, number, require
+from .keys import Section, effect, parameter, require
 from .kinematics import current_met
 
 WITH = "with a manoeuvring.length_m"
 
 LARGEST_RATE = 1.5
-"""r L / U up to which derivatives are taken as they stand; beyond, U is what makes it this much, so
-that a ship that turns on the spot is damped by her rate of turn."""
+"""Largest r L / U for which U is the speed of the ship. Beyond it U is raised so that r L / U keeps this
+value, so that the rate of turn damps a ship that turns on the spot."""
 
 
 def derivative(name: str, meaning: str, **limits: Any) -> Any:
-    """A hydrodynamic derivative without dimension, 0 where none is given."""
-    return number(meaning, record=name, needs="turns", default=limits.pop("default", 0.0), **limits)
+    """Declare a dimensionless hydrodynamic derivative, 0 by default."""
+    return parameter(
+        meaning, record=name, needs="turns", default=limits.pop("default", 0.0), **limits
+    )
 
 
 def _needed(name: str, meaning: str, **limits: Any) -> Any:
@@ -40,43 +42,43 @@ def _needed(name: str, meaning: str, **limits: Any) -> Any:
 
 
 class Manoeuvring(Section):
-    """Sway and yaw: hydrodynamic derivatives of the hull, without its rudder."""
+    """Sway and yaw: hydrodynamic derivatives of the hull without rudder."""
 
     derived = (("turns", np.int64), ("by_length_squared", np.int64))
 
-    length_m: float = number(
-        "L between perpendiculars; 0: the ship does not turn", "m", record="length", ge=0, le=500,
+    length_m: float = parameter(
+        "length L between perpendiculars; 0: no sway and yaw", "m", record="length", ge=0, le=500,
         default=0.0,
     )  # fmt: skip
-    draught_m: float = number(
-        "d", "m", record="draught", needs="turns", required=WITH, gt=0, le=40, default=1.0
+    draught_m: float = parameter(
+        "draught d", "m", record="draught", needs="turns", required=WITH, gt=0, le=40, default=1.0
     )
     normalised_by: Literal["length-draught", "length-squared"] = Field(
         default="length-draught",
-        description="area in the derivatives: L d (MMG) or L^2 (SNAME's first prime system)",
+        description="reference area of the derivatives: L d (MMG) or L^2 (SNAME's first prime system)",
     )
-    displacement_kg: float = number(
-        "m, without added mass", "kg", record="displacement", needs="turns", required=WITH, gt=0,
-        le=1e9, default=1.0,
+    displacement_kg: float = parameter(
+        "displacement m, without added mass", "kg", record="displacement", needs="turns",
+        required=WITH, gt=0, le=1e9, default=1.0,
     )  # fmt: skip
-    centre_of_gravity_m: float = number(
-        "x_G, forward of midship", "m", record="centre_of_gravity", needs="turns", ge=-250, le=250,
-        default=0.0,
+    centre_of_gravity_m: float = parameter(
+        "x_G, position of the centre of gravity, forward of midship", "m",
+        record="centre_of_gravity", needs="turns", ge=-250, le=250, default=0.0,
     )  # fmt: skip
-    radius_of_gyration_m: float = number(
-        "in yaw, about the centre of gravity", "m", record="radius_of_gyration", needs="turns",
-        required=WITH, gt=0, le=250, default=1.0,
+    radius_of_gyration_m: float = parameter(
+        "radius of gyration in yaw, about the centre of gravity", "m", record="radius_of_gyration",
+        needs="turns", required=WITH, gt=0, le=250, default=1.0,
     )  # fmt: skip
     Y_vdot: float = _needed("Y_vdot", "Y by dv/dt, the added mass -m_y", le=0)
     Y_rdot: float = derivative("Y_rdot", "Y by dr/dt")
     N_vdot: float = derivative("N_vdot", "N by dv/dt")
     N_rdot: float = _needed("N_rdot", "N by dr/dt, the added moment of inertia -J_z", le=0)
     Y_v: float = _needed("Y_v", "Y by v", lt=0, default=-1.0)
-    Y_r: float = _needed("Y_r", "Y by r, the centripetal force left out")
+    Y_r: float = _needed("Y_r", "Y by r, without the centripetal force")
     N_v: float = _needed("N_v", "N by v")
-    N_r: float = _needed("N_r", "N by r, the centripetal force left out", lt=0, default=-1.0)
+    N_r: float = _needed("N_r", "N by r, without the centripetal force", lt=0, default=-1.0)
     X_vv: float = derivative("X_vv", "X by v^2")
-    X_vr: float = derivative("X_vr", "X by v r, the centripetal force left out")
+    X_vr: float = derivative("X_vr", "X by v r, without the centripetal force")
     X_rr: float = derivative("X_rr", "X by r^2")
     X_vvvv: float = derivative("X_vvvv", "X by v^4")
     Y_vv: float = derivative("Y_vv", "Y by v |v|")
@@ -91,16 +93,16 @@ class Manoeuvring(Section):
     N_vvr: float = derivative("N_vvr", "N by v^2 r")
     N_vrr: float = derivative("N_vrr", "N by v r^2")
     N_rrr: float = derivative("N_rrr", "N by r^3")
-    propeller_position_m: float = number(
-        "x_P, forward of midship", "m", record="propeller_position", needs="turns has_propeller",
-        ge=-250, le=0, default=0.0,
+    propeller_position_m: float = parameter(
+        "x_P, position of the propeller, forward of midship", "m", record="propeller_position",
+        needs="turns has_propeller", ge=-250, le=0, default=0.0,
     )  # fmt: skip
     wake_drift_rate: float = effect(
-        0.0, "C_1: how soon the wake fades with drift at the propeller", record="wake_drift_rate",
+        0.0, "C_1: rate at which the wake fades with drift at the propeller", record="wake_drift_rate",
         needs="turns has_propeller", ge=0, le=50,
     )  # fmt: skip
     wake_drift_gain_port: float = effect(
-        1.0, "C_2: inflow over that of straight sailing, at large drift to port",
+        1.0, "C_2: inflow at large drift to port / inflow on a straight course",
         record="wake_drift_gain_port", needs="turns has_propeller", ge=0.2, le=4,
     )  # fmt: skip
     wake_drift_gain_starboard: float = effect(
@@ -108,7 +110,7 @@ class Manoeuvring(Section):
         needs="turns has_propeller", ge=0.2, le=4,
     )  # fmt: skip
     cross_current_m_s: float = effect(
-        0.0, "current across the first course, positive to starboard", "m/s",
+        0.0, "current across the initial course, positive to starboard", "m/s",
         record="cross_current", needs="turns", ge=-5, le=5,
     )  # fmt: skip
 
@@ -121,7 +123,7 @@ class Manoeuvring(Section):
         return self
 
     def fill(self, record: Any) -> None:
-        """Its numbers, whether the ship turns, and how the derivatives are made."""
+        """Write the parameters, the flag of a ship with sway and yaw, and the reference area."""
         super().fill(record)
         record["turns"] = self.length_m > 0.0
         record["by_length_squared"] = self.normalised_by == "length-squared"
@@ -129,14 +131,14 @@ class Manoeuvring(Section):
 
 @compiled
 def through_water(plant: Record, ahead: Real, across: Real, heading: Real) -> tuple[Real, Real]:
-    """Velocity through the water [m/s] ahead and to starboard, of that over ground."""
+    """Return the velocity through the water [m/s] ahead and to starboard, from that over ground."""
     current_ahead, current_across = current_met(plant, heading)
     return ahead - current_ahead, across - current_across
 
 
 @compiled
 def reference_speed(plant: Record, ahead: Real, across: Real, yaw_rate: Real) -> Real:
-    """Speed U [m/s] that the derivatives go with; see :data:`LARGEST_RATE`."""
+    """Return the reference speed U [m/s] of the derivatives; see :data:`LARGEST_RATE`."""
     speed = np.sqrt(ahead * ahead + across * across + 1e-12)
     turning = modulus(yaw_rate) * plant.length * (1.0 / LARGEST_RATE)
     return turning if turning.real > speed.real else speed
@@ -144,7 +146,7 @@ def reference_speed(plant: Record, ahead: Real, across: Real, yaw_rate: Real) ->
 
 @compiled
 def hull_area(plant: Record) -> Real:
-    """Area [m2] that the derivatives go with."""
+    """Return the reference area [m2] of the derivatives."""
     return plant.length * (plant.length if plant.by_length_squared != 0 else plant.draught)
 
 
@@ -152,7 +154,7 @@ def hull_area(plant: Record) -> Real:
 def hull_forces(
     plant: Record, speed: Real, across: Real, yaw_rate: Real
 ) -> tuple[Real, Real, Real]:
-    """X [N], Y [N] and N [N m] of the hull in drift and yaw (eqs. 8 and 9), its resistance apart.
+    """Return X [N], Y [N] and N [N m] of the hull in drift and yaw (eqs. 8 and 9), without resistance.
 
     Args:
         plant: ship record.
@@ -177,10 +179,10 @@ def hull_forces(
 
 @compiled
 def drift_inflow(plant: Record, speed: Real, across: Real, yaw_rate: Real) -> Real:
-    """Inflow of the propeller in drift and yaw over that of straight sailing [-] (eq. 20).
+    """Return the inflow of the propeller in drift and yaw over that on a straight course [-] (eq. 20).
 
-    Drift at the propeller is taken as the cross flow there over the speed, the sine of its angle.
-    Arguments as of :func:`hull_forces`.
+    The drift angle at the propeller is approximated by its sine, the cross flow there over the speed.
+    The arguments are those of :func:`hull_forces`.
     """
     if plant.wake_drift_rate == 0.0:
         return 1.0
@@ -194,7 +196,7 @@ def drift_inflow(plant: Record, speed: Real, across: Real, yaw_rate: Real) -> Re
 
 @compiled
 def planar_inertia(plant: Record) -> tuple[Real, Real, Real, Real]:
-    """What dv/dt and dr/dt weigh: sway by sway [kg], by yaw and yaw by sway [kg m], yaw [kg m2]."""
+    """Return the inertia matrix of sway and yaw: sway [kg], two coupling terms [kg m], yaw [kg m2]."""
     scale = 0.5 * plant.density * hull_area(plant) * plant.length
     off_centre = plant.displacement * plant.centre_of_gravity
     gyration = plant.radius_of_gyration**2 + plant.centre_of_gravity**2
@@ -217,7 +219,7 @@ def planar_acceleration(
     side: Real,
     moment: Real,
 ) -> tuple[Real, Real, Real]:
-    """Accelerations over ground in surge and sway [m/s2] and of the yaw [rad/s2].
+    """Return the accelerations over ground in surge and sway [m/s2] and in yaw [rad/s2].
 
     Args:
         plant: ship record; its ``mass`` is m + m_x.
@@ -236,7 +238,7 @@ def planar_acceleration(
     moment = moment - off_centre * ahead * yaw_rate
     share = 1.0 / (sway * yaw - sway_yaw * yaw_sway)
     current_ahead, current_across = current_met(plant, heading)
-    # the current is steady over ground, not over the ship
+    # The current is constant over ground, not relative to the turning ship.
     return (
         surge * (1.0 / plant.mass) + yaw_rate * current_across,
         (yaw * side - sway_yaw * moment) * share - yaw_rate * current_ahead,

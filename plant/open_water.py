@@ -1,14 +1,13 @@
-"""Open-water curves of the Wageningen B-series.
+"""Open-water curves: the Wageningen B-series, and tables of measured KT and KQ.
 
-KT and KQ are polynomials in advance ratio J, pitch ratio P/D, expanded area ratio and blade count
-(Oosterveld & van Oossanen 1975; coefficients as in Bernitsas, Ray & Kinley 1981, Re 2e6). For one
-propeller the last two are constants, so each curve collapses to a 5 x 4 matrix in P/D and J.
+B-series: KT and KQ are polynomials in advance ratio J, pitch ratio P/D, expanded area ratio and number
+of blades (Oosterveld & van Oossanen 1975; coefficients as in Bernitsas, Ray & Kinley 1981, Re 2e6). For
+one propeller the last two are constants, so each curve is a 5 x 4 matrix in P/D and J.
 
-An open-water table of one's own: KT and KQ over J, at one pitch ratio or several.
-
-Over J the curves are monotone cubics between the entries (PCHIP; Fritsch & Butland 1984): they go
-through every entry, rise and fall where the entries do, and have no kinks. Over P/D they are cubics too,
-with the slopes of the parabola through three neighbours. Outside the table they are held at its edges.
+Tables: KT and KQ over J, at one pitch ratio or several. Over J the curves are monotone cubics between
+the entries (PCHIP; Fritsch & Butland 1984): they pass through every entry, rise and fall with the
+entries, and have no kinks. Over P/D they are cubics with the slopes of the parabola through three
+neighbours. Outside the table they are constant.
 """
 
 from __future__ import annotations
@@ -26,21 +25,21 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
 from ..core.compiled import Real, Record, compiled, compiled_apart, compiled_polynomial
-from ..core.numeric import begun_between, clip, newton_step
+from ..core.numeric import clip, newton_step, start_between
 from .keys import Section
 
-PITCH_POWERS = (0, 1, 2, 3, 6)  # the only ones that the B-series has
+PITCH_POWERS = (0, 1, 2, 3, 6)  # powers of P/D in the B-series
 J_POWERS = 4
 CURVE_SHAPE = (len(PITCH_POWERS), J_POWERS)
 
 MIN_ADVANCE_RATIO, MAX_ADVANCE_RATIO = -0.25, 1.6
-"""Outside this range the polynomials run away; the curves are held at its edges.
+"""Range of J outside which the curves are held constant, because the polynomials diverge.
 
 KQ falls monotonically with J over the whole range for B5-90 at P/D 0.8 to 1.4 (to J 1.43 at P/D 0.6).
 """
 
 REVOLUTIONS_PER_RADIAN = 0.5 / math.pi
-MIN_REVOLUTIONS = 1e-3  # 1/s; keeps J finite at standstill, where thrust and torque vanish anyway
+MIN_REVOLUTIONS = 1e-3  # 1/s; keeps J finite at standstill, where thrust and torque vanish
 
 
 @functools.cache
@@ -50,7 +49,7 @@ def _polynomials() -> pd.DataFrame:
 
 
 def b_series(curve: str, expanded_area_ratio: float, blades: int) -> NDArray[np.float64]:
-    """Collapse a B-series polynomial for one propeller.
+    """Return the coefficients of a B-series polynomial for one propeller.
 
     Args:
         curve: ``"KT"`` or ``"KQ"``.
@@ -61,6 +60,11 @@ def b_series(curve: str, expanded_area_ratio: float, blades: int) -> NDArray[np.
         Matrix of shape (5, 4): entry [k, i] multiplies (P/D)**PITCH_POWERS[k] J**i.
 
     Source: Bernitsas, Ray & Kinley 1981, eqs. (1) and (2).
+
+    >>> from shaftline.plant.open_water import b_series, open_water
+    >>> kt = b_series("KT", expanded_area_ratio=0.7, blades=4)
+    >>> round(open_water(kt, 0.6, 1.0), 3)  # KT at J = 0.6 and P/D = 1.0
+    0.226
     """
     matrix = np.zeros(CURVE_SHAPE)
     terms = _polynomials()
@@ -74,7 +78,7 @@ def b_series(curve: str, expanded_area_ratio: float, blades: int) -> NDArray[np.
 
 
 def constant_coefficient(value: float) -> NDArray[np.float64]:
-    """Matrix of a curve that depends on neither J nor P/D (a propeller at bollard pull)."""
+    """Return the matrix of a curve that depends on neither J nor P/D (a propeller at bollard pull)."""
     matrix = np.zeros(CURVE_SHAPE)
     matrix[0, 0] = value
     return matrix
@@ -82,7 +86,7 @@ def constant_coefficient(value: float) -> NDArray[np.float64]:
 
 @compiled_polynomial
 def collapse_pitch(curve: NDArray[np.float64], pitch_ratio: Real) -> tuple[Real, Real, Real, Real]:
-    """Coefficients of J**0 .. J**3 at one pitch ratio, by Horner in P/D."""
+    """Return the coefficients of J**0 to J**3 at one pitch ratio, by Horner's rule in P/D."""
     p = pitch_ratio
     cube = p * p * p
     c0 = curve[4, 0] * cube + curve[3, 0]
@@ -99,21 +103,21 @@ def collapse_pitch(curve: NDArray[np.float64], pitch_ratio: Real) -> tuple[Real,
 
 @compiled_polynomial
 def open_water(curve: NDArray[np.float64], advance_ratio: Real, pitch_ratio: Real) -> Real:
-    """KT or KQ [-] at advance ratio J and pitch ratio P/D."""
+    """Return KT or KQ [-] at advance ratio J and pitch ratio P/D."""
     c0, c1, c2, c3 = collapse_pitch(curve, pitch_ratio)
     return ((c3 * advance_ratio + c2) * advance_ratio + c1) * advance_ratio + c0
 
 
 @compiled_polynomial
 def open_water_slope(curve: NDArray[np.float64], advance_ratio: Real, pitch_ratio: Real) -> Real:
-    """D KT / d J or d KQ / d J [-]."""
+    """Return dKT/dJ or dKQ/dJ [-]."""
     _, c1, c2, c3 = collapse_pitch(curve, pitch_ratio)
     return (3.0 * c3 * advance_ratio + 2.0 * c2) * advance_ratio + c1
 
 
 @compiled
 def advance_ratio(advance_velocity: Real, shaft_speed: Real, diameter: float) -> Real:
-    """J = 2 pi v_a / (omega D) [-] (thesis eq. 2-7), finite at standstill."""
+    """Return J = 2 pi v_a / (omega D) [-] (thesis eq. 2-7), finite at standstill."""
     revolutions = shaft_speed * REVOLUTIONS_PER_RADIAN
     if abs(revolutions.real) < MIN_REVOLUTIONS:
         revolutions = MIN_REVOLUTIONS
@@ -124,7 +128,7 @@ def advance_ratio(advance_velocity: Real, shaft_speed: Real, diameter: float) ->
 def invert_torque_coefficient(
     curve: NDArray[np.float64], torque_coefficient: float, pitch_ratio: float, guess: float
 ) -> tuple[float, bool]:
-    """Advance ratio J at which KQ(J, P/D) has a given value, by safeguarded Newton.
+    """Return the advance ratio J at which KQ(J, P/D) has a given value, by safeguarded Newton steps.
 
     Args:
         curve: KQ matrix of shape (5, 4).
@@ -133,13 +137,13 @@ def invert_torque_coefficient(
         guess: start, for example the previous J.
 
     Returns:
-        J [-] and whether it lies inside the curve's falling branch between J = 0 and the largest
-        usable J. Outside, J is held at the edge; where the input is not finite, at the guess.
+        J [-], and whether it lies inside the falling branch of the curve, between J = 0 and the largest
+        usable J. Otherwise J is the edge of the branch; for an input that is not finite, J is the guess.
     """
     c0, c1, c2, c3 = collapse_pitch(curve, pitch_ratio)
     if not (math.isfinite(torque_coefficient) and math.isfinite(c0)):
         return guess, False
-    # KQ falls until its derivative c1 + 2 c2 J + 3 c3 J^2 vanishes
+    # KQ falls with J until its derivative c1 + 2 c2 J + 3 c3 J^2 vanishes.
     high = MAX_ADVANCE_RATIO
     discriminant = c2 * c2 - 3.0 * c3 * c1
     if c3 > 0.0 and discriminant > 0.0:
@@ -149,7 +153,7 @@ def invert_torque_coefficient(
         return low, torque_coefficient == c0
     if torque_coefficient <= ((c3 * high + c2) * high + c1) * high + c0:
         return high, False
-    j = begun_between(guess, low, high)
+    j = start_between(guess, low, high)
     for _ in range(60):
         error = ((c3 * j + c2) * j + c1) * j + c0 - torque_coefficient
         slope = (3.0 * c3 * j + 2.0 * c2) * j + c1
@@ -162,10 +166,13 @@ def invert_torque_coefficient(
 
 MOST_ADVANCE_RATIOS, MOST_PITCH_RATIOS = 32, 6
 SURFACE_SHAPE = (4, MOST_PITCH_RATIOS, MOST_ADVANCE_RATIOS)
-"""Value, slope over J, slope over P/D, and both, at each entry."""
+"""Value, slope over J, slope over P/D, and mixed derivative, at each entry."""
 
-_JUDGED = 6  # entries from which one can be told from its neighbours
-_DAMAGED, _ALONE = 0.1, 10.0  # off its neighbours' line: share of the curve's span, times the usual
+_JUDGED = 6  # fewest entries for which one can be compared with its neighbours
+_DAMAGED, _ALONE = (
+    0.1,
+    10.0,
+)  # deviation of a damaged entry: share of the span, multiple of the median
 
 _Ratio = Annotated[float, Field(ge=-2, le=3)]
 _Coefficient = Annotated[float, Field(ge=-3, le=3)]
@@ -177,18 +184,18 @@ def _array(description: str, most: int, **more: Any) -> Any:
 
 
 class OpenWaterTable(Section):
-    """Entries of an open-water table."""
+    """Open-water table: measured KT and KQ over J."""
 
     advance_ratio: tuple[_Ratio, ...] = _array(
-        "J of the entries, rising, 2 to 32 of them; the curves are held outside them",
+        "J of the entries, rising, 2 to 32 of them; the curves are constant outside them",
         MOST_ADVANCE_RATIOS, min_length=2,
     )  # fmt: skip
     thrust_coefficient: _Curves = _array(
-        "KT at each J; a list of such lists with several pitch ratios", MOST_PITCH_RATIOS
+        "KT at each J; with several pitch ratios, one list for each of them", MOST_PITCH_RATIOS
     )
-    torque_coefficient: _Curves = _array("KQ (not 10 KQ), likewise", MOST_PITCH_RATIOS)
+    torque_coefficient: _Curves = _array("KQ (not 10 KQ), in the same form", MOST_PITCH_RATIOS)
     pitch_ratio: tuple[_Ratio, ...] = _array(
-        "P/D of each list, rising, 2 to 6 of them; left out with one curve", MOST_PITCH_RATIOS,
+        "P/D of each list, rising, 2 to 6 of them; absent for a single curve", MOST_PITCH_RATIOS,
         default=(),
     )  # fmt: skip
 
@@ -205,14 +212,14 @@ class OpenWaterTable(Section):
         for name in ("advance_ratio", "pitch_ratio"):
             values = getattr(self, name)
             if any(b <= a for a, b in itertools.pairwise(values)):
-                raise ValueError(f"{name} must rise")
+                raise ValueError(f"the values of {name} must rise: {list(values)}")
         curves = max(1, len(self.pitch_ratio))
         for name in ("thrust_coefficient", "torque_coefficient"):
             rows = getattr(self, name)
             if len(rows) != curves or any(len(row) != len(self.advance_ratio) for row in rows):
                 raise ValueError(
-                    f"{name} must have {len(self.advance_ratio)} entries, one for each "
-                    f"advance_ratio, and a list of them for each of {curves} pitch_ratio; it has "
+                    f"{name} must have one entry for each of the {len(self.advance_ratio)} values of "
+                    f"advance_ratio, in one list for each of {curves} pitch_ratio; it has "
                     f"{', '.join(str(len(row)) for row in rows) or 'none'}"
                 )
         for name in ("thrust_coefficient", "torque_coefficient"):
@@ -221,7 +228,7 @@ class OpenWaterTable(Section):
         return self
 
     def fill_table(self, record: Any) -> None:
-        """Nodes and surfaces of a ship's record."""
+        """Write nodes and surfaces into a ship record."""
         j, p = np.array(self.advance_ratio), np.array(self.pitch_ratio or (1.0,))
         record["table_advance_ratios"][: len(j)] = j
         record["table_advance_count"] = len(j)
@@ -243,38 +250,40 @@ RECORD_FIELDS = (
     ("table_kt", np.float64, SURFACE_SHAPE),
     ("table_kq", np.float64, SURFACE_SHAPE),
 )
-"""What a ship's record holds of its table."""
+"""Fields of the ship record for the open-water table."""
 
 
 def _kinks(j: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far each inner entry lies off the line of its neighbours."""
+    """Return the distance of each inner entry from the straight line through its neighbours."""
     share = (j[1:-1] - j[:-2]) / (j[2:] - j[:-2])
     return np.asarray(np.abs(values[1:-1] - values[:-2] - share * (values[2:] - values[:-2])))
 
 
 def _refuse_damage(name: str, j: NDArray[np.float64], values: NDArray[np.float64]) -> None:
-    """A digit or a sign lost in one entry: far off the line of its neighbours, where no other is.
+    """Refuse an entry with a lost digit or sign: one that deviates far more from its neighbours' line.
 
     Raises:
-        ValueError: names the entry and what its neighbours lead to.
+        ValueError: names the entry and the value that its neighbours suggest.
     """
     if len(j) < _JUDGED:
         return
     rough = [_kinks(np.delete(j, i), np.delete(values, i)) for i in range(len(j))]
-    worst = int(np.argmin([kinks.max() for kinks in rough]))  # without it, the rest is smooth
-    first = min(max(worst - 1, 0), len(j) - 3)  # of its two neighbours among the rest
+    worst = int(np.argmin([kinks.max() for kinks in rough]))  # The rest is smoothest without it.
+    first = min(max(worst - 1, 0), len(j) - 3)  # first of its two neighbours
     (j0, j1), (y0, y1) = (np.delete(line, worst)[first : first + 2] for line in (j, values))
-    led_to = y0 + (y1 - y0) * (j[worst] - j0) / (j1 - j0)
+    expected = y0 + (y1 - y0) * (j[worst] - j0) / (j1 - j0)
     span = float(np.ptp(np.delete(values, worst)))
-    if abs(values[worst] - led_to) > max(_DAMAGED * span, _ALONE * float(np.median(rough[worst]))):
+    if abs(values[worst] - expected) > max(
+        _DAMAGED * span, _ALONE * float(np.median(rough[worst]))
+    ):
         raise ValueError(
-            f"{name} at advance_ratio {j[worst]:g} is {values[worst]:g}, where its neighbours lead to "
-            f"{led_to:.3g}: a digit or a sign lost? Give entries closer by if it is so"
+            f"{name} at advance_ratio {j[worst]:g} is {values[worst]:g}, but its neighbours suggest "
+            f"{expected:.3g}: check for a lost digit or sign. If the value is right, add entries near it"
         )
 
 
 def _over_pitch(p: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Slopes over P/D at the entries."""
+    """Return the slopes over P/D at the entries."""
     if len(p) == 1:
         return np.zeros_like(values)
     return np.asarray(np.gradient(values, p, axis=0, edge_order=1 if len(p) == 2 else 2))
@@ -289,7 +298,7 @@ def _surface(
 
 @compiled
 def _interval(nodes: NDArray[np.float64], count: int, x: Real) -> int:
-    """Number of the interval in which a value lies, the outermost where it lies outside."""
+    """Return the index of the interval that contains a value; the outermost one if it lies outside."""
     k = 0
     while k < count - 2 and x.real >= nodes[k + 1]:
         k += 1
@@ -298,7 +307,7 @@ def _interval(nodes: NDArray[np.float64], count: int, x: Real) -> int:
 
 @compiled
 def _cubic(a: Real, b: Real, slope_a: Real, slope_b: Real, width: float, t: Real) -> Real:
-    """Cubic Hermite polynomial at a share ``t`` of an interval."""
+    """Return a cubic Hermite polynomial at the relative position ``t`` in an interval."""
     u = 1.0 - t
     ends = a * (1.0 + 2.0 * t) * u * u + b * t * t * (3.0 - 2.0 * t)
     return ends + width * t * u * (slope_a * u - slope_b * t)
@@ -306,7 +315,7 @@ def _cubic(a: Real, b: Real, slope_a: Real, slope_b: Real, width: float, t: Real
 
 @compiled
 def _cubic_slope(a: Real, b: Real, slope_a: Real, slope_b: Real, width: float, t: Real) -> Real:
-    """Its derivative."""
+    """Return the derivative of :func:`_cubic`."""
     u = 1.0 - t
     rise = 6.0 * t * u * (b - a) / width
     return rise + slope_a * u * (1.0 - 3.0 * t) + slope_b * t * (3.0 * t - 2.0)
@@ -316,13 +325,13 @@ def _cubic_slope(a: Real, b: Real, slope_a: Real, slope_b: Real, width: float, t
 def table_curve(
     plant: Record, surface: NDArray[np.float64], advance_ratio: Real, pitch_ratio: Real
 ) -> tuple[Real, Real]:
-    """KT or KQ [-] of the ship's table and its slope over J, held at the table's edges.
+    """Return KT or KQ [-] of the ship's table and its slope over J, constant outside the table.
 
     Args:
         plant: ship record.
-        surface: ``table_kt`` or ``table_kq`` of it.
+        surface: its ``table_kt`` or ``table_kq``.
         advance_ratio: J [-].
-        pitch_ratio: P/D [-]; of no effect with one curve.
+        pitch_ratio: P/D [-]; without effect for a single curve.
     """
     nodes, count = plant.table_advance_ratios, plant.table_advance_count
     j = clip(advance_ratio, nodes[0], nodes[count - 1])
@@ -351,7 +360,7 @@ def table_curve(
 def invert_table(
     plant: Record, torque_coefficient: float, pitch_ratio: float, guess: float
 ) -> tuple[float, bool]:
-    """Advance ratio J at which the table's KQ has a given value, by safeguarded Newton.
+    """Return the advance ratio J at which the table's KQ has a given value, by safeguarded Newton steps.
 
     Args:
         plant: ship record.
@@ -360,9 +369,9 @@ def invert_table(
         guess: start, for example the previous J.
 
     Returns:
-        J [-] and whether it lies on the falling branch that begins at J = 0, or at the table's first J
-        where that is larger. Outside, J is held at the branch's ends; where the input is not finite,
-        at the guess.
+        J [-], and whether it lies on the falling branch that begins at J = 0, or at the table's first J
+        if that is larger. Otherwise J is an end of the branch; for an input that is not finite, J is the
+        guess.
     """
     if not (math.isfinite(torque_coefficient) and math.isfinite(pitch_ratio)):
         return guess, False
@@ -380,7 +389,7 @@ def invert_table(
         return low, torque_coefficient == top
     if torque_coefficient <= least:
         return high, False
-    j = begun_between(guess, low, high)
+    j = start_between(guess, low, high)
     for _ in range(60):
         value, slope = table_curve(plant, surface, j, pitch_ratio)
         following, low, high = newton_step(j, value - torque_coefficient, slope, low, high)

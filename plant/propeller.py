@@ -1,9 +1,8 @@
-"""KT and KQ of a ship's propeller, whatever they come from, and the way back from KQ to J.
+"""The propeller: its parameters, its KT and KQ from any source, its load and losses, and J from KQ.
 
-KT and KQ over J are those of a shaft that turns ahead with the inflow. A four-quadrant propeller has
-curves for all else too; of a shaft that turns astern J and KQ are those in the direction of rotation.
-
-The propeller: its numbers, its load by the open-water curves, and what may be lost from it.
+Without four-quadrant curves, KT and KQ over J are those of a shaft that turns ahead with the inflow. A
+four-quadrant propeller has curves for all directions; if its shaft turns astern, J and KQ are measured
+in the direction of rotation.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from ..core.compiled import Real, Record, compiled, compiled_apart
-from ..core.numeric import begun_between, clip, newton_step
+from ..core.numeric import clip, newton_step, start_between
 from .four_quadrant import (
     PITCH_NODES,
     TABLE_SHAPE,
@@ -25,7 +24,7 @@ from .four_quadrant import (
     ring_vortex,
     scaled_to_bollard,
 )
-from .keys import Section, effect, entry, number, require
+from .keys import Section, effect, entry, parameter, require
 from .open_water import (
     CURVE_SHAPE,
     MAX_ADVANCE_RATIO,
@@ -65,7 +64,7 @@ _UNUSED = (-math.inf, math.inf)
 
 
 def _is_bollard(plant: Any) -> bool:
-    """Return whether KT and KQ are constants, which were measured at rest in both directions."""
+    """Return whether KT and KQ are constants, which were measured at rest and in both directions."""
     curves = np.stack([plant["kt"], plant["kq"]])
     curves[:, 0, 0] = 0.0
     return bool(plant["propeller_model"] == POLYNOMIALS and not curves.any())
@@ -100,24 +99,24 @@ def _pitch_ratios(plant: Any) -> tuple[float, float]:
 VALIDITY = (
     Validity(
         "the propeller's advance ratio J", "-", _advance_ratio, _advance_ratios,
-        "KT and KQ are held at the edges of the range, so a shaft at rest in the flow meets no force",
+        "KT and KQ are constant outside the range, so a shaft at rest in a flow has no force",
     ),
     Validity(
         "the propeller's shaft speed", "rad/s", lambda _, samples: samples["shaft_speed"],
-        _shaft_speeds, "astern the curves of ahead rotation act with n |n|, no measured ones",
+        _shaft_speeds, "astern the curves of ahead rotation are used with n |n|, not measured ones",
     ),
     Validity(
         "the blades' pitch ratio P/D", "-", lambda _, samples: samples["pitch_ratio"], _pitch_ratios,
-        "the B-series was tested in the range; outside its polynomials are continued, its "
-        "four-quadrant curves held",
+        "the B-series was tested in the range; outside it the polynomials are extrapolated and the "
+        "four-quadrant curves are constant",
     ),
 )  # fmt: skip
-"""Ranges of the open-water curves. The series' pitch is that of Oosterveld & van Oossanen (1975)."""
+"""Ranges of the open-water curves. The range of P/D is that of Oosterveld & van Oossanen (1975)."""
 
 
 @compiled
 def thrust_coefficient(plant: Record, advance_ratio: Real, pitch_ratio: Real) -> Real:
-    """KT [-] at advance ratio J and pitch ratio P/D, ahead."""
+    """Return KT [-] at advance ratio J and pitch ratio P/D, for rotation ahead."""
     if plant.propeller_model == TABLE:
         value = table_curve(plant, plant.table_kt, advance_ratio, pitch_ratio)[0]
     else:
@@ -127,7 +126,7 @@ def thrust_coefficient(plant: Record, advance_ratio: Real, pitch_ratio: Real) ->
 
 @compiled
 def torque_coefficient(plant: Record, advance_ratio: Real, pitch_ratio: Real) -> Real:
-    """KQ [-] at advance ratio J and pitch ratio P/D, ahead."""
+    """Return KQ [-] at advance ratio J and pitch ratio P/D, for rotation ahead."""
     if plant.propeller_model == TABLE:
         value = table_curve(plant, plant.table_kq, advance_ratio, pitch_ratio)[0]
     else:
@@ -137,7 +136,7 @@ def torque_coefficient(plant: Record, advance_ratio: Real, pitch_ratio: Real) ->
 
 @compiled
 def torque_coefficient_slope(plant: Record, advance_ratio: Real, pitch_ratio: Real) -> Real:
-    """D KQ / d J [-]."""
+    """Return dKQ/dJ [-]."""
     if plant.propeller_model == TABLE:
         slope = table_curve(plant, plant.table_kq, advance_ratio, pitch_ratio)[1]
     else:
@@ -145,17 +144,17 @@ def torque_coefficient_slope(plant: Record, advance_ratio: Real, pitch_ratio: Re
     return slope
 
 
-_STEP = 1e-30  # of the complex step
+_STEP = 1e-30  # complex step
 
 FOLD_MARGIN = 0.05
-"""Share of KQ by which it must differ from the ends of the ring vortex's fold to be told from them."""
+"""Relative difference in KQ from the dip or peak of the ring vortex that makes a branch identifiable."""
 
 
 @compiled_apart
 def torque_in_any_quadrant(
     plant: Record, velocity_per_diameter: Real, revolutions: Real, pitch_ratio: Real
 ) -> Real:
-    """KQ n |n| [1/s2] by the ship's four-quadrant curves, with ``astern_load_fraction``.
+    """Return KQ n |n| [1/s2] from the four-quadrant curves, with ``astern_load_fraction``.
 
     Args:
         plant: ship record.
@@ -177,13 +176,13 @@ def torque_in_any_quadrant(
 def coefficients_along(
     plant: Record, advance_ratio: Real, pitch_ratio: float, direction: float
 ) -> tuple[Real, Real]:
-    """KT = T / (rho n |n| D^4) and KQ = Q / (rho n |n| D^5) [-], turning ahead (1) or astern (-1).
+    """Return KT = T / (rho n |n| D^4) and KQ = Q / (rho n |n| D^5) [-] for either direction of rotation.
 
     Args:
-        plant: ship record; four-quadrant curves alone know a shaft that turns astern.
+        plant: ship record; only four-quadrant curves cover a shaft that turns astern.
         advance_ratio: J = v_a / (n D) [-].
         pitch_ratio: P/D [-].
-        direction: of rotation.
+        direction: 1 for rotation ahead, -1 for rotation astern.
     """
     if plant.propeller_model == FOUR_QUADRANT:
         thrust, torque = four_quadrant_coefficients(
@@ -200,13 +199,13 @@ def coefficients_along(
 
 
 @compiled
-def _along(plant: Record, advance_ratio: Real, pitch_ratio: float, direction: float) -> Real:
+def _kq_along(plant: Record, advance_ratio: Real, pitch_ratio: float, direction: float) -> Real:
     return coefficients_along(plant, advance_ratio, pitch_ratio, direction)[1]
 
 
 @compiled
 def _fold(plant: Record, pitch_ratio: float, direction: float) -> tuple[float, float]:
-    """J [-] of the ring vortex's dip and peak."""
+    """Return J [-] of the dip and of the peak of KQ in the ring vortex."""
     i, weight = between_nodes(plant.four_quadrant_pitch, pitch_ratio)
     ends = plant.ring_vortex[0 if direction > 0.0 else 1]
     low, high = ends[i], ends[i + 1]
@@ -217,24 +216,24 @@ def _fold(plant: Record, pitch_ratio: float, direction: float) -> tuple[float, f
 def outside_ring_vortex(
     plant: Record, advance_ratio: float, pitch_ratio: float, direction: float, known: bool
 ) -> bool:
-    """Whether a shaft that turns with the inflow can be told from one that turns against it.
+    """Return whether KQ shows that the shaft turns with the inflow and not against it.
 
     Args:
-        plant: ship record, of a four-quadrant propeller.
+        plant: ship record of a four-quadrant propeller.
         advance_ratio: J = v_a / (n D) [-], as estimated.
         pitch_ratio: P/D [-].
-        direction: 1 where the shaft turns ahead, -1 astern.
-        known: whether it could be told shortly before.
+        direction: 1 if the shaft turns ahead, -1 if astern.
+        known: whether this was true shortly before.
 
-    Against the inflow (J < 0) the flow is a ring vortex, unsteady and of no use for an estimate:
-    zone 1 of Pivano et al. 2008, section 4.1. The torques of its fold are those of moderate J too: who
-    comes from there may trust them up to the fold's peak, who does not must wait for one below its dip.
+    Against the inflow (J < 0) the flow is an unsteady ring vortex, useless for an estimate: zone 1 of
+    Pivano et al. 2008, section 4.1. The torques between its dip and its peak occur at moderate J too. An
+    estimate that was valid before stays valid up to the peak; a new one must have a KQ below the dip.
     """
     dip, peak = _fold(plant, pitch_ratio, direction)
     if not advance_ratio >= max(peak, 0.0):
         return False
-    end = _along(plant, peak if known else dip, pitch_ratio, direction)
-    here = _along(plant, advance_ratio, pitch_ratio, direction)
+    end = _kq_along(plant, peak if known else dip, pitch_ratio, direction)
+    here = _kq_along(plant, advance_ratio, pitch_ratio, direction)
     return bool(here < (1.0 - FOLD_MARGIN) * end)
 
 
@@ -242,14 +241,14 @@ def outside_ring_vortex(
 def _invert_four_quadrants(
     plant: Record, torque_coefficient: float, pitch_ratio: float, guess: float, direction: float
 ) -> tuple[float, bool]:
-    """J at which the four-quadrant curve has a KQ, on the falling branch nearest to the guess.
+    """Return J at which the four-quadrant curve has a KQ, on the falling branch nearest to the guess.
 
-    A KQ beyond those of the fold lies on one branch alone, which is then taken, whatever the guess. In
-    between, it is held at the branch's end where the branch does not reach it.
+    A KQ above the peak or below the dip occurs on one branch only, which is then used for any
+    guess. Otherwise J is the end of the branch if the branch does not reach the KQ.
     """
     dip, peak = _fold(plant, pitch_ratio, direction)
-    least = _along(plant, dip, pitch_ratio, direction)
-    most = _along(plant, peak, pitch_ratio, direction)
+    least = _kq_along(plant, dip, pitch_ratio, direction)
+    most = _kq_along(plant, peak, pitch_ratio, direction)
     if not (math.isfinite(torque_coefficient) and math.isfinite(most)):
         return guess, False
     if not math.isfinite(guess):
@@ -263,20 +262,20 @@ def _invert_four_quadrants(
         return peak, False
     if not with_inflow and torque_coefficient <= least:
         return dip, False
-    # the branches have no other end: double the bound until it lies beyond
+    # The branches have no outer end: double the bound until it lies beyond the solution.
     low, high = peak, max(guess, 1.0)
     if not with_inflow:
         low, high = min(guess, -1.0), dip
     for _ in range(60):
-        if with_inflow and _along(plant, high, pitch_ratio, direction) > torque_coefficient:
+        if with_inflow and _kq_along(plant, high, pitch_ratio, direction) > torque_coefficient:
             low, high = high, 2.0 * high
-        elif not with_inflow and _along(plant, low, pitch_ratio, direction) < torque_coefficient:
+        elif not with_inflow and _kq_along(plant, low, pitch_ratio, direction) < torque_coefficient:
             low, high = 2.0 * low, low
         else:
             break
-    j = begun_between(guess, low, high)
+    j = start_between(guess, low, high)
     for _ in range(60):
-        value = _along(plant, j + 1j * _STEP, pitch_ratio, direction)
+        value = _kq_along(plant, j + 1j * _STEP, pitch_ratio, direction)
         error, slope = value.real - torque_coefficient, value.imag / _STEP
         following, low, high = newton_step(j, error, slope, low, high)
         if abs(following - j) <= 1e-14 * max(1.0, abs(j)):
@@ -293,16 +292,16 @@ def advance_ratio_of(
     guess: float,
     direction: float = 1.0,
 ) -> tuple[float, bool]:
-    """Advance ratio J = v_a / (n D) at which the propeller has a KQ [-], and whether to trust it.
+    """Return the advance ratio J = v_a / (n D) at which the propeller has a KQ [-], and its validity.
 
     Args:
         plant: ship record.
         torque_coefficient: KQ = Q / (rho n |n| D^5) [-] to be met.
         pitch_ratio: P/D [-].
-        guess: start, for example the previous J; of a four-quadrant curve it also chooses the branch.
-        direction: 1 where the shaft turns ahead; -1 astern, which four-quadrant curves alone know.
+        guess: start, for example the previous J; for a four-quadrant curve it also selects the branch.
+        direction: 1 if the shaft turns ahead; -1 astern, for four-quadrant curves only.
 
-    To be trusted it must lie on the falling branch from J = 0 on.
+    The result is valid if it lies on the falling branch from J = 0 on.
     """
     if plant.propeller_model == FOUR_QUADRANT:
         j, valid = _invert_four_quadrants(plant, torque_coefficient, pitch_ratio, guess, direction)
@@ -314,15 +313,15 @@ def advance_ratio_of(
 
 
 PITCH_RANGES = {"b-series": (0.4, 1.6), "four-quadrant": (PITCH_NODES[0], PITCH_NODES[-1])}
-"""Lowest and highest P/D that a ship may have with a model.
+"""Lowest and highest P/D of a ship with each model.
 
-The series was tested from 0.5 to 1.4. Its polynomials are taken a little further. At a negative pitch
-they would give thrust ahead, and so would the four-quadrant curves, which are held outside their range.
+The series was tested from 0.5 to 1.4; its polynomials are used a little beyond. At negative pitch they
+would give thrust ahead, and so would the four-quadrant curves, which are constant outside their range.
 """
 
 
 class Propeller(Section):
-    """Open-water curves and what may be lost from them."""
+    """Propeller: open-water curves and losses."""
 
     needs = "has_propeller"
     validity = VALIDITY
@@ -341,24 +340,33 @@ class Propeller(Section):
     )
 
     model: Literal["b-series", "four-quadrant", "bollard", "table", "none"] = Field(
-        default="b-series", description="open-water curves; none is a shaft without a propeller"
+        default="b-series",
+        description="source of the open-water curves; none: a shaft without propeller",
     )
-    diameter_m: float = number(
+    diameter_m: float = parameter(
         "diameter D", "m", record="diameter", required="with a propeller", gt=0, le=15, default=1.0
     )
     blades: int = Field(default=4, ge=2, le=7, description="number of blades Z")
-    expanded_area_ratio: float = Field(default=0.7, ge=0.3, le=1.05, description="EAR")
-    pitch_ratio_min: float = number(
+    expanded_area_ratio: float = Field(
+        default=0.7, ge=0.3, le=1.05, description="expanded area ratio"
+    )
+    pitch_ratio_min: float = parameter(
         "lowest P/D; equal to the highest for a fixed-pitch propeller", record="pitch_ratio_min",
         ge=-1.6, le=1.6, default=1.0,
     )  # fmt: skip
-    pitch_ratio_max: float = number(
+    pitch_ratio_max: float = parameter(
         "highest P/D", record="pitch_ratio_max", ge=-1.6, le=1.6, default=1.0
     )
-    relative_rotative_efficiency: float = number(
-        "eta_r", record="relative_rotative_efficiency", gt=0.5, lt=1.5, default=1.0
+    relative_rotative_efficiency: float = parameter(
+        "relative rotative efficiency eta_r",
+        record="relative_rotative_efficiency",
+        gt=0.5,
+        lt=1.5,
+        default=1.0,
     )
-    depth_m: float = number("depth of the centre", "m", record="depth", ge=0, le=30, default=4.0)
+    depth_m: float = parameter(
+        "depth of the propeller's centre", "m", record="depth", ge=0, le=30, default=4.0
+    )
     thrust_coefficient: float = entry(
         "KT at J = 0 (bollard)", record="kt", place=(0, 0), needs="has_constant_coefficients",
         ge=0, le=2, default=0.0,
@@ -368,7 +376,7 @@ class Propeller(Section):
         ge=0, le=1, default=0.0,
     )  # fmt: skip
     open_water: OpenWaterTable | None = Field(
-        default=None, description="a table of one's own, with model table"
+        default=None, description="measured open-water table, for model table"
     )
     roughness_drag: float = effect(
         0.0, "added blade drag coefficient", record="propeller_roughness", ge=0, le=0.05
@@ -380,18 +388,18 @@ class Propeller(Section):
         0.0, "first-order lag of the inflow", "s", record="inflow_lag", lag=True, ge=0, le=60
     )
     astern_load_fraction: float = effect(
-        1.0, "thrust and torque of a shaft that turns astern / by the curves",
+        1.0, "astern thrust and torque / those of the curves",
         record="astern_load_fraction", ge=0.1, le=5,
     )  # fmt: skip
     cavitation_breakdown: float = effect(
         0.0, "thrust lost per unit deficit of cavitation number", record="cavitation_breakdown",
         needs="in_water", ge=0, le=3,
     )  # fmt: skip
-    cavitation_onset_number: float = number(
+    cavitation_onset_number: float = parameter(
         "sigma_n at which breakdown begins", record="cavitation_onset_number",
         needs="in_water", gt=0, le=50, default=1.0,
     )  # fmt: skip
-    cavitation_torque_share: float = number(
+    cavitation_torque_share: float = parameter(
         "torque loss / thrust loss", record="cavitation_torque_share", needs="in_water",
         ge=0, le=1, default=0.8,
     )  # fmt: skip
@@ -400,7 +408,9 @@ class Propeller(Section):
     def _complete(self) -> Propeller:
         if self.model == "none":
             if idle := sorted(self.model_fields_set - {"model"}):
-                raise ValueError(f"{idle[0]} acts on nothing with propeller.model = 'none'")
+                raise ValueError(
+                    f"{idle[0]} has no effect with propeller.model = 'none'; remove it"
+                )
             return self
         keys: tuple[str, ...] = (
             "blades",
@@ -413,22 +423,31 @@ class Propeller(Section):
         elif self.model == "table":
             keys = ("open_water",)
         elif self.open_water is not None:
-            raise ValueError(f"open_water acts on nothing with propeller.model = {self.model!r}")
+            raise ValueError(
+                f"open_water has no effect with propeller.model = {self.model!r}; set model = 'table' "
+                "or remove [propeller.open_water]"
+            )
         require(self, ("diameter_m", *keys), f"with propeller.model = {self.model!r}")
         if self.pitch_ratio_min > self.pitch_ratio_max:
-            raise ValueError("pitch_ratio_min must not exceed pitch_ratio_max")
+            raise ValueError(
+                f"pitch_ratio_min = {self.pitch_ratio_min:g} must not exceed pitch_ratio_max = "
+                f"{self.pitch_ratio_max:g}"
+            )
         low, high = PITCH_RANGES.get(self.model, (-math.inf, math.inf))
         for name in ("pitch_ratio_min", "pitch_ratio_max"):
             if not low <= (value := getattr(self, name)) <= high:
                 raise ValueError(
-                    f"{name} = {value:g} lies outside {low:g} to {high:g}, where the curves of "
-                    f"propeller.model = {self.model!r} hold. For blades that turn further, give "
-                    "measured curves with model 'table' ([propeller.open_water] with pitch_ratio)"
+                    f"{name} = {value:g} lies outside {low:g} to {high:g}, the range of the curves of "
+                    f"propeller.model = {self.model!r}. For a larger range of pitch, give measured "
+                    "curves with model 'table' ([propeller.open_water] with pitch_ratio)"
                 )
         if self.open_water is not None:
             tabled = self.open_water.pitch_ratio
             if not tabled and self.pitch_ratio_min < self.pitch_ratio_max:
-                raise ValueError("blades that turn ask for open_water.pitch_ratio, two at least")
+                raise ValueError(
+                    "a variable pitch needs open_water.pitch_ratio with at least two values; give them, "
+                    "or set pitch_ratio_min equal to pitch_ratio_max"
+                )
             if (
                 tabled
                 and not tabled[0] <= self.pitch_ratio_min <= self.pitch_ratio_max <= tabled[-1]
@@ -440,7 +459,7 @@ class Propeller(Section):
         return self
 
     def fill(self, record: Any) -> None:
-        """Its numbers and curves."""
+        """Write the parameters and the open-water curves."""
         super().fill(record)
         record["expanded_area_ratio"] = self.expanded_area_ratio
         record["blade_solidity"] = 2.073 * self.expanded_area_ratio  # c Z / D at 0.75 R, B-series
@@ -471,25 +490,26 @@ class Propeller(Section):
 
 @compiled
 def cavitation_number(plant: Record, revolutions: Real, submergence: Real) -> Real:
-    """Cavitation number by shaft speed, sigma_n = (p0 + rho g h - p_v) / (rho n^2 D^2 / 2) [-]."""
+    """Return the cavitation number sigma_n = (p0 + rho g h - p_v) / (rho n^2 D^2 / 2) [-]."""
     tip = 0.5 * plant.density * revolutions * revolutions * plant.diameter * plant.diameter
     return static_pressure(plant, submergence) / tip
 
 
 @compiled
 def cavitation_loss(plant: Record, revolutions: Real, submergence: Real) -> Real:
-    """Fraction of thrust lost to cavitation breakdown [-], 0 where ``cavitation_breakdown`` is 0.
+    """Return the fraction of thrust lost to cavitation [-]; 0 if ``cavitation_breakdown`` is 0.
 
-    Grows linearly as the cavitation number falls below the onset.
+    It grows linearly as the cavitation number falls below the onset.
     """
-    number = cavitation_number(plant, revolutions, submergence)
-    deficit = 1.0 - number / plant.cavitation_onset_number
+    parameter = cavitation_number(plant, revolutions, submergence)
+    deficit = 1.0 - parameter / plant.cavitation_onset_number
     return plant.cavitation_breakdown * clip(deficit, 0.0, 1.0)
 
 
 class PropellerLoad(NamedTuple):
-    """Open-water thrust T [N] and torque Q [N m] of one propeller; KT [-] before ventilation, positive
-    where the thrust points in the direction of rotation.
+    """Open-water thrust T [N] and torque Q [N m] of one propeller, and KT [-] before ventilation.
+
+    KT is positive if the thrust points in the direction of rotation.
     """
 
     thrust: Real
@@ -506,7 +526,7 @@ def propeller_load(
     submergence: Real,
     ventilation: Real,
 ) -> PropellerLoad:
-    """Thrust and torque of one propeller (thesis eqs. 2-3 and 2-4), with its optional losses.
+    """Return thrust and torque of one propeller (thesis eqs. 2-3 and 2-4), with optional losses.
 
     Args:
         plant: ship record.
@@ -516,9 +536,10 @@ def propeller_load(
         submergence: depth of the propeller's centre below the surface [m].
         ventilation: degree of ventilation, 0 (none) to 1 (full).
 
-    The polynomials know ahead rotation only; astern their coefficients act with n |n|, so thrust and
-    torque turn round with the shaft (four quadrants have curves of their own), times
-    ``astern_load_fraction``: blades whose sections are made for one direction load less in the other.
+    The polynomials cover rotation ahead only. Astern their coefficients are used with n |n|, so thrust
+    and torque change sign with the shaft speed (four-quadrant curves cover both directions). Astern
+    loads are multiplied by ``astern_load_fraction``, because blade sections made for one direction load
+    less in the other.
 
     Roughness uses the ITTC-1978 scale corrections with the added blade drag Delta C_D:
     Delta KT = -0.3 (P/D) (c Z / D) Delta C_D and Delta KQ = 0.25 (c Z / D) Delta C_D.

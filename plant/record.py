@@ -1,4 +1,4 @@
-"""The kernels' record of a ship: its fields, put together from the sections, and how a ship fills it."""
+"""The kernels' record of a ship: its fields, collected from the sections, and how it is filled."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SECTIONS: tuple[type[Section], ...] = (
     Water, Hull, Manoeuvring, Rudder, Propeller, Ventilation, CavitationBucket, *DRIVES, Transmission,
     PitchActuator, Sensors, Integration,
 )  # fmt: skip
-"""Every section whose numbers the kernels read."""
+"""All sections whose parameters the kernels use."""
 
 
 def _plant_dtype() -> np.dtype[Any]:
@@ -51,16 +51,16 @@ def record_of(
     terms: Iterable[Term] = (),
     signals: Sequence[str] = (),
 ) -> Any:
-    """The record of a ship: one element of dtype :data:`PLANT`.
+    """Return the record of a ship: one element of dtype :data:`PLANT`.
 
     Args:
-        sections: of the ship.
-        prime_mover: code of its kind.
-        terms: that it carries.
-        signals: from outside that they may hear, in their order.
+        sections: sections of the ship.
+        prime_mover: code of the kind of prime mover.
+        terms: terms of the ship.
+        signals: names of the external signals, in their order.
 
     Raises:
-        TermError: more terms than a record holds, or one that hears another signal.
+        TermError: too many terms, or a term that uses another signal.
     """
     record = np.zeros(1, PLANT)[0]
     for section in sections:

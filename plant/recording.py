@@ -1,7 +1,4 @@
-"""The inputs of a recording, row by row: demands, and what the water does.
-
-Recordings as tables: reading and checking them.
-"""
+"""Recordings: how their tables are read and checked, and the inputs that each row gives a ship."""
 
 from __future__ import annotations
 
@@ -22,14 +19,14 @@ from .hull import wake_inflow, water_speed
 from .ship import Ship
 
 WATER = ("propeller_submergence_m", "inflow_velocity_m_s")
-"""Columns of what the water does, which act where a recording has them."""
+"""Columns of the water, which act if a recording has them."""
 
 
 @compiled
 def _fill_inflow(
     plant: Record, ship_speed: NDArray[np.float64], inflow: NDArray[np.float64]
 ) -> None:
-    """Advance velocity [m/s] in the wake at each ship speed [m/s]; ``inflow`` filled."""
+    """Fill ``inflow`` with the advance velocity [m/s] in the wake at each ship speed [m/s]."""
     for k in range(len(ship_speed)):
         inflow[k] = wake_inflow(plant, water_speed(plant, ship_speed[k]))
 
@@ -42,8 +39,8 @@ class RecordedInputs:
         table: canonical columns at an even interval, all finite.
 
     Raises:
-        RecordingError: a column that is missing or not finite, too few rows, a time that falls, or a
-            measured inflow at a hull that moves without a ship speed beside it.
+        RecordingError: a column is missing or not finite, there are too few rows, the time does not
+            rise, or a moving hull has a measured inflow but no ship speed.
     """
 
     def __init__(self, ship: Ship, table: pd.DataFrame) -> None:
@@ -52,7 +49,7 @@ class RecordedInputs:
         time = self._column(TIME)
         self.rows = len(time)
         if self.rows < 2 or not (np.diff(time) > 0.0).all():
-            raise RecordingError(f"{TIME}: at least two rows are needed, and time must rise")
+            raise RecordingError(f"{TIME}: needs at least two rows with rising time")
         self.interval_s = float((time[-1] - time[0]) / (self.rows - 1))
         self.time_s = time - time[0]
         self.drive_rows = self._column(drive_column(ship))
@@ -66,13 +63,17 @@ class RecordedInputs:
         self._speed = np.zeros(self.rows)
         if self._met is not None and ship.moves:
             if "ship_speed_m_s" not in table:
-                raise RecordingError("inflow_velocity_m_s asks for ship_speed_m_s beside it")
+                raise RecordingError(
+                    "inflow_velocity_m_s needs the column ship_speed_m_s, because the hull moves"
+                )
             self._speed = self._column("ship_speed_m_s")
 
     def _column(self, name: str, count: int | None = None) -> NDArray[np.float64]:
-        """The first values of a column, all by default; what follows them is not looked at."""
+        """Return the first ``count`` values of a column, by default all of them."""
         if name not in self.table:
-            raise RecordingError(f"column {name!r} is missing; found: {', '.join(self.table)}")
+            raise RecordingError(
+                f"column {name!r} is missing; the recording has: {', '.join(self.table)}"
+            )
         values = np.asarray(self.table[name], dtype=np.float64)[:count]
         if not np.isfinite(values).all():
             row = int(np.argmin(np.isfinite(values)))
@@ -80,7 +81,9 @@ class RecordedInputs:
         return values
 
     def inflow_rows(self, plant: Any) -> NDArray[np.float64]:
-        """Disturbance u_x [m/s] at the rows that brings the inflow to the measured one; else 0.
+        """Return the inflow disturbance u_x [m/s] at the rows that reproduces the measured inflow.
+
+        It is 0 if no inflow was measured.
 
         Args:
             plant: ship record.
@@ -94,11 +97,11 @@ class RecordedInputs:
 
 PARQUET = (".parquet", ".pq")
 SHEETS = (".xlsx", ".xls", ".xlsm", ".xlsb", ".ods")
-"""Endings of files that are no text."""
+"""File endings of spreadsheets."""
 
 
 class RecordingError(ValueError):
-    """A recording that cannot be used; the message names file, column, row and what is wrong."""
+    """A recording that cannot be used; the message names file, column, row and error."""
 
 
 def read_recording(
@@ -109,77 +112,78 @@ def read_recording(
     Args:
         path: CSV or Parquet file with a header of canonical columns (name and unit, such as
             ``fuel_rack_mm``).
-        required: columns that must be there.
-        signals: units of columns that are understood besides, by name: those that a ship's terms hear.
+        required: columns that must be present.
+        signals: units of further known columns, by name: the external signals of a ship's terms.
 
     Returns:
-        The table as floats; columns that are not canonical are kept untouched.
+        The table as floats; unknown columns are kept unchanged.
 
     Raises:
-        RecordingError: unreadable, a column missing, a value that is no finite number or outside
-            its signal's bounds, or a time that does not rise evenly. Rows count from 1 below the
+        RecordingError: the file is unreadable, a column is missing, a value is not a finite number or
+            outside its signal's bounds, or the time does not rise evenly. Rows count from 1 below the
             header.
     """
     path = Path(path)
-    table = as_numbers(path, read_table(path), required, signals)
+    table = convert_numbers(path, read_table(path), required, signals)
     check_bounds(path, table)
     _check_time(path, table[TIME].to_numpy())
     return table
 
 
 def read_table(path: Path, layout: Mapping[str, object] = MappingProxyType({})) -> pd.DataFrame:
-    """The raw table of a text file, a spreadsheet or a Parquet file.
+    """Return the raw table of a text file, a spreadsheet or a Parquet file.
 
     Args:
-        path: of the file.
-        layout: what is known of a text file, as of :class:`.table_files.Layout`; the rest is guessed.
+        path: path of the file.
+        layout: known properties of a text file, as in :class:`shaftline.core.tables.Layout`; the others
+            are guessed.
 
     Raises:
-        RecordingError: the file cannot be read, or Parquet's reader (pyarrow) is not installed.
+        RecordingError: the file cannot be read, or the reader of its format is not installed.
     """
     parquet, sheet = path.suffix.lower() in PARQUET, path.suffix.lower() in SHEETS
     try:
         refuse_special(path)
-        # numbers take about as much in memory as in a text; a table that is packed takes more
+        # Numbers need about as much memory as their text; a compressed table needs more.
         check_size(path.stat().st_size, 10.0 if parquet else 2.0, f"bytes of {path}")
         if parquet:
             return pd.read_parquet(path)
         return read_sheet(path, dict(layout)) if sheet else read_text_table(path, dict(layout))
     except ImportError:
-        needs = "Parquet needs pyarrow" if parquet else "a spreadsheet needs python-calamine"
+        needs = "a Parquet file needs pyarrow" if parquet else "a spreadsheet needs python-calamine"
         extra = "parquet" if parquet else "excel"
         raise RecordingError(f"{path}: {needs}: pip install 'shaftline[{extra}]'") from None
     except (SizeError, FileError) as error:
         raise RecordingError(str(error)) from None
     except LayoutError as error:
         raise RecordingError(f"{path}: {error}") from None
-    except (OSError, ValueError) as error:  # pandas' and pyarrow's own are ValueErrors
+    except (OSError, ValueError) as error:  # pandas and pyarrow raise subclasses of ValueError
         kind = "Parquet" if parquet else "a spreadsheet" if sheet else "CSV"
         raise RecordingError(f"{path}: cannot be read as {kind}: {reason_of(error)}") from None
 
 
-def as_numbers(
+def convert_numbers(
     path: Path,
     table: pd.DataFrame,
     required: list[str],
     signals: Mapping[str, str] = MappingProxyType({}),
 ) -> pd.DataFrame:
-    """A copy whose understood columns are finite floats.
+    """Return a copy whose known columns are finite floats.
 
     Args:
-        path: for messages.
-        table: as read.
-        required: columns that must be there.
-        signals: units of further columns that are understood, by name.
+        path: path of the file, for messages.
+        table: table as read.
+        required: columns that must be present.
+        signals: units of further known columns, by name.
 
     Raises:
-        RecordingError: a required column missing, fewer than two rows, or a value that is no
+        RecordingError: a required column is missing, there are fewer than two rows, or a value is not a
             finite number.
     """
     missing = [column for column in required if column not in table.columns]
     if missing:
         raise RecordingError(
-            f"{path}: column {missing[0]!r} is missing; needed: {', '.join(required)}; "
+            f"{path}: column {missing[0]!r} is missing; required: {', '.join(required)}; "
             f"found: {', '.join(map(str, table.columns))}"
         )
     if len(table) < 2:
@@ -189,7 +193,7 @@ def as_numbers(
     for column in (c for c in table.columns if c in units):
         numbers = pd.to_numeric(table[column], errors="coerce").astype(float)
         bad = ~np.isfinite(numbers.to_numpy())
-        bad |= pd.api.types.is_bool_dtype(table[column])  # a switch is no measurement
+        bad |= pd.api.types.is_bool_dtype(table[column])  # A truth value is no measurement.
         if bad.any():
             row = int(np.argmax(bad))
             given = table[column].iloc[row]
@@ -202,10 +206,10 @@ def as_numbers(
 
 
 def check_bounds(path: Path, table: pd.DataFrame) -> None:
-    """Refuse values that no ship reaches.
+    """Refuse values outside the physical bounds of their columns.
 
     Raises:
-        RecordingError: a value outside its column's :data:`BOUNDS`.
+        RecordingError: a value outside the :data:`BOUNDS` of its column.
     """
     for column in (c for c in table.columns if c in BOUNDS):
         low, high, unit = BOUNDS[column]
@@ -214,7 +218,7 @@ def check_bounds(path: Path, table: pd.DataFrame) -> None:
             row = int(np.argmax(outside))
             raise RecordingError(
                 f"{path}: {column}, row {row + 1}: {table[column].iloc[row]:g} {unit} lies outside "
-                f"{low:g} to {high:g} {unit}"
+                f"the physical range of {low:g} to {high:g} {unit}; check the unit"
             )
 
 
@@ -222,12 +226,12 @@ def _check_time(path: Path, time: np.ndarray[Any, Any]) -> None:
     steps = np.diff(time)
     if (steps <= 0.0).any():
         row = int(np.argmax(steps <= 0.0)) + 2
-        raise RecordingError(f"{path}: {TIME}, row {row}: time does not rise")
+        raise RecordingError(f"{path}: {TIME}, row {row}: the time does not rise; sort the rows")
     usual = float(np.median(steps))
     uneven = np.abs(steps - usual) > 0.01 * usual
     if uneven.any():
         row = int(np.argmax(uneven)) + 2
         raise RecordingError(
-            f"{path}: {TIME}, row {row}: a step of {steps[row - 2]:g} s where {usual:g} s is usual; "
+            f"{path}: {TIME}, row {row}: the step is {steps[row - 2]:g} s instead of {usual:g} s; "
             "resample the recording to an even time base"
         )

@@ -1,8 +1,8 @@
-"""Rudders: steering gear, inflow in the propeller's race, and forces on the ship.
+"""Rudders: steering gear, inflow in the propeller race, and forces on the ship.
 
-Normal force and inflow after the MMG (Yasukawa & Yoshimura 2015, eqs. 15 to 19 and 23 to 26). Taylor's
-model (2000, eqs. 3.25 to 3.33) is the same to first order in the angle: no race, no straightening, no
-interaction with the hull, a profile drag beside the lift.
+Normal force and inflow follow the MMG (Yasukawa & Yoshimura 2015, eqs. 15 to 19 and 23 to 26). Taylor's
+model (2000, eqs. 3.25 to 3.33) agrees to first order in the angle if race, straightening and hull
+interaction are absent and the rudder has a profile drag.
 """
 
 from __future__ import annotations
@@ -14,70 +14,70 @@ from pydantic import model_validator
 
 from ..core.compiled import Real, Record, compiled
 from ..core.numeric import clip, modulus, sine_cosine
-from .keys import INF, Section, effect, number, require
+from .keys import INF, Section, effect, parameter, require
 
 WITH = "with a rudder.area_m2"
 
 
 class Rudder(Section):
-    """Rudder and steering gear; several rudders are one of their whole area."""
+    """Rudder and steering gear; several rudders act as one with their total area."""
 
     needs = "turns"
 
-    area_m2: float = number(
-        "A_R, of all of them; 0: none", "m2", record="rudder_area", ge=0, le=500, default=0.0
+    area_m2: float = parameter(
+        "A_R, total area; 0: no rudder", "m2", record="rudder_area", ge=0, le=500, default=0.0
     )
-    normal_force_slope: float = number(
-        "f_alpha: normal force coefficient by the sine of the angle of attack", "1/rad",
+    normal_force_slope: float = parameter(
+        "f_alpha: normal force coefficient / sine of the angle of attack", "1/rad",
         record="rudder_slope", required=WITH, gt=0, le=2.0 * math.pi, default=1.0,
     )  # fmt: skip
-    position_m: float = number(
+    position_m: float = parameter(
         "x_R, forward of midship", "m", record="rudder_position", required=WITH, ge=-250, le=250,
         default=0.0,
     )  # fmt: skip
-    yaw_lever_m: float = number(
-        "l_R: where the yaw's cross flow meets it, forward of midship", "m",
+    yaw_lever_m: float = parameter(
+        "l_R: lever of the yaw's cross flow at the rudder, forward of midship", "m",
         record="rudder_yaw_lever", required=WITH, ge=-500, le=500, default=0.0,
     )  # fmt: skip
     profile_drag: float = effect(
         0.0, "drag coefficient at no angle of attack", record="rudder_drag", ge=0, le=0.1
     )
     steering_deduction: float = effect(
-        0.0, "t_R: share of the normal force's drag that the hull takes away",
+        0.0, "t_R: share of the rudder's drag that the hull compensates",
         record="steering_deduction", ge=-0.5, lt=1,
     )  # fmt: skip
     hull_force_share: float = effect(
-        0.0, "a_H: side force on the hull per side force of the rudder", record="rudder_hull_share",
+        0.0, "a_H: side force on the hull / side force of the rudder", record="rudder_hull_share",
         ge=-0.5, le=2,
     )  # fmt: skip
-    hull_force_position_m: float = number(
-        "x_H: where that acts, forward of midship", "m", record="rudder_hull_position", ge=-250,
-        le=250, default=0.0,
+    hull_force_position_m: float = parameter(
+        "x_H: position of that side force, forward of midship", "m", record="rudder_hull_position",
+        ge=-250, le=250, default=0.0,
     )  # fmt: skip
     wake_ratio: float = effect(
-        1.0, "epsilon: (1 - w) of the rudder over that of the propeller", record="rudder_wake_ratio",
+        1.0, "epsilon: (1 - w) at the rudder / (1 - w) at the propeller", record="rudder_wake_ratio",
         gt=0, le=3,
     )  # fmt: skip
     race_gain: float = effect(
-        0.0, "kappa: share of the race's speed-up that the rudder meets", record="race_gain", ge=0,
+        0.0, "kappa: share of the speed increase in the race at the rudder", record="race_gain", ge=0,
         le=2,
     )  # fmt: skip
     race_share: float = effect(
-        1.0, "eta: share of the rudder that stands in the race", record="race_share", ge=0, le=1
+        1.0, "eta: share of the rudder inside the race", record="race_share", ge=0, le=1
     )
     straightening_port: float = effect(
-        1.0, "gamma_R where the cross flow comes from port", record="straightening_port", ge=0, le=2
+        1.0, "gamma_R for cross flow from port", record="straightening_port", ge=0, le=2
     )
     straightening_starboard: float = effect(
-        1.0, "gamma_R where it comes from starboard", record="straightening_starboard", ge=0, le=2
+        1.0, "gamma_R for cross flow from starboard", record="straightening_starboard", ge=0, le=2
     )
-    angle_max_rad: float = number(
-        "end stops, to either side", "rad", record="rudder_max", gt=0, le=1.6,
+    angle_max_rad: float = parameter(
+        "end stop, to either side", "rad", record="rudder_max", gt=0, le=1.6,
         default=math.radians(35.0),
     )  # fmt: skip
     time_constant_s: float = effect(
         0.0,
-        "of the steering gear; 0: it follows at once",
+        "time constant of the steering gear; 0: no lag",
         "s",
         record="rudder_lag",
         lag=True,
@@ -85,7 +85,7 @@ class Rudder(Section):
         le=100,
     )
     rate_limit_rad_s: float = effect(
-        INF, "of the steering gear", "rad/s", record="rudder_rate_limit", gt=0
+        INF, "rate limit of the steering gear", "rad/s", record="rudder_rate_limit", gt=0
     )
 
     @model_validator(mode="after")
@@ -93,42 +93,42 @@ class Rudder(Section):
         if self.area_m2 > 0.0:
             require(self, ("normal_force_slope", "position_m", "yaw_lever_m"), WITH)
         if self.rate_limit_rad_s < INF and self.time_constant_s == 0.0:
-            raise ValueError("time_constant_s must be above 0 s with a rate_limit_rad_s")
+            raise ValueError("time_constant_s must be above 0 s if rate_limit_rad_s is given")
         return self
 
 
 @compiled
 def rudder_demand(plant: Record, command: Real) -> Real:
-    """Angle [rad] that the steering gear is led to."""
+    """Return the rudder command [rad] inside the end stops."""
     return clip(command, -plant.rudder_max, plant.rudder_max)
 
 
 @compiled
 def rudder_angle(plant: Record, angle: Real, command: Real) -> Real:
-    """Angle [rad] of the rudder: the state's, or at once the one commanded of a gear without a lag."""
+    """Return the rudder angle [rad]: the state, or the command if the steering gear has no lag."""
     return rudder_demand(plant, command) if plant.rudder_lag.real == 0.0 else angle
 
 
 @compiled
 def rudder_rate(plant: Record, command: Real, angle: Real) -> Real:
-    """Rate [rad/s] of a steering gear with a lag."""
+    """Return the rate [rad/s] of a steering gear with a lag."""
     rate = (rudder_demand(plant, command) - angle) * (1.0 / plant.rudder_lag)
     return clip(rate, -plant.rudder_rate_limit, plant.rudder_rate_limit)
 
 
 @compiled
 def race_inflow(plant: Record, inflow: Real, thrust: Real) -> Real:
-    """Speed u_R [m/s] at the rudder behind a working propeller (eq. 25).
+    """Return the speed u_R [m/s] at the rudder behind a working propeller (eq. 25).
 
-    Momentum theory gives the race's speed from thrust, so it holds at rest and astern as well, where
-    the advance ratio does not; a propeller that brakes or blows forward takes the flow away.
+    Momentum theory gives the speed in the race from the thrust. So it is also valid at rest and astern,
+    unlike a formula in the advance ratio; a propeller that brakes or pushes astern reduces the flow.
 
     Args:
         plant: ship record.
-        inflow: of the propeller [m/s].
+        inflow: speed of the inflow at the propeller [m/s].
         thrust: T of one propeller [N].
     """
-    # compared whole: where a derivative to it is asked for, it is not 0
+    # Compare the complex value as a whole: it is not 0 if a derivative with respect to it is computed.
     if plant.race_gain == 0.0:
         return plant.rudder_wake_ratio * inflow
     loading = 8.0 / math.pi * thrust / (plant.density * plant.diameter * plant.diameter)
@@ -146,13 +146,13 @@ def race_inflow(plant: Record, inflow: Real, thrust: Real) -> Real:
 def rudder_forces(
     plant: Record, angle: Real, inflow: Real, thrust: Real, across: Real, yaw_rate: Real
 ) -> tuple[Real, Real, Real]:
-    """X [N], Y [N] and N [N m] of rudder and hull beside it (eqs. 15 to 19).
+    """Return X [N], Y [N] and N [N m] of the rudder and its interaction with the hull (eqs. 15 to 19).
 
     Args:
         plant: ship record.
         angle: delta [rad].
-        inflow: of the propeller [m/s].
-        thrust: of one propeller [N].
+        inflow: speed of the inflow at the propeller [m/s].
+        thrust: T of one propeller [N].
         across: v through the water [m/s].
         yaw_rate: r [rad/s].
     """
@@ -165,7 +165,7 @@ def rudder_forces(
     sine, cosine = sine_cosine(angle)
     pressure = 0.5 * plant.density * plant.rudder_area
     speed = np.sqrt(along * along + cross_flow * cross_flow + 1e-12)
-    # U_R sin(delta + psi), with the angle psi of the flow by its sine and cosine
+    # U_R sin(delta + psi), where the flow angle psi is given by its sine and cosine
     attack = along * sine + cross_flow * cosine
     normal = pressure * plant.rudder_slope * speed * attack
     drag = pressure * plant.rudder_drag * speed

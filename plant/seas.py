@@ -1,4 +1,4 @@
-"""Seas by their spectra: JONSWAP, the presets of ``seas.toml``, and a user's own by its numbers."""
+"""Seas by their spectra: JONSWAP, the presets of ``seas.toml``, and seas given by their parameters."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from ..core.compiled import compiled
 from .surroundings import GRAVITY
 
 STEEPEST = 0.142
-"""Height over length at which a wave in deep water breaks (Michell 1893; DNV-RP-C205, section 3.4.6)."""
+"""Height / length at which a wave in deep water breaks (Michell 1893; DNV-RP-C205, section 3.4.6)."""
 
 
 class Sea(BaseModel):
     """A JONSWAP sea.
 
-    ``heading_deg`` is the angle between the ship's first course and the direction in which the waves
-    travel: 180 is head seas, 0 following seas, 90 beam seas that go to starboard.
+    ``heading_deg`` is the angle between the ship's initial course and the direction of wave travel: 180
+    is head seas, 0 following seas, 90 beam seas that travel to starboard.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
@@ -31,11 +31,11 @@ class Sea(BaseModel):
     tp_s: float = Field(gt=1.0, le=30.0, description="peak period [s]")
     gamma: float = Field(default=3.3, ge=1.0, le=10.0, description="peak enhancement [-]")
     heading_deg: float = Field(
-        default=180.0, ge=-360.0, le=360.0, description="heading to the waves [deg]"
+        default=180.0, ge=-360.0, le=360.0, description="direction of wave travel [deg]"
     )
 
     @model_validator(mode="after")
-    def _can_stand(self) -> Sea:
+    def _not_breaking(self) -> Sea:
         highest = STEEPEST * GRAVITY * self.tp_s**2 / (2.0 * math.pi)
         if self.hs_m > highest:
             raise ValueError(
@@ -67,7 +67,7 @@ def spectral_density(frequency: float, hs_m: float, tp_s: float, gamma: float) -
 
 
 def jonswap(frequency: NDArray[np.float64], sea: Sea) -> NDArray[np.float64]:
-    """Return the density [m2 s/rad] of :func:`spectral_density` at every frequency.
+    """Return the density [m2 s/rad] of :func:`spectral_density` at each frequency.
 
     Args:
         frequency: omega [rad/s], positive, any shape.
@@ -79,7 +79,7 @@ def jonswap(frequency: NDArray[np.float64], sea: Sea) -> NDArray[np.float64]:
 
 @functools.cache
 def presets() -> dict[str, Sea]:
-    """Sea presets by name (``plant/seas.toml``)."""
+    """Return the sea presets by name (``plant/seas.toml``)."""
     text = resources.files("shaftline.plant").joinpath("seas.toml").read_text(encoding="utf-8")
     return {name: Sea(**values) for name, values in tomllib.loads(text).items()}
 
@@ -88,41 +88,49 @@ _TEXT_KEYS = {"hs": "hs_m", "tp": "tp_s", "gamma": "gamma", "heading": "heading_
 
 
 def get_sea(text: str) -> Sea | None:
-    """Sea by its preset's name, or by numbers, ``hs=3.2,tp=9.1``; None for ``calm``.
+    """Return a sea by preset name or by its parameters, ``hs=3.2,tp=9.1``; None for ``calm``.
 
     Args:
-        text: name, or ``hs`` [m] and ``tp`` [s], and if wanted ``gamma`` [-] and ``heading`` [deg].
+        text: name, or ``hs`` [m] and ``tp`` [s], optionally with ``gamma`` [-] and ``heading`` [deg].
 
     Raises:
-        ValueError: unknown name, the message lists the known ones; a number that is missing, double,
-            no number or out of range.
+        ValueError: unknown name (the message lists the known ones), or a parameter that is missing,
+            repeated, not a number or out of range.
+
+    >>> from shaftline.plant import get_sea
+    >>> get_sea("hs=3.2,tp=9.1")
+    Sea(hs_m=3.2, tp_s=9.1, gamma=3.3, heading_deg=180.0)
+    >>> get_sea("calm") is None
+    True
     """
     if text == "calm":
         return None
     if "=" in text:
-        return _sea_by_numbers(text)
+        return _sea_from_parameters(text)
     if text not in presets():
         known = ", ".join(["calm", *presets()])
-        raise ValueError(f"unknown sea {text!r}; known seas: {known}, or your own: hs=3.2,tp=9.1")
+        raise ValueError(
+            f"unknown sea {text!r}; known seas: {known}; or give parameters such as hs=3.2,tp=9.1"
+        )
     return presets()[text]
 
 
-def _sea_by_numbers(text: str) -> Sea:
+def _sea_from_parameters(text: str) -> Sea:
     values: dict[str, float] = {}
     for part in text.split(","):
         key, _, number = (word.strip() for word in part.partition("="))
         if key not in _TEXT_KEYS or _TEXT_KEYS[key] in values:
             known = ", ".join(_TEXT_KEYS)
-            raise ValueError(f"sea {text!r}: {part.strip()!r}: must be one of {known}, each once")
+            raise ValueError(f"sea {text!r}: {part.strip()!r} must be one of {known}, each once")
         try:
             values[_TEXT_KEYS[key]] = float(number)
         except ValueError:
-            raise ValueError(f"sea {text!r}: {key} = {number!r} is no number") from None
+            raise ValueError(f"sea {text!r}: {key} = {number!r} is not a number") from None
     try:
         return Sea(**values)
     except ValidationError as error:
         first = error.errors()[0]
-        if not first["loc"]:  # of two numbers together
+        if not first["loc"]:  # The error concerns two parameters together.
             raise ValueError(f"sea {text!r}: {first['ctx']['error']}") from None
         about = Sea.model_fields[str(first["loc"][0])].description
         raise ValueError(f"sea {text!r}: {about}: {first['msg'].lower()}") from None

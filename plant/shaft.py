@@ -1,4 +1,4 @@
-"""Shaft line: gearbox, friction on either side of the torque gauge, and the gauge itself."""
+"""Shaft line: gearbox, friction on either side of the shaft torque meter, and its torque."""
 
 from __future__ import annotations
 
@@ -7,87 +7,93 @@ import math
 import numpy as np
 
 from ..core.compiled import Real, Record, compiled
-from .keys import Section, effect, number
+from .keys import Section, effect, parameter
 
 FREE = "turns_freely"
 UNLESS_HELD = "unless the drive holds its speed"
 
 
 class Transmission(Section):
-    """Gearbox, inertias on either side of the torque gauge, friction."""
+    """Gearbox, shaft inertias on either side of the shaft torque meter, friction."""
 
-    gear_ratio: float = number(
+    gear_ratio: float = parameter(
         "engine speed / shaft speed", record="gear_ratio", needs=FREE, required=UNLESS_HELD,
         gt=0, le=100, default=1.0,
     )  # fmt: skip
-    efficiency: float = number(
-        "eta_trm", record="transmission_efficiency", needs=FREE, required=UNLESS_HELD,
-        gt=0.3, le=1, default=1.0,
+    efficiency: float = parameter(
+        "efficiency eta_trm of the transmission", record="transmission_efficiency",
+        needs=FREE, required=UNLESS_HELD, gt=0.3, le=1, default=1.0,
     )  # fmt: skip
-    inertia_engine_side_kg_m2: float = number(
-        "I_L, at the propeller shaft", "kg m2", record="inertia_engine_side", needs=FREE,
-        required=UNLESS_HELD, gt=0, le=1e9, default=0.0,
+    inertia_engine_side_kg_m2: float = parameter(
+        "I_L, inertia of the engine side, at the propeller shaft", "kg m2",
+        record="inertia_engine_side", needs=FREE, required=UNLESS_HELD, gt=0, le=1e9, default=0.0,
     )  # fmt: skip
-    inertia_propeller_side_kg_m2: float = number(
-        "I_R", "kg m2", record="inertia_propeller_side", required=UNLESS_HELD, ge=0, le=1e9,
-        default=0.0,
+    inertia_propeller_side_kg_m2: float = parameter(
+        "I_R, inertia of the propeller side", "kg m2", record="inertia_propeller_side",
+        required=UNLESS_HELD, ge=0, le=1e9, default=0.0,
     )  # fmt: skip
-    stiction_speed_rad_s: float = number(
-        "speed below which Coulomb friction sticks: it is M tanh(omega / this); raised to M dt / I "
-        "where it is lower", "rad/s",
+    stiction_speed_rad_s: float = parameter(
+        "speed below which Coulomb friction sticks: the friction is M tanh(omega / this); raised to "
+        "M dt / I if it is lower", "rad/s",
         record="stiction_speed", gt=0, le=10, default=0.05,
     )  # fmt: skip
     coulomb_friction_engine_side_N_m: float = effect(
-        0.0, "Coulomb friction before the gauge, at the propeller shaft", "N m",
+        0.0, "Coulomb friction before the torque meter, at the propeller shaft", "N m",
         record="coulomb_engine_side", needs=FREE, ge=0, le=1e7,
     )  # fmt: skip
     viscous_friction_engine_side_N_m_s_rad: float = effect(
-        0.0, "viscous friction before the gauge", "N m s/rad", record="viscous_engine_side",
+        0.0, "viscous friction before the torque meter", "N m s/rad", record="viscous_engine_side",
         needs=FREE, ge=0, le=1e7,
     )  # fmt: skip
     coulomb_asymmetry_fraction: float = effect(
-        0.0, "a: Coulomb friction before the gauge is (1 + a) of its size ahead, (1 - a) astern",
+        0.0, "a: Coulomb friction before the torque meter is (1 + a) of its value ahead, (1 - a) astern",
         record="coulomb_asymmetry", needs=FREE, ge=-1, le=1,
     )  # fmt: skip
     viscous_asymmetry_fraction: float = effect(
-        0.0, "a: viscous friction before the gauge is (1 + a) of its size ahead, (1 - a) astern",
+        0.0, "a: viscous friction before the torque meter is (1 + a) of its value ahead, (1 - a) astern",
         record="viscous_asymmetry", needs=FREE, ge=-1, le=1,
     )  # fmt: skip
     load_friction_fraction: float = effect(
-        0.0, "friction of gears and bearings before the gauge that grows with the torque they carry: "
-        "Coulomb friction per load torque", record="load_friction", needs=FREE, ge=0, le=0.9,
+        0.0, "friction of gears and bearings before the torque meter that grows with their load: "
+        "Coulomb friction / load torque", record="load_friction", needs=FREE, ge=0, le=0.9,
     )  # fmt: skip
     arctangent_friction_engine_side_N_m: float = effect(
-        0.0, "k atan(s omega) before the gauge: k", "N m", record="arctangent_friction",
-        needs=FREE, ge=0, le=1e7,
+        0.0, "k of the friction k atan(s omega) before the torque meter", "N m",
+        record="arctangent_friction", needs=FREE, ge=0, le=1e7,
     )  # fmt: skip
-    arctangent_friction_slope_s_rad: float = number(
-        "its s", "s/rad", record="arctangent_slope", needs=FREE, gt=0, le=1e4, default=1.0
+    arctangent_friction_slope_s_rad: float = parameter(
+        "s of the friction k atan(s omega)",
+        "s/rad",
+        record="arctangent_slope",
+        needs=FREE,
+        gt=0,
+        le=1e4,
+        default=1.0,
     )
     coulomb_friction_propeller_side_N_m: float = effect(
-        0.0, "Coulomb friction behind the gauge", "N m", record="coulomb_propeller_side",
+        0.0, "Coulomb friction behind the torque meter", "N m", record="coulomb_propeller_side",
         ge=0, le=1e7,
     )  # fmt: skip
     viscous_friction_propeller_side_N_m_s_rad: float = effect(
-        0.0, "viscous friction behind the gauge", "N m s/rad", record="viscous_propeller_side",
+        0.0, "viscous friction behind the torque meter", "N m s/rad", record="viscous_propeller_side",
         ge=0, le=1e7,
     )  # fmt: skip
     quadratic_drag_N_m_s2_rad2: float = effect(
-        0.0, "c omega |omega| behind the gauge", "N m s2/rad2", record="quadratic_drag",
-        ge=0, le=1e7,
+        0.0, "c of the drag c omega |omega| behind the torque meter", "N m s2/rad2",
+        record="quadratic_drag", ge=0, le=1e7,
     )  # fmt: skip
 
 
 @compiled
 def friction_torque(plant: Record, coulomb: Real, viscous: Real, shaft_speed: Real) -> Real:
-    """Coulomb and viscous friction [N m] that oppose the rotation.
+    """Return the Coulomb and viscous friction [N m] that oppose the rotation.
 
     Args:
         plant: ship record, for ``stiction_speed`` [rad/s].
-        coulomb: torque independent of speed [N m]; tanh(omega / stiction_speed) instead of the sign, so
-            that a shaft can start from rest. Beyond 20 of it the two are equal to the last bit. The
-            speed is raised to ``coulomb dt / I`` where it is lower, by which the friction alone slows
-            the shaft in a time step: below it the integration would chatter about standstill.
+        coulomb: torque independent of speed [N m]. tanh(omega / stiction_speed) replaces the sign, so
+            that a shaft can start from rest; above 20 times that speed the two are equal to the last
+            bit. The speed is raised to ``coulomb dt / I`` if it is lower, the speed that this friction
+            removes within a time step: below it the integration would chatter about standstill.
         viscous: torque per shaft speed [N m s/rad].
         shaft_speed: omega [rad/s].
     """
@@ -106,7 +112,7 @@ def friction_torque(plant: Record, coulomb: Real, viscous: Real, shaft_speed: Re
 
 @compiled
 def quadratic_drag(plant: Record, shaft_speed: Real) -> Real:
-    """Torque c omega |omega| [N m] that opposes the rotation behind the gauge."""
+    """Return the torque c omega |omega| [N m] behind the torque meter that opposes the rotation."""
     if plant.quadratic_drag == 0.0:
         return 0.0
     sign = 1.0 if shaft_speed.real >= 0.0 else -1.0
@@ -115,23 +121,23 @@ def quadratic_drag(plant: Record, shaft_speed: Real) -> Real:
 
 @compiled
 def arctangent_friction(plant: Record, shaft_speed: Real) -> Real:
-    """Torque k atan(s omega) [N m] of seals and bearings whose friction grows with speed only at first.
+    """Return the torque k atan(s omega) [N m] of seals and bearings whose friction saturates with speed.
 
-    It is the last term of eq. 2 of Pivano et al. 2008, whose first one is Coulomb friction here.
+    It is the last term of eq. 2 of Pivano et al. 2008, whose first term is Coulomb friction here.
     """
     return plant.arctangent_friction * np.arctan(plant.arctangent_slope * shaft_speed)
 
 
 @compiled
 def load_friction(plant: Record, load: Real, shaft_speed: Real) -> Real:
-    """Friction [N m] of gears and bearings in proportion to the torque that they carry.
+    """Return the friction [N m] of gears and bearings in proportion to the torque that they carry.
 
     Torque-dependent friction of drive trains, as in the extended models of Duclusaud et al. 2025
     (arXiv 2410.08650): ``load_friction |load|`` against the rotation.
 
     Args:
         plant: ship record.
-        load: torque behind the gauge, inertia apart [N m].
+        load: torque behind the torque meter, without inertia [N m].
         shaft_speed: omega [rad/s].
     """
     size = load if load.real >= 0.0 else -load
@@ -139,20 +145,20 @@ def load_friction(plant: Record, load: Real, shaft_speed: Real) -> Real:
 
 
 @compiled
-def by_direction(size: Real, asymmetry: Real, shaft_speed: Real) -> Real:
-    """Return (1 + asymmetry) times a size ahead, (1 - asymmetry) times it astern."""
+def directional_value(size: Real, asymmetry: Real, shaft_speed: Real) -> Real:
+    """Return (1 + asymmetry) times a value for rotation ahead, (1 - asymmetry) times it astern."""
     if asymmetry != 0.0:
         size = size * (1.0 + asymmetry if shaft_speed.real >= 0.0 else 1.0 - asymmetry)
     return size
 
 
 @compiled
-def friction_before_gauge(plant: Record, shaft_speed: Real) -> Real:
-    """Friction [N m] between prime mover and torque gauge, at the propeller shaft."""
+def friction_before_meter(plant: Record, shaft_speed: Real) -> Real:
+    """Return the friction [N m] between prime mover and torque meter, at the propeller shaft."""
     torque = friction_torque(
         plant,
-        by_direction(plant.coulomb_engine_side, plant.coulomb_asymmetry, shaft_speed),
-        by_direction(plant.viscous_engine_side, plant.viscous_asymmetry, shaft_speed),
+        directional_value(plant.coulomb_engine_side, plant.coulomb_asymmetry, shaft_speed),
+        directional_value(plant.viscous_engine_side, plant.viscous_asymmetry, shaft_speed),
         shaft_speed,
     )
     if plant.arctangent_friction != 0.0:
@@ -162,23 +168,24 @@ def friction_before_gauge(plant: Record, shaft_speed: Real) -> Real:
 
 @compiled
 def drive_torque(plant: Record, brake_torque: Real, shaft_speed: Real) -> Real:
-    """Torque [N m] that drives the shaft: the brake torque through the gearbox (thesis eq. 2-15), less
-    the friction before the gauge.
+    """Return the torque [N m] that drives the shaft (thesis eq. 2-15).
+
+    It is the brake torque through the gearbox minus the friction before the torque meter.
     """
     torque = brake_torque * plant.gear_ratio * plant.transmission_efficiency
-    return torque - friction_before_gauge(plant, shaft_speed)
+    return torque - friction_before_meter(plant, shaft_speed)
 
 
 @compiled
 def brake_torque_of(plant: Record, torque: Real, shaft_speed: Real) -> Real:
-    """Brake torque [N m] that makes a :func:`drive_torque`."""
-    friction = friction_before_gauge(plant, shaft_speed)
+    """Return the brake torque [N m] that gives a :func:`drive_torque`."""
+    friction = friction_before_meter(plant, shaft_speed)
     return (torque + friction) / (plant.gear_ratio * plant.transmission_efficiency)
 
 
 @compiled
 def load_torque(plant: Record, propeller_torque: Real, shaft_speed: Real) -> Real:
-    """Torque [N m] that the shaft has to bear behind the gauge: propeller, friction and drag."""
+    """Return the load torque [N m] behind the torque meter: propeller, friction and drag."""
     torque = propeller_torque + friction_torque(
         plant, plant.coulomb_propeller_side, plant.viscous_propeller_side, shaft_speed
     )
@@ -186,27 +193,27 @@ def load_torque(plant: Record, propeller_torque: Real, shaft_speed: Real) -> Rea
 
 
 @compiled
-def inertia_behind_gauge(plant: Record) -> Real:
-    """Inertia [kg m2] of what turns behind the torque gauge: I_R and entrained water."""
+def inertia_behind_meter(plant: Record) -> Real:
+    """Return the inertia [kg m2] behind the torque meter: I_R and entrained water."""
     return plant.inertia_propeller_side + plant.entrained_inertia
 
 
 @compiled
 def shaft_inertia(plant: Record) -> Real:
-    """Inertia I [kg m2] of the whole line at the propeller shaft, entrained water included."""
+    """Return the inertia I [kg m2] of the whole line at the propeller shaft, with entrained water."""
     rotating = plant.inertia_engine_side + plant.inertia_propeller_side
     return rotating + plant.entrained_inertia
 
 
 @compiled
-def gauge_torque(
+def shaft_meter_torque(
     plant: Record, drive_torque: Real, load_torque: Real, shaft_acceleration: Real
 ) -> Real:
-    """Return the torque M_m [N m] at the gauge between I_L and I_R (thesis eq. 2-17).
+    """Return the torque M_m [N m] at the torque meter between I_L and I_R (thesis eq. 2-17).
 
-    Where nothing turns behind the gauge it is exactly 0, and no rounding of the torque before it.
+    It is exactly 0, without rounding errors, if nothing turns behind the torque meter.
     """
-    behind = inertia_behind_gauge(plant)
+    behind = inertia_behind_meter(plant)
     if behind.real == 0.0 and load_torque.real == 0.0:
         return load_torque + behind * shaft_acceleration
     return drive_torque - plant.inertia_engine_side * shaft_acceleration

@@ -1,12 +1,13 @@
-"""What is wrong with a ship's file, in sentences that name key, unit and allowed range.
+"""The ship: all sections of a ship file together, their validation, and the record for the kernels.
 
-What must hold between the sections of a ship.
-
-A ship: all its sections together, what they say of it, and its record for the kernels.
+:class:`Ship` holds the sections and the properties that follow from them. The functions ``check_...``
+verify conditions between sections. Every error message names the file, the key, its unit and its allowed
+range.
 """
 
 from __future__ import annotations
 
+import difflib
 import functools
 import math
 from collections.abc import Container, Mapping
@@ -22,13 +23,13 @@ from .drives import Diesel, Drive
 from .expressions import FUNCTIONS, MAX_SIGNALS, MAX_TERMS
 from .hull import Hull
 from .keys import (
-    LACKING,
+    MISSING_PROPERTIES,
     KeyInfo,
     Label,
     Line,
     MissingKeyError,
-    Number,
     Section,
+    ShipParameter,
     allowed_range,
     info_of,
     needs_of,
@@ -44,9 +45,9 @@ from .propeller import Propeller
 from .record import PLANT, record_of
 from .rudder import Rudder
 from .shaft import UNLESS_HELD, Transmission
-from .surroundings import WATER, InFluid, Integration, Water
-from .terms import OF_A_TURN, TERM_SIGNALS, Name, Term
-from .time_constants import check_time_constants, resolved, resolved_parameter
+from .surroundings import THINNEST_LIQUID, WATER, Integration, Water
+from .terms import TERM_SIGNALS, TURNING_SIGNALS, Name, Term
+from .time_constants import check_time_constants, resolved_range, resolved_term_range
 from .tolerances import Tolerances
 from .ventilation import Ventilation
 
@@ -54,47 +55,47 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 class ShipError(ValueError):
-    """A ship that cannot be used; the message names file, key, unit and allowed range."""
+    """A ship file that cannot be used; the message names file, key, unit and allowed range."""
 
 
-def kinds(annotation: Any) -> tuple[Any, ...]:
-    """Members of a union, or the one type itself."""
+def union_members(annotation: Any) -> tuple[Any, ...]:
+    """Return the members of a union type, or the one type itself."""
     return get_args(annotation) or (annotation,)
 
 
-def tag_of(section: type[BaseModel]) -> str:
-    """The ``type`` of a section of which there are several kinds."""
+def type_tag(section: type[BaseModel]) -> str:
+    """Return the ``type`` of a section that has several kinds, such as ``diesel``."""
     return str(get_args(section.model_fields["type"].annotation)[0])
 
 
-def validated(model: type[Model], tree: dict[str, Any], source: str) -> Model:
-    """A ship from its tables.
+def validate_tables(model: type[Model], tree: dict[str, Any], source: str) -> Model:
+    """Return a validated ship from its tables.
 
     Args:
-        model: of the ship.
-        tree: of its file.
-        source: named in errors.
+        model: class of the ship.
+        tree: tables as read from the file.
+        source: file or ship, named in errors.
 
     Raises:
-        ShipError: a line for everything that is wrong.
+        ShipError: one line for each error.
     """
     try:
         return model.model_validate(tree)
     except ValidationError as error:
-        lines = [f"{source}: {_explained(model, dict(item))}" for item in error.errors()]
+        lines = [f"{source}: {_error_line(model, dict(item))}" for item in error.errors()]
         raise ShipError("\n".join(lines)) from None
 
 
-def _explained(model: type[BaseModel], item: dict[str, Any]) -> str:
-    """One pydantic error as a sentence with key, unit, given value and allowed range."""
-    tags = {tag_of(kind) for kind in kinds(model.model_fields["prime_mover"].annotation)}
+def _error_line(model: type[BaseModel], item: dict[str, Any]) -> str:
+    """Return a pydantic error as a sentence with key, unit, given value and allowed range."""
+    tags = {type_tag(kind) for kind in union_members(model.model_fields["prime_mover"].annotation)}
     path = [str(part) for part in item["loc"] if part not in tags]
     key = ".".join(path) or "ship"
-    table = model.model_fields.get(path[0]) if path else None  # one key may stand in two sections
+    table = model.model_fields.get(path[0]) if path else None  # Two sections may have the same key.
     info = next(
         (
             section.model_fields[path[-1]]
-            for section in (kinds(table.annotation) if table else ())
+            for section in (union_members(table.annotation) if table else ())
             if path[-1] in getattr(section, "model_fields", {})
         ),
         None,
@@ -110,7 +111,7 @@ def _explained(model: type[BaseModel], item: dict[str, Any]) -> str:
     if kind == "missing":
         return f"{key} is missing{allowed}"
     if kind == "extra_forbidden":
-        return f"{key} is not a known key"
+        return f"{key} is not a known key{_suggestion(model, key)}"
     if kind == "value_error":
         section = ".".join(str(part) for part in item["loc"] if part not in tags)
         error = item["ctx"]["error"]
@@ -119,32 +120,48 @@ def _explained(model: type[BaseModel], item: dict[str, Any]) -> str:
     return f"{key} = {item.get('input')!r}: {item['msg'].lower()}{allowed}"
 
 
+def _suggestion(model: type[BaseModel], key: str) -> str:
+    """Return the known key that is most similar to an unknown one, as the end of a message."""
+    section, _, name = key.rpartition(".")
+    table = model.model_fields.get(section)
+    kinds = union_members(table.annotation) if table else (model,)
+    known = [k for kind in kinds for k in getattr(kind, "model_fields", {})]
+    similar = difflib.get_close_matches(name, known, n=1)
+    if similar:
+        return f"; did you mean {key.removesuffix(name)}{similar[0]}?"
+    return "; `shaftline list --markdown FILE` lists the known keys"
+
+
 def check_terms(ship: Ship) -> None:
-    """Refuse terms that hear or move what the ship does not have.
+    """Refuse terms that use a signal or a location which the ship does not have.
 
     Raises:
-        ValueError: names the term and what is wrong with it.
+        ValueError: names the term and its error.
     """
     ids = [term.id for term in ship.term]
     if twice := [name for name in ids if ids.count(name) > 1]:
-        raise ValueError(f"term {twice[0]!r} stands twice")
-    own = [name for name in TERM_SIGNALS if ship.turns or name not in OF_A_TURN]
+        raise ValueError(f"term {twice[0]!r} is defined twice; give each term an id of its own")
+    own = [name for name in TERM_SIGNALS if ship.turns or name not in TURNING_SIGNALS]
     for name in ship.signals:
         if name in own or name in FUNCTIONS:
-            raise ValueError(f"signals.{name}: a name of its own is needed")
+            raise ValueError(
+                f"signals.{name}: this name is already a signal or a function; choose another name"
+            )
     for term in ship.term:
-        if unknown := [name for name in ship.heard_by(term) if name not in ship.signals]:
+        if unknown := [name for name in ship.external_signals_of(term) if name not in ship.signals]:
             known = [*own, *term.parameters, *ship.signals]
             raise ValueError(
-                f"term {term.id!r}: {unknown[0]!r} is unknown; known: {', '.join(known)}; a "
-                "signal from outside the ship is named, with its unit, under [signals]"
+                f"term {term.id!r}: {unknown[0]!r} is unknown; known: {', '.join(known)}; declare a "
+                "signal from outside the ship, with its unit, under [signals]"
             )
-        for where, lacking in _idle(ship, term):
-            raise ValueError(f"term {term.id!r} acts on nothing: acts_on = {where!r} on {lacking}")
+        for where, kind in _locations_without_effect(ship, term):
+            raise ValueError(
+                f"term {term.id!r} has no effect: acts_on = {where!r} on {kind}; remove the term"
+            )
 
 
-def _idle(ship: Ship, term: Term) -> list[tuple[str, str]]:
-    """Where a term acts on nothing, and on what kind of ship."""
+def _locations_without_effect(ship: Ship, term: Term) -> list[tuple[str, str]]:
+    """Return the locations at which a term has no effect, with the kind of ship that explains it."""
     places = [place for place, _ in term.expressions]
     held = "a shaft whose speed is held"
     straight = "a ship without a manoeuvring.length_m"
@@ -154,38 +171,38 @@ def _idle(ship: Ship, term: Term) -> list[tuple[str, str]]:
 
 
 def check_fluid(ship: Ship) -> None:
-    """Refuse effects of water or of its surface on a ship whose fluid has neither.
+    """Refuse effects of water or of a free surface on a ship in another fluid.
 
     Raises:
-        ValueError: names the key, the density and what to do.
+        ValueError: names the key, the density and the remedy.
     """
     density = f"water.density_kg_m3 = {ship.water.density_kg_m3:g} kg/m3"
     if not ship.in_liquid and ship.moves:
         raise ValueError(
-            f"{density} is a gas, in which no hull floats: water has about 1000 kg/m3. For a propeller "
-            "in air say hull.fixed = true, and give the airspeed as inflow_velocity_m_s"
+            f"{density} is a gas, in which no hull floats (water has about 1000 kg/m3). For a propeller "
+            "in air set hull.fixed = true and give the airspeed as inflow_velocity_m_s"
         )
     ventilation = ship.ventilation
     if not ship.in_liquid and any(
         (ventilation.thrust_loss, ventilation.torque_loss, ventilation.surface_loss)
     ):
         raise ValueError(
-            f"ventilation draws air into a liquid, and {density} is a gas: leave [ventilation] out"
+            f"ventilation draws air into a liquid, but {density} is a gas: remove [ventilation]"
         )
     bucket = bool(ship.cavitation_bucket.model_fields_set)
     if not ship.in_water and (bucket or ship.propeller.cavitation_breakdown):
         key = "[cavitation_bucket]" if bucket else "propeller.cavitation_breakdown"
         raise ValueError(
-            f"cavitation is modelled by the vapour pressure of water, and {density} is another fluid "
-            f"(water: {WATER[0]:g} to {WATER[1]:g}): leave {key} out"
+            f"cavitation depends on the vapour pressure of water, but {density} is another fluid "
+            f"(water: {WATER[0]:g} to {WATER[1]:g} kg/m3): remove {key}"
         )
 
 
 def refuse_waves(ship: Ship, sea: Any) -> None:
-    """Refuse a sea around a ship whose fluid has no surface.
+    """Refuse waves around a ship in a gas.
 
     Args:
-        ship: that is simulated.
+        ship: ship to be simulated.
         sea: SEA record, or None for calm water.
 
     Raises:
@@ -193,28 +210,32 @@ def refuse_waves(ship: Ship, sea: Any) -> None:
     """
     if sea is not None and not ship.in_liquid:
         raise ValueError(
-            f"{ship.name}: waves need a liquid, and water.density_kg_m3 = "
-            f"{ship.water.density_kg_m3:g} kg/m3 is a gas: leave the sea out"
+            f"{ship.name}: waves require a liquid, but water.density_kg_m3 = "
+            f"{ship.water.density_kg_m3:g} kg/m3 is a gas: simulate without a sea"
         )
 
 
 def check_turning(ship: Ship) -> None:
-    """Refuse a hull that cannot turn as its file says.
+    """Refuse inconsistent manoeuvring data: rudder, fixed hull, mass, inertia in sway and yaw.
 
     Raises:
         ValueError: names the key.
     """
     if ship.rudder.area_m2 > 0.0 and not ship.turns:
-        raise ValueError("rudder.area_m2 acts on nothing without a manoeuvring.length_m")
+        raise ValueError(
+            "rudder.area_m2 has no effect without a manoeuvring.length_m: give the [manoeuvring] section"
+        )
     if not ship.turns:
         return
     if not ship.moves:
-        raise ValueError("manoeuvring.length_m asks for a hull that is not fixed")
+        raise ValueError(
+            "manoeuvring.length_m requires a hull that moves: remove hull.fixed = true"
+        )
     require(ship.water, ("density_kg_m3",), MANOEUVRING, "water.")
     if ship.hull.mass_kg < ship.manoeuvring.displacement_kg:
         raise ValueError(
-            f"hull.mass_kg = {ship.hull.mass_kg:g} kg, with added mass, is less than "
-            f"manoeuvring.displacement_kg = {ship.manoeuvring.displacement_kg:g} kg without"
+            f"hull.mass_kg = {ship.hull.mass_kg:g} kg includes the added mass, so it must not be less "
+            f"than manoeuvring.displacement_kg = {ship.manoeuvring.displacement_kg:g} kg"
         )
     plant = np.zeros(1, PLANT)[0]
     for section in (ship.water, ship.hull, ship.manoeuvring):
@@ -222,15 +243,24 @@ def check_turning(ship: Ship) -> None:
     sway, sway_yaw, yaw_sway, yaw = planar_inertia(plant)
     if not sway * yaw > sway_yaw * yaw_sway:
         raise ValueError(
-            "manoeuvring: sway and yaw have no inertia of their own: Y_rdot and N_vdot (with "
-            "centre_of_gravity_m) are too large beside Y_vdot and N_rdot"
+            "manoeuvring: the inertia matrix of sway and yaw is not positive definite: Y_rdot and "
+            "N_vdot (with centre_of_gravity_m) are too large compared with Y_vdot and N_rdot"
         )
 
 
-class Ship(InFluid, Section):
-    """A ship: everything that the plant needs to know, immutable.
+class Ship(Section):
+    """A ship: all parameters that the plant needs, immutable.
 
-    Use :func:`load_ship` to get one, :meth:`with_values` to vary it, :meth:`record` for the kernels.
+    :func:`load_ship` returns one, :meth:`with_values` returns a copy with other values, and
+    :meth:`record` returns the record for the kernels.
+
+    >>> from shaftline.plant import load_ship
+    >>> ship = load_ship("frigate")
+    >>> ship.propeller.diameter_m, ship.has_diesel, ship.turns
+    (4.2, True, False)
+    >>> heavier = ship.with_values({"hull.mass_kg": 4e6})
+    >>> heavier.parameter("hull.mass_kg").value
+    4000000.0
     """
 
     name: Label
@@ -250,12 +280,12 @@ class Ship(InFluid, Section):
     tolerances: Tolerances = Tolerances()
     signals: dict[Name, str] = Field(
         default={}, max_length=MAX_SIGNALS,
-        description="signals from outside that terms hear, each with its unit",
+        description="external signals that terms use, each with its unit",
     )  # fmt: skip
     term: Annotated[tuple[Term, ...], Field(strict=False, max_length=MAX_TERMS)] = ()
 
     def __hash__(self) -> int:
-        """Of what stands in it: ships are remembered by that."""
+        """Return a hash of the content, so that ships can be cached by it."""
         own = {name: getattr(self, name) for name in type(self).model_fields}
         return hash((*(own | {"signals": None}).values(), *sorted(self.signals.items())))
 
@@ -266,13 +296,13 @@ class Ship(InFluid, Section):
         for key, delay in (self.sensors.delays | self.prime_mover.delays).items():
             if delay > longest:
                 raise ValueError(
-                    f"{key} = {delay} s is more than {longest:.4g} s, "
-                    f"the longest delay at a time step of {step} s"
+                    f"{key} = {delay} s exceeds {longest:.4g} s, the longest delay that a time step of "
+                    f"{step} s allows; give a shorter delay or a longer integration.time_step_s"
                 )
         check_terms(self)
         check_fluid(self)
         for key in self.tolerances.numbers:
-            self.number(key)
+            self.parameter(key)
         if self.has_propeller:
             require(self.water, ("density_kg_m3",), "with a propeller", "water.")
         if self.turns_freely:
@@ -290,13 +320,13 @@ class Ship(InFluid, Section):
         return self.integration.time_step_s
 
     def with_values(self, values: dict[str, Any]) -> Ship:
-        """A copy with some values changed, validated like a file.
+        """Return a copy with other values, validated like a file.
 
         Args:
-            values: by dotted key, for example ``{"transmission.gear_ratio": 7.0}``.
+            values: new values by dotted key, for example ``{"transmission.gear_ratio": 7.0}``.
 
         Raises:
-            ShipError: unknown key, or a value out of range.
+            ShipError: unknown key, or value out of range.
         """
         tree = self.model_dump(exclude_unset=True)
         for dotted, value in values.items():
@@ -307,83 +337,98 @@ class Ship(InFluid, Section):
             for part in path:
                 section = section.setdefault(part, {})
                 if not isinstance(section, dict):
-                    raise ShipError(f"{self.name}: no section {part!r} in {dotted!r}")
+                    raise ShipError(
+                        f"{self.name}: {dotted!r} is not a known key: {part!r} is no section"
+                    )
             section[key] = value
-        return validated(type(self), tree, self.name)
+        return validate_tables(type(self), tree, self.name)
 
     def _term(self, tree: dict[str, Any], dotted: str) -> dict[str, Any]:
-        """The table of the term that a dotted key names, in the tables of this ship."""
-        self.number(dotted)
+        """Return the table of the term that a dotted key names, in the tables of this ship."""
+        self.parameter(dotted)
         own: dict[str, Any] = next(t for t in tree["term"] if t["id"] == dotted.split(".")[1])
         return own
 
     def record(self) -> Any:
-        """The kernels' record of this ship: one element of dtype ``PLANT``, yours to change."""
+        """Return the kernels' record of this ship: one element of dtype ``PLANT``, a copy to change."""
         return _record(self).copy()
 
     @property
     def has_diesel(self) -> bool:
-        """Whether a diesel engine drives it."""
+        """Whether the prime mover is a diesel engine."""
         return isinstance(self.prime_mover, Diesel)
 
     @property
     def has_voltage(self) -> bool:
-        """Whether a motor drives it to which a voltage is applied."""
+        """Whether the prime mover is a motor that is commanded by a voltage."""
         return self.prime_mover.demand.unit == "V"
 
     @property
     def has_propeller(self) -> bool:
-        """Whether its shaft turns a propeller."""
+        """Whether the shaft turns a propeller."""
         return self.propeller.model != "none"
 
     @property
     def meets_water(self) -> bool:
-        """Whether water acts on it: on its propeller, or on a hull that moves."""
+        """Whether water acts on the ship: on its propeller, or on a hull that moves."""
         return self.has_propeller or self.moves
 
     @property
     def has_constant_coefficients(self) -> bool:
-        """Whether its propeller's KT and KQ are two numbers, as at bollard pull."""
+        """Whether KT and KQ of the propeller are constants, as at bollard pull."""
         return self.propeller.model == "bollard"
 
     @property
     def turns_freely(self) -> bool:
-        """Whether its shaft's speed follows from the torques on it, and is not held."""
+        """Whether the shaft speed follows from the torques; False if the drive holds the speed."""
         return not self.prime_mover.holds_speed
 
     @property
     def reverses(self) -> bool:
-        """Whether its shaft can turn astern: a diesel's does not."""
+        """Whether the shaft can turn astern; the shaft of a diesel cannot."""
         return not self.has_diesel
 
     @property
     def has_line_shaft(self) -> bool:
-        """Whether friction behind the torque gauge is told from that of the drive: not on a motor."""
+        """Whether friction behind the shaft torque meter is identifiable apart from that of the drive.
+
+        It is not on a motor.
+        """
         return self.drive_balance != "motor"
 
     @property
     def has_variable_pitch(self) -> bool:
-        """Whether its blades turn."""
+        """Whether the pitch of the blades can change."""
         return self.propeller.pitch_ratio_min < self.propeller.pitch_ratio_max
 
     @property
     def turns(self) -> bool:
-        """Whether it sways and yaws."""
+        """Whether sway and yaw are simulated."""
         return self.manoeuvring.length_m > 0.0
 
     @property
     def moves(self) -> bool:
-        """Whether its hull is free."""
+        """Whether the hull is free to move in surge."""
         return not self.hull.fixed
 
     @property
+    def in_liquid(self) -> bool:
+        """Whether the fluid is a liquid, which has a free surface and carries a hull."""
+        return self.water.density_kg_m3 >= THINNEST_LIQUID
+
+    @property
+    def in_water(self) -> bool:
+        """Whether the fluid is water, whose vapour pressure is known."""
+        return WATER[0] <= self.water.density_kg_m3 <= WATER[1]
+
+    @property
     def drive_balance(self) -> str:
-        """Balance of its prime mover: ``engine`` or ``motor``; empty where its speed is held."""
+        """Balance of the prime mover: ``engine`` or ``motor``; empty if the drive holds the speed."""
         return self.prime_mover.balance
 
     @property
     def balances(self) -> tuple[str, ...]:
-        """Balances that an effect on this ship may act in."""
+        """Balances in which an effect on this ship may act."""
         own = [self.drive_balance] if self.drive_balance else []
         own += ["propeller", "sensor"] if self.has_propeller else ["sensor"]
         own += ["hull", *(("sway", "yaw") if self.turns else ())] if self.moves else []
@@ -402,127 +447,134 @@ class Ship(InFluid, Section):
 
     @property
     def diesel(self) -> Diesel:
-        """Its diesel engine.
+        """The diesel engine.
 
         Raises:
-            ShipError: another prime mover.
+            ShipError: the ship has another prime mover.
         """
         mover = self.prime_mover
         if not isinstance(mover, Diesel):
-            raise ShipError(f"{self.name}: needs a diesel, not {mover.type!r}")
+            raise ShipError(
+                f"{self.name}: this needs a diesel engine, not prime_mover.type = {mover.type!r}"
+            )
         return mover
 
     def has_key(self, dotted: str) -> bool:
-        """Whether a dotted key is a number of this ship."""
+        """Return whether a dotted key names a parameter of this ship."""
         try:
-            self.number(dotted)
+            self.parameter(dotted)
         except ShipError:
             return False
         return True
 
-    def number(self, dotted: str) -> Number:
-        """The number at a dotted key, with its unit, range and place in the record.
+    def parameter(self, dotted: str) -> ShipParameter:
+        """Return the parameter at a dotted key: value, unit, range and location in the record.
 
         Args:
             dotted: ``section.key``, or ``term.ID.PARAMETER`` of a term.
 
         Raises:
-            ShipError: unknown key, one that is not a single number of the kernels' record, or one
-                that acts on nothing on this ship.
+            ShipError: unknown key, a key without a single value in the ship record, or a parameter
+                without effect on this ship.
         """
         section, _, key = dotted.partition(".")
         if section == "term":
-            return self._number_of_term(dotted, *key.partition(".")[::2])
+            return self._term_parameter(dotted, *key.partition(".")[::2])
         table = getattr(self, section, None) if section in type(self).model_fields else None
         fields = type(table).model_fields if isinstance(table, Section) else {}
         if table is None or key not in fields:
-            raise ShipError(f"{self.name}: {dotted} is not a known key")
+            raise ShipError(
+                f"{self.name}: {dotted} is not a known key{_suggestion(type(self), dotted)}"
+            )
         for need in f"{table.needs} {needs_of(fields[key])}".split():
             if not getattr(self, need):
-                raise ShipError(f"{dotted} acts on nothing: {self.name} {LACKING[need]}")
-        found = place_of(fields[key])
-        if found is None:
-            raise ShipError(f"{self.name}: {dotted} has no field of its own in the kernels' record")
+                raise ShipError(f"{dotted} has no effect: {self.name} {MISSING_PROPERTIES[need]}")
+        location = place_of(fields[key])
+        if location is None:
+            raise ShipError(f"{self.name}: {dotted} has no field of its own in the ship record")
         value, info = float(getattr(table, key)), info_of(fields[key])
-        return Number(dotted, value, resolved(self, dotted, value, info), *found)
+        return ShipParameter(dotted, value, resolved_range(self, dotted, value, info), *location)
 
-    def _number_of_term(self, dotted: str, term: str, name: str) -> Number:
+    def _term_parameter(self, dotted: str, term: str, name: str) -> ShipParameter:
         for slot, own in enumerate(self.term):
             if own.id == term and name in own.parameters:
-                found = own.parameters[name]
+                declared = own.parameters[name]
                 place = (slot, list(own.parameters).index(name))
-                info = KeyInfo(found.unit, found.low, found.high, None)
-                info = resolved_parameter(self, own, name, info)
-                return Number(dotted, found.value, info, "term_constants", place)
-        raise ShipError(f"{self.name}: {dotted} is not a known key")
+                info = KeyInfo(declared.unit, declared.low, declared.high, None)
+                info = resolved_term_range(self, own, name, info)
+                return ShipParameter(dotted, declared.value, info, "term_constants", place)
+        known = ", ".join(f"term.{own.id}.{key}" for own in self.term for key in own.parameters)
+        raise ShipError(f"{self.name}: {dotted} is not a known key; known: {known or 'no term'}")
 
     def with_term(self, term: Term) -> Ship:
-        """A copy that carries one term more.
+        """Return a copy with one more term.
 
         Raises:
-            ShipError: it carries one of that name already, or as many as it can.
+            ShipError: a term of this name exists already, or the ship has the largest number of terms.
         """
         tree = self.model_dump(exclude_unset=True)
         more = {"term": [*tree.get("term", ()), term.model_dump(exclude_unset=True)]}
-        return validated(type(self), tree | more, self.name)
+        return validate_tables(type(self), tree | more, self.name)
 
     def with_signals(self, units: Mapping[str, str]) -> Ship:
-        """A copy whose terms may hear some signals from outside.
+        """Return a copy that declares external signals for its terms.
 
         Args:
-            units: of each, by its name.
+            units: unit of each signal, by name.
 
         Raises:
-            ShipError: a name that has a meaning already, or more than a ship can hear.
+            ShipError: a name is in use already, or there are more signals than a ship may have.
         """
         tree = self.model_dump(exclude_unset=True)
-        return validated(type(self), tree | {"signals": dict(units)}, self.name)
+        return validate_tables(type(self), tree | {"signals": dict(units)}, self.name)
 
     @property
-    def hears(self) -> tuple[str, ...]:
-        """Signals from outside that its terms use."""
-        return tuple(sorted({name for term in self.term for name in self.heard_by(term)}))
+    def external_signals(self) -> tuple[str, ...]:
+        """External signals that the terms of this ship use, sorted."""
+        return tuple(
+            sorted({name for term in self.term for name in self.external_signals_of(term)})
+        )
 
-    def heard_by(self, term: Term) -> tuple[str, ...]:
-        """Signals that a term hears from outside on this ship."""
-        return tuple(n for n in term.hears if not (self.turns and n in OF_A_TURN))
+    def external_signals_of(self, term: Term) -> tuple[str, ...]:
+        """Return the external signals that a term uses on this ship."""
+        return tuple(n for n in term.external_signals if not (self.turns and n in TURNING_SIGNALS))
 
-    def outside_rows(self, given: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
-        """Signals from outside along a time base, as the kernels take them.
+    def external_rows(self, given: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Return external signals along a time base, as the kernels take them.
 
         Args:
-            given: each of shape (n,), by name.
+            given: values of each signal, shape (n,), by name.
 
         Returns:
-            Shape (n, MAX_SIGNALS), or one row where none is given.
+            Shape (n, MAX_SIGNALS), or one row if no signal is given.
 
         Raises:
-            ShipError: a term hears one that is not given.
+            ShipError: a term uses a signal that is not given.
         """
-        self.refuse_unheard(given)
-        found = np.zeros((max(map(len, given.values()), default=1), MAX_SIGNALS))
+        self.require_external_signals(given)
+        rows = np.zeros((max(map(len, given.values()), default=1), MAX_SIGNALS))
         for k, name in enumerate(sorted(self.signals)):
             if name in given:
-                found[:, k] = given[name]
-        return found
+                rows[:, k] = given[name]
+        return rows
 
-    def outside(self, given: Mapping[str, float]) -> tuple[float, ...]:
-        """The same at one instant, of shape (MAX_SIGNALS,)."""
-        rows = self.outside_rows({name: np.array([value]) for name, value in given.items()})
+    def external_values(self, given: Mapping[str, float]) -> tuple[float, ...]:
+        """Return external signals at one instant, shape (MAX_SIGNALS,); see :meth:`external_rows`."""
+        rows = self.external_rows({name: np.array([value]) for name, value in given.items()})
         return tuple(map(float, rows[0]))
 
-    def refuse_unheard(self, given: Container[str]) -> None:
-        """Refuse a term that hears a signal from outside that is not among those given by name.
+    def require_external_signals(self, given: Container[str]) -> None:
+        """Refuse a term that uses an external signal which is not given.
 
         Raises:
-            ShipError: names term and signal.
+            ShipError: names the term and the signal.
         """
         for term in self.term:
-            for name in self.heard_by(term):
+            for name in self.external_signals_of(term):
                 if name not in given:
                     raise ShipError(
-                        f"{self.name}: term {term.id!r} hears {name} [{self.signals[name]}], which "
-                        "this simulation does not have; a recording with a column of that name does"
+                        f"{self.name}: term {term.id!r} uses the signal {name} [{self.signals[name]}], "
+                        "which is not given here; simulate with a recording that has this column"
                     )
 
 

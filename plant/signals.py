@@ -1,7 +1,7 @@
-"""The registry of signals: one entry gives the name, symbol, unit, bounds and source of a quantity.
+"""Registry of signals: name, symbol, unit, bounds, source and recording column of each quantity.
 
-Column names of recordings, the dtype of simulated samples and the table in the documentation all come
-from here.
+The column names of recordings, the dtype of simulated samples and the table in the documentation are
+derived from it.
 """
 
 from __future__ import annotations
@@ -13,43 +13,43 @@ import numpy as np
 
 
 class Signal(NamedTuple):
-    """One quantity of the plant."""
+    """One quantity of the plant or of its controllers."""
 
     name: str
     symbol: str
     unit: str
     low: float
     high: float
-    source: str  # demand, sensor or truth
-    column: str  # in recordings
+    source: str  # demand, sensor, observer, clock or truth
+    column: str  # name in recordings
     description: str
 
 
 SIGNALS = (
     Signal("time", "t", "s", 0, math.inf, "clock", "time_s", "time"),
     Signal("drive", "X", "mm", 0, 200, "demand", "fuel_rack_mm",
-           "demand on the prime mover: fuel rack, or voltage [V], or torque [N m]"),
+           "command to the prime mover: fuel rack, or voltage [V], or torque [N m]"),
     Signal("pitch_command", "P/D_d", "-", -1.6, 1.6, "demand", "pitch_ratio_command",
            "commanded pitch ratio"),
     Signal("pitch_ratio", "P/D", "-", -2.1, 2.1, "truth", "true_pitch_ratio", "blade pitch ratio"),
     Signal("shaft_speed", "omega", "rad/s", -1e4, 1e4, "truth", "true_shaft_speed_rad_s",
            "speed of the propeller shaft"),
     Signal("shaft_torque", "M_m", "N m", -1e8, 1e8, "truth", "true_shaft_torque_N_m",
-           "torque at the gauge between I_L and I_R"),
+           "torque at the shaft torque meter, between I_L and I_R"),
     Signal("ship_speed", "v_s", "m/s", -40, 40, "truth", "true_ship_speed_m_s",
            "speed over ground"),
     Signal("measured_shaft_speed", "omega", "rad/s", -1e4, 1e4, "sensor", "shaft_speed_rad_s",
-           "reading of the shaft's speed sensor"),
+           "measurement of the shaft speed sensor"),
     Signal("measured_pitch_ratio", "P/D", "-", -2.6, 2.6, "sensor", "pitch_ratio",
-           "reading of the pitch sensor"),
+           "measurement of the pitch sensor"),
     Signal("measured_shaft_torque", "M_m", "N m", -1e8, 1e8, "sensor", "shaft_torque_N_m",
-           "reading of the torque gauge"),
+           "measurement of the shaft torque meter"),
     Signal("measured_ship_speed", "v_s", "m/s", -40, 40, "sensor", "ship_speed_m_s",
-           "reading of the speed log"),
+           "measurement of the speed log"),
     Signal("measured_thrust", "T", "N", -1e8, 1e8, "sensor", "thrust_N",
-           "reading of the thrust sensor of one propeller"),
+           "measurement of the thrust sensor of one propeller"),
     Signal("measured_motor_current", "i_a", "A", -1e5, 1e5, "sensor", "motor_current_A",
-           "reading of the armature's current sensor"),
+           "measurement of the armature current sensor"),
     Signal("shaft_acceleration", "omega'", "rad/s2", -1e7, 1e7, "truth",
            "shaft_acceleration_rad_s2", "acceleration of the propeller shaft"),
     Signal("advance_velocity", "v_a", "m/s", -200, 200, "truth", "advance_velocity_m_s",
@@ -73,7 +73,7 @@ SIGNALS = (
     Signal("position", "x", "m", -math.inf, math.inf, "truth", "position_m",
            "distance along the track"),
     Signal("shaft_angle", "theta", "rad", -math.inf, math.inf, "sensor", "shaft_angle_rad",
-           "angle turned by the propeller shaft, counted on beyond a turn"),
+           "angle turned by the propeller shaft, not reset after a turn"),
     Signal("rudder_command", "delta_d", "rad", -1.6, 1.6, "demand", "rudder_command_rad",
            "commanded rudder angle, positive turns to starboard"),
     Signal("rudder_angle", "delta", "rad", -1.6, 1.6, "sensor", "rudder_rad", "rudder angle"),
@@ -82,71 +82,72 @@ SIGNALS = (
     Signal("yaw_rate", "r", "rad/s", -10, 10, "sensor", "yaw_rate_rad_s",
            "rate of turn, positive to starboard"),
     Signal("heading", "psi", "rad", -math.inf, math.inf, "sensor", "heading_rad",
-           "heading to starboard of the first course, counted on beyond a turn"),
+           "heading to starboard of the initial course, not reset after a turn"),
     Signal("cross_track", "y", "m", -math.inf, math.inf, "truth", "cross_track_m",
-           "distance to starboard of the first course"),
+           "distance to starboard of the initial course"),
 )  # fmt: skip
 
 CONTROL_SIGNALS = (
-    Signal("speed_order", "v_d", "m/s", -40, 40, "demand", "speed_order_m_s", "ordered ship speed"),
+    Signal("speed_order", "v_d", "m/s", -40, 40, "demand", "speed_order_m_s",
+           "set-point of the ship speed"),
     Signal("heading_order", "psi_d", "rad", -math.inf, math.inf, "demand", "heading_order_rad",
-           "ordered heading, to starboard of the first course"),
+           "set-point of the heading, to starboard of the initial course"),
     Signal("cross_track_order", "y_d", "m", -math.inf, math.inf, "demand", "cross_track_order_m",
-           "ordered cross track, to starboard of the first course"),
+           "set-point of the cross track, to starboard of the initial course"),
     Signal("fuel_rack", "X", "mm", 0, 200, "sensor", "fuel_rack_position_mm",
            "position of the fuel rack"),
     Signal("estimated_advance_velocity", "v_a^", "m/s", -40, 40, "observer",
            "estimated_advance_velocity_m_s", "the observer's estimate of the advance velocity"),
     Signal("estimate_valid", "-", "-", 0, 1, "observer", "estimate_valid",
-           "1 where the observer vouches for its estimate"),
+           "1 if the observer declares its estimate valid"),
     *(
         Signal(f"wave_inflow_{ahead}_s", f"u_{ahead}", "m/s", -40, 40, "sensor",
                f"wave_inflow_{ahead}_s_m_s",
-               f"inflow of the waves at the propellers {ahead} s from now, by a sensor at the bow")
+                f"inflow of the waves at the propellers {ahead} s ahead, from a sensor at the bow")
         for ahead in range(7)
     ),
     Signal("speed_error", "e", "m/s", -80, 80, "sensor", "speed_error_m_s",
-           "ordered ship speed less the reading of the speed log"),
+           "set-point of the ship speed minus the measurement of the speed log"),
     Signal("shaft_torque_deviation", "dM_m", "N m", -1e8, 1e8, "sensor",
-           "shaft_torque_deviation_N_m", "measured shaft torque less its mean over 20 s"),
+           "shaft_torque_deviation_N_m", "measured shaft torque minus its mean over 20 s"),
     Signal("engine_torque_deviation", "dM_b", "N m", -1e8, 1e8, "observer",
            "engine_torque_deviation_N_m",
-           "torque of one engine by its rack map, less its mean over 20 s"),
+           "torque of one engine by its rack map, minus its mean over 20 s"),
     Signal("estimated_angle_of_attack", "alpha^", "deg", -180, 180, "observer",
            "estimated_angle_of_attack_deg",
            "effective angle of attack of the blades at the estimated advance velocity"),
     Signal("angle_of_attack_deviation", "dalpha^", "deg", -180, 180, "observer",
-           "angle_of_attack_deviation_deg", "estimated angle of attack less its mean over 20 s"),
+           "angle_of_attack_deviation_deg", "estimated angle of attack minus its mean over 20 s"),
     Signal("heading_error", "e_psi", "rad", -math.pi, math.pi, "sensor", "heading_error_rad",
-           "ordered heading less measured heading, by the shorter way"),
+           "set-point of the heading minus measured heading, in the shorter direction"),
     Signal("track_error", "e_y", "m", -math.inf, math.inf, "sensor", "track_error_m",
-           "ordered cross track less measured cross track"),
+           "set-point of the cross track minus measured cross track"),
     Signal("shaft_speed_command", "omega_d", "rad/s", -1e4, 1e4, "demand",
            "shaft_speed_command_rad_s", "set-point of the shaft speed governor"),
     Signal("fuel_rack_command", "X_d", "mm", 0, 200, "demand", "fuel_rack_command_mm",
-           "commanded fuel rack, before the limits of idle speed, torque and highest speed"),
+           "commanded fuel rack, before the limits of idle speed, torque and maximum speed"),
     Signal("base_pitch_ratio", "P/D_0", "-", -1.6, 1.6, "demand", "base_pitch_ratio_command",
-           "pitch ratio that the base controller of a residual commands"),
+           "pitch ratio commanded by the base controller of a residual policy"),
     Signal("base_fuel_rack", "X_0", "mm", 0, 200, "demand", "base_fuel_rack_command_mm",
-           "fuel rack that the base controller of a residual commands"),
+           "fuel rack commanded by the base controller of a residual policy"),
     Signal("base_rudder_angle", "delta_0", "rad", -1.6, 1.6, "demand", "base_rudder_command_rad",
-           "rudder angle that the base controller of a residual commands"),
+           "rudder angle commanded by the base controller of a residual policy"),
 )  # fmt: skip
-"""What a controller sees besides the plant's own signals."""
+"""Signals of controllers and observers, in addition to those of the plant."""
 
 RECORDED_SIGNALS = (
     Signal("fuel_flow", "m_f", "kg/s", 0, 100, "sensor", "fuel_flow_kg_s", "fuel flow of the engines"),
     Signal("inflow_velocity", "v_a", "m/s", -200, 200, "sensor", "inflow_velocity_m_s",
            "measured speed of the fluid at the propeller"),
 )  # fmt: skip
-"""What a recording may hold besides; demands on the prime movers are declared in ``drives/``."""
+"""Further signals of recordings; commands to prime movers are declared in ``drives/``."""
 
 
 def get_signal(name: str) -> Signal:
-    """A signal by name.
+    """Return a signal by name.
 
     Raises:
-        KeyError: no such signal.
+        KeyError: unknown name.
     """
     return {signal.name: signal for signal in (*SIGNALS, *CONTROL_SIGNALS)}[name]
 

@@ -1,4 +1,4 @@
-"""A ship's whole history: commands and disturbances in, a sample for every step out."""
+"""Simulation of a ship over time: commands and disturbances in, a sample for each time step out."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
 from ..core.files import check_size
-from .expressions import outside_at
+from .expressions import external_at
 from .memory import MEMORY
 from .rudder import rudder_angle
 from .ship import Ship, refuse_waves
@@ -20,7 +20,7 @@ from .signals import SAMPLE
 from .state import STATE, Outputs, State, get_state
 from .stepping import Disturbance, observe, prepare, refuse_divergence, step
 from .validity import warn_of_departures
-from .waves import calm
+from .waves import calm_sea
 
 
 @compiled
@@ -36,7 +36,7 @@ def write_sample(
     speed_log: float,
     outputs: Outputs,
 ) -> None:
-    """Fill a SAMPLE record: what acts over a step, the state and the outputs at its start."""
+    """Fill a SAMPLE record: the commands over a step, and the state and outputs at its start."""
     sample.time = time
     sample.drive = drive
     sample.pitch_command = pitch_command
@@ -87,25 +87,25 @@ def trajectory(
     dt: float,
     samples: Any,
 ) -> None:
-    """Simulate one ship's record and keep every sample: :func:`simulate` without its checks.
+    """Simulate one ship record and keep all samples: :func:`simulate` without its checks.
 
     Args:
-        plant: PLANT record; :meth:`shaftline.plant.Ship.number` tells which field a key sets.
-        state: STATE record, the initial state; the final one afterwards.
-        memory: MEMORY record, filled from the initial state whatever it held.
+        plant: PLANT record; :meth:`shaftline.plant.Ship.parameter` returns the field of a key.
+        state: STATE record with the initial state; holds the final state afterwards.
+        memory: MEMORY record, filled from the initial state.
         sea: SEA record, changed in place.
-        drive: demand of each step [mm | V | N m], shape (n,).
+        drive: drive command of each step [mm | V | N m], shape (n,).
         pitch_command: commanded P/D of each step [-], shape (n,).
         rudder_command: commanded rudder angle of each step [rad], shape (n,).
-        inflow: u_x [m/s] at the steps' starts and middles and the last one's end, shape (2 n + 1,).
-        elevation: of the surface above the propeller [m], likewise.
-        resistance_factor: d_c1 [-], likewise.
-        signals: from outside that terms hear, likewise, shape (2 n + 1, MAX_SIGNALS); or one row that
-            holds throughout.
-        dt: [s].
+        inflow: u_x [m/s] at starts and middles of the steps and at the last end, shape (2 n + 1,).
+        elevation: elevation of the surface above the propeller [m], at the same instants.
+        resistance_factor: d_c1 [-], at the same instants.
+        signals: external signals at the same instants, shape (2 n + 1, MAX_SIGNALS); or one row that is
+            constant.
+        dt: time step [s].
         samples: SAMPLE array of shape (n + 1,), filled.
     """
-    begin = Disturbance(inflow[0], elevation[0], resistance_factor[0], outside_at(signals, 0))
+    begin = Disturbance(inflow[0], elevation[0], resistance_factor[0], external_at(signals, 0))
     prepare(plant, state, memory, sea, drive[0], begin, dt)
     steps = len(drive)
     for k in range(steps):
@@ -120,9 +120,9 @@ def trajectory(
             drive[k],
             pitch_command[k],
             rudder_command[k],
-            Disturbance(inflow[a], elevation[a], resistance_factor[a], outside_at(signals, a)),
-            Disturbance(inflow[b], elevation[b], resistance_factor[b], outside_at(signals, b)),
-            Disturbance(inflow[c], elevation[c], resistance_factor[c], outside_at(signals, c)),
+            Disturbance(inflow[a], elevation[a], resistance_factor[a], external_at(signals, a)),
+            Disturbance(inflow[b], elevation[b], resistance_factor[b], external_at(signals, b)),
+            Disturbance(inflow[c], elevation[c], resistance_factor[c], external_at(signals, c)),
             dt,
         )
         write_sample(
@@ -131,7 +131,7 @@ def trajectory(
         )  # fmt: skip
     last = steps - 1
     finish = Disturbance(
-        inflow[-1], elevation[-1], resistance_factor[-1], outside_at(signals, 2 * steps)
+        inflow[-1], elevation[-1], resistance_factor[-1], external_at(signals, 2 * steps)
     )
     outputs = observe(
         plant, state, memory, sea, pitch_command[last], rudder_command[last], finish, dt
@@ -152,18 +152,24 @@ def trajectory(
 
 @dataclass(frozen=True)
 class Schedule:
-    """What is done to a ship over time, as functions of time or constants.
+    """Commands and disturbances over time: constants, arrays or functions of time.
 
-    Commands are held over each step; disturbances are continuous.
+    Commands are constant over each step; disturbances are continuous.
 
     Args:
         drive: fuel rack [mm], voltage [V], torque [N m] or held speed [rad/s].
         pitch_command: P/D [-].
-        inflow: disturbance u_x of the advance velocity, the sea's apart [m/s].
+        inflow: disturbance u_x of the advance velocity, in addition to the sea [m/s].
         resistance_factor: d_c1 [-].
-        elevation: of the surface above the propeller, the sea's apart [m].
-        signals: from outside, by name, that the ship's terms hear [as its file says].
-        rudder_command: angle [rad], positive turns to starboard.
+        elevation: elevation of the surface above the propeller, in addition to the sea [m].
+        signals: external signals of the ship's terms by name, in the units of the ship file.
+        rudder_command: angle [rad]; a positive angle turns to starboard.
+
+    >>> import numpy as np
+    >>> from shaftline.plant import Schedule
+    >>> schedule = Schedule(drive=lambda t: np.where(t < 60.0, 20.0, 24.0), pitch_command=1.2)
+    >>> schedule.drive(np.array([0.0, 90.0])).tolist()  # fuel rack [mm]
+    [20.0, 24.0]
     """
 
     drive: Any
@@ -175,19 +181,21 @@ class Schedule:
     rudder_command: Any = 0.0
 
 
-def _sampled(value: Any, times: NDArray[np.float64], name: str) -> NDArray[np.float64]:
+def _values_at(value: Any, times: NDArray[np.float64], name: str) -> NDArray[np.float64]:
     try:
         array = np.asarray(value(times) if callable(value) else value, dtype=np.float64)
         array = np.broadcast_to(array, times.shape)
     except (TypeError, ValueError) as error:
         raise ValueError(
-            f"{name}: must be a number, an array of shape {times.shape}, or a "
-            f"function that takes an array of times and gives as many values ({error}). In a function, "
-            "write np.where(t < 60.0, a, b) instead of 'a if t < 60.0 else b'"
+            f"{name}: must be a number, an array of shape {times.shape}, or a function that takes an "
+            f"array of times and returns as many values ({error}). In a function, write "
+            "np.where(t < 60.0, a, b) instead of 'a if t < 60.0 else b'"
         ) from None
     if not np.all(np.isfinite(array)):
-        raise ValueError(f"{name} holds a value that is not finite")
-    # a copy of one's own: the kernel would be compiled anew for arrays that may not be written to
+        raise ValueError(
+            f"{name} contains a value that is not finite; check it for NaN or infinity"
+        )
+    # Copy the array: Numba would compile the kernel again for read-only arrays.
     return np.array(array, order="C")
 
 
@@ -200,62 +208,69 @@ def simulate(
     sea: Any = None,
     dt: float | None = None,
 ) -> NDArray[Any]:
-    """Simulate one ship and keep every sample.
+    """Simulate one ship and keep all samples.
 
     Args:
         ship: the ship.
-        schedule: commands and disturbances. The drive is taken to have stood at its first demand
-            for ever, so a rate limit or dead time acts on changes after time 0 only.
-        duration_s: length [s].
+        schedule: commands and disturbances. The drive has been at its first command for ever, so a rate
+            limit or dead time acts only on changes after time 0.
+        duration_s: duration [s].
         initial: initial state, for example from :func:`shaftline.plant.equilibrium`.
         sea: SEA record from :func:`shaftline.plant.waves.realise`, or None for calm water.
-        dt: time step [s]; the ship's own by default.
+        dt: time step [s]; by default that of the ship.
 
     Returns:
-        SAMPLE array of shape (steps + 1,): one sample at every step's start,
-        with that step's commands acting, and one at the end.
+        SAMPLE array of shape (steps + 1,): one sample at the start of each step, with the commands of
+        that step, and one at the end.
 
     Warns:
         ValidityWarning: the simulation has left the range of validity of a model; one line for each.
 
     Raises:
-        ShipError: the ship's delays or its motor do not fit the time step, or a term hears a signal
+        ShipError: a delay or the motor of the ship does not suit the time step, or a term uses a signal
             that the schedule does not have.
-        ValueError: an input is not finite, the duration not positive, there are waves although the
-            ship's fluid is a gas, or the simulation diverges.
+        ValueError: an input is not finite, the duration is not positive, there are waves in a gas, or
+            the simulation diverges.
+
+    >>> from shaftline.plant import Schedule, equilibrium, load_ship, simulate
+    >>> ship = load_ship("frigate")
+    >>> start = equilibrium(ship, drive=20.0, pitch_ratio=1.2)
+    >>> samples = simulate(ship, Schedule(drive=24.0, pitch_command=1.2), 5.0, initial=start.state)
+    >>> samples["shaft_speed"][[0, -1]].round(2).tolist()  # [rad/s]
+    [11.49, 12.18]
     """
     refuse_waves(ship, sea)
     if dt is not None and dt != ship.time_step_s:
         ship = ship.with_values({"integration.time_step_s": dt})
     dt = ship.time_step_s
     if not duration_s > 0.0:
-        raise ValueError(f"duration_s = {duration_s}: must be a positive number of seconds")
+        raise ValueError(f"duration_s = {duration_s} must be above 0 s")
     steps = max(1, math.ceil(duration_s / dt - 1e-9))
     check_size(steps, SAMPLE.itemsize + 40.0, f"time steps of {dt:g} s in {duration_s:g} s")
     grid = np.arange(steps, dtype=np.float64) * dt
     half_grid = np.arange(2 * steps + 1, dtype=np.float64) * (0.5 * dt)
-    heard = {
-        name: _sampled(value, half_grid, name)
+    signals = {
+        name: _values_at(value, half_grid, name)
         for name, value in schedule.signals.items()
-        if name in ship.hears
+        if name in ship.external_signals
     }
     state = np.zeros(1, STATE)
     state[0] = tuple(float(value) for value in initial)
     if not np.isfinite(state.tolist()).all():
-        raise ValueError(f"initial holds a value that is not finite: {initial}")
+        raise ValueError(f"the initial state contains a value that is not finite: {initial}")
     samples = np.zeros(steps + 1, SAMPLE)
     trajectory(
         ship.record(),
         state[0],
         np.zeros(1, MEMORY)[0],
-        calm() if sea is None else sea.copy(),
-        _sampled(schedule.drive, grid, "drive"),
-        _sampled(schedule.pitch_command, grid, "pitch_command"),
-        _sampled(schedule.rudder_command, grid, "rudder_command"),
-        _sampled(schedule.inflow, half_grid, "inflow"),
-        _sampled(schedule.elevation, half_grid, "elevation"),
-        _sampled(schedule.resistance_factor, half_grid, "resistance_factor"),
-        ship.outside_rows(heard),
+        calm_sea() if sea is None else sea.copy(),
+        _values_at(schedule.drive, grid, "drive"),
+        _values_at(schedule.pitch_command, grid, "pitch_command"),
+        _values_at(schedule.rudder_command, grid, "rudder_command"),
+        _values_at(schedule.inflow, half_grid, "inflow"),
+        _values_at(schedule.elevation, half_grid, "elevation"),
+        _values_at(schedule.resistance_factor, half_grid, "resistance_factor"),
+        ship.external_rows(signals),
         dt,
         samples,
     )

@@ -1,4 +1,4 @@
-"""Steady states of the plant."""
+"""Steady states of the plant at constant commands."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 
-from .dynamics import evaluate, settled
+from .dynamics import evaluate, settle_lags
 from .ship import Ship
-from .state import TERM_STATES, Inputs, Outputs, State, along, moved
+from .state import TERM_STATES, Inputs, Outputs, State, directional_rate, shift_state
 
 
 class Equilibrium(NamedTuple):
-    """A steady state: the state, the outputs there, and the inputs that hold it."""
+    """A steady state: the state, its outputs, and the inputs that hold it."""
 
     state: State
     outputs: Outputs
@@ -32,26 +32,30 @@ def equilibrium(
     resistance_factor: float = 1.0,
     signals: Mapping[str, float] = MappingProxyType({}),
 ) -> Equilibrium:
-    """Steady state at given commands.
+    """Return the steady state at constant commands.
 
     Args:
         ship: the ship.
         drive: fuel rack [mm], voltage [V], torque [N m] or held speed [rad/s].
         pitch_ratio: commanded P/D [-].
-        inflow: steady advance-velocity disturbance u_x [m/s].
+        inflow: constant disturbance u_x of the advance velocity [m/s].
         resistance_factor: d_c1 [-].
-        signals: from outside, by name, that the ship's terms hear.
+        signals: external signals of the ship's terms, by name.
 
     Raises:
-        ShipError: a term hears a signal that is not given.
-        ValueError: no steady state with a forward-turning shaft exists, for example because the
-            engine's torque does not overcome its friction, or because the state of a term does not
-            come to rest.
+        ShipError: a term uses a signal that is not given.
+        ValueError: there is no steady state with the shaft turning ahead, for example because the engine
+            torque does not overcome friction, or because the state of a term does not come to rest.
+
+    >>> from shaftline.plant import equilibrium, load_ship
+    >>> point = equilibrium(load_ship("frigate"), drive=22.0, pitch_ratio=1.2)
+    >>> round(point.state.ship_speed, 2), round(point.state.shaft_speed, 2)  # [m/s], [rad/s]
+    (8.97, 12.31)
     """
     plant = ship.record()
     inputs = Inputs(
         float(drive), float(pitch_ratio), float(inflow),
-        resistance_factor=float(resistance_factor), outside=ship.outside(signals),
+        resistance_factor=float(resistance_factor), outside=ship.external_values(signals),
     )  # fmt: skip
     moving = ship.moves
     blade = float(np.clip(pitch_ratio, plant["pitch_ratio_min"], plant["pitch_ratio_max"]))
@@ -59,12 +63,12 @@ def equilibrium(
 
     def complete(shaft_speed: float, ship_speed: float) -> State:
         bare = State(blade, shaft_speed, ship_speed, sway_speed=float(plant["cross_current"]))
-        state = settled(plant, bare, inputs)
+        state = settle_lags(plant, bare, inputs)
         if plant["term_count"] > 0:
-            # what acts on the actuator keeps the blades away from the command
+            # A term on the actuator shifts the blades from the command.
             rate, _ = evaluate(plant, state, inputs, blade)
             away = float(plant["pitch_time_constant"]) * rate.pitch_ratio
-            state = settled(plant, state._replace(pitch_ratio=blade + away), inputs)
+            state = settle_lags(plant, state._replace(pitch_ratio=blade + away), inputs)
         return state
 
     def residual(unknown: Any) -> list[float]:
@@ -80,35 +84,37 @@ def equilibrium(
         return [shaft, rate.ship_speed * float(plant["mass"]) / max(outputs.resistance, 1.0)]
 
     for start in _starts(ship, drive):
-        found = scipy.optimize.root(
+        solution = scipy.optimize.root(
             residual, start if moving else start[:1], method="hybr", tol=1e-13
         )
-        if np.max(np.abs(residual(found.x))) < 1e-9 and found.x[0] > 1e-3:
-            turns = float(found.x[0]) if ship.turns_freely else float(drive)
-            state = complete(turns, float(found.x[1]) if moving else 0.0)
+        if np.max(np.abs(residual(solution.x))) < 1e-9 and solution.x[0] > 1e-3:
+            turns = float(solution.x[0]) if ship.turns_freely else float(drive)
+            state = complete(turns, float(solution.x[1]) if moving else 0.0)
             _, outputs = evaluate(plant, state, inputs, blade)
             _check_rest(ship, plant, state, inputs, blade)
             return Equilibrium(state, outputs, inputs)
     raise ValueError(
-        f"{ship.name}: no steady state with the shaft turning ahead at drive {drive:g} and pitch "
-        f"ratio {pitch_ratio:g}"
+        f"{ship.name}: no steady state with the shaft turning ahead at drive {drive:g} "
+        f"{ship.prime_mover.demand.unit} and pitch ratio {pitch_ratio:g}"
     )
 
 
 def _check_rest(ship: Ship, plant: Any, state: State, inputs: Inputs, blade: float) -> None:
-    """Refuse a state of a term whose rate neither vanishes nor changes its sign at the steady state."""
+    """Refuse a term whose state does not come to rest at the steady state."""
     with_state = [term for term in ship.term if term.state is not None]
     for term, direction in zip(with_state, TERM_STATES, strict=False):
-        here = along(state, direction)
+        here = directional_rate(state, direction)
         rates = [
-            along(evaluate(plant, moved(state, direction, by), inputs, blade)[0], direction)
+            directional_rate(
+                evaluate(plant, shift_state(state, direction, by), inputs, blade)[0], direction
+            )
             for by in (-1e-6 * max(1.0, abs(here)), 1e-6 * max(1.0, abs(here)))
         ]
         if rates[0] * rates[1] > 0.0:
             raise ValueError(
                 f"{ship.name}: no steady state: at a shaft speed of {state.shaft_speed:.4g} rad/s and a "
                 f"ship speed of {state.ship_speed:.4g} m/s the state {term.state} of term {term.id!r} "
-                f"does not come to rest; at {here:.4g} it changes by {max(rates, key=abs):.4g} a second"
+                f"does not come to rest; at {here:.4g} its rate is {max(rates, key=abs):.4g} per second"
             )
 
 
@@ -123,8 +129,8 @@ def _starts(ship: Ship, drive: float) -> list[list[float]]:
     else:
         top = 20.0
     shares = (0.7, 0.4, 1.0, 0.2, 0.1)
-    # the first row suits large slow propellers; the second is 70 % of what the blades screw out
-    screwed = 0.7 * float(plant["diameter"]) / (2.0 * math.pi)
+    # The first list suits large slow propellers; the second is 70 % of the pitch speed of P/D 1.
+    pitch_speed = 0.7 * float(plant["diameter"]) / (2.0 * math.pi)
     return [[top * share, top * share * 0.8] for share in shares] + [
-        [top * share, top * share * screwed] for share in shares
+        [top * share, top * share * pitch_speed] for share in shares
     ]

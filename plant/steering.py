@@ -1,4 +1,4 @@
-"""Steering in numbers: the linear equations of sway and yaw, and Nomoto's first order of them."""
+"""Steering: linear equations of sway and yaw, and Nomoto's first-order model."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core.lazy import control
-from .helm import refuse_to_steer
+from .helm import require_steering
 from .linear import linearise
 from .ship import Ship, ShipError
 from .steady_state import Equilibrium
 
 
 class Nomoto(NamedTuple):
-    """T dr/dt + r = K delta of a ship (Nomoto et al. 1957), in ship lengths at her speed.
+    """Nomoto's model T dr/dt + r = K delta (Nomoto et al. 1957), in ship lengths at the present speed.
 
     Args:
-        gain: K, rate of turn [rad per ship length] by rudder angle [rad].
+        gain: K, rate of turn [rad per ship length] / rudder angle [rad].
         time: T = T1 + T2 - T3 [ship lengths].
-        poles: of sway and yaw [per ship length]; the ship holds her course where both lie to the left.
-        zero: of rate of turn by rudder angle [per ship length].
+        poles: poles of sway and yaw [per ship length]; the ship is course-stable if both are negative.
+        zero: zero of the rate of turn over the rudder angle [per ship length].
     """
 
     gain: float
@@ -29,20 +29,21 @@ class Nomoto(NamedTuple):
     zero: float
 
 
-def steered(ship: Ship, point: Equilibrium) -> control.StateSpace:
-    """Sway speed and rate of turn by the rudder's angle, linear about straight sailing.
+def sway_yaw_model(ship: Ship, point: Equilibrium) -> control.StateSpace:
+    """Return the linear model of sway speed and rate of turn with the rudder angle as input.
 
     Args:
-        ship: that turns.
-        point: where, from :func:`shaftline.plant.equilibrium`.
+        ship: ship with sway and yaw.
+        point: steady straight course, from :func:`shaftline.plant.equilibrium`.
 
     Returns:
-        States and outputs sway speed [m/s] and yaw rate [rad/s]; the input is the angle [rad] itself.
+        States and outputs are sway speed [m/s] and yaw rate [rad/s]; the input is the rudder angle
+        [rad].
 
     Raises:
-        ShipError: a ship that does not turn, or has no rudder.
+        ShipError: the ship has no sway and yaw, or no rudder.
     """
-    refuse_to_steer(ship)
+    require_steering(ship)
     prompt = ship.with_values({"rudder.time_constant_s": 0.0, "rudder.rate_limit_rad_s": np.inf})
     whole = linearise(prompt, point, outputs=("sway_speed", "yaw_rate"))
     kept = [whole.state_labels.index(name) for name in ("sway_speed", "yaw_rate")]
@@ -55,20 +56,28 @@ def steered(ship: Ship, point: Equilibrium) -> control.StateSpace:
 
 
 def nomoto(ship: Ship, point: Equilibrium) -> Nomoto:
-    """Nomoto's first order of a ship, by the time constants of the second.
+    """Return Nomoto's first-order model, from the time constants of the second-order one.
 
     Args:
-        ship: that turns.
-        point: from :func:`shaftline.plant.equilibrium`, sailing straight on.
+        ship: ship with sway and yaw.
+        point: steady straight course, from :func:`shaftline.plant.equilibrium`.
 
     Raises:
-        ShipError: as of :func:`steered`, or a ship at rest.
+        ShipError: as in :func:`sway_yaw_model`, or the ship has no headway.
+
+    >>> from shaftline.plant import approach, load_ship, nomoto
+    >>> ship = load_ship("esso-osaka")
+    >>> model = nomoto(ship, approach(ship, 4.0))
+    >>> round(model.gain, 2), round(model.time, 2)  # K [1/length], T [lengths]
+    (0.95, 1.33)
     """
     speed = point.state.ship_speed
     if not speed > 0.0:
-        raise ShipError(f"{ship.name}: steering asks for a speed ahead, not {speed:g} m/s")
-    lengths = ship.manoeuvring.length_m / speed  # seconds to a ship length
-    turn = steered(ship, point)[1, 0]
+        raise ShipError(
+            f"{ship.name}: Nomoto's model needs a ship speed above 0 m/s, not {speed:g} m/s"
+        )
+    lengths = ship.manoeuvring.length_m / speed  # seconds per ship length
+    turn = sway_yaw_model(ship, point)[1, 0]
     poles, (zero,) = turn.poles() * lengths, turn.zeros().real * lengths
     slow, fast = sorted(map(complex, poles), key=lambda pole: (-pole.real, pole.imag))
     time = -(1.0 / slow + 1.0 / fast).real + 1.0 / zero

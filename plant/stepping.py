@@ -1,6 +1,6 @@
-"""Simulations that diverge: the first sample in which a signal leaves every bound.
+"""One time step of the plant: classic Runge-Kutta with waves, memory and instruments.
 
-The plant's only step in time: classic Runge-Kutta with waves, memories and instruments.
+Also the check of a simulation for divergence.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from ..core.compiled import Record, compiled
 from .dynamics import evaluate
 from .expressions import NO_SIGNALS
 from .hull import episode_factor
-from .memory import begin_step, end_step, read_instruments, settle
+from .memory import begin_step, end_step, read_instruments, settle_memory
 from .ship import Ship
 from .signals import SAMPLE, SIGNALS
-from .state import Inputs, Outputs, State, get_state, moved, set_state
-from .waves import SYNC_STEPS, WaveMotion, motion, pass_half_step, synchronise
+from .state import Inputs, Outputs, State, get_state, set_state, shift_state
+from .waves import SYNC_STEPS, WaveMotion, pass_half_step, synchronise, wave_motion
 
 _BEYOND = 1e3
-"""Times the registry's range of a signal, beyond which its simulation has diverged."""
+"""Factor on the range of a signal in the registry beyond which a simulation has diverged."""
 
 _LIMITS = np.array(
     [
@@ -30,7 +30,7 @@ _LIMITS = np.array(
         for signal in SIGNALS
     ]
 )
-"""Demands are the user's, and of a drive in whatever unit it takes; each of them is finite."""
+"""Bounds of the samples. Commands have none: the user gives them, in the unit of the drive."""
 
 
 class DivergenceError(ValueError):
@@ -38,17 +38,17 @@ class DivergenceError(ValueError):
 
 
 def refuse_divergence(ship: Ship, samples: NDArray[Any]) -> None:
-    """Refuse samples that hold a number that is not finite, or one far beyond its signal's range.
+    """Refuse samples with a value that is not finite or far beyond the range of its signal.
 
     Args:
-        ship: that was simulated, for the message.
+        ship: simulated ship, for the message.
         samples: SAMPLE array of shape (n,), contiguous.
 
     Raises:
         DivergenceError: names the signal, its value and the time.
     """
     values = samples.view(np.float64).reshape(-1, len(SAMPLE.names or ()))
-    good = np.abs(values) <= _LIMITS  # false for nan as well
+    good = np.abs(values) <= _LIMITS  # also false for NaN
     good &= np.isfinite(values)
     if good.all():
         return
@@ -63,12 +63,12 @@ def refuse_divergence(ship: Ship, samples: NDArray[Any]) -> None:
 
 
 class Disturbance(NamedTuple):
-    """What acts on the ship at one instant besides its commands and its sea."""
+    """Disturbances of the ship at one instant, in addition to commands and sea."""
 
     inflow: float  # u_x [m/s]
     elevation: float  # of the surface above the propeller [m]
     resistance_factor: float  # d_c1 [-]
-    outside: tuple[float, ...] = NO_SIGNALS  # that terms hear
+    outside: tuple[float, ...] = NO_SIGNALS  # external signals of terms
 
 
 UNDISTURBED = Disturbance(0.0, 0.0, 1.0)
@@ -115,14 +115,14 @@ def runge_kutta(
     blade_before: float,
     dt: float,
 ) -> State:
-    """One classic fourth-order Runge-Kutta step of length ``dt`` [s] from the derivative ``k1``."""
-    k2, _ = evaluate(plant, moved(state, k1, 0.5 * dt), middle, blade_before)
-    k3, _ = evaluate(plant, moved(state, k2, 0.5 * dt), middle, blade_before)
-    k4, _ = evaluate(plant, moved(state, k3, dt), end, blade_before)
-    following = moved(state, k1, dt / 6.0)
-    following = moved(following, k2, dt / 3.0)
-    following = moved(following, k3, dt / 3.0)
-    return moved(following, k4, dt / 6.0)
+    """Return the state after a fourth-order Runge-Kutta step of ``dt`` [s], given its first slope."""
+    k2, _ = evaluate(plant, shift_state(state, k1, 0.5 * dt), middle, blade_before)
+    k3, _ = evaluate(plant, shift_state(state, k2, 0.5 * dt), middle, blade_before)
+    k4, _ = evaluate(plant, shift_state(state, k3, dt), end, blade_before)
+    following = shift_state(state, k1, dt / 6.0)
+    following = shift_state(following, k2, dt / 3.0)
+    following = shift_state(following, k3, dt / 3.0)
+    return shift_state(following, k4, dt / 6.0)
 
 
 @compiled
@@ -139,25 +139,25 @@ def step(
     end: Disturbance,
     dt: float,
 ) -> Outputs:
-    """Carry one ship over one time step; state, memory and sea are changed in place.
+    """Advance one ship by one time step; state, memory and sea are changed in place.
 
     Args:
         plant: PLANT record.
         state: STATE record.
         memory: MEMORY record.
-        sea: SEA record; its field is worked out anew every ``SYNC_STEPS`` steps.
-        drive: demand on the prime mover [mm | V | N m], held over the step; a speed [rad/s] that is held
-            is led to in a straight line, to be reached at the step's end.
-        pitch_command: commanded P/D [-], held over the step.
-        rudder_command: commanded rudder angle [rad], held over the step.
-        start: disturbance at the step's start, added to the sea's.
-        middle: at its middle.
-        end: at its end.
-        dt: [s].
+        sea: SEA record; its field is computed anew every ``SYNC_STEPS`` steps.
+        drive: command to the prime mover [mm | V | N m], constant over the step; a held shaft speed
+            [rad/s] changes linearly and reaches the command at the end of the step.
+        pitch_command: commanded P/D [-], constant over the step.
+        rudder_command: commanded rudder angle [rad], constant over the step.
+        start: disturbance at the start of the step, in addition to the sea.
+        middle: disturbance at the middle of the step.
+        end: disturbance at the end of the step.
+        dt: time step [s].
 
     Returns:
-        The outputs at the step's start, with the new commands acting; the memory holds the
-        instruments' readings of that instant.
+        The outputs at the start of the step under the new commands; the memory holds the measurements at
+        that instant.
     """
     now = get_state(state)
     delivered = begin_step(plant, memory, drive, dt)
@@ -165,7 +165,7 @@ def step(
     episode = episode_factor(plant, time, dt)
     if sea.present != 0 and memory.cursor % SYNC_STEPS == 0:
         synchronise(sea, time, now, 0.5 * dt)
-    wave = motion(sea)
+    wave = wave_motion(sea)
     begins, middles = memory.rack_start, memory.rack_middle
     speed_rate = 0.0
     if plant.speed_held != 0:
@@ -177,14 +177,14 @@ def step(
     )
     if sea.present != 0:
         pass_half_step(sea)
-        wave = motion(sea)
+        wave = wave_motion(sea)
     second = _inputs(
         middles, pitch_command, rudder_command, sea, middle, wave, episode, time + 0.5 * dt,
         speed_rate,
     )  # fmt: skip
     if sea.present != 0:
         pass_half_step(sea)
-        wave = motion(sea)
+        wave = wave_motion(sea)
     third = _inputs(
         delivered, pitch_command, rudder_command, sea, end, wave, episode, time + dt, speed_rate
     )
@@ -210,9 +210,9 @@ def observe(
     disturbance: Disturbance,
     dt: float,
 ) -> Outputs:
-    """Outputs at the present instant under the last drive input; the instruments read them."""
+    """Return the outputs at the present instant under the last drive input, and update measurements."""
     now = get_state(state)
-    wave = motion(sea)
+    wave = wave_motion(sea)
     time = memory.cursor * dt
     episode = episode_factor(plant, time, dt)
     inputs = _inputs(
@@ -233,17 +233,17 @@ def prepare(
     disturbance: Disturbance,
     dt: float,
 ) -> None:
-    """Start at time 0: the sea synchronised, the memories settled on the initial state."""
+    """Prepare a simulation at time 0: synchronise the sea and settle the memory on the initial state."""
     now = get_state(state)
     if sea.present != 0:
         synchronise(sea, 0.0, now, 0.5 * dt)
-    wave = motion(sea)
+    wave = wave_motion(sea)
     episode = episode_factor(plant, 0.0, dt)
-    stands = drive
+    initial_drive = drive
     if plant.speed_held != 0:
-        stands = now.shaft_speed
+        initial_drive = now.shaft_speed
     inputs = _inputs(
-        stands, now.pitch_ratio, now.rudder_angle, sea, disturbance, wave, episode, 0.0, 0.0
+        initial_drive, now.pitch_ratio, now.rudder_angle, sea, disturbance, wave, episode, 0.0, 0.0
     )
     _, outputs = evaluate(plant, now, inputs, now.pitch_ratio)
-    settle(plant, memory, now, outputs, stands, dt)
+    settle_memory(plant, memory, now, outputs, initial_drive, dt)

@@ -1,4 +1,4 @@
-"""Physics as data: what an expression in a ship's file adds to the equations.
+"""Terms: physics as data, expressions in a ship file that are added to the equations.
 
     [[term]]
     id = "friction-by-direction"
@@ -10,15 +10,15 @@
     id = "induced-flow"
     acts_on = "load_torque"
     expression = "-k * abs(shaft_speed) * u"
-    also = { thrust = "-c * abs(shaft_speed) * u" }   # the same physics at another place
-    state = "u"                                       # with a memory of its own
+    also = { thrust = "-c * abs(shaft_speed) * u" }   # the same physics at a second location
+    state = "u"                                       # a dynamic state of the term
     rate = "(g * shaft_speed - u) / tau"
     parameters = { k = 0.01, c = 0.2, g = 0.05, tau = 0.4 }
 
-An expression is numbers, the term's parameters, its state, :data:`TERM_SIGNALS` and the signals from
-outside that the ship's ``[signals]`` name, joined by ``+ - * / **`` and the functions of
-:data:`FUNCTIONS`. It is parsed, never run: what the kernels see is a list of operations on a stack,
-carried in the ship's record. Complex numbers pass, so linear models know the terms too.
+An expression combines numbers, the term's parameters, its state, :data:`TERM_SIGNALS` and the external
+signals that the ship declares under ``[signals]`` by ``+ - * / **`` and the functions of
+:data:`FUNCTIONS`. It is parsed, never executed: the kernels receive a list of operations on a stack,
+stored in the ship record. Operations accept complex numbers, so linear models include the terms.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ from .expressions import (
     MAX_PROGRAMS,
     MAX_STATES,
     MAX_TERMS,
-    Heard,
+    InputSignals,
     Program,
     TermError,
-    deepest,
     names_in,
-    parsed,
+    parse_expression,
+    stack_depth,
 )
 from .keys import Section
 
@@ -53,14 +53,14 @@ PLACES = {
     "drive": "demand that reaches the prime mover [mm | V | N m]",
     "inflow_velocity": "advance velocity of the propeller [m/s]",
     "thrust": "thrust of one propeller [N]",
-    "drive_torque": "torque that drives the shaft, before the gauge [N m]",
-    "load_torque": "torque that the shaft bears, behind the gauge [N m]",
+    "drive_torque": "torque that drives the shaft, before the torque meter [N m]",
+    "load_torque": "load torque of the shaft, behind the torque meter [N m]",
     "resistance": "resistance of the hull [N]",
     "pitch_rate": "rate of the pitch actuator [1/s]",
     "side_force": "force on the hull to starboard [N]",
     "yaw_moment": "moment on the hull to starboard, about midship [N m]",
 }
-"""Where a term may act, and what it adds to."""
+"""Locations in the model at which a term may act, and the quantity to which it is added."""
 
 TERM_SIGNALS = {
     "shaft_speed": "omega [rad/s]",
@@ -68,53 +68,55 @@ TERM_SIGNALS = {
     "pitch_ratio": "P/D of the blades [-]",
     "pitch_command": "P/D commanded [-]",
     "drive": "fuel rack [mm], voltage [V] or torque [N m]",
-    "advance_velocity": "v_a before it lags and terms act on it [m/s]",
-    "submergence": "of the propeller's centre [m]",
+    "advance_velocity": "v_a before its lag and before terms [m/s]",
+    "submergence": "depth of the propeller's centre [m]",
     "time": "since the start [s]",
     "sway_speed": "to starboard, over ground [m/s]",
     "yaw_rate": "to starboard [rad/s]",
-    "heading": "to starboard of the first course [rad]",
+    "heading": "to starboard of the initial course [rad]",
     "rudder_angle": "positive turns to starboard [rad]",
-    "shaft_angle": "turned since the start, or as measured at first [rad]",
-    "thrust": "of one propeller, by its curves [N]",
-    "propeller_torque": "M_p, by its curves [N m]",
-    "brake_torque": "M_b, by the prime mover's own equations [N m]",
-    "resistance": "R, by the hull's own equation [N]",
-    "pitch_rate": "of the actuator, by its own equation [1/s]",
+    "shaft_angle": "angle since the start, or from the first measurement [rad]",
+    "thrust": "of one propeller, from its curves [N]",
+    "propeller_torque": "M_p, from its curves [N m]",
+    "brake_torque": "M_b, from the equations of the prime mover [N m]",
+    "resistance": "R, from the equation of the hull [N]",
+    "pitch_rate": "of the actuator, from its equation [1/s]",
 }
-"""What an expression may use; the last five are not yet known where drive or
-inflow_velocity are formed."""
+"""Signals that an expression may use; the last five are not known in terms that act on drive or
+inflow_velocity."""
 
-OF_A_TURN = {
+TURNING_SIGNALS = {
     "sway_speed": "sway_speed_m_s",
     "yaw_rate": "yaw_rate_rad_s",
     "heading": "heading_rad",
     "rudder_angle": "rudder_rad",
 }
-"""Signals that a ship has that turns, and their columns; any other ship hears them from outside, where a
-recording has them."""
+"""Signals that only a ship with sway and yaw has, and their columns.
 
-_ITS_OWN = frozenset(TERM_SIGNALS) - {*OF_A_TURN}
+For any other ship they are external signals, which a recording may contain.
+"""
 
-_EARLY = len(Heard._fields)
+_ITS_OWN = frozenset(TERM_SIGNALS) - {*TURNING_SIGNALS}
+
+_EARLY = len(InputSignals._fields)
 
 
 class Programs(NamedTuple):
-    """All of a term's expressions as the kernels take them."""
+    """The programs of all expressions of a term."""
 
-    by_place: tuple[tuple[int, Program], ...]  # among :data:`PLACES`; the rate of a state last
-    literals: tuple[float, ...]  # numbers that stand in them, behind the term's parameters
+    by_place: tuple[tuple[int, Program], ...]  # index in :data:`PLACES`; the rate of a state last
+    literals: tuple[float, ...]  # numbers in the expressions, stored behind the term's parameters
 
 
 NO_BOUND = (-1e12, 1e12)
-"""Lowest and highest value of a parameter for which none is given."""
+"""Lowest and highest value of a parameter without given bounds."""
 
 
 class TermParameter(FileModel):
-    """A number of a term, with its unit and range."""
+    """A parameter of a term, with its unit and range."""
 
-    value: float = Field(description="in the unit beside it")
-    unit: str = Field("-", description="of value, low and high")
+    value: float = Field(description="value, in the unit given beside it")
+    unit: str = Field("-", description="unit of value, low and high")
     low: float = Field(NO_BOUND[0], ge=NO_BOUND[0], description="lowest value")
     high: float = Field(NO_BOUND[1], le=NO_BOUND[1], description="highest value")
 
@@ -126,7 +128,10 @@ class TermParameter(FileModel):
     @model_validator(mode="after")
     def _inside(self) -> TermParameter:
         if not self.low <= self.value <= self.high:
-            raise ValueError(f"{self.value:g} lies outside {self.low:g} to {self.high:g}")
+            raise ValueError(
+                f"value = {self.value:g} lies outside its range from low = {self.low:g} to high = "
+                f"{self.high:g}"
+            )
         return self
 
 
@@ -139,18 +144,19 @@ Expression: TypeAlias = Annotated[str, Field(max_length=1000)]
 
 
 class Term(Section):
-    """One term; see the module."""
+    """A term; see the module for the format."""
 
     id: Annotated[
-        str, Field(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$", max_length=60, description="its name")
+        str,
+        Field(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$", max_length=60, description="name of the term"),
     ]
-    acts_on: Place = Field(description="what the expression adds to")
-    expression: Expression = Field(description="in signals and parameters")
+    acts_on: Place = Field(description="location in the model: quantity to which the term is added")
+    expression: Expression = Field(description="expression in signals and parameters")
     also: dict[Place, Expression] = Field(
-        default={}, description="expressions that add to more, by what they add to"
+        default={}, description="expressions for further locations, by location"
     )
-    state: Name | None = Field(default=None, description="name of a state of its own")
-    rate: Expression | None = Field(default=None, description="of the state [per s]")
+    state: Name | None = Field(default=None, description="name of a dynamic state of the term")
+    rate: Expression | None = Field(default=None, description="rate of the state [per s]")
     parameters: dict[Name, TermParameter] = Field(default_factory=dict, strict=False)
 
     @model_validator(mode="after")
@@ -158,50 +164,56 @@ class Term(Section):
         own = [*self.parameters, *([self.state] if self.state else [])]
         for name in own:
             if name in TERM_SIGNALS or name in FUNCTIONS or own.count(name) > 1:
-                raise ValueError(f"{name!r}: a name of its own is needed")
+                raise ValueError(
+                    f"{name!r} is already a signal, a function or a name of the term; choose another"
+                )
         if (self.state is None) != (self.rate is None):
-            raise ValueError("state and rate go together: the state's name and how fast it changes")
+            raise ValueError(
+                "state and rate must be given together: the name of the state and its rate of change"
+            )
         if self.acts_on in self.also:
-            raise ValueError(f"also: {self.acts_on} is acted on by expression already")
-        self.programs(self.hears)  # raises what is wrong with it
+            raise ValueError(
+                f"also: {self.acts_on} is the location of the expression; combine both in one expression"
+            )
+        self.programs(self.external_signals)  # raises an error if an expression is invalid
         return self
 
     def __hash__(self) -> int:
-        """Of its content, for ships are kept by theirs."""
+        """Return a hash of the content, because ships are cached by their content."""
         return hash((self.id, *self.expressions, self.state, tuple(self.parameters.items())))
 
     @property
     def expressions(self) -> tuple[tuple[str, str], ...]:
-        """What it acts on with each of its expressions; ``rate`` is that of its state."""
-        found = [(str(self.acts_on), self.expression), *self.also.items()]
-        return tuple([*found, ("rate", self.rate)] if self.rate is not None else found)
+        """Each expression with its location; ``rate`` is the location of the state's rate."""
+        located = [(str(self.acts_on), self.expression), *self.also.items()]
+        return tuple([*located, ("rate", self.rate)] if self.rate is not None else located)
 
     @property
-    def hears(self) -> tuple[str, ...]:
-        """Signals from outside the ship that it uses, in the order in which they are named.
+    def external_signals(self) -> tuple[str, ...]:
+        """Names of signals that are not signals of every ship, in the order of their first use.
 
-        Those of :data:`OF_A_TURN` are among them, which a ship that turns has herself.
+        They include :data:`TURNING_SIGNALS`, which a ship with sway and yaw has itself.
         """
         own = {*self.parameters, *_ITS_OWN, *FUNCTIONS, self.state}
-        found: dict[str, None] = {}
+        names: dict[str, None] = {}
         for _, expression in self.expressions:
             for name in names_in(expression):
                 if name not in own:
-                    found[name] = None
-        return tuple(found)
+                    names[name] = None
+        return tuple(names)
 
     def programs(self, signals: Sequence[str], state: int = 0) -> Programs:
-        """Its expressions as the kernels take them.
+        """Return the programs of the term's expressions.
 
         Args:
-            signals: from outside that the ship hears, in their order.
-            state: place of its own state among those of the ship's terms.
+            signals: external signals of the ship, in their order.
+            state: index of the term's state among those of the ship's terms.
 
         Raises:
-            TermError: what is wrong with one of them.
+            TermError: an expression is invalid.
         """
         literals: list[float] = []
-        found = []
+        programs = []
         for where, expression in self.expressions:
             place = len(PLACES) + state if where == "rate" else list(PLACES).index(where)
             known = list(TERM_SIGNALS)[: _EARLY if place < BEFORE else None]
@@ -212,17 +224,20 @@ class Term(Section):
             for name in names_in(expression):
                 if name in TERM_SIGNALS and name not in names:
                     raise TermError(
-                        f"{expression!r}: {name} is not yet known where {where} is formed"
+                        f"{expression!r}: {name} is not known yet where {where} is computed; use "
+                        "another signal"
                     )
-            found.append((place, parsed(expression, list(self.parameters), names, literals)))
-        return Programs(tuple(found), tuple(literals))
+            programs.append(
+                (place, parse_expression(expression, list(self.parameters), names, literals))
+            )
+        return Programs(tuple(programs), tuple(literals))
 
 
 RECORD_FIELDS = (
     ("term_count", np.int64),
     ("term_programs", np.int64),
     ("term_states", np.int64),
-    ("term_early", np.int64),  # programs that act before the parts do
+    ("term_early", np.int64),  # number of programs that act on inputs of the models
     ("term_place", np.int64, (MAX_PROGRAMS,)),
     ("term_owner", np.int64, (MAX_PROGRAMS,)),
     ("term_length", np.int64, (MAX_PROGRAMS,)),
@@ -231,37 +246,39 @@ RECORD_FIELDS = (
     ("term_index", np.int64, (MAX_PROGRAMS, MAX_OPERATIONS)),
     ("term_constants", np.float64, (MAX_TERMS, MAX_CONSTANTS)),
 )
-"""What a ship's record holds of its terms."""
+"""Fields of the ship record for terms."""
 
 
 def add_term(record: Any, term: Term, signals: Sequence[str] = ()) -> int:
-    """Put a term into a ship's record, in the next free place; gives the place's number.
+    """Add a term to a ship record and return its index.
 
     Args:
-        record: of the ship.
+        record: ship record, changed in place.
         term: the term.
-        signals: from outside that the ship hears, in their order.
+        signals: external signals of the ship, in their order.
 
     Raises:
-        TermError: the record is full, or the term uses a signal that the ship does not hear.
+        TermError: the record is full, or the term uses a signal that the ship does not declare.
     """
     slot, first, state = (
         int(record[name]) for name in ("term_count", "term_programs", "term_states")
     )
     if slot >= MAX_TERMS:
-        raise TermError(f"{term.id}: a ship carries at most {MAX_TERMS} terms")
+        raise TermError(f"{term.id}: a ship may have at most {MAX_TERMS} terms")
     if term.state is not None and state >= MAX_STATES:
-        raise TermError(f"{term.id}: a ship's terms have at most {MAX_STATES} states")
+        raise TermError(f"{term.id}: the terms of a ship may have at most {MAX_STATES} states")
     programs = term.programs(signals, state)
     end = first + len(programs.by_place)
     if end > MAX_PROGRAMS:
-        raise TermError(f"{term.id}: a ship's terms have at most {MAX_PROGRAMS} expressions")
+        raise TermError(
+            f"{term.id}: the terms of a ship may have at most {MAX_PROGRAMS} expressions"
+        )
     record["term_count"], record["term_programs"] = slot + 1, end
     record["term_states"] = state + (term.state is not None)
     for row, (place, program) in enumerate(programs.by_place, first):
         record["term_place"][row], record["term_owner"][row] = place, slot
         record["term_early"] += place < BEFORE
-        record["term_length"][row], record["term_depth"][row] = len(program), deepest(program)
+        record["term_length"][row], record["term_depth"][row] = len(program), stack_depth(program)
         codes, indices = zip(*program, strict=True)
         record["term_code"][row, : len(codes)] = codes
         record["term_index"][row, : len(indices)] = indices

@@ -1,10 +1,10 @@
-"""Time constants of a ship beside its time step: which one the integration cannot resolve.
+"""Time constants of a ship compared with its time step, and the ranges of parameters that it resolves.
 
-A classic Runge-Kutta step of length h multiplies a lag of time constant tau by
-``1 - z + z^2/2 - z^3/6 + z^4/24`` with ``z = h / tau``, where ``exp(-z)`` is exact. At h = tau the step
-response is off by 0.71 % of the step at most, at h = 1.1 tau by 1.1 %, and beyond h = 2.785 tau it
-diverges. So a time constant below the time step is refused. The first-order lag of the speed log is
-integrated exactly and may have any length.
+A classic Runge-Kutta step of length h multiplies a lag of time constant tau by ``1 - z + z^2/2 - z^3/6
++ z^4/24`` with ``z = h / tau``; exact is ``exp(-z)``. At h = tau the error of the step response is at
+most 0.71 % of the step, at h = 1.1 tau 1.1 %, and beyond h = 2.785 tau it diverges. So a time constant
+below the time step is refused. The first-order lag of the speed log is integrated exactly and may have
+any length.
 """
 
 from __future__ import annotations
@@ -18,7 +18,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy
 
-from .expressions import MAX_SIGNALS, MAX_STATES, Heard, Loaded, added, names_in
+from .expressions import (
+    MAX_SIGNALS,
+    MAX_STATES,
+    InputSignals,
+    LoadSignals,
+    names_in,
+    sum_load_terms,
+)
 from .hull import Hull
 from .keys import KeyInfo, Section, is_lag
 from .manoeuvring import Manoeuvring, hull_forces, planar_acceleration
@@ -30,23 +37,23 @@ if TYPE_CHECKING:
     from .ship import Ship
 
 _ROUNDING = 1e-9
-_CRUISE_M_S = 5.0  # at which the rate of a term's state is looked at, and twice that
+_CRUISE_M_S = 5.0  # ship speed at which the rates of terms' states are evaluated, and twice that
 
 SHAFT = "transmission: inertia / (viscous friction + slope of arctangent friction + back-EMF)"
-"""Time constant [s] of the shaft, as messages name it."""
+"""Name of the shaft's time constant in messages."""
 
 
 SWAY_AND_YAW = "manoeuvring: the faster mode of sway and yaw, at a Froude number of 0.5"
-"""Time constant [s] of a ship that turns, as messages name it."""
+"""Name of the time constant of sway and yaw in messages."""
 
-_FASTEST_FROUDE = 0.5  # no hull that these derivatives describe is faster
+_FASTEST_FROUDE = 0.5  # highest Froude number for which such derivatives are used
 
 _OF_THE_SHAFT = ("transmission", "prime_mover", "propeller")
-"""Sections whose numbers set the shaft's inertia and what damps it."""
+"""Sections whose parameters determine the inertia and the damping of the shaft."""
 
 
 def time_constants(ship: Ship) -> dict[str, float]:
-    """Return the time constants [s] in force on a ship that the time step has to resolve, by name.
+    """Return the time constants [s] of a ship that the time step has to resolve, by name.
 
     Args:
         ship: the ship.
@@ -89,13 +96,13 @@ def _rate_of_sway_and_yaw(hull: Hull, manoeuvring: Manoeuvring, density: float) 
 
 
 def _shaft_time_constant(ship: Ship) -> float:
-    """Return the shaft's inertia over what damps it [s]; infinite where nothing does."""
+    """Return inertia / damping of the shaft [s]; infinite without damping."""
     slope = _damping(ship)
     return _inertia(ship) / slope if ship.turns_freely and slope > 0.0 else math.inf
 
 
 def _inertia(ship: Ship) -> float:
-    """Return the inertia [kg m2] of the shaft, without the curves that fill a ship's whole record."""
+    """Return the inertia [kg m2] of the shaft, without computing the ship's whole record."""
     plant = np.zeros(1, PLANT)[0]
     ship.transmission.fill(plant)
     plant["entrained_inertia"] = ship.propeller.entrained_inertia_kg_m2
@@ -103,12 +110,12 @@ def _inertia(ship: Ship) -> float:
 
 
 def _resolved(spare: Callable[[float], float], value: float, bound: float) -> float:
-    """Return how far a number may go from its value towards a bound, which may be infinite.
+    """Return how far a parameter may change towards a bound, which may be infinite.
 
     Args:
-        spare: at least 0 where the time step resolves what the number sets.
-        value: of the number.
-        bound: of its range.
+        spare: function of the parameter, at least 0 if the time step resolves the time constant.
+        value: value of the parameter.
+        bound: bound of its range.
     """
     end = math.copysign(min(abs(bound), 1e12), bound)
     if spare(end) >= 0.0 or spare(value) < 0.0:
@@ -118,7 +125,7 @@ def _resolved(spare: Callable[[float], float], value: float, bound: float) -> fl
 
 
 def _spare_inertia(ship: Ship, key: str) -> Callable[[float], float]:
-    """Return what the time step leaves of the shaft's inertia [kg m2] over a number.
+    """Return the shaft's inertia minus time step times damping [kg m2], as a function of a parameter.
 
     It is linear in frictions and inertias.
     """
@@ -129,7 +136,7 @@ def _spare_inertia(ship: Ship, key: str) -> Callable[[float], float]:
         changed = ship.model_copy(update={section: table.model_copy(update={name: at})})
         try:
             return _inertia(changed) - ship.time_step_s * _damping(changed)
-        except ZeroDivisionError:  # at an excluded bound, such as a resistance of 0
+        except ZeroDivisionError:  # an excluded bound, such as a resistance of 0
             return -sys.float_info.max
 
     return spare
@@ -145,10 +152,10 @@ def _turning_range(
     low: float,
     high: float,
 ) -> tuple[float, float]:
-    """Return how far a number of a turning hull may go down and up while a step [s] resolves it."""
+    """Return the range of a manoeuvring parameter in which a step [s] resolves sway and yaw."""
 
     def spare(at: float) -> float:
-        """Return how much less than 1 the time step is, in time constants of the faster mode."""
+        """Return 1 minus the time step in time constants of the faster mode."""
         changed = manoeuvring.model_copy(update={name: at})
         try:
             return 1.0 - step * _rate_of_sway_and_yaw(hull, changed, density)
@@ -160,7 +167,7 @@ def _turning_range(
 
 
 def _damping(ship: Ship) -> float:
-    """Return the slope [N m s/rad] of the torques that damp a shaft whatever its speed."""
+    """Return the slope [N m s/rad] of the torques that damp the shaft at any speed."""
     line, mover = ship.transmission, ship.prime_mover
     slope = line.viscous_friction_engine_side_N_m_s_rad
     slope *= 1.0 + abs(line.viscous_asymmetry_fraction)
@@ -195,21 +202,23 @@ def check_time_constants(ship: Ship) -> None:
 
 
 def _surroundings(ship: Ship) -> tuple[tuple[str, ...], tuple[tuple[float, ...], ...]]:
-    """Return the signals that a ship's terms hear from outside, and where their rates are looked at."""
+    """Return a ship's external signals, and the conditions at which terms' rates are evaluated."""
     return tuple(sorted(ship.signals)), tuple(_conditions(ship))
 
 
 def _conditions(ship: Ship) -> Iterator[tuple[float, ...]]:
-    """Yield signals at which the rates of terms' states are looked at: at rest, ahead, and fast."""
+    """Yield the conditions at which terms' rates are evaluated: at rest, at half and at full speed."""
     depth = ship.propeller.depth_m
-    yield tuple(Heard(*np.zeros(len(Heard._fields)).tolist())._replace(submergence=depth))
+    yield tuple(
+        InputSignals(*np.zeros(len(InputSignals._fields)).tolist())._replace(submergence=depth)
+    )
     top = ship.prime_mover.idle_speed_rad_s / ship.transmission.gear_ratio
     if ship.has_diesel:
         top = ship.shaft_speeds[1]
     pitch = ship.propeller.pitch_ratio_max
     speed = _CRUISE_M_S if ship.moves else 0.0
     for share in (0.5, 1.0):
-        yield Heard(
+        yield InputSignals(
             shaft_speed=share * top, ship_speed=2.0 * share * speed, pitch_ratio=pitch,
             pitch_command=pitch, drive=share * _top_demand(ship),
             advance_velocity=2.0 * share * speed * (1.0 - ship.hull.wake_fraction),
@@ -228,20 +237,21 @@ def _top_demand(ship: Ship) -> float:
 def _fastest_rate(
     term: Term, signals: tuple[str, ...], conditions: tuple[tuple[float, ...], ...]
 ) -> float:
-    """Return the largest |d rate / d state| [1/s] of a term's state, at 0 and where its rate vanishes.
+    """Return the largest |d rate / d state| [1/s] of a term, at state 0 and at zero rate.
 
     Args:
-        term: with a state.
-        signals: from outside that the ship hears, in their order.
-        conditions: each the values of :class:`Heard`.
+        term: term with a state.
+        signals: external signals of the ship, in their order.
+        conditions: conditions, each with the values of :class:`InputSignals`.
     """
     plant = np.zeros(1, PLANT)[0]
     add_term(plant, term, signals)
 
     def rate(at: Any, state: float) -> float:
         states = (state, *(0.0,) * (MAX_STATES - 1))
-        nothing = Loaded(0.0, 0.0, 0.0, 0.0, 0.0)
-        return float(added(plant, Heard(*at), nothing, states, (0.0,) * MAX_SIGNALS).rate_1)
+        nothing = LoadSignals(0.0, 0.0, 0.0, 0.0, 0.0)
+        sums = sum_load_terms(plant, InputSignals(*at), nothing, states, (0.0,) * MAX_SIGNALS)
+        return float(sums.rate_1)
 
     fastest = 0.0
     for at in conditions:
@@ -253,7 +263,7 @@ def _fastest_rate(
 
 
 def _rest(rate: Any) -> float:
-    """Return the state at which a rate vanishes, by doubled steps from 0; 0 where there is none."""
+    """Return the state at which a rate vanishes, by doubled steps from 0; 0 if there is none."""
     begins = rate(0.0)
     if begins == 0.0 or not math.isfinite(begins):
         return 0.0
@@ -270,13 +280,13 @@ def _rest(rate: Any) -> float:
     return 0.5 * (near + far)
 
 
-def resolved_parameter(ship: Ship, term: Term, name: str, info: KeyInfo) -> KeyInfo:
-    """Return the range of a term's parameter as far as the ship's time step resolves the term's state.
+def resolved_term_range(ship: Ship, term: Term, name: str, info: KeyInfo) -> KeyInfo:
+    """Return the range of a term's parameter in which the ship's time step resolves the term's state.
 
     Args:
-        ship: that carries the term.
+        ship: ship with the term.
         term: the term.
-        name: of the parameter.
+        name: name of the parameter.
         info: range that the term allows.
     """
     if term.rate is None or name not in names_in(term.rate):
@@ -295,11 +305,11 @@ def _slowed(
     signals: tuple[str, ...],
     conditions: tuple[tuple[float, ...], ...],
 ) -> float:
-    """Return how far a term's parameter may go towards a bound while a step [s] resolves its state."""
+    """Return how far a term's parameter may change towards a bound while a step resolves its state."""
     value = term.parameters[name].value
 
     def spare(at: float) -> float:
-        """Return the state's shortest time constant less the step [s]."""
+        """Return the state's shortest time constant minus the step [s]."""
         given = term.parameters[name].model_copy(update={"value": at})
         other = term.model_copy(update={"parameters": {**term.parameters, name: given}})
         fastest = _fastest_rate(other, signals, conditions)
@@ -308,13 +318,13 @@ def _slowed(
     return _resolved(spare, value, bound)
 
 
-def resolved(ship: Ship, key: str, value: float, info: KeyInfo) -> KeyInfo:
-    """Return a number's range as far as the ship's time step resolves the time constants that it sets.
+def resolved_range(ship: Ship, key: str, value: float, info: KeyInfo) -> KeyInfo:
+    """Return the range of a parameter in which the ship's time step resolves its time constants.
 
     Args:
         ship: the ship.
-        key: dotted key of the number.
-        value: of the number on the ship.
+        key: dotted key of the parameter.
+        value: value of the parameter on this ship.
         info: range that the key allows.
     """
     section, _, name = key.partition(".")
@@ -327,7 +337,7 @@ def resolved(ship: Ship, key: str, value: float, info: KeyInfo) -> KeyInfo:
         turning = (ship.hull, table, ship.water.density_kg_m3)
         low, high = _turning_range(*turning, step, name, info.low, info.high)
         info = info._replace(low=low, high=high)
-    limits = ship.prime_mover.resolved(step) if section == "prime_mover" else {}
+    limits = ship.prime_mover.resolved_ranges(step) if section == "prime_mover" else {}
     if name in limits:
         low, high, gap = limits[name]
         low = min(low, value) if value > 0.0 else low

@@ -1,4 +1,4 @@
-"""How well each number of a ship is known."""
+"""Tolerances: the uncertainty of the parameters in a ship file."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from pydantic.fields import FieldInfo
 from .keys import Section
 
 GUESSED = 0.3
-"""Tolerance of a parameter that was guessed, as a share of it."""
+"""Tolerance of a guessed parameter, as a share of its value."""
 
 
 def _known_to(tolerance: float, description: str, *keys: str, guessed: float = GUESSED) -> Any:
-    """How well some numbers of a ship are known: one standard deviation; 0 is exactly.
+    """Declare a tolerance: the standard deviation of some parameters; 0 means exactly known.
 
     Args:
-        tolerance: where the file was made with care.
-        description: of the numbers.
-        keys: their dotted keys.
-        guessed: tolerance where the file's default is that they were guessed.
+        tolerance: default for a file with measured parameters.
+        description: the parameters, in words.
+        keys: dotted keys of the parameters.
+        guessed: default for a file with guessed parameters.
     """
     extra: dict[str, Any] = {"of": [*keys], "guessed": guessed}
     description = f"standard deviation of {description}"
@@ -28,12 +28,12 @@ def _known_to(tolerance: float, description: str, *keys: str, guessed: float = G
 
 
 class Tolerances(Section):
-    """How far the nominal numbers may be off before a diagnosis calls it missing physics."""
+    """Uncertainty of the nominal parameters; a larger deviation counts as missing physics."""
 
     default: Literal["measured", "guessed"] = Field(
         default="measured",
-        description="what the tolerances that do not stand here are: those of a file made with care, or "
-        "those of a file whose parameters were guessed (0.3; wake fraction 0.1, torque offset 0.05)",
+        description="default of the tolerances that are not given: for a ship file with measured "
+        "parameters, or with guessed ones (0.3; wake fraction 0.1, torque offset 0.05)",
     )
     resistance: float = _known_to(
         0.004, "the resistance, as a share of it", "hull.resistance_coefficient_N_s2_m2"
@@ -80,25 +80,25 @@ class Tolerances(Section):
     )
     numbers: dict[str, Annotated[float, Field(ge=0)]] = Field(
         default={},
-        description="standard deviation of any number, by its dotted key and in its unit; "
-        "in place of what the others say of it",
+        description="standard deviation of any parameter, by its dotted key and in its unit; "
+        "it replaces the tolerances above",
     )
     correlations: dict[str, dict[str, Annotated[float, Field(ge=-1, le=1)]]] = Field(
         default={},
-        description="correlation of the errors of two of `numbers`, by the dotted key of one and then "
-        "of the other; 0 where it does not stand",
+        description="correlation of the errors of two parameters in `numbers`, by the dotted key of "
+        "one and then of the other; 0 if not given",
     )
 
     @model_validator(mode="before")
     @classmethod
     def _filled(cls, given: Any) -> Any:
-        """Return what stands in the file with the tolerances of a file that was guessed."""
+        """Return the table with the missing tolerances of a guessed file added."""
         if not isinstance(given, dict) or given.get("default") != "guessed":
             return given
         return {
             name: _extra(info, "guessed")
             for name, info in cls.model_fields.items()
-            if spoken_of(info)
+            if keys_of_tolerance(info)
         } | given
 
     @model_validator(mode="after")
@@ -107,12 +107,13 @@ class Tolerances(Section):
             for key in (first, *others):
                 if key not in self.numbers:
                     raise ValueError(
-                        f"correlations speak of {key}, which has no standard deviation in numbers"
+                        f"correlations name {key}, which has no standard deviation in "
+                        "tolerances.numbers; add it there"
                     )
         return self
 
     def __hash__(self) -> int:
-        """Of its values: ships are remembered by what stands in them."""
+        """Return a hash of the values, so that ships can be cached by their content."""
         plain = self.model_dump(exclude={"numbers", "correlations"}).values()
         pairs = (
             (a, b, one) for a, others in self.correlations.items() for b, one in others.items()
@@ -120,23 +121,25 @@ class Tolerances(Section):
         return hash((*plain, *self.numbers.items(), *pairs))
 
     def correlation(self, first: str, second: str) -> float:
-        """Of the errors of two numbers, by their dotted keys."""
+        """Return the correlation of the errors of two parameters, given by their dotted keys."""
         if first == second:
             return 1.0
         one = self.correlations.get(first, {}).get(second, 0.0)
         return one or self.correlations.get(second, {}).get(first, 0.0)
 
 
-def spoken_of(info: FieldInfo) -> list[str]:
-    """Dotted keys of the numbers of which a tolerance speaks."""
+def keys_of_tolerance(info: FieldInfo) -> list[str]:
+    """Return the dotted keys of the parameters that a tolerance describes."""
     return list(_extra(info, "of") or [])
 
 
 def _extra(info: FieldInfo, name: str) -> Any:
-    """What a tolerance carries beside its value; None where it does not."""
+    """Return an extra attribute of a tolerance's declaration; None if there is none."""
     extra: Any = info.json_schema_extra
     return extra.get(name) if extra else None
 
 
-TOLERATED = {key: name for name, info in Tolerances.model_fields.items() for key in spoken_of(info)}
-"""Name of the tolerance that speaks of a number, by its dotted key."""
+TOLERANCE_OF_KEY = {
+    key: name for name, info in Tolerances.model_fields.items() for key in keys_of_tolerance(info)
+}
+"""Name of the tolerance that describes a parameter, by the parameter's dotted key."""

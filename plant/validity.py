@@ -1,7 +1,7 @@
-"""Ranges of validity: each is declared beside its model, and checked over the samples of a simulation.
+"""Ranges of validity of the models, and the check of a simulation against them.
 
-A section of the ship file lists the ranges of its models in ``validity``. A new model adds a row there;
-simulation, commands and tests then know it.
+Each section of the ship file lists the ranges of its models in ``validity``. A new model adds a row
+there; simulation, commands and tests then include it.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ if TYPE_CHECKING:
     from .ship import Ship
 
 ROUNDING = 1e-9
-"""Share of a limit by which a value may lie beyond it: rounding is no departure."""
+"""Share of a limit by which a value may exceed it because of rounding."""
 
 
 class Validity(NamedTuple):
-    """Range in which a model holds.
+    """Range in which a model is valid.
 
     Args:
-        quantity: what must lie in the range, as a noun phrase.
-        unit: SI.
-        values: give the quantity of each sample, from the ship's record and the SAMPLE array; not a
-            number where the model is not in use.
-        limits: give the lowest and the highest value from the ship's record; infinite where there is
-            none.
+        quantity: the quantity that must lie in the range, as a noun phrase.
+        unit: SI unit.
+        values: function of the ship record and the SAMPLE array that returns the quantity of each
+            sample; NaN where the model is not in use.
+        limits: function of the ship record that returns the lowest and the highest valid value;
+            infinite if there is no limit.
         beyond: what the simulation assumes outside the range, as a clause.
     """
 
@@ -41,11 +41,11 @@ class Validity(NamedTuple):
 
 
 class ValidityWarning(UserWarning):
-    """A simulation has left a model's range of validity."""
+    """A simulation has left the range of validity of a model."""
 
 
 class Departure(NamedTuple):
-    """Range that a simulation has left."""
+    """A range of validity that a simulation has left."""
 
     row: Validity
     limits: tuple[float, float]
@@ -54,7 +54,7 @@ class Departure(NamedTuple):
     share: float  # of the samples outside [-]
 
     def __str__(self) -> str:
-        """Return one line for a user."""
+        """Return the departure as one line of text."""
         unit = "" if self.row.unit == "-" else f" {self.row.unit}"
         low, high = self.limits
         allowed = f"{low:.4g} to {high:.4g}"
@@ -71,7 +71,7 @@ class Departure(NamedTuple):
 
 
 def _shown(value: float) -> str:
-    """Return a number in four digits; what a shaft that has come to rest still creeps is 0."""
+    """Return a number with four digits; the residual creep of a shaft at rest is printed as 0."""
     return f"{value if abs(value) > 1e-9 else 0.0:.4g}"
 
 
@@ -79,8 +79,14 @@ def departures(ship: Ship, samples: NDArray[Any]) -> list[Departure]:
     """Return the ranges of validity that the samples of a simulation leave.
 
     Args:
-        ship: the ship that was simulated.
-        samples: SAMPLE array, as :func:`shaftline.plant.simulate` gives it.
+        ship: simulated ship.
+        samples: SAMPLE array of :func:`shaftline.plant.simulate`.
+
+    >>> from shaftline.plant import Schedule, departures, equilibrium, load_ship, simulate
+    >>> ship = load_ship("frigate")
+    >>> start = equilibrium(ship, drive=22.0, pitch_ratio=1.2).state
+    >>> departures(ship, simulate(ship, Schedule(22.0, 1.2), 1.0, initial=start))
+    []
     """
     plant = ship.record()
     found = []
@@ -100,7 +106,7 @@ def warn_of_departures(ship: Ship, samples: NDArray[Any]) -> None:
     """Emit one :class:`ValidityWarning` for each range of validity that a simulation leaves.
 
     Args:
-        ship: the ship that was simulated.
+        ship: simulated ship.
         samples: SAMPLE array.
     """
     for departure in departures(ship, samples):

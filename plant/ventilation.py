@@ -10,23 +10,22 @@ are compared as heads over the radius R:
 
 The equations and their sources:
 
-1. *Inception and washout.* Air comes where h/R < onset + suction_gain H/R, and it leaves where h/R
-   exceeds that by ``hysteresis``. Tests show that ventilation depends on h/R and on the shaft speed
-   together, that it comes abruptly and that it stays beyond where it came (Smogeli 2006, chapter 2;
-   Kozlowska, Steen and Koushan 2009). The linear form in H/R is an assumption. The degree a of
-   ventilation moves by
-
+1. *Inception and washout.* Air reaches the propeller if h/R < onset + suction_gain H/R, and leaves it if
+   h/R exceeds that limit by ``hysteresis``. Tests show that ventilation depends on h/R and on the shaft
+   speed together, that it begins abruptly and that it persists beyond the limit of its inception
+   (Smogeli 2006, chapter 2; Kozlowska, Steen and Koushan 2009). The linear form in H/R is an
+   assumption. The degree a of ventilation changes by
        da/dt = (s - a) (s / growth_time + (1 - s) / washout_time),
        s = S(1/2 + K ((onset + suction_gain H/R + hysteresis / 2 - h/R) / G + a - 1/2)),
 
    where S(v) = 35 v^4 - 84 v^5 + 70 v^6 - 20 v^7 rises smoothly from 0 at v = 0 to 1 at v = 1, with
    K = 8/7 and with G such that the folds of the equation lie at the two limits. Between them two degrees
-   are stable. The hysteresis is thus a property of a smooth equation, no switch is remembered between
-   steps, and a fourth-order integration keeps its order.
-2. *Loss of a ventilated blade.* A plate whose suction side is at the pressure of the atmosphere has the
-   lift coefficient (pi/2) alpha + 2 g h / V^2 (Minsaas, Faltinsen and Persson 1983; Kozlowska et al.
-   2009), where a wetted one has 2 pi alpha. The suction side, 3/4 of the lift, is thus replaced by the
-   static head on the blade area A_E = EAR A0. With the share of the suction that is lost,
+   are stable. So the hysteresis is a property of a smooth equation without a switch between steps, and a
+   fourth-order integration keeps its order.
+2. *Loss of a ventilated blade.* A plate whose suction side is at atmospheric pressure has the lift
+   coefficient (pi/2) alpha + 2 g h / V^2 (Minsaas, Faltinsen and Persson 1983; Kozlowska et al. 2009);
+   a wetted one has 2 pi alpha. The suction side, 3/4 of the lift, is therefore replaced by the static
+   head on the blade area A_E = EAR A0. With the share of the suction that is lost,
 
        phi = max(0, 1 - EAR h / (3/4 H)),
        T = T0 (1 - a thrust_loss phi),  Q = Q0 (1 - a torque_loss phi).
@@ -36,15 +35,15 @@ The equations and their sources:
    ``static_head_share`` multiplies h in phi; 0 leaves fixed shares, a form with two parameters for the
    identification from a recording.
 3. *Loss of disc area and Wagner effect*, at any loading (Minsaas, Thon and Kauczynski 1987):
-   beta = 1 - 0.675 (1 - 0.769 h/R)^1.258 for h/R < 1.3, else 1, and beta^0.8 for the torque. It acts by
-   the share ``surface_loss``. Its two corners are rounded, over 0.2 of 1 - 0.769 h/R and over 0.05 of
-   beta.
+   beta = 1 - 0.675 (1 - 0.769 h/R)^1.258 for h/R < 1.3, else 1, and beta^0.8 for the torque. The share
+   ``surface_loss`` of it is applied. Its two corners are rounded, over 0.2 of 1 - 0.769 h/R and over
+   0.05 of beta.
 
-Over the shaft speed at one depth, thrust rises, drops where air comes, and rises again more slowly.
+With rising shaft speed at one depth, thrust rises, drops at inception, and rises again more slowly.
 
 Range: advance ahead, h/R from 0 to 3.4, H/R to about 9 (the tests of open propellers at low advance).
-Equation 3 is printed from h/R = 0 on; its curve reaches 0 at h/R = -0.48. Equation 2 leaves out how a
-cavity closes between the blades, and that blades leave the water one by one. With both losses and
+Equation 3 is published from h/R = 0 on; its curve reaches 0 at h/R = -0.48. Equation 2 neglects the
+closure of cavities between the blades and the emergence of single blades. With both losses and
 ``surface_loss`` at 0, their neutral value, nothing is lost.
 """
 
@@ -53,20 +52,22 @@ from __future__ import annotations
 import math
 
 from ..core.compiled import Real, Record, compiled
-from .keys import Section, effect, number
+from .keys import Section, effect, parameter
 from .open_water import REVOLUTIONS_PER_RADIAN
 from .surroundings import GRAVITY
 
 SUCTION_SHARE = 0.75
-"""Share of a wetted blade's lift that is lost without its suction side: 1 - (pi / 2) / (2 pi)."""
+"""Share of a wetted blade's lift that is lost with its suction side: 1 - (pi / 2) / (2 pi)."""
 
 HEAD_ROUNDING, LOSS_ROUNDING, BETA_ROUNDING = 0.2, 0.3, 0.05
-"""Half widths over which corners are rounded: of h/R and 1 - 0.769 h/R, of phi, of beta [-]."""
+"""Half widths of rounded corners: of h/R and 1 - 0.769 h/R, of phi, of beta [-]."""
 
 SURFACE_TORQUE_POWER = 0.8
 """Power m of KQ/KQ0 = (KT/KT0)^m where blades near the surface lose thrust [-]."""
 
-_STEEPNESS = 8.0 / 7.0  # K; the slope of s to a is 2.5 in the middle, and above 1 it has two states
+_STEEPNESS = (
+    8.0 / 7.0
+)  # K; the slope of s over a is 2.5 in the middle, so there are two stable states
 
 
 @compiled
@@ -81,7 +82,7 @@ def _smooth_step(v: Real) -> Real:
 
 def _reach() -> float:
     """Return the distance of the folds of s(a) = a, in units of G."""
-    # at a fold K S'(v) = 1, with S'(v) = 140 (v (1 - v))^3
+    # At a fold K S'(v) = 1, with S'(v) = 140 (v (1 - v))^3.
     product = (1.0 / (140.0 * _STEEPNESS)) ** (1.0 / 3.0)
     v = 0.5 * (1.0 - math.sqrt(1.0 - 4.0 * product))
     return float(2.0 * (0.5 - (0.5 - v) / _STEEPNESS - _smooth_step(v)))
@@ -91,42 +92,42 @@ _REACH = _reach()
 
 
 class Ventilation(Section):
-    """Ventilation of the propeller; absent while the losses are 0."""
+    """Ventilation of the propeller; absent if all losses are 0."""
 
     needs = "has_propeller in_liquid"
 
     thrust_loss: float = effect(
-        0.0, "share of thrust lost to air", record="ventilation_thrust_loss", ge=0, le=0.95
+        0.0, "share of thrust lost by ventilation", record="ventilation_thrust_loss", ge=0, le=0.95
     )
     torque_loss: float = effect(
-        0.0, "share of torque lost to air", record="ventilation_torque_loss", ge=0, le=0.95
+        0.0, "share of torque lost by ventilation", record="ventilation_torque_loss", ge=0, le=0.95
     )
     surface_loss: float = effect(
-        0.0, "share of the loss of disc area near the surface that acts",
+        0.0, "share of the loss of disc area near the surface that is applied",
         record="ventilation_surface_loss", ge=0, le=1,
     )  # fmt: skip
-    static_head_share: float = number(
-        "share of the static head that carries ventilated blades; with 0 the losses are fixed shares",
+    static_head_share: float = parameter(
+        "share of the static head that loads ventilated blades; with 0 the losses are constant shares",
         record="ventilation_static_head", ge=0, le=1, default=1.0,
     )  # fmt: skip
-    onset_submergence: float = number(
-        "h/R of onset without load", record="ventilation_onset_submergence", ge=-1, le=5,
+    onset_submergence: float = parameter(
+        "h/R at inception without load", record="ventilation_onset_submergence", ge=-1, le=5,
         default=0.0,
     )  # fmt: skip
-    suction_gain: float = number(
-        "h/R of onset added per suction head H/R", record="ventilation_suction_gain", ge=0, le=5,
-        default=0.5,
+    suction_gain: float = parameter(
+        "increase of h/R at inception per suction head H/R", record="ventilation_suction_gain",
+        ge=0, le=5, default=0.5,
     )  # fmt: skip
-    hysteresis: float = number(
-        "h/R of recovery minus h/R of onset", record="ventilation_hysteresis", ge=0.05, le=3,
+    hysteresis: float = parameter(
+        "h/R at washout minus h/R at inception", record="ventilation_hysteresis", ge=0.05, le=3,
         default=0.3,
     )  # fmt: skip
-    growth_time_s: float = number(
+    growth_time_s: float = parameter(
         "time constant of growth", "s", record="ventilation_growth_time", ge=0.05, le=20,
         default=0.5, lag=True,
     )  # fmt: skip
-    washout_time_s: float = number(
-        "time constant of recovery", "s", record="ventilation_washout_time", ge=0.05, le=60,
+    washout_time_s: float = parameter(
+        "time constant of washout", "s", record="ventilation_washout_time", ge=0.05, le=60,
         default=1.5, lag=True,
     )  # fmt: skip
 
@@ -142,7 +143,7 @@ def can_ventilate(plant: Record) -> bool:
 def _rounded(x: Real, width: float) -> Real:
     """Return max(x, 0) with its corner rounded between -width and width.
 
-    The integral of the smooth step: four continuous derivatives, and exact outside.
+    It is the integral of the smooth step: four continuous derivatives, and exact outside the corner.
     """
     if x.real >= width:
         return x
@@ -165,8 +166,8 @@ def suction_head(plant: Record, thrust_coefficient: Real, shaft_speed: Real) -> 
 
     Args:
         plant: ship record.
-        thrust_coefficient: KT [-] that the propeller would have without air, positive where the thrust
-            points in the direction of rotation: a propeller that is driven by the flow draws no air.
+        thrust_coefficient: KT [-] without ventilation, positive if the thrust points in the direction of
+            rotation: a propeller that is driven by the flow draws no air.
         shaft_speed: omega [rad/s].
     """
     n = shaft_speed * REVOLUTIONS_PER_RADIAN
@@ -175,7 +176,7 @@ def suction_head(plant: Record, thrust_coefficient: Real, shaft_speed: Real) -> 
 
 @compiled
 def lost_suction(plant: Record, relative: Real, suction: Real) -> Real:
-    """Return phi, the share [0, 1] of the blades' suction that the static head cannot carry.
+    """Return phi, the share [0, 1] of the blades' suction that the static head cannot replace.
 
     Args:
         plant: ship record.
@@ -194,7 +195,7 @@ def lost_suction(plant: Record, relative: Real, suction: Real) -> Real:
 
 @compiled
 def surface_factor(relative: Real) -> Real:
-    """Return beta [-], thrust near the surface over thrust in deep water without ventilation.
+    """Return beta [-]: thrust near the surface / thrust in deep water, without ventilation.
 
     Args:
         relative: h/R [-].
@@ -211,7 +212,7 @@ def ventilation_rate(plant: Record, degree: Real, relative: Real, suction: Real)
 
     Args:
         plant: ship record.
-        degree: of ventilation, 0 to 1.
+        degree: degree of ventilation, 0 to 1.
         relative: h/R [-].
         suction: H/R [-].
     """

@@ -1,4 +1,4 @@
-"""A ship sailed step by step: commands in, samples kept, for what steers by what it sees."""
+"""Simulation of a ship in stages: commands in, samples kept, for controllers in a feedback loop."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from .signals import SAMPLE
 from .simulation import write_sample
 from .state import STATE, State, get_state
 from .stepping import UNDISTURBED, Disturbance, prepare, refuse_divergence, step
-from .waves import calm
+from .waves import calm_sea
 
-_ROOM = 4096  # samples for which there is room at first
+_INITIAL_SAMPLES = 4096  # length of the first sample buffer
 
 
 @compiled
-def _sail(
+def _run(
     plant: Record,
     state: Record,
     memory: Record,
@@ -44,13 +44,21 @@ def _sail(
 
 
 class Voyage:
-    """A ship under way.
+    """Simulation of a ship that can be continued with new commands.
 
     Args:
         ship: the ship.
-        initial: where she begins, for example the state of an equilibrium.
-        drive: demand under which she has been sailing [mm | V | N m | rad/s].
+        initial: initial state, for example the state of an equilibrium.
+        drive: drive command before the start [mm | V | N m | rad/s].
         sea: SEA record from :func:`shaftline.plant.waves.realise`, or None for calm water.
+
+    >>> from shaftline.plant import Voyage, equilibrium, load_ship
+    >>> ship = load_ship("frigate")
+    >>> point = equilibrium(ship, drive=20.0, pitch_ratio=1.2)
+    >>> voyage = Voyage(ship, point.state, drive=20.0)
+    >>> state = voyage.run(drive=24.0, pitch_command=1.2, steps=100)
+    >>> voyage.time_s, round(state.shaft_speed, 2)  # [s], [rad/s]
+    (5.0, 12.18)
     """
 
     def __init__(self, ship: Ship, initial: State, drive: float, sea: Any = None) -> None:
@@ -58,26 +66,26 @@ class Voyage:
         self._plant, self._memory = ship.record(), np.zeros(1, MEMORY)[0]
         self._state = np.zeros(1, STATE)
         self._state[0] = tuple(map(float, initial))
-        self._sea = calm() if sea is None else sea.copy()
-        self._samples, self._steps = np.zeros(_ROOM, SAMPLE), 0
+        self._sea = calm_sea() if sea is None else sea.copy()
+        self._samples, self._steps = np.zeros(_INITIAL_SAMPLES, SAMPLE), 0
         prepare(self._plant, self._state[0], self._memory, self._sea, drive, UNDISTURBED, self.dt)
 
     @property
     def state(self) -> State:
-        """Where she is now."""
+        """Present state."""
         return State(*map(float, self._state[0]))
 
     @property
     def time_s(self) -> float:
-        """Since she began [s]."""
+        """Time since the start [s]."""
         return self._steps * self.dt
 
     @property
     def samples(self) -> NDArray[Any]:
-        """SAMPLE array of shape (steps,): one of each step's start, with its commands acting."""
+        """SAMPLE array of shape (steps,): one sample at the start of each step, with its commands."""
         return self._samples[: self._steps]
 
-    def sail(
+    def run(
         self,
         drive: float,
         pitch_command: float,
@@ -85,27 +93,27 @@ class Voyage:
         steps: int = 1,
         acting: Disturbance = UNDISTURBED,
     ) -> State:
-        """Hold commands over some steps.
+        """Simulate some time steps with constant commands.
 
         Args:
-            drive: demand [mm | V | N m | rad/s].
+            drive: drive command [mm | V | N m | rad/s].
             pitch_command: P/D [-].
-            rudder_command: [rad], positive turns to starboard.
-            steps: how many.
-            acting: disturbance, held likewise.
+            rudder_command: [rad]; a positive angle turns to starboard.
+            steps: number of time steps.
+            acting: disturbance, constant as well.
 
         Returns:
-            Where she is then.
+            The state at the end.
 
         Raises:
-            ValueError: the simulation diverges; names the signal and the time.
+            ValueError: the simulation diverges; the message names signal and time.
         """
         end = self._steps + steps
         if end > len(self._samples):
             longer = np.zeros(max(end, 2 * len(self._samples)), SAMPLE)
             longer[: self._steps] = self.samples
             self._samples = longer
-        _sail(
+        _run(
             self._plant, self._state[0], self._memory, self._sea, float(drive),
             float(pitch_command), float(rudder_command), acting, self.dt,
             self._samples[self._steps : end],

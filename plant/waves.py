@@ -1,10 +1,10 @@
 """Irregular long-crested seas: a JONSWAP spectrum as a field of space and time.
 
-The field moves past the ship as the ship moves through it, so the frequency of encounter is right at
-any speed and on any heading, and needs no formula. In the kernels the field is worked out ahead for the
-next ten steps, every half step, along the path of a ship that keeps her velocity: there each of the 64
-components is a unit phasor that turns with its encounter frequency. What the ship's position departs
-from that path is followed by the slopes of inflow and elevation.
+The field is evaluated at the moving ship, so the frequency of encounter is correct at any speed and
+heading without a formula. The kernels compute the field in advance for the next ten steps, every half
+step, along the path of a ship with constant velocity. There each of the 64 components is a unit phasor
+that rotates with its encounter frequency. Deviations of the ship from that path are corrected by the
+slopes of inflow and elevation.
 """
 
 from __future__ import annotations
@@ -31,38 +31,40 @@ from .surroundings import GRAVITY
 
 COMPONENTS = 64
 SYNC_STEPS = 10
-"""Plant steps between two synchronisations of the field with time and position."""
-_POINTS = 2 * SYNC_STEPS + 2  # of the path: every half step, both ends, one to make them even
+"""Number of time steps between two synchronisations of the field with time and position."""
+_POINTS = (
+    2 * SYNC_STEPS + 2
+)  # points of the path: every half step, both ends, and one to make them even
 
-_BAND_EDGES = np.geomspace(0.55, 4.5, COMPONENTS + 1)  # over the peak frequency
+_BAND_EDGES = np.geomspace(0.55, 4.5, COMPONENTS + 1)  # relative to the peak frequency
 _LANES = (COMPONENTS,)
-_AHEAD = math.cos(math.radians(45.0))  # to either side of the bow; waves from there add resistance
+_AHEAD = math.cos(math.radians(45.0))  # waves within this angle of the bow add resistance
 
 SEA = np.dtype(
     [
         ("present", np.int64),
         ("amplitude", np.float64, _LANES),  # of the elevation [m]
-        ("velocity", np.float64, _LANES),  # against the waves' travel, at the propeller [m/s]
-        ("slope", np.float64, _LANES),  # of the velocity along their travel, per sine [1/s]
-        ("tilt", np.float64, _LANES),  # slope of the elevation along their travel, per sine [-]
+        ("velocity", np.float64, _LANES),  # against the wave travel, at the propeller [m/s]
+        ("slope", np.float64, _LANES),  # of the velocity along the wave travel, per sine [1/s]
+        ("tilt", np.float64, _LANES),  # slope of the elevation along the wave travel, per sine [-]
         ("frequency", np.float64, _LANES),  # [rad/s], at a fixed point
-        ("wavenumber", np.float64, _LANES),  # along their travel, negative [rad/m]
+        ("wavenumber", np.float64, _LANES),  # along the wave travel, negative [rad/m]
         ("phase", np.float64, _LANES),  # [rad]
-        ("along", np.float64),  # cosine of their travel's angle to a heading of 0
-        ("across", np.float64),  # its sine
+        ("along", np.float64),  # cosine of the angle between wave travel and heading 0
+        ("across", np.float64),  # sine of that angle
         ("height_squared", np.float64),  # Hs^2 [m2]
-        # as last synchronised: how much of the velocity meets the ship, what comes from ahead
+        # At the last synchronisation: share of the velocity that is inflow, and waves from ahead.
         ("met", np.float64),
         ("head_sea", np.float64),  # significant height squared [m2]
-        # and along the path
+        # Field along the path.
         ("inflow", np.float64, (_POINTS,)),  # [m/s]
         ("inflow_slope", np.float64, (_POINTS,)),  # [1/s]
         ("elevation", np.float64, (_POINTS,)),  # [m]
         ("elevation_slope", np.float64, (_POINTS,)),  # [-]
-        ("passed", np.int64),  # points since then
-        ("reference_place", np.float64),  # of the path's first point, along the waves' travel [m]
-        ("reference_advance", np.float64),  # between two of its points [m]
-        # working memory of the kernels: components here, one point on, and how far they turn
+        ("passed", np.int64),  # points of the path since then
+        ("reference_place", np.float64),  # first point of the path, along the wave travel [m]
+        ("reference_advance", np.float64),  # distance between two points of the path [m]
+        # Working memory of the kernels: phasors at this point, at the next point, and their rotation.
         ("cosine", np.float64, _LANES),
         ("sine", np.float64, _LANES),
         ("next_cosine", np.float64, _LANES),
@@ -75,30 +77,35 @@ SEA = np.dtype(
 )
 
 
-def calm() -> Any:
-    """Sea record without waves."""
+def calm_sea() -> Any:
+    """Return a sea record without waves."""
     return np.zeros(1, SEA)[0]
 
 
 def realise(sea: Sea, depth_m: float, seed: int) -> Any:
-    """Draw one realisation of a sea, as the record that the kernels take.
+    """Return one realisation of a sea, as a record for the kernels.
 
     Args:
         sea: spectrum and heading.
         depth_m: depth of the propeller's centre [m]; orbital motion decays with exp(-k z).
-        seed: of the random phases and of the components' places within their frequency bands.
+        seed: seed of the random phases and of the components' frequencies within their bands.
 
     Returns:
         SEA record of 64 components between 0.55 and 4.5 times the peak frequency, one at a random
-        place in each of 64 bands that widen with frequency (so the sea does not repeat itself),
+        frequency in each of 64 bands that widen with frequency (so the sea does not repeat itself),
         scaled so that their energy is exactly Hs^2 / 16.
 
     Raises:
-        ValueError: a depth that is none.
+        ValueError: the depth is negative or not finite.
+
+    >>> from shaftline.plant import get_sea, realise
+    >>> sea = realise(get_sea("hs=3.2,tp=9.1"), depth_m=4.0, seed=1)
+    >>> round(4.0 * float(sum(sea["amplitude"] ** 2) / 2.0) ** 0.5, 3)  # 4 sqrt(m0) = Hs [m]
+    3.2
     """
     if not 0.0 <= depth_m < math.inf:
-        raise ValueError(f"depth_m = {depth_m}: must be 0 or more [m], below the surface")
-    record = calm()
+        raise ValueError(f"depth_m = {depth_m} must be finite and at least 0 m below the surface")
+    record = calm_sea()
     shares = np.random.default_rng(seed).random(2 * COMPONENTS)
     fill_sea(record, sea.hs_m, sea.tp_s, sea.gamma, sea.heading_deg, depth_m, shares)
     return record
@@ -112,13 +119,13 @@ def fill_sea(
     """Fill a calm sea record with one realisation of a JONSWAP sea; a height of 0 leaves it calm.
 
     Args:
-        sea: SEA record of :func:`calm`, changed in place.
+        sea: SEA record of :func:`calm_sea`, changed in place.
         hs_m: significant wave height [m].
         tp_s: peak period [s].
         gamma: peak enhancement [-].
-        heading_deg: direction of the waves' travel to the ship's first course [deg].
+        heading_deg: direction of wave travel relative to the ship's initial course [deg].
         depth_m: depth of the propeller's centre [m].
-        shares: random numbers uniform in [0, 1), shape (128,): the components' places within their
+        shares: random numbers uniform in [0, 1), shape (128,): the components' positions within their
             frequency bands, then their phases in turns.
     """
     if hs_m == 0.0:
@@ -144,49 +151,49 @@ def fill_sea(
     sea.along = math.cos(math.radians(heading_deg))
     sea.across = math.sin(math.radians(heading_deg))
     sea.height_squared = hs_m**2
-    _face(sea, 0.0)
+    _set_heading(sea, 0.0)
 
 
 class WaveMotion(NamedTuple):
-    """The field at the ship."""
+    """Waves at the ship: inflow, elevation and their slopes."""
 
     inflow: float  # [m/s]
-    inflow_slope: float  # along the waves' travel [1/s]
+    inflow_slope: float  # along the wave travel [1/s]
     elevation: float  # [m]
-    place: float  # along their travel, where inflow and elevation hold [m]
+    place: float  # position along the wave travel for inflow and elevation [m]
     head_sea: float  # significant height squared of waves from ahead [m2]
-    elevation_slope: float  # along the waves' travel [-]
+    elevation_slope: float  # along the wave travel [-]
 
 
 @compiled
-def _met(sea: Record, heading: float) -> float:
-    """Share of the water's velocity against the waves' travel that is inflow on a heading [rad].
+def _inflow_share(sea: Record, heading: float) -> float:
+    """Return the share of the orbital velocity that is inflow on a heading [rad].
 
-    Water that moves with the ship takes inflow away, hence the minus.
+    Water that moves with the ship reduces the inflow, hence the minus sign.
     """
     return float(-(sea.along * math.cos(heading) + sea.across * math.sin(heading)))
 
 
 @compiled
-def _face(sea: Record, heading: float) -> None:
-    """Set what of the sea meets a ship on a heading [rad]."""
-    sea.met = _met(sea, heading)
+def _set_heading(sea: Record, heading: float) -> None:
+    """Set the inflow share and the waves from ahead for a heading [rad]."""
+    sea.met = _inflow_share(sea, heading)
     sea.head_sea = sea.height_squared if sea.met >= _AHEAD else 0.0
 
 
 @compiled
 def _place(sea: Record, position: Real, cross_track: Real) -> Real:
-    """How far along the waves' travel a ship is [m]."""
+    """Return the position of a ship along the wave travel [m]."""
     return position * sea.along + cross_track * sea.across
 
 
-def field(
+def wave_field(
     sea: Any, time_s: float, position_m: float, cross_track_m: float = 0.0, heading_rad: float = 0.0
 ) -> tuple[float, float]:
-    """Inflow [m/s] and surface elevation [m] at a time and place, by the plain sum of cosines."""
+    """Return inflow [m/s] and surface elevation [m] at a time and position, as a sum of cosines."""
     place = position_m * sea["along"] + cross_track_m * sea["across"]
     angle = sea["frequency"] * time_s + sea["wavenumber"] * place + sea["phase"]
-    inflow = _met(sea, heading_rad) * float(sea["velocity"] @ np.cos(angle))
+    inflow = _inflow_share(sea, heading_rad) * float(sea["velocity"] @ np.cos(angle))
     return inflow, float(sea["amplitude"] @ np.cos(angle))
 
 
@@ -194,16 +201,16 @@ def field(
 def unit_phasors(
     angle: NDArray[np.float64], cosine: NDArray[np.float64], sine: NDArray[np.float64]
 ) -> None:
-    """Cosine and sine of every angle, in a loop that vectorises."""
+    """Compute cosine and sine of every angle, in a loop that vectorises."""
     for k in range(len(angle)):
         sine[k], cosine[k] = sine_cosine(angle[k])
 
 
 @compiled
 def _set_phasors(sea: Record, time: float, place: float, speed: float, interval: float) -> None:
-    """Set every component's phasor at a place and one interval [s] on, at a speed that is kept.
+    """Set the phasor of each component at a position, and one interval [s] later at constant speed.
 
-    Place [m] and speed [m/s] are those along the waves' travel.
+    Position [m] and speed [m/s] are those along the wave travel.
     """
     for k in range(COMPONENTS):
         sea.angle[k] = sea.frequency[k] * time + sea.wavenumber[k] * place + sea.phase[k]
@@ -221,9 +228,9 @@ def _set_phasors(sea: Record, time: float, place: float, speed: float, interval:
 def _superpose(sea: Record) -> None:
     """Sum the components at every point of the path.
 
-    From point to point by Chebyshev's recurrence, cos (n + 1) d = 2 cos d cos n d - cos (n - 1) d, and
-    so the sine; two points at once. An error at one point grows no faster than with the number of
-    points beyond it, so after 22 of them a phasor is wrong by less than 1e-12.
+    Chebyshev's recurrence, cos (n + 1) d = 2 cos d cos n d - cos (n - 1) d and likewise for the sine,
+    leads from point to point, two points at once. An error at one point grows no faster than the number
+    of points after it, so after 22 points a phasor is wrong by less than 1e-12.
     """
     for i in range(0, _POINTS, 2):
         u = slope = elevation = tilt = 0.0
@@ -251,7 +258,7 @@ def _superpose(sea: Record) -> None:
 
 @compiled_sum
 def _sum_inflow(sea: Record, found: NDArray[np.float64]) -> None:
-    """The inflow alone [m/s] at as many points as are asked for."""
+    """Sum the inflow alone [m/s] at the points of ``found``."""
     for i in range(len(found)):
         u = 0.0
         for k in range(COMPONENTS):
@@ -266,14 +273,14 @@ def _sum_inflow(sea: Record, found: NDArray[np.float64]) -> None:
 def inflow_ahead(
     sea: Record, time_s: float, state: State, interval_s: float, found: NDArray[np.float64]
 ) -> None:
-    """Inflow [m/s] where a ship will be that keeps speed and heading, as of :func:`field`.
+    """Compute the future inflow [m/s] of a ship with constant speed and heading, as :func:`wave_field`.
 
     Args:
-        sea: SEA record; the path of its last synchronisation stays.
-        time_s: now.
-        state: of the ship, now.
-        interval_s: between two entries of what is found.
-        found: filled, the first with the present inflow.
+        sea: SEA record; the path of its last synchronisation is kept.
+        time_s: present time [s].
+        state: present state of the ship.
+        interval_s: interval between two entries of ``found`` [s].
+        found: filled with the inflow, the present one first.
     """
     found[:] = 0.0
     if sea.present == 0:
@@ -282,12 +289,12 @@ def inflow_ahead(
     place = _place(sea, state.position, state.cross_track)
     _set_phasors(sea, time_s, place, _place(sea, north, east), interval_s)
     _sum_inflow(sea, found)
-    found *= _met(sea, state.heading)
+    found *= _inflow_share(sea, state.heading)
 
 
 @compiled
-def motion(sea: Record) -> WaveMotion:
-    """The field at the ship; zero where there is no sea."""
+def wave_motion(sea: Record) -> WaveMotion:
+    """Return the waves at the ship; zero without a sea."""
     i = sea.passed
     if sea.present != 0:
         return WaveMotion(
@@ -300,23 +307,23 @@ def motion(sea: Record) -> WaveMotion:
 
 @compiled
 def pass_half_step(sea: Record) -> None:
-    """Go on to the next point of the path."""
+    """Advance to the next point of the path."""
     sea.passed += 1
 
 
 @compiled_apart
 def synchronise(sea: Record, time: float, state: State, half_step: float) -> None:
-    """Work the field out ahead, for the next ``SYNC_STEPS`` steps of a ship that keeps her velocity.
+    """Compute the field for the next ``SYNC_STEPS`` steps of a ship with constant velocity.
 
     Args:
         sea: SEA record, changed in place.
         time: [s].
-        state: of the ship; what meets her is that of her heading until the next synchronisation.
+        state: state of the ship; its heading is used until the next synchronisation.
         half_step: half of the plant's time step [s].
     """
     north, east = over_ground(state)
     place, speed = _place(sea, state.position, state.cross_track), _place(sea, north, east)
-    _face(sea, state.heading)
+    _set_heading(sea, state.heading)
     sea.passed = 0
     sea.reference_place = place
     sea.reference_advance = speed * half_step

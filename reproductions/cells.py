@@ -166,19 +166,7 @@ def number(
     kind: Kind = Kind.FREE,
     reason: Reason | None = None,
 ) -> Cell:
-    """Return the cell of a printed number with a symmetric tolerance.
-
-    Args:
-        table: as of :class:`Cell`, like the other arguments.
-        row: row of the table.
-        column: column of the table.
-        ours: our number.
-        printed: the printed number.
-        tolerance: half the width of the interval that counts as met.
-        basis: where the tolerance comes from.
-        kind: what our model knew of the number.
-        reason: calculated cause of a difference.
-    """
+    """Return the cell of a printed number with a symmetric tolerance."""
     low, high = printed - tolerance, printed + tolerance
     return Cell(table, row, column, float(ours), low, high, basis, kind, printed, "", reason)
 
@@ -186,9 +174,6 @@ def number(
 def half_digit(text: str, decimals: int | None = None) -> float:
     r"""Return half a unit of the last printed digit.
 
-    Args:
-        text: a printed number, such as ``-0.46`` or ``1.4e13``.
-        decimals: digits behind the point, where the print drops trailing zeros.
 
     Raises:
         ValueError: the text is no number.
@@ -246,6 +231,6 @@ def read(path: Path) -> list[Cell]:
     return found
 
 
-def repeated(cells: Iterable[Cell]) -> Iterator[tuple[str, str, str]]:
+def repeated_keys(cells: Iterable[Cell]) -> Iterator[tuple[str, str, str]]:
     """Yield the keys that more than one cell has."""
     yield from (key for key, count in Counter(cell.key for cell in cells).items() if count > 1)

@@ -1,16 +1,14 @@
-"""What a diagnosis is worth to a controller: made for the file's ship, or for the corrected one.
+"""Compare controllers designed for the ship file, the diagnosed ship and the true ship.
 
-Ten true ships differ from the file by two effects each, as years at sea leave them. A recording of each
-is made by the proof's own equations, which the tool does not share, and diagnosed. Controllers are then
-made for the file's ship, for the corrected one and for the true one, and all command the true ship.
+Ten true ships differ from the file by two effects each. The independent simulator of the validation
+makes a recording of each, which is diagnosed. Controllers are then designed for the ship of the file,
+for the corrected and for the true ship, and evaluated on the true ship.
 
-Run ``python -m reproductions diagnosed_ships --out docs/results --kept out/diagnosed``. Recordings,
-diagnoses, trainings and episodes are kept there, so an interrupted run resumes.
+Run ``python -m reproductions diagnosed_ships --out docs/results --kept out/diagnosed``.
 """
 
 from __future__ import annotations
 
-import argparse
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -26,7 +24,7 @@ from shaftline.agents.learning.training import train
 from shaftline.agents.learning.tuning import tune
 from shaftline.core.sweep import SweepError, sweep
 from shaftline.display.figures import PALETTE, new_figure, save
-from shaftline.display.tables import markdown, write_table
+from shaftline.display.tables import write_table
 from shaftline.envs import DEFAULTS
 from shaftline.mismatch import catalogue, diagnose
 from shaftline.plant import load_ship
@@ -34,22 +32,23 @@ from shaftline.plant.ship_files import write_ship
 from shaftline.validation.cases import Case, conceal, draw_case
 from shaftline.validation.equivalents import comparable
 from shaftline.validation.reality.effects import EFFECTS, FRIGATE
-from shaftline.validation.recording import make_sized
+from shaftline.validation.recording import simulate_case_with_sizes
 
+from .pages import fill_template, make_parser, print_dot
 from .policies.trainings import FROM_NOTHING, from_nothing
 
 TASK, FILE = "speed-keeping", "frigate"
 SEED, SHIPS = 3400, 10
-"""Seed from which the true ships are drawn, and their number."""
+"""Seed and number of the true ships."""
 
 SIZES = (0.4, 0.8)
-"""Sizes of the effects over the largest that make sense."""
+"""Sizes of the effects over their largest plausible size."""
 
 FIRST_SEED, EPISODES = 900_000, 48
-"""Episodes on which everything is judged; no training and no search draws their seeds."""
+"""Episodes of the evaluation; no training and no search draws their seeds."""
 
 PROGRAMME, SECONDS = "steps", 1200.0
-"""Of the recordings: what docs/recordings.md asks for."""
+"""Manoeuvres and duration of the recordings, as docs/recordings.md asks for."""
 
 TRAINING_SEED, STEPS = 1, 1_000_000
 ROUNDS, TUNING_EPISODES = 12, 16
@@ -58,13 +57,13 @@ WIDTHS = {
     "propeller.relative_rotative_efficiency": 0.1,
     "transmission.inertia_engine_side_kg_m2": 0.1,
 }
-"""Half widths of the domain randomisation: resistance, torque of the propeller, inertia."""
+"""Relative half widths of the domain randomisation: resistance, propeller torque, inertia."""
 
 LEARNED = ("tuned va-pitch", "PPO")
-"""Controllers that are searched or trained on a ship."""
+"""Controllers that are tuned or trained on a ship."""
 
 KINDS = ("combinator", "va-pitch", *LEARNED)
-"""Controllers; the first two are computed from the ship file."""
+"""Controllers; the first two are computed from a ship file."""
 
 MADE_FOR = ("file", "corrected", "true")
 RANDOMISED = "randomised"
@@ -74,9 +73,9 @@ class Truth(NamedTuple):
     """A true ship.
 
     Args:
-        name: of the ship.
-        case: of the proof, from which its recording is made.
-        sizes: of its effects in the proof's equations, by key of the effect.
+        name: name of the ship.
+        case: validation case of its recording.
+        sizes: sizes of its effects in the independent simulator, by key of the effect.
     """
 
     name: str
@@ -85,11 +84,11 @@ class Truth(NamedTuple):
 
 
 def key_of(effect: str, names: list[str]) -> str | None:
-    """Return the key of a ship file for an effect of the proof; None where there is none.
+    """Return the key of a ship file for an effect of the independent simulator; None if there is none.
 
     Args:
         effect: as ``ID/BALANCE``.
-        names: that a report may give to its parameter.
+        names: names that a report may give to its parameter.
     """
     name, _, balance = effect.partition("/")
     for one in catalogue():
@@ -100,11 +99,11 @@ def key_of(effect: str, names: list[str]) -> str | None:
     return None
 
 
-def drawn() -> list[Truth]:
-    """Return the true ships: each effect at most once, two for each ship, with sizes, sea and noise.
+def draw_truths() -> list[Truth]:
+    """Return the true ships with two effects each; no effect occurs twice.
 
-    Effects without a key in a ship file cannot be given to an environment and are left out, as are
-    those that last for a part of the recording.
+    Effects without a key in a ship file and effects in a part of the recording are left out, because an
+    environment cannot have them.
     """
     rng = np.random.default_rng(SEED)
     known = [
@@ -129,16 +128,16 @@ def drawn() -> list[Truth]:
 
 
 def prepare(cell: tuple[Truth, Path]) -> dict[str, Any]:
-    """Record and diagnose a true ship; write the ships that controllers are made for.
+    """Record and diagnose a true ship; write the true and the corrected ship file.
 
     Returns:
-        Keys that the true ship has otherwise than the file, those of the corrected one, the verdict and
-        the effects that were named, as JSON allows.
+        Changed keys of the true ship, the same keys of the corrected ship, the verdict and the
+        identified effects, as JSON allows.
     """
     truth, folder = cell
     place = folder / truth.name
     place.mkdir(parents=True, exist_ok=True)
-    reality = make_sized(truth.case, truth.sizes)
+    reality = simulate_case_with_sizes(truth.case, truth.sizes)
     recording = place / "recording.csv"
     reality.recording.to_csv(recording, index=False)
     found = diagnose(load_ship(FILE), recording)
@@ -147,35 +146,35 @@ def prepare(cell: tuple[Truth, Path]) -> dict[str, Any]:
     for effect, one in reality.truth["equivalents"].items():
         key = key_of(effect, one["names"])
         if key is None:
-            raise ValueError(f"{effect}: no key of a ship file")
+            raise ValueError(f"{effect}: this effect has no key in a ship file")
         values[key] = float(one["value"])
     write_ship(file.with_values(values), place / "true.toml")
     write_ship(found.corrected, place / "corrected.toml")
     return {
         "true": values,
-        "corrected": {key: _finite(found.corrected.number(key).value) for key in values},
+        "corrected": {key: _finite(found.corrected.parameter(key).value) for key in values},
         "verdict": str(found.verdict),
         "named": [one.effect.id for one in found.findings],
     }
 
 
 def _finite(value: float) -> float | None:
-    """Return a value as JSON allows: an infinite one, a limit that is absent, is None."""
+    """Return a value as JSON allows: None for an infinite one, which is an absent limit."""
     return float(value) if np.isfinite(value) else None
 
 
 def ship_of(made_for: str, folder: Path) -> str:
-    """Return the ship that a controller is made for: ``file``, ``randomised`` or ``SHIP/corrected``."""
+    """Return the ship file of a design: ``file``, ``randomised`` or ``SHIP/corrected``."""
     return FILE if made_for in ("file", RANDOMISED) else str(folder / f"{made_for}.toml")
 
 
-def learned(cell: tuple[str, str, Path]) -> dict[str, Any]:
-    """Tune or train a controller for a ship; returns what ``load_controller`` takes."""
+def tune_or_train(cell: tuple[str, str, Path]) -> dict[str, Any]:
+    """Tune or train a controller for a ship; return its text for ``load_controller``."""
     kind, made_for, folder = cell
     ship = ship_of(made_for, folder)
     if kind == "PPO":
-        drawn = {"randomise": WIDTHS} if made_for == RANDOMISED else {}
-        recipe = from_nothing(TASK, drawn, n_timesteps=STEPS, evaluations=1)
+        kwargs = {"randomise": WIDTHS} if made_for == RANDOMISED else {}
+        recipe = from_nothing(TASK, kwargs, n_timesteps=STEPS, evaluations=1)
         place = folder / "trainings" / made_for.replace("/", "-")
         policy = train(recipe, TRAINING_SEED, place, ship=ship, device="cpu", threads=1)
         return {"controller": f"policy:{policy}"}
@@ -184,8 +183,8 @@ def learned(cell: tuple[str, str, Path]) -> dict[str, Any]:
     return {"controller": found.controller}
 
 
-def judged(cell: tuple[str, str, str, Path]) -> dict[str, Any]:
-    """Return the returns of a controller that was made for one ship and commands the true one."""
+def evaluate(cell: tuple[str, str, str, Path]) -> dict[str, Any]:
+    """Return the returns on the true ship of a controller that was designed for one ship."""
     text, made_for, name, folder = cell
     own = load_ship(ship_of(made_for, folder))
     controller = load_controller(text, own, DEFAULTS.control_interval_s)
@@ -203,23 +202,19 @@ _SHOWN = ("fuel_kg_nmi", "speed_error_rms_m_s", "overload_s")
 def run(
     folder: Path, kinds: Sequence[str], jobs: int | None
 ) -> tuple[dict[str, Any], pd.DataFrame]:
-    """Compute whatever is missing in a folder.
+    """Compute all results that are missing in a folder.
 
     Args:
-        folder: where everything is kept.
-        kinds: controllers, of :data:`KINDS`.
-        jobs: processes.
+        folder: folder of intermediate results.
+        kinds: controllers of :data:`KINDS`.
+        jobs: number of processes.
 
     Returns:
         The diagnoses by ship, and a row for each controller on each true ship.
     """
-
-    def tick() -> None:
-        print(".", end="", flush=True)
-
-    truths = {one.name: one for one in drawn()}
+    truths = {one.name: one for one in draw_truths()}
     ships = sweep(
-        prepare, {n: (t, folder) for n, t in truths.items()}, folder, jobs=jobs, tick=tick
+        prepare, {n: (t, folder) for n, t in truths.items()}, folder, jobs=jobs, tick=print_dot
     )
     own = [f"{name}/{made}" for name in truths for made in MADE_FOR[1:]]
     cells = {
@@ -228,7 +223,7 @@ def run(
         if kind in LEARNED
         for made in ("file", *([RANDOMISED] if kind == "PPO" else []), *own)
     }
-    texts = sweep(learned, cells, folder, jobs=jobs, tick=tick)
+    texts = sweep(tune_or_train, cells, folder, jobs=jobs, tick=print_dot)
     made_by = {(kind, made): texts[key]["controller"] for key, (kind, made, _) in cells.items()}
     to_judge: dict[str, tuple[str, str, str, Path]] = {}
     keys = []
@@ -238,7 +233,7 @@ def run(
             key = f"judged_{kind}_{made}_{name}".replace(" ", "-")
             to_judge[key] = (made_by.get((kind, place), kind), place, name, folder)
             keys.append((name, kind, made))
-    found = sweep(judged, to_judge, folder, jobs=jobs, tick=tick)
+    found = sweep(evaluate, to_judge, folder, jobs=jobs, tick=print_dot)
     rows = [
         {"ship": name, "controller": kind, "made for": made}
         | {column: float(np.mean(values)) for column, values in one.items()}
@@ -247,14 +242,10 @@ def run(
     return ships, pd.DataFrame(rows)
 
 
-def recovered(table: pd.DataFrame, kind: str) -> dict[str, Any]:
-    """Return what a kind of controller loses by the file's ship and gets back by the corrected one.
+def recovered_share(table: pd.DataFrame, kind: str) -> dict[str, Any]:
+    """Return the loss of a controller by the ship file, and how much the corrected ship recovers.
 
     The share is that of the sums over the ships; its interval resamples the ships.
-
-    Args:
-        table: of :func:`run`.
-        kind: of :data:`KINDS`.
     """
     wide = table[table["controller"] == kind].pivot(
         index="ship", columns="made for", values="reward"
@@ -282,48 +273,11 @@ _RESAMPLED = 2000
 NAME = "diagnosed-ships"
 COMMAND = "python -m reproductions diagnosed_ships --out docs/results"
 
-_TEXT = """\
-Ten true ships differ from the file `{file}` by two effects each, drawn with their sizes (two fifths to
-four fifths of the largest that makes sense) by a seed; each effect occurs once. A recording of each,
-{minutes:.0f} minutes with steps of rack and pitch, is made by the proof's own equations, which the tool
-does not share, with its noise and its sea; `shaftline diagnose` sees the recording alone. In the
-environment a true ship has each effect in the catalogue's form, of the size that comes nearest to the
-proof's.
-
-Controllers are made for the **file**'s ship, for the **corrected** one and for the **true** one, and all
-command the true ship in `{task}`: {episodes} episodes from seed {first}, returns of 600 at the most.
-`combinator` and `va-pitch` are computed from the ship file; `tuned va-pitch` is searched on that ship
-({rounds} rounds).{learned}
-
-*Lost* is the return for the true ship less that for the file's, *recovered* that for the corrected one
-less that for the file's; the share is of the sums over the ships, with its 95 % interval over ships. A
-share means little where little is lost: then the controller's own feedback makes up for the ship."""
-
-_PPO_TEXT = """ `PPO` is learned from nothing (increments) with the hyperparameters of the recipe of
-`{nothing}` and {steps:,} intervals, one training. `randomised`: PPO on the ship file with resistance,
-torque of the propeller and inertia drawn anew each episode ({widths})."""
-
-_THREE = """\
-## The same on a ship of yours, in three commands
-
-```
-shaftline diagnose log.csv --ship frigate --out out/found
-shaftline train --task speed-keeping --ship out/found/corrected_ship.toml --out out/policy
-shaftline evaluate --task speed-keeping --ship out/found/corrected_ship.toml \\
-    --controller combinator --controller policy:out/policy/policy.npz
-```"""
-
 
 def write(folder: Path, ships: Mapping[str, Any], table: pd.DataFrame) -> Path:
-    """Write page, tables and figure.
-
-    Args:
-        folder: of the results.
-        ships: diagnoses by ship.
-        table: of :func:`run`.
-    """
+    """Write page, tables and figure."""
     kinds = list(table["controller"].unique())
-    rows = pd.DataFrame([recovered(table, kind) for kind in kinds])
+    rows = pd.DataFrame([recovered_share(table, kind) for kind in kinds])
     shown = pd.DataFrame({"controller": rows["controller"]})
     randomised = [RANDOMISED] if RANDOMISED in rows else []
     for made in (*MADE_FOR, *randomised, "lost", "recovered"):
@@ -346,33 +300,25 @@ def write(folder: Path, ships: Mapping[str, Any], table: pd.DataFrame) -> Path:
             )
             for name, one in ships.items()
         ],
-        columns=["ship", "true ship", "corrected ship", "verdict", "named"],
+        columns=["ship", "true ship", "corrected ship", "verdict", "identified effects"],
     )
     each = table.assign(what=table["controller"] + ", " + table["made for"]).pivot(
         index="ship", columns="what", values="reward"
     )
     order = [f"{kind}, {made}" for kind in kinds for made in MADE_FOR]
-    save(drawn_figure(table), folder / "figures" / f"{NAME}.png")
-    widths = ", ".join(f"`{key}` ±{100.0 * width:.0f} %" for key, width in WIDTHS.items())
-    ppo = _PPO_TEXT.format(steps=STEPS, widths=widths, nothing=FROM_NOTHING)
-    text = _TEXT.format(
-        file=FILE, minutes=SECONDS / 60.0, task=TASK, episodes=EPISODES, first=FIRST_SEED,
-        rounds=ROUNDS,
-        learned=ppo if "PPO" in kinds else "",
+    save(figure_of(table), folder / "figures" / f"{NAME}.png")
+    text = fill_template(
+        Path(__file__).with_name("diagnosed_ships.md"), file=FILE, minutes=SECONDS / 60.0,
+        task=TASK, episodes=EPISODES, first=FIRST_SEED, rounds=ROUNDS, ppo="PPO" in kinds,
+        recipe=FROM_NOTHING, steps=STEPS, widths=WIDTHS, shares=shown, ships=found,
+        each=each[order].round(1).reset_index(),
     )  # fmt: skip
-    parts = [
-        text, markdown(shown), "![Lost and recovered](figures/diagnosed-ships.png)",
-        "## Ships", "In the unit of the key; what the corrected ship has of it beside.",
-        markdown(found),
-        "## Ship by ship", markdown(each[order].round(1).reset_index()), _THREE,
-    ]  # fmt: skip
-    title = "What a diagnosis is worth to a controller"
-    write_table(folder, NAME, title, COMMAND, table, "\n\n".join(parts))
+    write_table(folder, NAME, "Value of a diagnosis for controller design", COMMAND, table, text)
     return folder / f"{NAME}.md"
 
 
-def drawn_figure(table: pd.DataFrame) -> Figure:
-    """Draw the return for each ship that a controller was made for, a panel for each kind."""
+def figure_of(table: pd.DataFrame) -> Figure:
+    """Draw the returns by the ship of the design, a panel for each controller."""
     kinds = list(table["controller"].unique())
     figure, axes = new_figure(1, len(kinds), (3.0 * len(kinds), 3.4))
     for axis, kind in zip(axes.flat, kinds, strict=True):
@@ -380,14 +326,8 @@ def drawn_figure(table: pd.DataFrame) -> Figure:
             index="ship", columns="made for", values="reward"
         )
         for k, (_, row) in enumerate(wide.iterrows()):
-            axis.plot(
-                range(3),
-                [row[made] for made in MADE_FOR],
-                marker="o",
-                ms=3,
-                lw=0.8,
-                color=PALETTE[k % len(PALETTE)],
-            )
+            values, colour = [row[made] for made in MADE_FOR], PALETTE[k % len(PALETTE)]
+            axis.plot(range(3), values, marker="o", ms=3, lw=0.8, color=colour)
         axis.plot(range(3), [wide[made].mean() for made in MADE_FOR], color="black", lw=2.2)
         axis.set_xticks(range(3), MADE_FOR)
         axis.set_title(kind, fontsize=9, loc="left")
@@ -398,14 +338,12 @@ def drawn_figure(table: pd.DataFrame) -> Figure:
 
 def main(arguments: list[str] | None = None) -> None:
     """Compute what is missing, and write the page."""
-    parser = argparse.ArgumentParser(
-        "python -m reproductions diagnosed_ships", description=__doc__.split("\n")[0]
+    parser = make_parser(
+        "diagnosed_ships", __doc__, "out/diagnosed/page", kept="out/diagnosed", jobs=None
     )
-    add = parser.add_argument
-    add("--out", type=Path, default=Path("out/diagnosed/page"), help="folder of the page")
-    add("--kept", type=Path, default=Path("out/diagnosed"), help="folder of everything computed")
-    add("--controllers", nargs="+", choices=KINDS, default=list(KINDS), help="controllers")
-    add("--jobs", type=int, help="processes; one for each core by default")
+    parser.add_argument(
+        "--controllers", nargs="+", choices=KINDS, default=list(KINDS), help="controllers"
+    )
     options = parser.parse_args(arguments)
     try:
         ships, table = run(options.kept, options.controllers, options.jobs)

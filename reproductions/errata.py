@@ -1,30 +1,41 @@
-"""What the five sources contradict themselves in, each with the calculation that shows it.
+"""List the contradictions of the five sources, each with the calculation that shows it.
 
-``docs/results/errata.md``. A row is worked out here and not copied: what is printed goes in, what
-follows from it comes out.
+The texts stand in ``errata.toml``. Their numbers are calculated here from the printed ones and are not
+copied. The page is ``docs/results/errata.md``.
 """
 
 from __future__ import annotations
 
-import argparse
 import cmath
+import itertools
 import math
+import tomllib
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 import scipy
 
-from shaftline.baselines.loop_shaping import COURSE_LOOP, TAYLOR, TAYLOR_GEAR, heading_plant, shaped
-from shaftline.display.tables import markdown, write_table
+from shaftline.baselines.loop_shaping import (
+    COURSE_LOOP,
+    TAYLOR,
+    TAYLOR_GEAR,
+    heading_plant,
+    shape_controller,
+)
+from shaftline.display.tables import write_table
+from shaftline.plant import load_ship
 from shaftline.plant.loops import Loop
+from shaftline.plant.open_water import open_water
 
+from .pages import fill_template, fill_text, make_parser
 from .side_by_side import published
-from .thesis import misprints
+from .thesis import observer_transfers, printed_plant, sensitivity
+from .thesis.poles import printed_line
 
 FOOT, LONG_TON, KNOT, WATER = 0.3048, 1016.047, 0.514444, 1025.0
-TITLE = "Errata of the sources"
+TITLE = "Errata of the five sources"
 
 SOURCES = {
     "observers": "van der Kroft 2020, advance velocity observers (TU Delft)",
@@ -34,20 +45,111 @@ SOURCES = {
     "anti-spin": "Pivano et al. 2008, four-quadrant thrust control and anti-spin",
 }
 
+Values = dict[str, Any]
+
 
 class Erratum(NamedTuple):
-    """One contradiction, or a remark on words that are looser than the numbers beside them."""
+    """A contradiction, or a remark on words that are less exact than the numbers beside them.
+
+    ``shown`` is the calculation that shows it, ``used`` what the reproductions use instead.
+    """
 
     source: str  # a key of :data:`SOURCES`
     where: str
     printed: str
-    shown: str  # by which calculation
-    used: str  # here, in its place
+    shown: str
+    used: str
     remark: bool = False
 
 
-def _observers() -> list[Erratum]:
-    return [Erratum("observers", *one) for one in misprints.misprints()]
+def _pairs_that_fit(changes: pd.Series, deviation: float) -> list[str]:
+    """Return pairs of changes that give the printed standard deviation with both signs changed."""
+    nonzero = changes.index[changes != 0.0]
+    return [
+        " and ".join(pair)
+        for pair in itertools.combinations(nonzero, 2)
+        if abs(changes.where(~changes.index.isin(pair), -changes).std() - deviation) < 0.005
+    ]
+
+
+def _signs() -> list[Values]:
+    table, rows = published("advance_velocity_thesis_sensitivity"), []
+    for row, column in sensitivity.find_sign_misprints(table):
+        cells = table.loc[row]
+        changes = cells.iloc[1:7].astype(float)
+        pairs = _pairs_that_fit(changes, float(cells["sd"]))
+        rows.append(
+            {
+                "row": row, "column": column, "cells": cells, "changes": changes,
+                "turned": changes.where(changes.index != column, -changes),
+                "listed": ", ".join(f"{value:+.2f}" for value in changes),
+                "others": f"; so would {', or '.join(pairs)} together" if pairs else "",
+            }
+        )  # fmt: skip
+    return rows
+
+
+def _random_walk() -> Values:
+    table = observer_transfers.random_walk_transfers(load_ship("frigate"))
+    free = table[table["table"] != "3-14"]  # whose gains give k2
+    return {
+        "slip": table[(table["table"] == "3-11") & (table["point"] == "C")].iloc[0],
+        "worst": 100.0 * (free["gain follows"] / free["gain printed"] - 1.0).abs().max(),
+    }
+
+
+def _equations() -> Values:
+    ship = load_ship("frigate")
+    record = ship.record()
+    gear, loss = float(record["gear_ratio"]), float(record["transmission_efficiency"])
+    omega, torque = 14.2, 37430.0 * gear * loss
+    scale = float(record["density"] * record["diameter"] ** 5)
+    advance = 11.2 * 2.0 * math.pi / (omega * float(record["diameter"]))
+    blades = {n: ship.with_values({"propeller.blades": n}).record()["kq"] for n in (4, 6)}
+    return {
+        "drag": float(record["resistance_coefficient"]), "mass": float(record["mass"]),
+        "speed": 11.8, "zero": printed_line("2-12", "D").zeros[0], "gear": gear, "loss": loss,
+        "omega": omega, "torque": torque, "slip": torque / (scale * omega**2 / (2.0 * math.pi)),
+        "right": torque / (scale * (omega / (2.0 * math.pi)) ** 2), "advance": advance,
+        "curve": open_water(record["kq"], advance, 1.4),
+        "other": {n: open_water(kq, advance, 1.4) for n, kq in blades.items()},
+    }  # fmt: skip
+
+
+def _repeated_row() -> Values:
+    ship = load_ship("frigate")
+    (pitch, speed, ahead), (_, rack, _, _) = printed_plant.implied_plant(ship, "A").gauge
+    own = printed_plant.implied_plant(ship, "D").gauge
+    to_speed, to_ship = (printed_line(table, "D").gain for table in ("2-6", "2-7"))
+    row, worst = printed_plant.common_row()
+    return {
+        "pitch": pitch, "speed": speed, "ahead": ahead, "rack": rack, "row": row, "worst": worst,
+        "to_speed": to_speed, "to_ship": to_ship, "printed_line": printed_line,
+        "by_own": own[0][1] * to_speed + own[0][2] * to_ship + own[1][1],
+        "by_row": row["omega"] * to_speed + row["v_s"] * to_ship + row["X"],
+    }  # fmt: skip
+
+
+def _two_slopes() -> Values:
+    record = load_ship("frigate").record()
+    behind = float(record["inertia_propeller_side"])
+    inertia = behind + float(record["inertia_engine_side"])
+    engine = float(
+        record["torque_per_speed"] * record["gear_ratio"] ** 2 * record["transmission_efficiency"]
+    )
+    engine /= inertia
+    lines = published("advance_velocity_thesis_poles_zeros_gains").loc[["3-13"]]
+    texts = lines.set_index("working_point_or_source")["zeros_rad_s"]
+    numbers = {
+        point: (observer_transfers.parse_number(texts[point]), printed_line("2-10", point).zeros[0])
+        for point in printed_plant.POINTS
+    }
+    ratios = {p: (engine - observer) / (engine - plant) for p, (observer, plant) in numbers.items()}
+    return {
+        "engine": engine, "behind": behind, "inertia": inertia, "ratios": ratios,
+        "observer": numbers["A"][0], "plant": numbers["A"][1],
+        "listed": ", ".join(f"{point} {ratio:.3f}" for point, ratio in ratios.items()),
+    }  # fmt: skip
 
 
 class _PointC(NamedTuple):
@@ -90,64 +192,30 @@ def _at_point_c(column: str) -> _PointC:
     )
 
 
-def _drive_train() -> list[Erratum]:
+def _drive_train() -> Values:
     first, fourth = (_at_point_c(c) for c in ("staircase_method_1", "sine_correlation_method_4"))
-    printed = -first.stiffness * first.efficiency / first.slow_pole
     response = published("tito_neri_frequency_response")
-    measured, kept = response["current_gain"], float(response["current_phase_deg"].loc[500.0])
-    resistance = published("tito_neri_identified_parameters").loc["R_a"]
-    resistance = float(resistance["sine_correlation_method_4"])
+    kept = float(response["current_phase_deg"].loc[500.0])
+    resistances = published("tito_neri_identified_parameters").loc["R_a"]
+    resistance = float(resistances["sine_correlation_method_4"])
 
-    def too_late(inductance: float) -> float:
+    def phase_error(inductance: float) -> float:
         return fourth._replace(electric_time=inductance / resistance).phase(500.0) - kept
 
-    by_phase = scipy.optimize.brentq(too_late, 1e-5, 1e-3)
-    return [
-        Erratum(
-            "drive train",
-            "eq. 31",
-            "tau_w = -C eta / s2",
-            "A34 has s2 = -C / tau_we, and tau_we = tau_w / (2 eta). Set I at point C: eta = 1 - M_f / "
-            f"(K_e i) = {first.efficiency:.3f}, C = 1 + K_e w / (2 eta R_a i) = {first.stiffness:.3f}, "
-            f"tau_w = I_p w / (K_e i) = {first.shaft_time:.3f} s (eq. 29), thus s2 = "
-            f"{first.slow_pole:.2f} rad/s. Eq. 31 gives {printed:.3f} s back, half; with a 2 it gives "
-            f"{2.0 * printed:.3f} s",
-            "with the 2",
-        ),
-        Erratum(
-            "drive train",
-            "section 5.2",
-            "set I falls early in the Bode plot for its low inertia",
-            "a lower inertia falls later, since s2 = -2 C eta / tau_w and tau_w is proportional to I_p. "
-            f"By the formulas of the row on eq. 31 s2 is {first.slow_pole:.2f} rad/s for set I and "
-            f"{fourth.slow_pole:.2f} for set IV (eta {fourth.efficiency:.3f}, C "
-            f"{fourth.stiffness:.3f}, tau_w {fourth.shaft_time:.3f} s), although set I has 0.54 of the "
-            "inertia",
-            "the pole s2 as what sets the drop, not the inertia alone",
-        ),
-        Erratum(
-            "drive train",
-            "Table 5, set IV, L_a",
-            "6.03e-4 H, a pole at -2500 rad/s",
-            "eq. 12 with set IV at point C (tau_em = L_a / R_a = "
-            f"{1e3 * fourth.electric_time:.3f} ms) gives the current a gain of "
-            f"{abs(fourth.current(1000.0)):.2f} at 1000 rad/s and {abs(fourth.current(5000.0)):.2f} at "
-            f"5000; Table 2 has {measured.loc[1000.0]:.2f} and {measured.loc[5000.0]:.2f}. The authors "
-            "discard these two points for their noise; but at 500 rad/s, which they keep, set IV has a "
-            f"phase of {fourth.phase(500.0):.1f} deg and Table 2 {kept:.1f}, which L_a = "
-            f"{by_phase:.1e} H gives with the rest of set IV",
-            "as printed, with the remark",
-        ),
-    ]
+    return {
+        "first": first, "fourth": fourth, "measured": response["current_gain"], "kept": kept,
+        "printed": -first.stiffness * first.efficiency / first.slow_pole,
+        "by_phase": scipy.optimize.brentq(phase_error, 1e-5, 1e-3),
+    }  # fmt: skip
 
 
-def _block(draught_ft: float) -> float:
+def _block_coefficient(draught_ft: float) -> float:
     """Return the block coefficient of the Esso Osaka at a draught."""
     length, beam = 1066.3 * FOOT, 173.9 * FOOT
     return 314_410.0 * LONG_TON / (WATER * length * beam * draught_ft * FOOT)
 
 
-def _slope(factor: float) -> float:
+def _lift_slope(factor: float) -> float:
     """Return the lift slope of a rudder of aspect ratio 1.538 [1/rad] (eq. 3.30)."""
     ratio = 1.538
     return 1.0 / (
@@ -155,186 +223,77 @@ def _slope(factor: float) -> float:
     )
 
 
-def _steering() -> list[Erratum]:
+def _steering() -> Values:
     middle = 4.0 * math.sqrt(60.0)  # 2 zeta w_n with w_n = sqrt(60) and zeta = 2
     roots = np.roots([1.0, 0.0, 60.0 + middle, 60.0])
-    rightmost = roots[np.argmax(roots.real)]
     length, speed = 466.0 * FOOT, 22.0 * KNOT
-    seconds = length / speed
     own = heading_plant(TAYLOR, TAYLOR_GEAR)
-    law = shaped(COURSE_LOOP, own)
-    crossover = Loop.of(own.system, law).margins().crossover
-    swing = TAYLOR.gain * math.radians(10.0)  # rate of turn, rad/s or rad per ship length
-    wave = math.sqrt(2.0 * math.pi * 9.81 / (400.0 * FOOT))
-    return [
-        Erratum(
-            "steering",
-            "Table 2.2, draught of the Esso Osaka",
-            "92.8 ft",
-            "the block coefficient, 314,410 long tons (1016.047 kg) over 1025 kg/m3 times 1066.3 ft "
-            f"times 173.9 ft times the draught, would be {_block(92.8):.3f}; 92.8 ft (28.3 m) is her "
-            f"moulded depth. With 71.3 ft (21.73 m) it is {_block(71.3):.3f}; Crane (SNAME Transactions "
-            "1979), who reports her trials, has this draught and a block coefficient of 0.83",
-            "71.3 ft",
-        ),
-        Erratum(
-            "steering",
-            "Table 2.2, centre of gravity",
-            "25 ft aft of midship",
-            "the data set FRT-DS-ESSO has x_G = +0.094 m of her 3 m model, which is 0.094 / 3 of her "
-            f"length: {0.094 / 3.0 * 1066.3:.0f} ft forward",
-            "as printed; of Table 2.3 m x_g - N_r alone contains it",
-        ),
-        Erratum(
-            "steering",
-            "eq. 3.30",
-            "0.18 pi",
-            "1 / (1 / (0.18 pi) + 1 / (pi AR) + 1 / (2 pi AR^2)) with AR = 1.538 (Table 2.2, Esso "
-            f"Osaka) is {_slope(0.18):.3f} per rad, and less than 0.18 pi = {0.18 * math.pi:.2f} for "
-            f"every aspect ratio; with 1.8 pi it is {_slope(1.8):.3f}",
-            "1.8 pi",
-        ),
-        Erratum(
-            "steering",
-            "eqs. 4.1 and 4.2",
-            "f2 = -Y_v v - (m - Y_r) r with -Y_v = 0.0244 (Table 2.3)",
-            "without yaw the inertia times dv/dt would be +0.0244 v: a drifting ship drifts ever faster",
-            "f2 = -(-Y_v) v - (m - Y_r) r, f3 = -(-N_v) v - (m x_g - N_r) r",
-        ),
-        Erratum(
-            "steering",
-            "eq. 5.32",
-            "w^2 / (s (s^2 + 2 zeta w + w^2))",
-            f"with w = sqrt(60) and zeta = 2 the closed loop is s^3 + {60.0 + middle:.2f} s + 60 "
-            "= 0. It "
-            "has no term in s^2, so its roots add up to 0 and cannot all lie on the left: the "
-            "rightmost is "
-            f"{rightmost.real:.3f} +- {abs(rightmost.imag):.2f}i, unstable",
-            "2 zeta w s",
-        ),
-        Erratum(
-            "steering",
-            "chapter 5",
-            "frequencies in rad/s",
-            f"K = {TAYLOR.gain:g} in rad/s would turn her with 10 deg of rudder at "
-            f"{10.0 * TAYLOR.gain:.1f} deg/s, at 22 kn on a radius of {speed / swing:.0f} m for a ship "
-            f"of {length:.0f} m. In radians per ship length the radius is 1 / (K delta) = "
-            f"{1.0 / swing:.1f} lengths; section 5.2 says as well that the equations are without "
-            "dimension. Margins do not tell: they are the same in either unit",
-            "radians per ship length",
-        ),
-        Erratum(
-            "steering",
-            "section 5.1.4",
-            "a crossover of 0.5 to 1.5 rad/s, at the 0.7 rad/s of the 400 ft wave",
-            f"at a fixed point the wave comes with sqrt(2 pi 9.81 / 121.92 m) = {wave:.2f} rad/s; by "
-            f"the row above the loop of eq. 5.32 with the 2 zeta w s crosses over at {crossover:.2f} "
-            f"per ship length, which is {crossover:.2f} / {seconds:.2f} s = {crossover / seconds:.3f} "
-            "rad/s (466 ft at 22 kn)",
-            "the design as printed, which does not answer to the wave",
-        ),
-    ]
+    loop = Loop.from_plant(own.system, shape_controller(COURSE_LOOP, own))
+    return {
+        "middle": middle, "rightmost": roots[np.argmax(roots.real)], "length": length, "speed": speed,
+        "seconds": length / speed, "crossover": loop.margins().crossover, "gain": TAYLOR.gain,
+        "swing": TAYLOR.gain * math.radians(10.0),  # rate of turn, rad/s or rad per ship length
+        "wave": math.sqrt(2.0 * math.pi * 9.81 / (400.0 * FOOT)), "block": _block_coefficient,
+        "slope": _lift_slope, "pi": math.pi,
+    }  # fmt: skip
 
 
-def _optimiser() -> list[Erratum]:
+def _optimiser() -> Values:
     tables = published("cpp_ferry_tables")
     held = tables.loc["optimal"].set_index("condition")
     plain = tables.loc["combinator"].set_index("condition")
     off = held["sfoc_g_kwh_before"] - plain["sfoc_g_kwh_before"]
-    differ = ", ".join(f"{value:+.1f}" for value in off)
-    most = 100.0 * float((off / plain["sfoc_g_kwh_before"]).abs().max())
-    return [
-        Erratum(
-            "optimiser",
-            "Tables 1 and 2, before the disturbance",
-            "the optimal control's output matches that of the combinator",
-            "at the same engine and ship speeds the consumption of Table 2 differs from that of Table 1 "
-            f"by {differ} g/kWh (at most {most:.2f} %) in the initial conditions 1 to 5, and the pitch "
-            f"of the fifth is {held.loc[5, 'pitch_deg_before']:g} in place of "
-            f"{plain.loc[5, 'pitch_deg_before']:g} deg",
-            "the numbers of each table",
-            remark=True,
-        ),
-    ]
+    return {
+        "held": held, "plain": plain, "differ": ", ".join(f"{value:+.1f}" for value in off),
+        "most": 100.0 * float((off / plain["sfoc_g_kwh_before"]).abs().max()),
+    }  # fmt: skip
 
 
-def _others() -> list[Erratum]:
-    ratio = 0.151 / 0.123
-    with_it, without = 0.151 * 290.0 / 79.2, 0.123 * 378.0 / 89.1
-    return [
-        Erratum(
-            "anti-spin",
-            "text beside Table 1",
-            "about 20 % more efficient",
-            f"0.151 / 0.123 is {100.0 * (ratio - 1.0):.1f} % more",
-            "the numbers of the table",
-            remark=True,
-        ),
-        Erratum(
-            "anti-spin",
-            "the rule of the anti-spin action",
-            "the action holds where omega_d is at least a limit",
-            "that is right for omega > 0 alone. Astern the order of -75 rad/s is below the limit of -54 "
-            "rad/s, so nothing would ever act: the inequality has to be mirrored",
-            "the rule, mirrored for omega < 0",
-        ),
-        Erratum(
-            "anti-spin",
-            "Table 1, eta_E",
-            "one eta_E beside the other",
-            f"eta_E P / T, the carriage's speed weighted by thrust, is {with_it:.3f} m/s with and "
-            f"{without:.3f} m/s without anti-spin: a factor of {with_it / without:.2f} of the 1.23 is "
-            "no gain in power for thrust. It comes from another carriage or from when the thrust was "
-            "lost; the paper does not tell which",
-            "one carriage for both tests",
-            remark=True,
-        ),
-        Erratum(
-            "anti-spin",
-            "section 5, shaft speed without anti-spin",
-            "almost double",
-            f"the limit of 75 rad/s allows 75 / 45 = {75.0 / 45.0:.2f} ahead and 75 / 54 = "
-            f"{75.0 / 54.0:.2f} astern",
-            "the limits as printed",
-            remark=True,
-        ),
-    ]
+def _anti_spin() -> Values:
+    return {
+        "ratio": 0.151 / 0.123, "with_it": 0.151 * 290.0 / 79.2, "without": 0.123 * 378.0 / 89.1
+    }  # fmt: skip
 
 
 def errata() -> list[Erratum]:
-    """All of them, by source."""
-    return [*_observers(), *_drive_train(), *_steering(), *_optimiser(), *_others()]
+    """Return every contradiction, by source."""
+    values = {
+        "signs": _signs(), "random-walk": [_random_walk()], "equations": [_equations()],
+        "repeated-row": [_repeated_row()], "two-slopes": [_two_slopes()],
+        "drive-train": [_drive_train()], "steering": [_steering()], "optimiser": [_optimiser()],
+        "anti-spin": [_anti_spin()],
+    }  # fmt: skip
+    texts = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+    return [
+        Erratum(
+            source=entry["source"],
+            remark=entry.get("remark", False),
+            **{
+                key: fill_text(entry[key], **one).replace("\n", " ")
+                for key in ("where", "printed", "shown", "used")
+            },
+        )
+        for entry in texts["erratum"]
+        for one in values[entry["values"]]
+    ]
 
 
 def main() -> None:
     """Write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("out/errata"))
-    folder = parser.parse_args().out
+    folder = make_parser("errata", __doc__, "out/errata").parse_args().out
     table = pd.DataFrame(errata())
     shown = table[~table["remark"]].drop(columns="remark")
-    parts = [
-        f"## {name}\n\n{markdown(shown[shown['source'] == key].drop(columns='source'))}"
-        for key, name in SOURCES.items()
-        if (shown["source"] == key).any()
-    ]
-    remarks = table[table["remark"]].drop(columns="remark")
-    parts.append(f"## Remarks\n\n{LOOSE}\n\n{markdown(remarks)}")
-    body = f"{ABOUT}\n\n" + "\n\n".join(parts)
+    body = fill_template(
+        Path(__file__).with_suffix(".md"),
+        parts={
+            name: shown[shown["source"] == key].drop(columns="source")
+            for key, name in SOURCES.items()
+            if (shown["source"] == key).any()
+        },
+        remarks=table[table["remark"]].drop(columns="remark"),
+    )
     write_table(folder, "errata", TITLE, "python -m reproductions errata", table, body)
     print(table.to_string(index=False))
-
-
-ABOUT = """\
-Where a source contradicts itself or another, the calculation that shows it, and what is used here in
-its place. The numbers under "shown" are calculated from the printed ones each time this page is made.
-The sources were read as text that was extracted from them, in which a sign or a letter may be lost;
-the calculations do not depend on that."""
-
-LOOSE = (
-    "No contradictions: words that are looser than the numbers beside them, or numbers that differ "
-    "little."
-)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,7 @@
-"""Margins of every controller that has a linear law, on its ships: ``docs/results/loops.md``."""
+"""Compute the loop margins of every controller with a linear law; write ``loops.md``."""
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 import pandas as pd
@@ -15,33 +14,24 @@ from shaftline.baselines import (
     make_controller,
     make_helmsman,
 )
-from shaftline.display.tables import markdown, write_table
+from shaftline.display.tables import write_table
 from shaftline.plant import load_ship
 from shaftline.plant.loops import Loop
 
+from .pages import fill_template, make_parser
+
 INTERVAL_S = 0.5
 DRIVEN = (("frigate", (5.0, 8.0)), ("frigate-at-sea", (5.0, 8.0)))
-"""Ships with the speeds [m/s] at which their speed controllers are looked at."""
+"""Ships with speed controllers, and their speeds [m/s]."""
 
 STEERED = (("ddg-51-surrogate", 11.318), ("esso-osaka", 3.6))
-"""Ships that hold their course, each with a speed [m/s]."""
+"""Ships with course controllers, and their speed [m/s]."""
 
-TITLE = "Margins of the loops"
-
-WHY = """\
-Each loop is opened at the command named, with the other commands under control, at a control interval
-of 0.5 s; what the holding of the command costs is in the numbers. The combinator's loop at the rack is
-its governor's. `dead time` is what takes the phase margin away. Small signals only: rate limits, end
-stops and dead bands are left out. So is the pilot's integral that waits while the error exceeds 0.5
-m/s: the overshoots here are those of smaller steps.
-
-Not here: `anti-spin` and `no-anti-spin`, whose memories hold more than numbers (they switch). The
-benchmark tanker `kvlcc2` has no loop of this kind: she does not hold her course, so that C = L / P
-would cancel an unstable pole; the command says so."""
+TITLE = "Stability margins of the controllers"
 
 
-def measured() -> pd.DataFrame:
-    """A row a loop."""
+def compute_margins() -> pd.DataFrame:
+    """Return a row for each loop."""
     rows = []
     for name, speeds in DRIVEN:
         ship = load_ship(name)
@@ -51,7 +41,7 @@ def measured() -> pd.DataFrame:
                 try:
                     loop = controller_loop(controller, speed)
                 except ValueError as error:
-                    if "more than numbers" not in str(error):
+                    if "cannot be linearised" not in str(error):
                         raise
                     continue
                 rows.append((name, speed, text, "drive", *_numbers(loop)))
@@ -77,13 +67,11 @@ def _numbers(loop: Loop) -> tuple[float, ...]:
 
 
 def main() -> None:
-    """Write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("out/loops"))
-    folder = parser.parse_args().out
-    table = measured()
-    command = "python -m reproductions loops"
-    write_table(folder, "loops", TITLE, command, table, f"{WHY}\n\n{markdown(table, 2)}")
+    """Compute the margins, and write ``loops.md`` and its table."""
+    folder = make_parser("loops", __doc__, "out/loops").parse_args().out
+    table = compute_margins()
+    body = fill_template(Path(__file__).with_name("loops.md"), table=table)
+    write_table(folder, "loops", TITLE, "python -m reproductions loops", table, body)
     print(table.to_string(index=False))
 
 

@@ -1,12 +1,10 @@
-"""Observers as what a policy sees: does an estimate of the advance velocity earn it more?
+"""Compare trained policies with and without an observer's estimate in their observation.
 
-Run ``python -m reproductions observer_features --out docs/results``; half an hour on two cores. What
-is trained and sailed is kept, so an interrupted run goes on where it stopped.
+Run ``python -m reproductions observer_features --out docs/results``; half an hour on two cores.
 """
 
 from __future__ import annotations
 
-import argparse
 import itertools
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,72 +21,51 @@ from shaftline.agents.learning.recipe import Recipe
 from shaftline.baselines.controller import Predictor
 from shaftline.core.sweep import digest_of, source_digest, sweep
 from shaftline.display import figures
-from shaftline.display.tables import markdown, write_table
-from shaftline.envs.settings import DEFAULTS, noise_of
+from shaftline.display.tables import write_table
+from shaftline.envs.settings import DEFAULTS, noise_record
 from shaftline.envs.tasks import HELD_OUT, get_task
 
 from .observer_ranking import WRONG
+from .pages import fill_template, make_parser, print_dot
 from .policies.trainings import FROM_NOTHING, from_nothing
 
 TASK, PREVIEW = "rough-sea", "wave-preview"
-"""The same seas without and with a sensor at the bow that tells the inflow of the next 6 s."""
+"""Tasks in the same seas without and with a bow sensor of the inflow in the next 6 s."""
 
 NONE, ORACLE = "none", "oracle"
+NAME = "observer-features"
 OBSERVERS = (NONE, "random-walk-kalman", "luenberger", "immersion-invariance", ORACLE)
 HISTORIES = (1, 8)
 RUNS, STEPS = 5, 600_000
 EPISODES, FIRST_SEED = 60, 900_000
 NOISY = 4.0
-"""Times the torque gauge's usual noise."""
+"""Factor on the usual noise of the shaft torque meter."""
 
 KPI = "reward"
 NOISE_OF_RUNS = 0.9
-"""Standard deviation between runs [% of the reward]: ten trainings of an earlier recipe of the task."""
+"""Standard deviation between trainings [% of the reward], from ten trainings of an earlier recipe."""
 LEVEL, POWER = 0.05, 0.8
 FAMILY = len(HISTORIES) * (len(OBSERVERS) - 1) + 1
 
 
 def detectable(deviation: float = NOISE_OF_RUNS) -> float:
-    """Least difference of two arms' means that is found with the power asked for [%].
+    """Return the least difference of two arms that is detected with the planned power [%].
 
     Args:
-        deviation: standard deviation between runs [%].
+        deviation: standard deviation between trainings [%].
     """
     freedom = 2 * RUNS - 2
     limit = scipy.stats.t.ppf(1.0 - 0.5 * LEVEL / FAMILY, freedom)
 
-    def missing(shift: float) -> float:
+    def power_gap(shift: float) -> float:
         return float(scipy.stats.nct.sf(limit, freedom, shift)) - POWER
 
-    shift = scipy.optimize.brentq(missing, 0.0, 20.0)
+    shift = scipy.optimize.brentq(power_gap, 0.0, 20.0)
     return float(shift * deviation * np.sqrt(2.0 / RUNS))
 
 
-DESIGN = f"""\
-Written before anything was trained.
-
-- **Question**: does a policy that sees an observer's estimate earn more than one that does not, when
-  both see shaft speed, torque, pitch and rack, from which an estimate is made?
-- **Arms**: observers {", ".join(f"`{name}`" for name in OBSERVERS)} (with `{NONE}` the estimate is
-  marked as not valid), each with the last {" and ".join(map(str, HISTORIES))} observations:
-  {len(OBSERVERS) * len(HISTORIES)} arms of {RUNS} trainings, equal seeds in all. Two more have the
-  preview of `{PREVIEW}`, one observation, and the estimate of `{ORACLE}` or none. The
-  hyperparameters are those of `{FROM_NOTHING}`, over {STEPS:,} control intervals; the policies command
-  increments, with no base controller and no plans, which would bring an estimate of their own.
-- **Memory**: eight observations stand for it. Recurrent policies are left out: policy files hold none.
-- **Judged** on {EPISODES} episodes of the held-out seas, the same for all, by the task's reward: with
-  the usual noise; with {NOISY:g} times the torque gauge's noise; with KQ up to 5 % off, in each episode
-  by another amount. The same policies in all three: nothing is trained again.
-- **Power**: between trainings of an earlier recipe the reward's standard deviation was
-  {NOISE_OF_RUNS:g} %. With {RUNS} against {RUNS} runs, {FAMILY} comparisons with `{NONE}` at a family's
-  level of {LEVEL:.0%} (Bonferroni) and a power of {POWER:.0%}, a difference of
-  {detectable():.1f} % is found.
-- **Said**: a gain where the family-wise interval lies above zero, "no gain" only where it lies within
-  2 % of zero, "not decided" elsewhere."""
-
-
 class Condition(NamedTuple):
-    """How the policies are judged."""
+    """Noise and parameter errors of an evaluation."""
 
     words: str
     sensor_noise: Any
@@ -96,19 +73,19 @@ class Condition(NamedTuple):
 
 
 def conditions() -> tuple[Condition, ...]:
-    """The three of the design."""
-    usual = noise_of(get_task(TASK).sailed(), DEFAULTS.sensor_noise)
+    """Return the three conditions of the design."""
+    usual = noise_record(get_task(TASK).load_ship(), DEFAULTS.sensor_noise)
     noisy = {name: float(usual[name]) for name in usual.dtype.names}
     noisy["shaft_torque"] *= NOISY
     return (
         Condition("usual", DEFAULTS.sensor_noise, None),
-        Condition("noisy gauge", noisy, None),
+        Condition("noisy torque meter", noisy, None),
         Condition("KQ wrong", DEFAULTS.sensor_noise, WRONG),
     )
 
 
 class Arm(NamedTuple):
-    """What a policy sees."""
+    """Observer and history in the observation of a policy."""
 
     observer: str
     history: int
@@ -116,7 +93,7 @@ class Arm(NamedTuple):
 
     @property
     def task(self) -> str:
-        """Name of the task that it is trained and judged on."""
+        """Name of the task of training and evaluation."""
         return PREVIEW if self.preview else TASK
 
     @property
@@ -125,7 +102,7 @@ class Arm(NamedTuple):
         return f"{self.observer}, {'preview' if self.preview else self.history}"
 
     def recipe(self, **changes: Any) -> Recipe:
-        """Return the recipe of its trainings."""
+        """Return the recipe of the trainings."""
         fields = {"frame_stack": self.history, "n_timesteps": STEPS} | changes
         return from_nothing(self.task, {"observer": self.observer}, **fields)
 
@@ -137,15 +114,15 @@ ARMS = (
 )
 
 
-def _trained(cell: tuple[Recipe, int, str]) -> str:
+def _train(cell: tuple[Recipe, int, str]) -> str:
     from shaftline.agents.learning.training import train
 
     recipe, seed, folder = cell
     return str(train(recipe, seed, Path(folder), device="cpu", threads=1))
 
 
-def trained(folder: Path, jobs: int | None, **changes: Any) -> dict[Arm, list[Path]]:
-    """Policies of each arm; those that stand in the folder are not trained again."""
+def train_arms(folder: Path, jobs: int | None, **changes: Any) -> dict[Arm, list[Path]]:
+    """Return the policies of each arm; existing ones are not trained again."""
     source = source_digest("core", "plant", "observers", "baselines", "envs", "agents")
     cells = {}
     for seed, arm in itertools.product(range(1, RUNS + 1), ARMS):
@@ -153,9 +130,9 @@ def trained(folder: Path, jobs: int | None, **changes: Any) -> dict[Arm, list[Pa
         version = digest_of(f"{source} {recipe.model_dump_json()}")
         cells[f"{arm.task}-{arm.observer}-{arm.history}-{seed}-{version}"] = (arm, recipe, seed)
     paths = sweep(
-        _trained,
+        _train,
         {name: (recipe, seed, str(folder / name)) for name, (_, recipe, seed) in cells.items()},
-        folder / "cells", jobs=jobs, tick=_tick,
+        folder / "cells", jobs=jobs, tick=print_dot,
     )  # fmt: skip
     found: dict[Arm, list[Path]] = {arm: [] for arm in ARMS}
     for name, (arm, _, _) in cells.items():
@@ -163,10 +140,10 @@ def trained(folder: Path, jobs: int | None, **changes: Any) -> dict[Arm, list[Pa
     return found
 
 
-def judged(
+def evaluate_arms(
     policies: dict[Arm, list[Path]], folder: Path, jobs: int | None, seeds: int = EPISODES
 ) -> dict[tuple[str, Arm], NDArray[np.float64]]:
-    """Mean reward of each policy, by condition and arm, shape (runs,)."""
+    """Return the mean reward of each policy by condition and arm, shape (runs,)."""
     texts, keys, settings = {}, [], []
     for condition, (arm, paths) in itertools.product(conditions(), policies.items()):
         for path in paths:
@@ -181,10 +158,10 @@ def judged(
                 )
             )  # fmt: skip
 
-    def made(setting: Setting) -> Predictor:
-        return load_controller(texts[setting.controller], get_task(TASK).sailed(), 0.5)
+    def load(setting: Setting) -> Predictor:
+        return load_controller(texts[setting.controller], get_task(TASK).load_ship(), 0.5)
 
-    cells = episodes(settings, made, folder, jobs=jobs, tick=_tick)
+    cells = episodes(settings, load, folder, jobs=jobs, tick=print_dot)
     found: dict[tuple[str, Arm], list[float]] = {}
     for key, cell in zip(keys, cells, strict=True):
         found.setdefault(key, []).append(float(cell.kpis[KPI].mean()))
@@ -192,9 +169,9 @@ def judged(
 
 
 def table_of(values: dict[tuple[str, Arm], NDArray[np.float64]]) -> pd.DataFrame:
-    """A row a condition and arm: mean, deviation between runs, and gain over ``none`` in percent.
+    """Return mean, deviation between trainings and gain over ``none``, a row for each condition and arm.
 
-    The gain is positive where the estimate earns more; its interval is the family-wise one.
+    The gain is positive where the estimate increases the reward; its interval is the family-wise one.
     """
     rows = []
     for (condition, arm), own in values.items():
@@ -210,14 +187,14 @@ def table_of(values: dict[tuple[str, Arm], NDArray[np.float64]]) -> pd.DataFrame
         )  # fmt: skip
     table = pd.DataFrame(rows)
     table["said"] = [
-        "" if row["observer"] == NONE else said(row["gain_low"], row["gain_high"])
+        "" if row["observer"] == NONE else decision(row["gain_low"], row["gain_high"])
         for _, row in table.iterrows()
     ]
     return table
 
 
-def said(low: float, high: float) -> str:
-    """What the design says of an interval of the gain [%]."""
+def decision(low: float, high: float) -> str:
+    """Return the decision of the design for an interval of the gain [%]."""
     if low > 0.0:
         return "gain"
     if high < 0.0:
@@ -225,8 +202,8 @@ def said(low: float, high: float) -> str:
     return "no gain" if max(-low, high) <= 2.0 else "not decided"
 
 
-def shown(table: pd.DataFrame) -> pd.DataFrame:
-    """Arms as rows, conditions as columns."""
+def page_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Return arms as rows and conditions as columns."""
     rows = []
     for arm in ARMS:
         mine = table[(table[list(Arm._fields)] == list(arm)).all(axis=1)]
@@ -243,10 +220,10 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def drawn(table: pd.DataFrame) -> Figure:
-    """Gains over no estimate, a panel a condition."""
+def figure_of(table: pd.DataFrame) -> Figure:
+    """Draw the gains over no estimate, a panel for each condition."""
     names = [c.words for c in conditions()]
-    drawn, axes = figures.new_figure(1, len(names), (3.2 * len(names) + 1.5, 3.4))
+    figure, axes = figures.new_figure(1, len(names), (3.2 * len(names) + 1.5, 3.4))
     arms = [arm for arm in ARMS if arm.observer != NONE][::-1]
     for axis, name in zip(axes[0], names, strict=True):
         part = table[table["condition"] == name].set_index(list(Arm._fields))
@@ -261,40 +238,30 @@ def drawn(table: pd.DataFrame) -> Figure:
         axis.set_title(name, fontsize=9)
         axis.set_xlabel("reward gained over none [%]", fontsize=8)
         axis.tick_params(labelsize=8)
-    return drawn
-
-
-def _tick() -> None:
-    print(".", end="", flush=True)
+    return figure
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Train, judge and write."""
-    parser = argparse.ArgumentParser(
-        "python -m reproductions observer_features", description=__doc__.split("\n")[0]
-    )
-    parser.add_argument("--out", type=Path, default=Path("out/observer-features"), help="folder")
-    parser.add_argument(
-        "--kept", type=Path, default=Path("out/observer-features/kept"), help="of what is made"
-    )
-    parser.add_argument("--jobs", type=int, help="processes; one a core by default")
+    """Train, evaluate, and write ``observer-features.md``, its table and its figure."""
+    folder = f"out/{NAME}"
+    parser = make_parser("observer_features", __doc__, folder, kept=f"{folder}/kept", jobs=None)
     options = parser.parse_args(arguments)
-    policies = trained(options.kept / "trained", options.jobs)
-    table = table_of(judged(policies, options.kept, options.jobs))
+    policies = train_arms(options.kept / "trained", options.jobs)
+    table = table_of(evaluate_arms(policies, options.kept, options.jobs))
     print()
-    figures.save(drawn(table), options.out / "figures" / "observer-features.png")
+    figures.save(figure_of(table), options.out / "figures" / f"{NAME}.png")
     usual = table[table["condition"] == conditions()[0].words]
     spread = float(np.sqrt(np.mean(usual["between_runs_percent"] ** 2)))
-    write_table(
-        options.out, "observer-features", "Observers as features",
-        "python -m reproductions observer_features --out docs/results", table,
-        "## Design\n\n" + DESIGN + "\n\n## Found\n\n"
-        "Mean reward of an arm; in brackets its gain over the same arm without an estimate, with "
-        "the interval and what the design says of it. Between runs the deviation was "
-        f"{spread:.2f} %, so {detectable(spread):.1f} % could be found.\n\n"
-        + markdown(shown(table)) + "\n\n![Gains](figures/observer-features.png)",
+    body = fill_template(
+        Path(__file__).with_name("observer_features.md"), observers=OBSERVERS, none=NONE,
+        histories=HISTORIES, runs=RUNS, preview=PREVIEW, oracle=ORACLE, recipe=FROM_NOTHING,
+        steps=STEPS, episodes=EPISODES, noisy=NOISY, deviation=NOISE_OF_RUNS, family=FAMILY,
+        level=LEVEL, power=POWER, planned=detectable(), spread=spread, found=detectable(spread),
+        table=page_table(table),
     )  # fmt: skip
-    print(f"page: {options.out / 'observer-features.md'}")
+    command = "python -m reproductions observer_features --out docs/results"
+    write_table(options.out, NAME, "Observer estimates as policy input", command, table, body)
+    print(f"page: {options.out / f'{NAME}.md'}")
 
 
 if __name__ == "__main__":

@@ -1,12 +1,10 @@
-"""Which observer is worth having: every one of them inside the law that places the pitch by it.
+"""Rank the observers by the torque fluctuation of a pitch controller that uses their estimate.
 
-Run ``python -m reproductions observer_ranking --out docs/results``; a quarter of an hour on two
-cores. What is sailed is kept, so an interrupted run goes on where it stopped.
+Run ``python -m reproductions observer_ranking --out docs/results``; a quarter of an hour on two cores.
 """
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,24 +14,27 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from shaftline.agents.evaluation.episodes import Setting, load_controller
-from shaftline.agents.evaluation.statistics import middle_of_runs, relative_to
+from shaftline.agents.evaluation.statistics import mean_with_interval, relative_change
 from shaftline.agents.evaluation.sweeps import episodes
 from shaftline.baselines.controller import Predictor
 from shaftline.display import figures
-from shaftline.display.tables import markdown, write_table
+from shaftline.display.tables import write_table
 from shaftline.envs.tasks import get_task
 from shaftline.observers import observer_names
+
+from .pages import fill_template, make_parser, print_dot
 
 LAW = "va-pitch:speed_gain=1"
 FIRST_SEED = 900_000
 KPI = "wave_torque_kN_m"
 NONE = "none"
+NAME = "observer-ranking"
 WRONG = {"propeller.relative_rotative_efficiency": 0.05}
-"""KQ in the ship that is sailed: off by up to so much, differently in each episode."""
+"""Largest relative error of KQ in the simulated ship, drawn in each episode."""
 
 
 class Condition(NamedTuple):
-    """What the observers work with."""
+    """Sea, noise and parameter errors of a comparison."""
 
     words: str
     task: str
@@ -49,32 +50,13 @@ CONDITIONS = (
     Condition("noisy, storm with air drawn", "storm:held-out", 1.0, None),
 )
 
-INTRODUCTION = """\
-The law [va-pitch](../va-pitch.md) places the pitch by the advance velocity that is about to come. Here
-every observer gives it, in {seeds} episodes with the same seeds for all (from {first:,}): the seas
-that `rough-sea` holds out, on `frigate-at-sea`; and the storm, where the propeller draws air, on the
-thesis's frigate. *Clean* and *noisy*: instruments without and with their usual noise. *KQ wrong*: the
-ship's torque is up to 5 % off what observer and law take it for, each episode by another amount. The
-figure is the swing of the torque at the gauge in waves [kN m]; with `none` the law has the log's speed
-alone and answers to no wave. In brackets: change against `none` in percent, with its 95 % interval over
-episodes."""
 
-AIR = """\
-Where KQ is wrong another draw of the episodes follows as well, so compare within a column.
-
-In the storm `oracle`, the true inflow, is not the best: where the propeller draws air its torque falls
-for another reason than inflow. Observers that read the torque take that fall for faster inflow, the law
-then raises the pitch, and the torque comes back, which is what is held. The true inflow does not tell of
-the air, so the law leaves that fall alone. `frigate-at-sea` draws air too, in the highest seas, which
-puts `oracle` behind most observers there."""
+def _load(setting: Setting) -> Predictor:
+    return load_controller(setting.controller, get_task(setting.task).load_ship(), 0.5)
 
 
-def _made(setting: Setting) -> Predictor:
-    return load_controller(setting.controller, get_task(setting.task).sailed(), 0.5)
-
-
-def sailed(folder: Path, seeds: int, jobs: int | None) -> dict[tuple[str, str], Any]:
-    """The figure of each episode, by condition and observer; each of shape (seeds,)."""
+def run_conditions(folder: Path, seeds: int, jobs: int | None) -> dict[tuple[str, str], Any]:
+    """Return the KPI of each episode by condition and observer, each of shape (seeds,)."""
     keys, settings = [], []
     for condition in CONDITIONS:
         for observer in observer_names():
@@ -85,18 +67,16 @@ def sailed(folder: Path, seeds: int, jobs: int | None) -> dict[tuple[str, str], 
                     first_seed=FIRST_SEED, randomise=condition.wrong,
                 )
             )  # fmt: skip
-    found = episodes(
-        settings, _made, folder, jobs=jobs, tick=lambda: print(".", end="", flush=True)
-    )
+    found = episodes(settings, _load, folder, jobs=jobs, tick=print_dot)
     return {key: one.kpis[KPI].to_numpy(np.float64) for key, one in zip(keys, found, strict=True)}
 
 
 def table_of(values: dict[tuple[str, str], NDArray[np.float64]]) -> pd.DataFrame:
-    """A row a condition and observer: mean, change against ``none`` in percent, and intervals."""
+    """Return mean and change against ``none`` with intervals, a row for each condition and observer."""
     rows = []
     for (condition, observer), own in values.items():
-        middle, low, high = middle_of_runs(own)
-        change = relative_to(own, values[condition, NONE])
+        middle, low, high = mean_with_interval(own)
+        change = relative_change(own, values[condition, NONE])
         rows.append(
             {"condition": condition, "observer": observer, KPI: middle, "low": low, "high": high,
              "change_percent": change[0], "change_low": change[1], "change_high": change[2]}
@@ -104,8 +84,8 @@ def table_of(values: dict[tuple[str, str], NDArray[np.float64]]) -> pd.DataFrame
     return pd.DataFrame(rows)
 
 
-def shown(table: pd.DataFrame) -> pd.DataFrame:
-    """Observers as rows, conditions as columns, the best of the noisiest first."""
+def page_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Return observers as rows and conditions as columns, sorted by the hardest condition."""
     order = table[table["condition"] == CONDITIONS[3].words].sort_values(KPI)["observer"]
     rows = []
     for observer in order:
@@ -119,10 +99,10 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def drawn(table: pd.DataFrame) -> Figure:
-    """Changes against no estimate, a panel a condition."""
-    order = list(shown(table)["observer"])[::-1]
-    drawn, axes = figures.new_figure(1, len(CONDITIONS), (3.0 * len(CONDITIONS) + 1.5, 4.8))
+def figure_of(table: pd.DataFrame) -> Figure:
+    """Draw the changes against no estimate, a panel for each condition."""
+    order = list(page_table(table)["observer"])[::-1]
+    figure, axes = figures.new_figure(1, len(CONDITIONS), (3.0 * len(CONDITIONS) + 1.5, 4.8))
     for axis, condition in zip(axes[0], CONDITIONS, strict=True):
         part = table[table["condition"] == condition.words].set_index("observer").loc[order]
         middle = part["change_percent"]
@@ -131,34 +111,28 @@ def drawn(table: pd.DataFrame) -> Figure:
         axis.axvline(0.0, color="0.4", linewidth=0.8)
         axis.set_yticks(np.arange(len(order)), order if axis is axes[0, 0] else [])
         axis.set_title(condition.words, fontsize=9)
-        axis.set_xlabel("torque swing against none [%]", fontsize=8)
+        axis.set_xlabel("torque fluctuation against none [%]", fontsize=8)
         axis.tick_params(labelsize=8)
-    return drawn
+    return figure
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Sail, rank and write ``observer-ranking.md``, its table and its figure."""
-    parser = argparse.ArgumentParser(
-        "python -m reproductions observer_ranking", description=__doc__.split("\n")[0]
-    )
-    add = parser.add_argument
-    add("--out", type=Path, default=Path("out/observer-ranking"), help="folder")
-    add("--kept", type=Path, default=Path("out/observer-ranking"), help="of what is sailed")
-    add("--seeds", type=int, default=60, help="episodes")
-    add("--jobs", type=int, help="processes; one a core by default")
+    """Simulate, rank and write ``observer-ranking.md``, its table and its figure."""
+    folder = f"out/{NAME}"
+    parser = make_parser("observer_ranking", __doc__, folder, kept=folder, jobs=None)
+    parser.add_argument("--seeds", type=int, default=60, help="number of episodes")
     options = parser.parse_args(arguments)
     if options.seeds < 1:
-        parser.error("--seeds must be above zero")
-    table = table_of(sailed(options.kept, options.seeds, options.jobs))
-    figures.save(drawn(table), options.out / "figures" / "observer-ranking.png")
-    introduction = INTRODUCTION.format(seeds=options.seeds, first=FIRST_SEED)
-    body = [introduction, markdown(shown(table)), AIR,
-            "![Ranking](figures/observer-ranking.png)"]  # fmt: skip
+        parser.error("--seeds must be at least 1")
+    table = table_of(run_conditions(options.kept, options.seeds, options.jobs))
+    figures.save(figure_of(table), options.out / "figures" / f"{NAME}.png")
+    body = fill_template(
+        Path(__file__).with_name("observer_ranking.md"), seeds=options.seeds, first=FIRST_SEED,
+        table=page_table(table),
+    )  # fmt: skip
     command = "python -m reproductions observer_ranking --out docs/results"
-    write_table(
-        options.out, "observer-ranking", "Observers at work", command, table, "\n\n".join(body)
-    )
-    print(f"\npage: {options.out / 'observer-ranking.md'}")
+    write_table(options.out, NAME, "Observers in a pitch controller", command, table, body)
+    print(f"\npage: {options.out / f'{NAME}.md'}")
 
 
 if __name__ == "__main__":

@@ -1,11 +1,10 @@
-"""Real rigs of other people: the diagnosis by the first search, and with the second one.
+"""Diagnose real rigs by the first search alone and with the second search.
 
 Run ``python -m reproductions rigs --recordings FOLDER --out docs/results``; takes about ten minutes.
 """
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,25 +12,26 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from shaftline.core.files import read_text, toml_of, write_atomically, write_text
-from shaftline.display.tables import markdown
+from shaftline.core.files import parse_toml, read_text, write_text
+from shaftline.display.tables import write_csv
 from shaftline.mismatch import Diagnosis, Options, diagnose
 from shaftline.mismatch.recordings.joint import Recorded
 from shaftline.plant import Ship, load_ship
 
 from .emps import runs as emps
+from .pages import fill_template, make_parser
 from .rov_thruster import runs as rov
 
 
 @dataclass(frozen=True)
 class Given:
-    """What a diagnosis is given of a rig.
+    """Input of a diagnosis.
 
     Args:
-        ship: as its file has it.
-        fitted: recordings that are fitted.
-        unseen: recordings that are judged on.
-        columns: column map, or none.
+        ship: ship of the file.
+        fitted: fitted recordings.
+        unseen: held-out recordings.
+        columns: column map; None where the columns are canonical.
     """
 
     ship: Ship
@@ -45,14 +45,14 @@ class Rig:
     """A rig and what is known of it.
 
     Args:
-        title: in a few words.
-        folder: below that of all recordings.
-        load: reads what a diagnosis is given.
-        missing: what the file lacks, as its owners or independent fits have it.
-        bound: rms error on the unseen runs that independent fits reach, in ``unit``; or in words.
-        unit: of the error.
-        scale: of the error in the channel's unit to one in ``unit``.
-        trap: what would have looked better, or right.
+        title: name in a few words.
+        folder: folder below that of all recordings.
+        load: function that loads the input of a diagnosis.
+        missing: physics that the file lacks, by its owners or independent fits.
+        bound: rms error of independent fits on the held-out runs in ``unit``, or words.
+        unit: unit of the error.
+        scale: factor from the unit of the channel to ``unit``.
+        trap: misleading result.
     """
 
     title: str
@@ -66,7 +66,7 @@ class Rig:
 
 
 def _generator(folder: Path) -> Given:
-    """The motor with a generator: the first half is fitted, the second is unseen."""
+    """Load the motor with a generator: the first half is fitted, the second is held out."""
     table = pd.read_csv(folder / "data.csv")
     test = table["is_test"].astype(bool)
     first = pd.DataFrame({"time_s": 0.1 * table["k"], "motor_voltage_V": table["u_volt"]})
@@ -76,9 +76,9 @@ def _generator(folder: Path) -> Given:
 
 
 def _pendulum(folder: Path) -> Given:
-    """The servo; its gravity hears the simulated angle, not the measured one."""
+    """Load the servo; its gravity depends on the simulated instead of the measured angle."""
     text = read_text(folder / "ship.toml").replace('[signals]\npendulum_angle = "rad"\n', "")
-    tree = toml_of(text.replace("pendulum_angle", "shaft_angle"), "ship.toml")
+    tree = parse_toml(text.replace("pendulum_angle", "shaft_angle"), "ship.toml")
     ship = Ship.model_validate(tree)
     names = ("kp200_sin_sin", "kp400_sin_sin", "kp400_up_and_down")
     unseen = ("kp400_sin_time_square", "kp200_up_and_down", "kp800_sin_sin")
@@ -87,7 +87,7 @@ def _pendulum(folder: Path) -> Given:
 
 
 def _positioning(folder: Path) -> Given:
-    """The positioning system without any friction or offset in its file, and its mass a guess."""
+    """Load the positioning system without friction or offset in its file; its mass is a guess."""
     runs = emps.load_runs(folder)
     none = dict.fromkeys((emps.COULOMB, emps.VISCOUS, emps.OFFSET), 0.0)
     tables = [
@@ -97,7 +97,7 @@ def _positioning(folder: Path) -> Given:
 
 
 def _thruster(folder: Path) -> Given:
-    """The ROV thruster's speed: two controllers are fitted, the third is unseen, reversals and all."""
+    """Load the ROV thruster: two controllers are fitted; the third is held out with its reversals."""
     columns = ["time_s", "motor_voltage_V", rov.SPEED]
     runs = {key: table[columns] for key, table in rov.load_runs(folder).items()}
     unseen = "2statekf1"
@@ -112,11 +112,11 @@ def _thruster(folder: Path) -> Given:
 
 
 def _propeller(folder: Path) -> Given:
-    """The propeller in air: the wind tunnel's runs are fitted, the flight is unseen.
+    """Load the propeller in air: the wind-tunnel runs are fitted, the flight is held out.
 
-    The ship file halves speeds and scales the coefficients for water; here they are those of air.
+    The ship file halves the speeds and scales the coefficients for water; here they are those of air.
     """
-    tree = toml_of(read_text(folder / "ship.toml"), "ship.toml")
+    tree = parse_toml(read_text(folder / "ship.toml"), "ship.toml")
     tree["water"]["density_kg_m3"] = 1.2
     tree["propeller"] |= {"thrust_coefficient": 0.104, "torque_coefficient": 0.0173}
     tree["prime_mover"]["speed_max_rad_s"] = 1400.0
@@ -139,20 +139,20 @@ def _propeller(folder: Path) -> Given:
 
 RIGS = (
     Rig("motor with a generator", "dc_motor_generator", _generator,
-        "an armature that is open at 0 V, dry friction, a lag of the reading",
+        "an armature that is open at 0 V, dry friction, a lag of the speed sensor",
         "6.0", "rad/s", 1.0,
-        "dry friction or the open armature alone: neither helps without the other"),
+        "dry friction or the open armature alone does not help"),
     Rig("servo with a pendulum", "servo_pendulum", _pendulum,
         "friction that grows with the load", "0.083", "rad", 1.0,
         "constant Coulomb friction, the second best (0.19)"),
     Rig("motor, screw and carriage (EMPS)", "emps", _positioning,
         "viscous and Coulomb friction, an offset of the force; the mass is 80 kg for 95",
-        "4.9 (all refitted), 9.0 (published numbers)", "mm", 1e3,
+        "4.9 (all refitted), 9.0 (published parameters)", "mm", 1e3,
         "friction by direction fits the first run better (1.7) and the other worse (7.3)"),
     Rig("ROV thruster", "rov_thruster", _thruster,
         "a dead zone of the drive: 0.83 V astern, 0.86 V ahead by its owners",
         "unknown: the tachometer's sign is guessed in reversals", "rad/s", 1.0,
-        "the same without the rows of the reversals: a few rad/s"),
+        "without the rows of the reversals the error is a few rad/s"),
     Rig("propeller in air", "propeller_inflow", _propeller,
         "inflow in the torque, then a loss in proportion to speed",
         "10.3 (11.3 with the inflow alone)", "W", 1.0,
@@ -161,7 +161,7 @@ RIGS = (
 
 
 def errors(found: Diagnosis) -> tuple[float, float]:
-    """Rms error of the first channel on the unseen runs: file's ship, corrected ship."""
+    """Return the rms errors of the first channel on the held-out runs: ship file, corrected ship."""
     rows = np.zeros(len(found.time_s), dtype=bool)
     for start, end in found.held_out:
         rows |= (found.time_s >= start - 1e-9) & (found.time_s < end - 1e-9)
@@ -173,20 +173,20 @@ def errors(found: Diagnosis) -> tuple[float, float]:
     return before, after
 
 
-def names(found: Diagnosis) -> str:
-    """What was named, with sizes, and what cannot be told from it."""
+def describe_findings(found: Diagnosis) -> str:
+    """Return the identified effects with sizes and indistinguishable alternatives."""
     said = []
     for finding in found.findings:
         first = finding.estimates[0]
-        others = dict.fromkeys(c.effect.id for c in finding.rivals)
-        others.pop(finding.effect.id, None)
+        rivals = dict.fromkeys(c.effect.id for c in finding.rivals)
+        rivals.pop(finding.effect.id, None)
         words = f"{finding.effect.label} {first.value:.3g} {first.unit}"
-        said.append(f"{words} (or {', '.join(others)})" if others else words)
+        said.append(f"{words} (or {', '.join(rivals)})" if rivals else words)
     return "; ".join(said) or "nothing"
 
 
-def row(rig: Rig, folder: Path) -> dict[str, object]:
-    """One rig, diagnosed by either search and judged on its unseen runs."""
+def diagnose_rig(rig: Rig, folder: Path) -> dict[str, object]:
+    """Diagnose a rig by either search; return a row of the table."""
     given = rig.load(folder / rig.folder)
     found = {
         quick: diagnose(
@@ -196,70 +196,52 @@ def row(rig: Rig, folder: Path) -> dict[str, object]:
         for quick in (True, False)
     }  # fmt: skip
     before, after = errors(found[False])
-    moved = [f"{n.key} {n.file:.3g} to {n.value:.3g}" for n in found[False].numbers]
+    moved = [f"{n.key} {n.file:.3g} to {n.value:.3g}" for n in found[False].parameters]
     return {
         "rig": rig.title,
         "missing": rig.missing,
         "verdict": found[False].verdict,
-        "named": names(found[False]),
+        "named": describe_findings(found[False]),
         "parameters": "; ".join(moved) or "none",
         "unit": rig.unit,
         "file": rig.scale * before,
         "quick": rig.scale * errors(found[True])[1],
         "full": rig.scale * after,
         "bound": rig.bound,
-        "quick_named": names(found[True]),
+        "quick_named": describe_findings(found[True]),
         "quick_verdict": found[True].verdict,
         "trap": rig.trap,
     }
 
 
 def body(table: pd.DataFrame) -> str:
-    """The page."""
-    errors_of = table[["rig", "unit", "file", "quick", "full", "bound"]]
-    said = table[["rig", "missing", "verdict", "named", "parameters"]]
-    before = table[["rig", "quick_verdict", "quick_named"]]
-    return "\n\n".join(
-        [
-            "# Real rigs: effects and parameters together",
-            "Made by `python -m reproductions rigs --recordings FOLDER --out docs/results`. The "
-            "ship files contain guesses; `studies/rigs.py` defines which runs are fitted and which are "
-            "held out. All errors are rms of a free-running simulation on held-out runs. In *full*, the "
-            "initial state of such a run is estimated from its first rows; otherwise it is the mean "
-            "over 40 time steps.",
-            "The second search was developed on these rigs. The table therefore shows what it can "
-            "identify, not how often it is right on other rigs.",
-            "## Errors on held-out runs",
-            "*file*: the ship as given. *quick*: `shaftline diagnose --quick`, the first search alone. "
-            "*full*: `shaftline diagnose`. *bound*: what independent fits of the same data reach.",
-            markdown(errors_of, 3),
-            "## Identified effects, and the missing ones",
-            markdown(said, 3),
-            "## Result of the first search alone",
-            markdown(before, 3),
-            "## Traps",
-            "\n".join(f"- {one.title}: {one.trap}." for one in RIGS),
-        ]
-    )
+    """Return the page below its title."""
+    named = table[["rig", "missing", "verdict", "named", "parameters"]]
+    first = table[["rig", "quick_verdict", "quick_named"]]
+    return fill_template(
+        Path(__file__).with_name("rigs.md"), rigs=RIGS,
+        errors=table[["rig", "unit", "file", "quick", "full", "bound"]],
+        named=named.rename(columns={"named": "identified"}),
+        first=first.rename(columns={"quick_verdict": "verdict", "quick_named": "identified"}),
+    )  # fmt: skip
 
 
 def main() -> None:
-    """Diagnose every rig that is there, and write ``rigs.md`` and ``rigs.csv``."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--recordings", type=Path, required=True, help="folder with one a rig")
-    parser.add_argument("--out", type=Path, default=Path("out/rigs"), help="folder")
+    """Diagnose all rigs, and write ``rigs.md`` and ``rigs.csv``."""
+    parser = make_parser(
+        "rigs", __doc__, "out/rigs", recordings="folder with one folder for each rig"
+    )
     options = parser.parse_args()
     rows = []
     for rig in RIGS:
         print(f"{rig.title} ...", flush=True)
-        rows.append(row(rig, options.recordings))
+        rows.append(diagnose_rig(rig, options.recordings))
         print(f"  {rows[-1]['verdict']}: {rows[-1]['named']}", flush=True)
     table = pd.DataFrame(rows)
-    options.out.mkdir(parents=True, exist_ok=True)
-    write_atomically(
-        options.out / "rigs.csv", lambda file: table.to_csv(file, index=False, float_format="%.4g")
-    )
-    write_text(options.out / "rigs.md", body(table) + "\n")
+    write_csv(options.out, "rigs", table, digits=4)
+    title, command = "Real rigs: effects and parameters together", "python -m reproductions rigs"
+    head = f"# {title}\n\nMade by `{command} --recordings FOLDER --out docs/results`.\n\n"
+    write_text(options.out / "rigs.md", f"{head}{body(table)}\n")
     print(f"page: {options.out / 'rigs.md'}")
 
 

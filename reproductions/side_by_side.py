@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib import resources
 from importlib.resources.abc import Traversable
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -13,10 +14,13 @@ import pandas as pd
 from shaftline.display.tables import markdown
 
 from .cells import Cell, Kind, Reason, Verdict, counts, number
-from .unexplained import known
+from .unexplained import known_cells
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+Tick = Callable[[], None]
+"""Called once for each part of the work that is done."""
 
 Judged = tuple[Kind, float, str]
 """Kind of a cell, half the width of its tolerance, and where the tolerance comes from."""
@@ -24,22 +28,14 @@ Judged = tuple[Kind, float, str]
 
 @functools.cache
 def published(name: str) -> pd.DataFrame:
-    """Return a published table that ships with the package, indexed by its first column.
-
-    Args:
-        name: file name without ending, as in ``reproductions/data``.
-    """
+    """Return a published table that ships with the package, indexed by its first column."""
     with _table(name).open() as file:
         return pd.read_csv(file, index_col=0)
 
 
 @functools.cache
 def published_text(name: str) -> pd.DataFrame:
-    """Return a published table as printed: every number as text, with its trailing zeros.
-
-    Args:
-        name: as of :func:`published`.
-    """
+    """Return a published table as printed: every number as text, with its trailing zeros."""
     with _table(name).open() as file:
         return pd.read_csv(file, index_col=0, dtype=str, keep_default_na=False)
 
@@ -58,15 +54,7 @@ def compare(
     judge: Callable[[str, str, str], Judged],
     reasons: Mapping[tuple[str, str], Reason] | None = None,
 ) -> list[Cell]:
-    """Return one cell for each number that is printed and that we have.
-
-    Args:
-        table: number of the table in the source.
-        ours: our numbers, rows and columns named like theirs (more of both are allowed).
-        theirs: the printed table, from :func:`published_text`; empty cells are not printed.
-        judge: kind, tolerance and basis of a cell by row, column and printed text.
-        reasons: calculated causes by (row, column); each belongs to one cell.
-    """
+    """Return one cell for each number that is printed and that we have."""
     reasons = reasons or {}
     found = []
     for row in (row for row in ours.index if row in theirs.index):
@@ -83,13 +71,7 @@ def compare(
 
 
 def side_by_side(ours: pd.DataFrame, cells: Iterable[Cell], digits: int = 2) -> pd.DataFrame:
-    """Return rows and columns of our table, each cell as ``ours (printed)``, ``*`` where unexplained.
-
-    Args:
-        ours: our numbers.
-        cells: the comparison of these numbers.
-        digits: behind the point.
-    """
+    """Return rows and columns of our table, each cell as ``ours (printed)``, ``*`` where unexplained."""
     found = {(cell.row, cell.column): cell for cell in cells}
 
     def both(row: str, column: str) -> str:
@@ -104,61 +86,54 @@ def side_by_side(ours: pd.DataFrame, cells: Iterable[Cell], digits: int = 2) -> 
     return pd.DataFrame(lines, columns=["", *ours.columns])
 
 
-def _by_text(cells: Iterable[tuple[Cell, str]]) -> str:
-    where: dict[str, list[str]] = {}
+NAMED_CELLS = 8
+"""Largest number of cells that a list item names; it counts more cells by table."""
+
+
+def _group_by_text(cells: Iterable[tuple[Cell, str]]) -> str:
+    """Return each text once as a list item, with the cells that it belongs to."""
+    groups: dict[str, list[Cell]] = {}
     for cell, text in cells:
-        where.setdefault(text, []).append(" / ".join(part for part in cell.key if part))
-    return "\n".join(f"- {text} ({'; '.join(names)})" for text, names in where.items())
+        groups.setdefault(text, []).append(cell)
+    lines = []
+    for text, own in groups.items():
+        names = [" / ".join(part for part in cell.key if part) for cell in own]
+        if len(own) > NAMED_CELLS:
+            names = [f"{table}: {n} cells" for table, n in Counter(c.table for c in own).items()]
+        lines.append(f"- {text} ({'; '.join(names)})")
+    return "\n".join(lines) or "- no cell"
 
 
 def reasons_text(cells: Iterable[Cell]) -> str:
     """Return the calculated reasons as list items, each once, with the cells that it explains."""
-    shown = [
+    return _group_by_text(
         (cell, cell.reason.text)
         for cell in cells
         if cell.verdict is Verdict.EXPLAINED and cell.reason is not None
-    ]
-    return _by_text(shown) or "- no cell"
+    )
 
 
 def unexplained_text(study: str, cells: Iterable[Cell]) -> str:
-    """Return the unexplained cells as list items, grouped by what was tried.
-
-    Args:
-        study: name of the study, whose list of unexplained cells holds the notes.
-        cells: of the study.
-    """
-    notes = known(study)
-    off = [
+    """Return the unexplained cells as list items, grouped by what was tried."""
+    notes = known_cells(study)
+    return _group_by_text(
         (cell, notes.get(cell.key) or "nothing was tried")
         for cell in cells
         if cell.verdict is Verdict.UNEXPLAINED
-    ]
-    return _by_text(off) or "- no cell"
-
-
-def tolerances_text(cells: Iterable[Cell]) -> str:
-    """Return where the tolerances come from as list items, with the number of cells of each."""
-    found: dict[str, int] = {}
-    for cell in cells:
-        found[cell.basis] = found.get(cell.basis, 0) + 1
-    return "\n".join(f"- {basis} ({count} cells)" for basis, count in found.items())
+    )
 
 
 def verdicts(study: str, cells: Iterable[Cell]) -> str:
-    """Return the Markdown that ends a page: counts, tolerances, reasons and unexplained cells.
-
-    Args:
-        study: name of the study.
-        cells: of the study.
-    """
+    """Return the Markdown that ends a page: counts, tolerances, reasons and unexplained cells."""
     cells = list(cells)
+    bases = Counter(cell.basis for cell in cells)
+    tolerances = "\n".join(f"- {basis} ({count} cells)" for basis, count in bases.items())
     return (
-        f"## How many are met\n\n{markdown(counts(cells).reset_index())}\n\n"
+        f"## Number of cells met\n\n{markdown(counts(cells).reset_index())}\n\n"
         "*input*: the model was given the number; *calibrated*: a parameter was fitted to the number or "
         "to its table; *free*: the model predicts the number. Every cell with its interval is in "
         f"[cells/{study}.csv](cells/{study}.csv).\n\n"
-        f"Where the tolerances come from:\n\n{tolerances_text(cells)}\n\n"
+        f"Tolerances:\n\n{tolerances}\n\n"
         f"## Differences with a calculated reason\n\n{reasons_text(cells)}\n\n"
         f"## Unexplained differences\n\n{unexplained_text(study, cells)}\n"
     )
@@ -175,9 +150,34 @@ def cell_table(cells: Iterable[Cell]) -> pd.DataFrame:
 
 
 class Page(NamedTuple):
-    """A page's parts."""
+    """A result page before it is written.
 
-    cells: list[Cell]
+    ``table`` is written as CSV and ``shown`` is printed on the console; both are :func:`cell_table` of
+    the cells where they are None. ``numbers`` are our numbers by row and column, for ``--json``.
+    ``file`` is the name of the page where it differs from that of the study.
+    """
+
+    cells: Sequence[Cell]
     body: str
     figures: dict[str, Figure]
     numbers: dict[str, Any]
+    table: pd.DataFrame | None = None
+    shown: pd.DataFrame | None = None
+    dpi: int = 110
+    file: str = ""
+
+
+class Study(NamedTuple):
+    """A reproduction of printed tables: title of its page, its calculation and number of ticks."""
+
+    title: str
+    compute: Callable[[Tick], Page]
+    ticks: int
+
+
+def numbers_by_row(frame: pd.DataFrame) -> dict[str, dict[str, float]]:
+    """Return the finite numbers of a table by row and column."""
+    return {
+        str(row): {str(c): float(v) for c, v in values.items() if pd.notna(v)}
+        for row, values in frame.iterrows()
+    }

@@ -1,7 +1,7 @@
-"""Plant and environment steps per second, beside yardsticks measured in the same run.
+"""Measure plant and environment steps per second, with reference programs in the same run.
 
-Run ``python -m reproductions speed``. Machines differ and are noisy: the ratios to the yardsticks
-say more than the numbers.
+Run ``python -m reproductions speed``. Machines differ and are noisy, so the ratios to the references are
+more reliable than the rates.
 """
 
 from __future__ import annotations
@@ -16,28 +16,77 @@ import gymnasium
 import numpy as np
 import pandas as pd
 import scipy
+from numpy.typing import NDArray
 
+from shaftline.core.compiled import compiled
 from shaftline.core.files import write_text
-from shaftline.display.tables import markdown
 from shaftline.envs import FrigateEnv, FrigateVectorEnv, SteeringVectorEnv
 from shaftline.observers import get_observer
-from shaftline.observers.records import ESTIMATE, OBSERVER
+from shaftline.observers.records import ESTIMATE, OBSERVER, Measurement
+from shaftline.observers.registry import update
 from shaftline.plant import equilibrium, get_sea, load_ship, realise
 from shaftline.plant.dynamics import evaluate
 from shaftline.plant.memory import MEMORY
 from shaftline.plant.record import PLANT
 from shaftline.plant.state import STATE, Inputs, State
-from shaftline.plant.stepping import UNDISTURBED, prepare
-from shaftline.plant.waves import SEA, field
+from shaftline.plant.stepping import UNDISTURBED, prepare, step
+from shaftline.plant.waves import SEA, wave_field
 
-from .sailing import sail
+from .pages import fill_template
+
+
+@compiled
+def simulate_batch(
+    plants: Any,
+    states: Any,
+    memories: Any,
+    seas: Any,
+    observers: Any,
+    estimates: Any,
+    drive: NDArray[np.float64],
+    pitch_command: NDArray[np.float64],
+    steps: int,
+    dt: float,
+) -> None:
+    """Simulate a batch of ships with held commands; observers are updated at every step.
+
+    Args:
+        plants: PLANT array of shape (n,).
+        states: STATE array of shape (n,), changed in place like the next four.
+        memories: MEMORY array of shape (n,), initialised by ``prepare``.
+        seas: SEA array of shape (n,).
+        observers: OBSERVER array of shape (n,), or (0,) for none.
+        estimates: ESTIMATE array of the same shape.
+        drive: command of each prime mover [mm | V | N m], shape (n,).
+        pitch_command: commanded P/D [-], shape (n,).
+        steps: number of steps.
+        dt: time step [s].
+    """
+    for i in range(len(plants)):
+        for _ in range(steps):
+            state = states[i]
+            shaft_speed = state.shaft_speed
+            outputs = step(
+                plants[i], state, memories[i], seas[i], drive[i], pitch_command[i], 0.0, UNDISTURBED,
+                UNDISTURBED, UNDISTURBED, dt,
+            )  # fmt: skip
+            if len(observers) > 0:
+                reading = Measurement(
+                    shaft_speed,
+                    memories[i].shaft_torque,
+                    memories[i].pitch_ratio,
+                    outputs.shaft_acceleration,
+                    outputs.advance_velocity,
+                )
+                update(observers[i], estimates[i], reading)
+
 
 BATCH, STEPS, REPEATS = 256, 100, 15
 MANY = 1024
 
 
 def best_rate(work: Callable[[], object], count: int, repeats: int = REPEATS) -> float:
-    """Things per second in the fastest of several repeats (the least disturbed one)."""
+    """Return the rate of the fastest of several repeats [1/s]."""
     work()
     times = []
     for _ in range(repeats):
@@ -48,7 +97,7 @@ def best_rate(work: Callable[[], object], count: int, repeats: int = REPEATS) ->
 
 
 class Benchmark:
-    """A batch of frigates at the load cases' working point; one that turns is in a turn."""
+    """A batch of frigates at the working point of the load cases, in a turn if they manoeuvre."""
 
     def __init__(
         self, ships: int, sea: str | None, observer: str | None = None, vessel: str = "frigate"
@@ -75,13 +124,13 @@ class Benchmark:
             self.observers[:] = get_observer(observer).discretise(frigate, self.dt)
 
     def run(self, steps: int = STEPS) -> None:
-        """Some steps for all ships."""
-        sail(self.plants, self.states, self.memories, self.seas, self.observers,
+        """Simulate some steps of all ships."""
+        simulate_batch(self.plants, self.states, self.memories, self.seas, self.observers,
              self.estimates, self.drive, self.pitch, steps, self.dt)  # fmt: skip
 
 
 def _solve_ivp_rate(sea: str | None) -> float:
-    """Steps of 0.05 s per second that solve_ivp's RK45 makes on the same equations, rtol 1e-6."""
+    """Return the steps of 0.05 s per second of solve_ivp's RK45 on the same equations, rtol 1e-6."""
     frigate = load_ship("frigate")
     plant, start = frigate.record(), equilibrium(frigate, 22.0, 1.4).state
     waves = get_sea(sea) if sea else None
@@ -89,7 +138,7 @@ def _solve_ivp_rate(sea: str | None) -> float:
 
     def rate(t: float, x: Any) -> Any:
         state = State(*x)
-        inflow = field(record, t, state.position)[0] if record is not None else 0.0
+        inflow = wave_field(record, t, state.position)[0] if record is not None else 0.0
         return np.array(evaluate(plant, state, Inputs(22.0, 1.3, inflow), 1.4)[0])
 
     def work() -> object:
@@ -101,7 +150,7 @@ def _solve_ivp_rate(sea: str | None) -> float:
 
 
 def _cart_pole_rate() -> float:
-    """Steps per second of Gymnasium's CartPole-v1 with random actions."""
+    """Return the steps per second of Gymnasium's CartPole-v1 with random actions."""
     environment = gymnasium.make("CartPole-v1")
     environment.reset(seed=0)
     environment.action_space.seed(0)
@@ -116,7 +165,7 @@ def _cart_pole_rate() -> float:
 
 
 def _environment_rate(n: int) -> float:
-    """Control intervals per second, with waves, sensor noise and the default observer."""
+    """Return control intervals per second with waves, sensor noise and the default observer."""
     if n == 1:
         actions = np.random.default_rng(0).uniform(-0.2, 0.6, (1, 2)).astype(np.float32)
         single = FrigateEnv()
@@ -133,7 +182,7 @@ def _environment_rate(n: int) -> float:
 
 
 def _vector_rate(many: FrigateVectorEnv) -> float:
-    """Control intervals per second of a vector environment."""
+    """Return the control intervals per second of a vector environment."""
     rng = np.random.default_rng(0)
     actions = rng.uniform(-0.2, 0.6, (many.num_envs, many.batch.actions)).astype(np.float32)
     many.reset(seed=0)
@@ -143,7 +192,7 @@ def _vector_rate(many: FrigateVectorEnv) -> float:
 
 
 def _tensor_rates() -> list[tuple[str, float]]:
-    """Environments per second whose observations are handed to torch, of as many as are stepped."""
+    """Return the rates at which observations become torch tensors."""
     try:
         import torch
     except ModuleNotFoundError:
@@ -152,7 +201,7 @@ def _tensor_rates() -> list[tuple[str, float]]:
     seen, _ = many.reset(seed=0)
     many.close()
     return [
-        (f"observations of {MANY} as a torch tensor on their memory",
+        (f"observations of {MANY} as a torch tensor, shared memory",
          best_rate(lambda: torch.from_numpy(seen), MANY, 2000)),
         (f"observations of {MANY} as a torch tensor, copied",
          best_rate(lambda: torch.tensor(seen), MANY, 2000)),
@@ -160,7 +209,7 @@ def _tensor_rates() -> list[tuple[str, float]]:
 
 
 def _cart_pole_vector_rate() -> float:
-    """Steps per second of Gymnasium's own vectorised CartPole-v1."""
+    """Return the steps per second of Gymnasium's vectorised CartPole-v1."""
     many = gymnasium.make_vec("CartPole-v1", MANY, vectorization_mode="vector_entry_point")
     many.reset(seed=0)
     actions = many.action_space.sample()
@@ -168,7 +217,7 @@ def _cart_pole_vector_rate() -> float:
 
 
 def measure() -> list[tuple[str, float]]:
-    """Every measured rate [1/s] with its label, plant first, yardsticks last."""
+    """Return all rates [1/s] with their labels, the plant first, the references last."""
     rows = []
     for label, sea, observer in (
         ("calm water", None, None),
@@ -207,17 +256,16 @@ def main() -> None:
     out = parser.parse_args().out
     rows = measure()
     cart_pole = rows[-1][1]
-    title = "Steps per second, the plant's of 0.05 s on one core (best of several runs)"
     frame = pd.DataFrame(
         [(label, f"{rate:,.0f}", f"{rate / cart_pole:.1f}") for label, rate in rows],
-        columns=["what", "steps/s", "per CartPole step"],
+        columns=["program", "steps/s", "per CartPole step"],
     )
-    text = markdown(frame)
-    print(f"{title}\n\n{text}")
+    text = fill_template(Path(__file__).with_name("speed.md"), table=frame)
+    print(text)
     if out is not None:
-        command = "python -m reproductions speed"
-        note = "The pace of a shared machine can double within minutes; CartPole's tells its phase."
-        write_text(out, f"# Speed\n\nMade by `{command}`. {title}. {note}\n\n{text}\n")
+        write_text(
+            out, f"# Steps per second\n\nMade by `python -m reproductions speed`.\n\n{text}\n"
+        )
 
 
 if __name__ == "__main__":

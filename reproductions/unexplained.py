@@ -1,4 +1,4 @@
-"""The printed numbers that are known to be unexplained, a file a study, each with what was tried.
+"""List the printed numbers that are known to be unexplained, with what was tried, one file a study.
 
 ``shaftline reproduce`` fails where a cell is unexplained that
 ``reproductions/data/unexplained/NAME.csv`` does not list. ``python -m reproductions unexplained
@@ -29,12 +29,8 @@ def _notes(file: Path) -> dict[Key, str]:
     return {(line.table, line.row, line.column): line.note for line in frame.itertuples()}
 
 
-def known(study: str) -> dict[Key, str]:
-    """Return the listed cells of a study, (table, row, column), with what was tried.
-
-    Args:
-        study: name of the study, as of ``shaftline reproduce``; one without a file has none listed.
-    """
+def known_cells(study: str) -> dict[Key, str]:
+    """Return the listed cells of a study, (table, row, column), with what was tried."""
     source = resources.files("reproductions").joinpath(f"data/unexplained/{study}.csv")
     if not source.is_file():
         return {}
@@ -42,21 +38,21 @@ def known(study: str) -> dict[Key, str]:
         return _notes(file)
 
 
-def unexplained(cells: Iterable[Cell]) -> list[Cell]:
+def unexplained_cells(cells: Iterable[Cell]) -> list[Cell]:
     """Return the unexplained cells."""
     return [cell for cell in cells if cell.verdict is Verdict.UNEXPLAINED]
 
 
-def unlisted(study: str, cells: Iterable[Cell]) -> list[Cell]:
+def unlisted_cells(study: str, cells: Iterable[Cell]) -> list[Cell]:
     """Return the unexplained cells that the study's file does not list."""
-    listed = known(study)
-    return [cell for cell in unexplained(cells) if cell.key not in listed]
+    listed = known_cells(study)
+    return [cell for cell in unexplained_cells(cells) if cell.key not in listed]
 
 
-def outdated(study: str, cells: Iterable[Cell]) -> list[Key]:
+def outdated_keys(study: str, cells: Iterable[Cell]) -> list[Key]:
     """Return the listed cells of a study that are met or explained, or that it does not have."""
-    found = {cell.key for cell in unexplained(cells)}
-    return [key for key in known(study) if key not in found]
+    found = {cell.key for cell in unexplained_cells(cells)}
+    return [key for key in known_cells(study) if key not in found]
 
 
 def main() -> None:
@@ -71,8 +67,9 @@ def main() -> None:
     for file in sorted((options.results / "cells").glob("*.csv")):
         if options.study and file.stem not in options.study:
             continue
-        notes = known(file.stem)
-        rows = [(*cell.key, notes.get(cell.key, "")) for cell in unexplained(cell_files.read(file))]
+        notes = known_cells(file.stem)
+        cells = unexplained_cells(cell_files.read(file))
+        rows = [(*cell.key, notes.get(cell.key, "")) for cell in cells]
         write_csv(folder, file.stem, pd.DataFrame(rows, columns=COLUMNS))
         print(f"{file.stem}: {len(rows)} unexplained")
 

@@ -1,4 +1,4 @@
-"""What the pages say holds: blocks run, by the doors alone; links, files and commands are there."""
+"""Check the pages: blocks run, imports are public, links, files and commands exist."""
 
 from __future__ import annotations
 
@@ -27,51 +27,51 @@ CELLS = [
     for page in sorted((ROOT / "docs" / "notebooks").glob("*.md"))
     for cell in re.findall(r"```\{code-cell\} python\n(.*?)```", page.read_text(), re.DOTALL)
 ]
-"""Of the notebooks, which the site's build runs."""
+"""Code cells of the notebooks, which the build of the site runs."""
 blocks = pytest.mark.parametrize(
     ("page", "number", "block"), BLOCKS, ids=[f"{p}-{i}" for p, i, _ in BLOCKS]
 )
 
-ROOMS = ("plant", "observers", "baselines", "envs", "agents", "mismatch")
-DOORS = {f"shaftline.{room}" for room in ROOMS} | {
-    "shaftline.envs.sb3"  # needs stable-baselines3, so it is a door of its own
+PACKAGES = ("plant", "observers", "baselines", "envs", "agents", "mismatch")
+PUBLIC = {f"shaftline.{package}" for package in PACKAGES} | {
+    "shaftline.envs.sb3"  # separate, because it needs stable-baselines3
 }
 
 
 @blocks
 def test_python_block_runs(page: str, number: int, block: str) -> None:
-    exec(block, {"__name__": "__main__"})  # as it stands, copied into a file
+    exec(block, {"__name__": "__main__"})  # unchanged, as copied into a file
 
 
 @pytest.mark.parametrize(
     ("page", "block"), [*((p, b) for p, _, b in BLOCKS), *CELLS], ids=lambda text: str(text)[:30]
 )
-def test_python_block_imports_from_the_doors(page: str, block: str) -> None:
+def test_python_block_imports_public_packages(page: str, block: str) -> None:
     for node in ast.walk(ast.parse(block)):
         named = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
         if isinstance(node, ast.ImportFrom):
             named = [node.module or ""]
         ours = {name for name in named if name.split(".")[0] == "shaftline"}
-        assert ours <= DOORS, f"{page}: {ours - DOORS}"
+        assert ours <= PUBLIC, f"{page}: {ours - PUBLIC}"
 
 
-def test_links_lead_somewhere() -> None:
+def test_targets_of_links_exist() -> None:
     for page in PAGES:
         for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text()):
             assert (page.parent / target).exists(), f"{page}: {target}"
 
 
-def test_files_that_are_named_exist() -> None:
-    rooms = "|".join(file.parent.name for file in ROOT.glob("*/__init__.py"))
+def test_named_files_exist() -> None:
+    packages = "|".join(file.parent.name for file in ROOT.glob("*/__init__.py"))
     for page in PAGES:
-        for name in re.findall(rf"`((?:{rooms}|docs)/[\w./-]+)`", page.read_text()):
+        for name in re.findall(rf"`((?:{packages}|docs)/[\w./-]+)`", page.read_text()):
             assert (ROOT / name).exists(), f"{page}: {name}"
 
 
 @pytest.mark.parametrize(
     "page", [*PAGES, ROOT / "Makefile"], ids=lambda page: page.relative_to(ROOT).as_posix()
 )
-def test_commands_that_are_named_exist(page: Path) -> None:
+def test_named_commands_exist(page: Path) -> None:
     text = page.read_text()
     for module in re.findall(r"python -m shaftline\.([\w.]+)", text):
         place = ROOT.joinpath(*module.rstrip(".").split("."))
@@ -83,7 +83,9 @@ def test_commands_that_are_named_exist(page: Path) -> None:
         assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text(), re.MULTILINE), target
 
 
-def test_the_page_on_own_physics_holds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_commands_of_the_page_on_own_physics(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     text = (ROOT / "docs" / "own-physics.md").read_text()
     made: dict[str, Any] = {}
     exec(next(block for page, i, block in BLOCKS if (page, i) == ("docs/own-physics.md", 0)), made)
@@ -107,7 +109,7 @@ def test_the_page_on_own_physics_holds(tmp_path: Path, monkeypatch: pytest.Monke
         load_ship("out/k/identified_ship.toml"),
     )
     for ship in (corrected, refined):
-        assert ship.number("term.apparent-wind-hull.k").value == pytest.approx(300.0, rel=0.02)
+        assert ship.parameter("term.apparent-wind-hull.k").value == pytest.approx(300.0, rel=0.02)
     shown = tomllib.loads(carried)
     assert dict(corrected.signals) == shown["signals"]
     (term,) = corrected.term

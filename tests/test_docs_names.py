@@ -1,4 +1,4 @@
-"""Names that the pages give exist: options of commands, verdicts, and keys of the reports."""
+"""Check that options of commands, verdicts and keys of reports in the pages exist."""
 
 from __future__ import annotations
 
@@ -20,19 +20,21 @@ SOURCES = [
     for file in folder.rglob("*.py")
 ]
 VERDICTS = {verdict.EXPLAINED, verdict.PARTLY, verdict.NOTHING, verdict.UNEXPLAINED}
-REPORTS = ("report/data.py", "report/numbers.py", "report/formulas.py", "numbers/identification.py",
+REPORTS = ("report/data.py", "report/wording.py", "identification/results.py", "identify.py",
            "estimate.py")  # fmt: skip
-"""Modules of ``mismatch`` that make what stands in a report.json."""
+"""Modules of ``mismatch`` that write the keys of report.json."""
 
 COMMANDS = {
-    name: {option for parameter in main.Later(name).itself().params for option in parameter.opts}
+    name: {
+        option for parameter in main.LazyCommand(name).itself().params for option in parameter.opts
+    }
     for name in main.COMMANDS
 }
 pages = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 
 
 def keys_of_reports() -> set[str]:
-    """Every key of a dictionary that a report is made of."""
+    """Return every key of the dictionaries that make up a report."""
     found: set[str] = set()
     for name in REPORTS:
         tree = ast.parse((ROOT / "mismatch" / name).read_text(encoding="utf-8"))
@@ -46,7 +48,7 @@ def keys_of_reports() -> set[str]:
 
 
 def lines_of_commands(text: str) -> list[str]:
-    """Command lines of a page's blocks, continuation lines joined."""
+    """Return the command lines in the blocks of a page, with continuation lines joined."""
     blocks = "\n".join(re.findall(r"^```[a-z]*\n(.*?)^```", text, re.DOTALL | re.MULTILINE))
     joined = re.sub(r"\\\n\s*", " ", blocks)
     return re.findall(r"^(?:\$ )?shaftline .*$", joined, re.MULTILINE)
@@ -104,6 +106,6 @@ def test_the_page_describes_every_verdict_and_no_other() -> None:
 
 
 def test_the_help_describes_every_verdict_and_no_other() -> None:
-    words = main.Later("diagnose").itself().help
+    words = main.LazyCommand("diagnose").itself().help
     assert set(re.findall(r"^\s*- \*\*([a-z-]+)\*\*", words, re.MULTILINE)) == VERDICTS
     assert "four verdicts" in words

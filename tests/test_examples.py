@@ -1,4 +1,4 @@
-"""What stands in ``examples/`` runs."""
+"""The examples of ``examples/`` run, and the README lists them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from shaftline.envs import CLASSIC, FrigateVectorEnv, Sb3Frigates
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
 
-def loaded(name: str) -> ModuleType:
+def load_example(name: str) -> ModuleType:
     spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
@@ -27,7 +27,7 @@ def loaded(name: str) -> ModuleType:
     return module
 
 
-def test_every_example_is_told_of() -> None:
+def test_the_readme_lists_every_example() -> None:
     page = (EXAMPLES / "README.md").read_text(encoding="utf-8")
     for file in EXAMPLES.rglob("*.*"):
         if file.name != "README.md" and "__pycache__" not in file.parts:
@@ -37,12 +37,12 @@ def test_every_example_is_told_of() -> None:
 def test_ppo_in_one_file_learns(capsys: pytest.CaptureFixture[str]) -> None:
     """A fifth of the example's steps raise the mean return of the untrained policy by half or more."""
     pytest.importorskip("torch")
-    module = loaded("ppo_single_file")
+    module = load_example("ppo_single_file")
     s = module.Settings(steps=200_000, seed=3)
     agent, returns = module.train(s)
     first, last = np.mean(returns[:30]), np.mean(returns[-30:])
     assert last > 1.5 * first > 0.0, (first, last)
-    assert module.judged(agent, s, episodes=8) > 1.5 * first
+    assert module.evaluate(agent, s, episodes=8) > 1.5 * first
     assert "steps" in capsys.readouterr().out
 
 
@@ -57,7 +57,7 @@ def test_hyperparameters_for_rl_zoo_are_ppos() -> None:
     env = Sb3Frigates(given["n_envs"], **given["env_kwargs"])
     stable.PPO(given["policy"], env, learning_rate=5e-4, device="cpu", **rest)
     assert given["n_steps"] * given["n_envs"] % given["batch_size"] == 0
-    module = loaded("ppo_single_file")
+    module = load_example("ppo_single_file")
     s = module.Settings()
     assert (given["n_envs"], given["n_steps"], given["n_timesteps"]) == (
         s.environments, s.rollout, s.steps,
@@ -65,7 +65,7 @@ def test_hyperparameters_for_rl_zoo_are_ppos() -> None:
 
 
 def test_an_own_controller_runs() -> None:
-    made = loaded("own_controller").Steady("frigate", 0.5)
+    made = load_example("own_controller").Steady("frigate", 0.5)
     env = FrigateVectorEnv(3, task="transit", max_episode_steps=40, **CLASSIC)
     seen, _ = env.reset(seed=1)
     memory, done = None, np.zeros(3, dtype=bool)
@@ -75,7 +75,7 @@ def test_an_own_controller_runs() -> None:
         assert not terminated.any()
         done = truncated
     with pytest.raises(ValueError, match="lag_s"):
-        loaded("own_controller").Steady("frigate", 0.5, lag_s=0.0)
+        load_example("own_controller").Steady("frigate", 0.5, lag_s=0.0)
 
 
 def test_torchrl_learns(
@@ -84,5 +84,5 @@ def test_torchrl_learns(
     """A single batch shows that environment, collector and loss fit together."""
     pytest.importorskip("torchrl")
     monkeypatch.setattr(sys, "argv", ["torchrl_ppo.py", "--steps", "2048", "--episodes", "1"])
-    loaded("torchrl_ppo").main()
+    load_example("torchrl_ppo").main()
     assert "mean return of 1 episodes: " in capsys.readouterr().out

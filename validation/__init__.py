@@ -1,1 +1,1 @@
-"""The proof on concealed data: an independent reality, sealed cases, scores."""
+"""Validation on concealed effects: an independent simulator, sealed cases, and scores."""

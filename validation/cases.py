@@ -1,4 +1,4 @@
-"""Cases: what a seed conceals in a recording, drawn before anything is simulated."""
+"""Draw the cases of a validation: ship, effects, sea and instruments by seed, before any simulation."""
 
 from __future__ import annotations
 
@@ -13,18 +13,19 @@ from numpy.random import Generator
 from .reality.bench import CALM_PROGRAMME, PROGRAMMES
 from .reality.effects import BENCH, BY_KEY, CONFOUNDED, EFFECTS, FRIGATE, UNKNOWN, TrueEffect
 from .reality.instruments import DULL, LIVELY
-from .reality.numbers import Numbers
-from .variants import PLAIN, varied
+from .reality.numbers import Parameters
+from .variants import PLAIN, vary_case
 
 BLOCK = (
     ("single",) * 8 + ("two",) * 2 + ("ablated",) * 2 + ("null-calm",) * 2 + ("null-waves",) * 2
     + ("null-wrong-number", "unknown", "unknown", "confounded")
 )  # fmt: skip
-"""Kinds of every twenty cases: eight of them null, unknown or confounded."""
+"""Kinds of every twenty cases; eight have no effect, an unknown effect or a confounded one."""
 
 KINDS = tuple(dict.fromkeys(BLOCK))
 STRENGTHS = {"weak": (0.2, 0.2), "medium": (0.5, 1.0), "strong": (2.0, 4.0)}
-"""Rms of an effect's change over the rms of what the file's ship leaves without it; see ``Scenario``."""
+"""Strength: rms of an effect's change relative to the rms residual of the ship file without the
+effect."""
 
 TOLERANCES = {
     FRIGATE: {"resistance": 0.01, "inertia_front": 0.01, "inertia_back": 0.01, "map_rack": 0.005},
@@ -34,22 +35,22 @@ TOLERANCES = {
 
 @dataclass(frozen=True)
 class Concealed:
-    """One effect as drawn: its shape, its sign and the strength that it shall have."""
+    """Concealed effect as drawn: shape, sign and wanted strength."""
 
     key: str
     ratio: float
     sign: float
-    shape: Numbers
+    shape: Parameters
 
     @property
     def effect(self) -> TrueEffect:
-        """The table's entry."""
+        """Entry of the table of true effects."""
         return BY_KEY[self.key]
 
 
 @dataclass(frozen=True)
 class Case:
-    """Everything that decides a recording, and what the tool may not use."""
+    """All inputs of a simulated recording, and the effects that the tool may not use."""
 
     seed: int
     index: int
@@ -65,32 +66,32 @@ class Case:
     period: float
     wave_height: float  # m; 0 is calm
     wave_period: float  # s
-    instruments: Numbers
-    factors: Numbers  # of the true ship's numbers on its file's
-    columns: tuple[str, ...]  # optional ones that are recorded
+    instruments: Parameters
+    factors: Parameters  # true parameters over those of the ship file
+    columns: tuple[str, ...]  # recorded optional columns
     variant: str = PLAIN
-    off: Numbers = field(
+    off: Parameters = field(
         default_factory=dict
     )  # factors of the true ship on a file that is not right
     missing: str = ""  # column that is not recorded
-    healthy_programme: str = ""  # of a healthy record, where one is given
+    healthy_programme: str = ""  # programme of the recording of a reference period, if there is one
     healthy_seed: int = 0
 
 
 def _order(seed: int, label: str, count: int, turn: int) -> list[int]:
-    """A permutation, another for every turn through the list."""
+    """Return a permutation of a list, a different one for each pass."""
     digest = hashlib.sha256(f"{seed}/{label}/{turn}".encode()).digest()
     return [int(i) for i in np.random.default_rng(list(digest[:8])).permutation(count)]
 
 
 def _turn(seed: int, label: str, items: tuple[Any, ...], number: int) -> Any:
-    """The ``number``-th of the items dealt like cards: all of them before any comes again."""
+    """Return the ``number``-th item of shuffled passes through all items."""
     turn, place = divmod(number, len(items))
     return items[_order(seed, label, len(items), turn)[place]]
 
 
 def case_kind(seed: int, index: int) -> tuple[str, int]:
-    """A case's kind, and how many of that kind come before it."""
+    """Return the kind of a case, and the number of earlier cases of this kind."""
     block, place = divmod(index, len(BLOCK))
     shuffled = [BLOCK[i] for i in _order(seed, "kinds", len(BLOCK), block)]
     kind = shuffled[place]
@@ -101,9 +102,9 @@ def conceal(effect: TrueEffect, ratio: float, rng: Generator) -> Concealed:
     """Draw sign and shape of an effect.
 
     Args:
-        effect: of the table.
-        ratio: strength that it shall have.
-        rng: generator, which advances.
+        effect: entry of the table.
+        ratio: wanted strength [-].
+        rng: random generator.
     """
     shape = {name: float(rng.uniform(*limits)) for name, limits in effect.shape.items()}
     sign = -1.0 if effect.signs and rng.random() < 0.5 else 1.0
@@ -133,7 +134,7 @@ def _effects(seed: int, kind: str, number: int) -> list[TrueEffect]:
     return _two(seed, number) if kind == "two" else []
 
 
-def _instruments(ship: str, rng: Generator) -> Numbers:
+def _instruments(ship: str, rng: Generator) -> Parameters:
     rounding = float(rng.random() < 0.3)
     if ship == BENCH:
         drawn = {"encoder_noise": rng.uniform(0.03, 0.15), "current_noise": rng.uniform(0.01, 0.05)}
@@ -147,7 +148,7 @@ def _instruments(ship: str, rng: Generator) -> Numbers:
     return {name: float(value) for name, value in drawn.items()} | {"rounding": rounding}
 
 
-def _factors(ship: str, always: bool, rng: Generator) -> Numbers:
+def _factors(ship: str, always: bool, rng: Generator) -> Parameters:
     wrong = always or rng.random() < 0.3
     return {
         name: float(1.0 + wrong * tolerance * rng.choice([-1.0, 1.0]) * rng.uniform(0.4, 1.0))
@@ -168,15 +169,15 @@ def _programme(kind: str, ship: str, effects: list[TrueEffect], rng: Generator) 
 
 
 def draw_case(seed: int, index: int, variant: str = PLAIN) -> Case:
-    """Draw one case; the same seed, index and variant always give the same.
+    """Draw one case; the same seed, index and variant always give the same case.
 
     Args:
-        seed: of the proof.
-        index: of the case.
-        variant: of :data:`.variants.VARIANTS`.
+        seed: seed of the validation.
+        index: index of the case.
+        variant: one of :data:`.variants.VARIANTS`.
     """
     case = _plain(seed, index)
-    return case if variant == PLAIN else varied(case, variant)
+    return case if variant == PLAIN else vary_case(case, variant)
 
 
 def _plain(seed: int, index: int) -> Case:
@@ -222,9 +223,9 @@ def _plain(seed: int, index: int) -> Case:
 
 
 def truth_of(case: Case, sizes: dict[str, float], ratios: dict[str, float], notes: Any) -> Any:
-    """What is sealed: the case, the sizes and strengths reached, and what else scoring needs.
+    """Return the sealed truth: the case, the sizes and strengths of its effects, and notes for scoring.
 
-    The nonce keeps anyone from guessing the case and comparing hashes.
+    A nonce prevents a guess of the case by comparison of hashes.
     """
     nonce = hashlib.sha256(f"nonce/{case.seed}/{case.index}/{case.noise_seed}".encode()).hexdigest()
     return json.loads(json.dumps(
@@ -232,7 +233,7 @@ def truth_of(case: Case, sizes: dict[str, float], ratios: dict[str, float], note
     ))  # fmt: skip
 
 
-def sealed(truth: Any) -> str:
-    """SHA-256 of the truth's canonical JSON."""
+def hash_truth(truth: Any) -> str:
+    """Return the SHA-256 of the truth's canonical JSON."""
     text = json.dumps(truth, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()

@@ -2,10 +2,10 @@
 
 The recordings come from the independent simulator of the concealed cases: a frigate in calm water and
 in waves, and a DC-motor thruster on a bench, at 10 Hz, with instruments of their own noise. Nothing is
-concealed but parameters. Those that are free are wrong in the ship file by up to :data:`WRONG`; every
-other one is wrong by a normal deviate of the tolerance that the ship file states for it, so that an
-interval pays for the tolerances as it claims to. Which parameters are free changes from recording to
-recording (:data:`CHOICES`).
+concealed except parameters. Free parameters are biased in the ship file by up to :data:`MOST_BIAS`.
+Every other parameter is biased by a normal deviate of the tolerance that the ship file states, so that
+the intervals must include the tolerances. The free parameters change between recordings
+(:data:`CHOICES`).
 
 Run ``python -m shaftline.validation.coverage --out FOLDER``.
 """
@@ -30,12 +30,12 @@ from .cases import Case, draw_case
 from .reality.bench import CALM_PROGRAMME
 from .reality.effects import BENCH, FRIGATE
 from .reality.instruments import DULL
-from .reality.numbers import Numbers
-from .recording import make
-from .variants import file_numbers, file_text
+from .reality.numbers import Parameters
+from .recording import simulate_case
+from .variants import file_parameters, file_text
 
-WRONG = 0.15
-"""Most by which a free parameter is wrong in the ship file, as a share of the truth."""
+MOST_BIAS = 0.15
+"""Largest relative bias of a free parameter in the ship file."""
 
 WATERS = ("calm", "waves", "bench")
 
@@ -49,7 +49,7 @@ KEYS = {
     "ohm": "prime_mover.armature_resistance_ohm",
     "constant": "prime_mover.motor_constant_V_s_rad",
 }
-"""Parameters that may be free: the simulator's name, and the key of the ship file."""
+"""Keys of the ship file by the simulator's name, for parameters that may be free."""
 
 CHOICES = {
     FRIGATE: (
@@ -61,9 +61,9 @@ CHOICES = {
     ),
     BENCH: (("inertia", "kq", "ohm"), ("kq", "ohm", "constant"), ("inertia",), ("inertia", "kq")),
 }
-"""Free parameters, one choice a recording in turn."""
+"""Choices of free parameters, by ship."""
 
-TOLERATED = {
+TOLERANCE_OF_KEY = {
     FRIGATE: {
         "resistance": "resistance", "mass": "mass", "kt_scale": "thrust_curve",
         "rotative": "torque_curve", "inertia_front": "inertia", "inertia_back": "inertia",
@@ -74,19 +74,19 @@ TOLERATED = {
         "constant": "motor_constant",
     },
 }  # fmt: skip
-"""Parameters that a tolerance of the ship file speaks of as a share: the simulator's name, and its."""
+"""Relative tolerances of the ship file by the simulator's name of the parameter."""
 
 INERTIA_BEHIND = 0.010
-"""The bench's inertia on the propeller's side [kg m2], which its simulator adds to the motor's."""
+"""Inertia of the bench on the propeller side [kg m2], which its simulator adds to that of the motor."""
 
 
 def water_of(case: Case) -> str:
-    """Return which of :data:`WATERS` a case is made in."""
+    """Return the water of a case, one of :data:`WATERS`."""
     return "bench" if case.ship == BENCH else "waves" if case.wave_height > 0.0 else "calm"
 
 
 def ship_of(case: Case) -> Ship:
-    """Return the ship as its file states it."""
+    """Return the ship of a case with the values of its file."""
     text = file_text(case)
     if text is None:
         return load_ship(case.ship)
@@ -95,18 +95,18 @@ def ship_of(case: Case) -> Ship:
         return load_ship(Path(folder) / "ship.toml")
 
 
-def free_of(case: Case) -> tuple[str, ...]:
+def free_parameters(case: Case) -> tuple[str, ...]:
     """Return the simulator's names of the parameters that are free in a case."""
     choices = CHOICES[case.ship]
     return choices[np.random.default_rng([case.seed, case.index, 78]).integers(len(choices))]
 
 
 def cases(count: int, seed: int) -> list[Case]:
-    """Return as many cases of each water, with wrong parameters and nothing concealed.
+    """Return cases with biased parameters and no concealed effect.
 
     Args:
-        count: of each of :data:`WATERS`.
-        seed: of the cases.
+        count: number of cases in each of :data:`WATERS`.
+        seed: seed of the cases.
     """
     found: dict[str, list[Case]] = {water: [] for water in WATERS}
     index = 0
@@ -118,33 +118,35 @@ def cases(count: int, seed: int) -> list[Case]:
     return [case for water in WATERS for case in found[water][:count]]
 
 
-def _factors(case: Case) -> Numbers:
-    """Factors of the true parameters on the file's."""
+def _factors(case: Case) -> Parameters:
+    """Return the true parameters as factors on those of the ship file."""
     rng, ship, free = (
         np.random.default_rng([case.seed, case.index, 77]),
         ship_of(case),
-        free_of(case),
+        free_parameters(case),
     )
     found = {
         name: float(1.0 + getattr(ship.tolerances, own) * rng.standard_normal())
-        for name, own in TOLERATED[case.ship].items()
+        for name, own in TOLERANCE_OF_KEY[case.ship].items()
     }
-    return found | {name: float(rng.uniform(1.0 - WRONG, 1.0 + WRONG)) for name in free}
+    return found | {name: float(rng.uniform(1.0 - MOST_BIAS, 1.0 + MOST_BIAS)) for name in free}
 
 
 def truth_of(case: Case, name: str) -> float:
     """Return the true value of a free parameter, in the unit of its key."""
-    value = file_numbers(case)[name] * case.factors[name]
+    value = file_parameters(case)[name] * case.factors[name]
     return value - INERTIA_BEHIND if name == "inertia" else value
 
 
-def judged(case: Case) -> dict[str, Any]:
+def evaluate_case(case: Case) -> dict[str, Any]:
     """Return value, standard error, interval and truth of each free parameter of one recording."""
-    names = free_of(case)
+    names = free_parameters(case)
     about = {"water": water_of(case), "free": ", ".join(names), "programme": case.programme}
     try:
-        found = identify(ship_of(case), make(case).recording, free=[KEYS[name] for name in names])
-    except ValueError as error:  # a recording that does not tell a parameter
+        found = identify(
+            ship_of(case), simulate_case(case).recording, free=[KEYS[name] for name in names]
+        )
+    except ValueError as error:  # a parameter is not identifiable
         return about | {"refused": str(error)}
     numbers = {
         name: [e.value, e.standard_error, *e.ci95, truth_of(case, name)]
@@ -160,15 +162,15 @@ def share_interval(hits: int, of: int) -> tuple[float, float]:
     return low, high
 
 
-def row_of(own: np.ndarray) -> dict[str, Any]:
-    """Return what some intervals are worth.
+def coverage_row(own: np.ndarray) -> dict[str, Any]:
+    """Return the coverage and the widths of intervals.
 
-    ``width / calibrated`` is by how much the intervals are wider than the same ones scaled, in
-    hindsight, until exactly 95 % of them contain the truth; ``width / oracle`` compares their median
-    with one fixed interval about the truth that contains 95 % of the estimates.
+    ``width / calibrated`` is the width of the intervals relative to the same intervals scaled in
+    hindsight until exactly 95 % contain the truth. ``width / oracle`` is their median half-width
+    relative to that of one fixed interval about the truth that contains 95 % of the estimates.
 
     Args:
-        own: value, standard error, interval's ends and truth, shape (intervals, 5).
+        own: estimate, standard error, interval ends and truth, shape (intervals, 5).
     """
     value, error, low, high, truth = own.T
     inside = int(np.sum((low <= truth) & (truth <= high)))
@@ -193,13 +195,13 @@ def coverage(found: list[dict[str, Any]]) -> pd.DataFrame:
         for name, numbers in one["numbers"].items():
             kept.setdefault((one["water"], name), []).append(numbers)
     rows = [
-        {"water": water, "parameter": KEYS[name]} | row_of(np.array(kept[water, name]))
+        {"water": water, "parameter": KEYS[name]} | coverage_row(np.array(kept[water, name]))
         for water in WATERS
         for name in KEYS
         if (water, name) in kept
     ]
-    everything = row_of(np.concatenate([np.array(one) for one in kept.values()]))
-    everything["width / oracle"] = np.nan  # one width for all parameters says nothing
+    everything = coverage_row(np.concatenate([np.array(one) for one in kept.values()]))
+    everything["width / oracle"] = np.nan  # a common width of all parameters has no meaning
     return pd.DataFrame([*rows, {"water": "all", "parameter": "all"} | everything])
 
 
@@ -209,14 +211,14 @@ def by_choice(found: list[dict[str, Any]]) -> pd.DataFrame:
     for one in found:
         kept.setdefault((one["water"], one["free"]), []).extend(one["numbers"].values())
     return pd.DataFrame(
-        {"water": water, "free": free, "intervals": (row := row_of(np.array(own)))["intervals"],
+        {"water": water, "free": free, "intervals": (row := coverage_row(np.array(own)))["intervals"],
          "covered %": row["covered %"], "from %": row["from %"], "to %": row["to %"]}
         for (water, free), own in sorted(kept.items())
     )  # fmt: skip
 
 
 def study(folder: Path, work: Path, count: int, seed: int, jobs: int | None) -> pd.DataFrame:
-    """Judge recordings, resumably, and write ``coverage.csv`` and ``coverage.md``."""
+    """Evaluate recordings, resumably, and write ``coverage.csv`` and ``coverage.md``."""
     code = source_digest(
         "core", "plant", "mismatch", "validation/reality", "validation/coverage.py"
     )
@@ -227,7 +229,7 @@ def study(folder: Path, work: Path, count: int, seed: int, jobs: int | None) -> 
         done[0] += 1
         print(f"{done[0]} of {len(cells)} recordings", flush=True)
 
-    everything = list(sweep(judged, cells, work, jobs=jobs, tick=tick).values())
+    everything = list(sweep(evaluate_case, cells, work, jobs=jobs, tick=tick).values())
     found = [one for one in everything if "numbers" in one]
     refused = [one["refused"] for one in everything if "refused" in one]
     table = coverage(found)
@@ -235,21 +237,21 @@ def study(folder: Path, work: Path, count: int, seed: int, jobs: int | None) -> 
     body = (
         f"{len(everything)} recordings of an independent simulator, seed {seed}, {count} each in calm "
         "water, in waves and of a DC-motor thruster on a bench. One to four parameters are free and "
-        f"wrong in the ship file by up to {WRONG:.0%}. Every other parameter is wrong by a normal "
+        f"biased in the ship file by up to {MOST_BIAS:.0%}. Every other parameter is biased by a normal "
         "deviate of its tolerance. Of all intervals "
         f"**{whole['covered %']:.1f} %** contain the truth "
         f"({whole['from %']:.1f} to {whole['to %']:.1f} %, Clopper and Pearson).\n\n"
         f"{markdown(table, 2)}\n\n"
-        "`width / calibrated` is by how much the intervals are wider than the same intervals scaled "
-        "in hindsight until exactly 95 % contain the truth: above 1 they are needlessly wide, below 1 "
-        "too narrow. `width / oracle` compares the median half-width with one fixed interval that "
-        "contains 95 % of the estimates, which only somebody who knows the truth could state.\n\n"
+        "`width / calibrated` is the width of the intervals relative to the same intervals scaled in "
+        "hindsight until exactly 95 % contain the truth: above 1 they are too wide, below 1 too narrow. "
+        "`width / oracle` is the median half-width relative to that of one fixed interval that contains "
+        "95 % of the estimates; such an interval needs the truth.\n\n"
         f"{markdown(by_choice(found), 1)}\n\n"
-        f"{len(refused)} recordings were refused, because they do not tell a parameter"
+        f"{len(refused)} recordings were refused, because a parameter is not identifiable from them"
         f"{''.join(f'; {words}' for words in refused)}."
     )
     write_table(
-        folder, "coverage", "Do the 95 % intervals of identify contain the truth?",
+        folder, "coverage", "Coverage of the 95 % intervals of identify",
         f"python -m shaftline.validation.coverage --out docs/results/identify "
         f"--records {count} --seed {seed}",
         table, body,
@@ -258,7 +260,7 @@ def study(folder: Path, work: Path, count: int, seed: int, jobs: int | None) -> 
 
 
 def main() -> None:
-    """Entry point."""
+    """Run the study from the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("out/identify"))
     parser.add_argument("--work", type=Path, default=Path("out/coverage"))

@@ -1,6 +1,6 @@
-"""What an effect's true form would be in a catalogue's simpler one, fitted over the case's own course.
+"""Fit the catalogue's simpler form of an effect to its true form over the course of a case.
 
-A parameter is comparable only where both forms mean the same thing; elsewhere there is none.
+Parameters are comparable only where both forms have the same meaning.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ from numpy.typing import NDArray
 
 from .reality.effects import TrueEffect
 from .reality.motion import pitch_travel
-from .reality.numbers import NEUTRAL, Numbers
+from .reality.numbers import NEUTRAL, Parameters
 from .reality.sail import current_over
 
 Floats = NDArray[np.float64]
 CATALOGUE_SOLIDITY = 2.073  # c Z / (D EAR) of the B-series at 0.75 R, ITTC-78's roughness
 
 
-def _dry(torque: float, n: Numbers, omega: Floats) -> float:
+def _dry(torque: float, n: Parameters, omega: Floats) -> float:
     rise = n["stribeck_rise"] * np.exp(-((omega / n["stribeck_speed"]) ** 2))
     return float(torque * np.mean(1.0 + rise))
 
 
-def _wet(slope: float, n: Numbers, omega: Floats, middle: float) -> float:
+def _wet(slope: float, n: Parameters, omega: Floats, middle: float) -> float:
     torque = slope * np.abs(omega) ** n["wet_power"] * middle ** (1.0 - n["wet_power"])
     return float(np.sum(torque * np.abs(omega)) / np.sum(omega**2))
 
 
-def _roughness(n: Numbers, table: pd.DataFrame) -> float:
+def _roughness(n: Parameters, table: pd.DataFrame) -> float:
     omega = table["shaft_speed_rad_s"].to_numpy()
     arriving = (1.0 - n["wake"]) * table["ship_speed_m_s"].to_numpy()
     j = arriving / (omega / (2.0 * math.pi) * n["diameter"])
@@ -44,33 +44,33 @@ def _roughness(n: Numbers, table: pd.DataFrame) -> float:
     return float(np.sum(added * weight) / np.sum(weight) / unit)
 
 
-def _water(n: Numbers, table: pd.DataFrame) -> float:
+def _water(n: Parameters, table: pd.DataFrame) -> float:
     weight = np.gradient(table["shaft_speed_rad_s"].to_numpy()) ** 2
     swirl = n["water_inertia"] * (1.0 + n["water_load"] * (table["pitch_ratio"].to_numpy() - 1.2))
     return float(np.sum(swirl * weight) / np.sum(weight))
 
 
-def _wake(n: Numbers, table: pd.DataFrame) -> float:
+def _wake(n: Parameters, table: pd.DataFrame) -> float:
     v = table["ship_speed_m_s"].to_numpy()
     wake = n["wake_change"] * np.tanh((v - n["wake_middle"]) / n["wake_width"])
     return float(np.polyfit(v, wake, 1)[0])
 
 
-def _fouling(n: Numbers, table: pd.DataFrame) -> float:
+def _fouling(n: Parameters, table: pd.DataFrame) -> float:
     v = np.abs(table["ship_speed_m_s"].to_numpy())
     drag = n["fouling"] * v ** n["fouling_power"] * n["fouling_speed"] ** (2.0 - n["fouling_power"])
     return float(np.sum(drag * v**2) / np.sum(v**4))
 
 
-def _torque_gain(n: Numbers, table: pd.DataFrame) -> float:
+def _torque_gain(n: Parameters, table: pd.DataFrame) -> float:
     read = table["shaft_torque_N_m"].to_numpy()
     true = read / (1.0 + n["torque_scale"])
     bow = 1.0 + n["torque_scale_bow"] * (true / 2e5 - 1.0)
     return 1.0 + n["torque_scale"] * float(np.sum(bow * true**2) / np.sum(true**2))
 
 
-def _simple_pitch(command: Floats, n: Numbers, step: float, name: str, value: float) -> Floats:
-    """Blade pitch of a first-order mechanism with one textbook imperfection."""
+def _simple_pitch(command: Floats, n: Parameters, step: float, name: str, value: float) -> Floats:
+    """Return the blade pitch of a first-order mechanism with one imperfection of the catalogue."""
     goal = np.clip(command, n["pitch_low"], n["pitch_high"])
     share = -math.expm1(-step / n["pitch_time"])
     here = blade = float(goal[0])
@@ -89,8 +89,8 @@ def _simple_pitch(command: Floats, n: Numbers, step: float, name: str, value: fl
     return track
 
 
-def _pitch_fit(name: str) -> Callable[[Numbers, pd.DataFrame], float]:
-    def fit(n: Numbers, table: pd.DataFrame) -> float:
+def _pitch_fit(name: str) -> Callable[[Parameters, pd.DataFrame], float]:
+    def fit(n: Parameters, table: pd.DataFrame) -> float:
         step = float(table["time_s"].iloc[1] - table["time_s"].iloc[0]) / 2.0
         command = np.repeat(table["pitch_ratio_command"].to_numpy(), 2)
         true = pitch_travel(command, n, step)
@@ -109,7 +109,7 @@ def _pitch_fit(name: str) -> Callable[[Numbers, pd.DataFrame], float]:
     return fit
 
 
-Form = Callable[[Numbers, pd.DataFrame], float]
+Form = Callable[[Parameters, pd.DataFrame], float]
 
 
 def _speeds(table: pd.DataFrame) -> Floats:
@@ -211,24 +211,23 @@ def names_of(effect: TrueEffect) -> tuple[str, ...]:
     return _FORMS[effect.key][0]
 
 
-def equivalent(effect: TrueEffect, numbers: Numbers, readings: pd.DataFrame) -> Any:
-    """The comparable parameter of a catalogue's form.
+def equivalent(effect: TrueEffect, numbers: Parameters, measurements: pd.DataFrame) -> Any:
+    """Return the comparable parameter of the catalogue's form.
 
     Args:
-        effect: the concealed one.
-        numbers: of the true ship.
-        readings: the case's noise-free readings.
+        effect: concealed effect.
+        numbers: parameters of the true ship.
+        measurements: noise-free measurements of the case.
 
     Returns:
-        ``{"names": [...], "value": ..., "neutral": ...}``: the names that a report may call it by, the
-        first that of the ship file's key, and the value at which the effect is absent; None where the
-        forms have no parameter in common.
+        ``{"names": [...], "value": ..., "neutral": ...}``: names in a report, the first that of the ship
+        file's key, and the value without the effect; None where the forms have no common parameter.
     """
     if not comparable(effect) or numbers[effect.size] == NEUTRAL[effect.size]:
         return None
     names, form = _FORMS[effect.key]
     neutral = {
         "torque-sensor-gain/sensor": 1.0,
-        "coulomb-friction/motor": numbers["rub"],  # the motor has some of its own
+        "coulomb-friction/motor": numbers["rub"],  # the ship file has some friction
     }.get(effect.key, 0.0)
-    return {"names": list(names), "value": float(form(numbers, readings)), "neutral": neutral}
+    return {"names": list(names), "value": float(form(numbers, measurements)), "neutral": neutral}

@@ -1,7 +1,7 @@
-"""The example that comes with the package: a case of the proof as a ship's logger would have written it.
+"""Write the example of the package: a case of the validation in the file format of a ship's logger.
 
-The recording is sailed by the proof's own equations, none of which the tool shares, and thinned to two
-rows a second. ``python -m shaftline.validation.example`` writes it again, the same to the letter.
+The recording comes from the independent simulator, which shares no equations with the package, at two
+rows per second. ``python -m shaftline.validation.example`` writes identical files again.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ from ..mismatch.example import COLUMN_MAP, CONCEALED, FOLDER, RECORDING, SHIP_FI
 from ..plant import load_ship
 from ..plant.ship_files import write_ship
 from .cases import draw_case
-from .recording import Reality, make
+from .recording import SimulatedCase, simulate_case
 
 SEED, INDEX = 7, 2
-"""Of the case: a harbour programme in a small sea, a fouled hull and an offset of the pitch actuator."""
+"""Seed and index of the case: a harbour programme in a small sea with a fouled hull and an offset of the
+pitch actuator."""
 
 EVERY = 5  # rows; 0.5 s
 BEGINS = "2026-05-03 23:54:12.5"  # so that midnight falls into it
@@ -35,9 +36,9 @@ _NAMES = {
 """Name in the file: unit, decimals, canonical column."""
 
 
-def logged(reality: Reality) -> str:
-    """The recording's file."""
-    table = reality.recording.iloc[::EVERY]
+def logger_file(simulated: SimulatedCase) -> str:
+    """Return the text of the recording's file."""
+    table = simulated.recording.iloc[::EVERY]
     ship = load_ship("frigate").record()
     rack, pitch = float(ship["drive_max"]), float(ship["pitch_ratio_max"])
     stamps = pd.Timestamp(BEGINS) + pd.to_timedelta(table["time_s"], unit="s")
@@ -61,7 +62,7 @@ def logged(reality: Reality) -> str:
 
 
 def column_map() -> str:
-    """The column map's file."""
+    """Return the text of the column map."""
     units = {"hh:mm:ss": "datetime", "%": "percent of range"}
     lines = [
         "# how the logger's names and units are to be read; see docs/recordings.md",
@@ -74,17 +75,17 @@ def column_map() -> str:
     return "\n".join(lines) + "\n"
 
 
-def concealed(reality: Reality) -> dict[str, float]:
-    """Size of each effect in the tool's own terms, by its name."""
-    told = reality.truth["equivalents"]
-    return {key.split("/")[0]: round(told[key]["value"], 5) for key in sorted(told)}
+def concealed_sizes(simulated: SimulatedCase) -> dict[str, float]:
+    """Return the size of each concealed effect in the catalogue's form, by its id."""
+    sizes = simulated.truth["equivalents"]
+    return {key.split("/")[0]: round(sizes[key]["value"], 5) for key in sorted(sizes)}
 
 
 def main(folder: Path = FOLDER) -> None:
     """Write the example's files."""
-    reality = make(draw_case(SEED, INDEX))
-    write_text(folder / RECORDING, logged(reality))
-    write_json(folder / CONCEALED, concealed(reality))
+    simulated = simulate_case(draw_case(SEED, INDEX))
+    write_text(folder / RECORDING, logger_file(simulated))
+    write_json(folder / CONCEALED, concealed_sizes(simulated))
     write_text(folder / COLUMN_MAP, column_map())
     write_ship(load_ship("frigate"), folder / SHIP_FILE)
 

@@ -1,7 +1,4 @@
-"""A case's ship, demands and sea; and how large an effect must be to have its strength in them.
-
-A case made real: the recording, its truth, and what an oracle would know.
-"""
+"""Simulate a case: size its effects for the wanted strength, and make the recording and its truth."""
 
 from __future__ import annotations
 
@@ -21,40 +18,43 @@ from .cases import TOLERANCES, Case, Concealed, truth_of
 from .equivalents import equivalent
 from .reality.bench import run_bench, voltage_programme
 from .reality.effects import BENCH
-from .reality.governed import bench_orders, run_bench_governed, sail_governed, sail_held
-from .reality.instruments import read, voyage
+from .reality.governed import bench_orders, run_bench_governed, simulate_governed, simulate_held
+from .reality.instruments import add_instruments, voyage
 from .reality.motion import calm, head_sea
-from .reality.numbers import Numbers
-from .reality.sail import StalledError, restless, sail
-from .variants import CLOSED_LOOP, LOGGED_S, calibrated_numbers, healthy_of, true_numbers
+from .reality.numbers import Parameters
+from .reality.sail import StalledError, simulate_voyage, varies_every_sample
+from .variants import CLOSED_LOOP, LOGGED_S, calibrated_parameters, reference_case, true_parameters
 
 CHANNELS = (
     "pitch_ratio", "shaft_speed_rad_s", "shaft_torque_N_m", "ship_speed_m_s", "motor_current_A",
 )  # fmt: skip
-CLOSE = 0.08  # relative; how near a strength must come to the one drawn
+CLOSE = 0.08  # relative tolerance of the strength
 TRIALS = 9
-WIND = 0.003  # share of the resistance; slow wandering that goes with waves
-THINNED = 10  # every so many samples enter the imitation by wrong numbers
+WIND = 0.003  # slow variation of the resistance in waves, as a share
+THINNED = 10  # rows between samples for the imitation by biased parameters
 
 
-def with_effect(numbers: Numbers, concealed: Concealed, size: float) -> Numbers:
-    """The numbers with one effect of a given size."""
+def with_effect(numbers: Parameters, concealed: Concealed, size: float) -> Parameters:
+    """Return the parameters with one effect of a given size."""
     return numbers | concealed.shape | {concealed.effect.size: concealed.sign * size}
 
 
 def rms(values: Any) -> float:
-    """Root mean square."""
+    """Return the root mean square."""
     return math.sqrt(float(np.mean(np.square(values))))
 
 
 class Scenario:
-    """A case's ship, demands and sea, ready to sail with any set of effects."""
+    """Ship, commands and sea of a case, for simulations with any set of effects."""
 
     def __init__(self, case: Case) -> None:
         self.case = case
         rng = np.random.default_rng(case.programme_seed)
         governed = case.variant == CLOSED_LOOP
-        self.nominal, self.true = calibrated_numbers(case), true_numbers(case) | case.instruments
+        self.nominal, self.true = (
+            calibrated_parameters(case),
+            true_parameters(case) | case.instruments,
+        )
         self.waves = calm()
         if case.ship == BENCH:
             self.drive = voltage_programme(case.programme, case.seconds, case.period, rng)
@@ -67,32 +67,34 @@ class Scenario:
             depth = self.nominal["depth"]
             self.waves = head_sea(case.wave_height, case.wave_period, depth, case.programme_seed)
             self.true["wind"] = WIND
-        if governed:  # effects are sized under the demands that the governor gives without them
+        if governed:  # effects are sized with the governor's commands without them
             self.drive = self._governed(self.true)[1]
 
-    def _governed(self, numbers: Numbers) -> tuple[pd.DataFrame, NDArray[np.float64]]:
-        """Readings without noise under the governor, and the demands that it gave."""
+    def _governed(self, numbers: Parameters) -> tuple[pd.DataFrame, NDArray[np.float64]]:
+        """Return noise-free measurements under the governor, and its commands."""
         case = self.case
         if case.ship == BENCH:
             truth = run_bench_governed(numbers, self.orders, case.period, case.noise_seed)
         else:
-            truth = sail_governed(
+            truth = simulate_governed(
                 numbers, self.orders, self.pitch, case.period, case.noise_seed, waves=self.waves,
                 wind_seed=case.programme_seed,
             )  # fmt: skip
         demand = truth["motor_voltage_V" if case.ship == BENCH else "fuel_rack_mm"].to_numpy()
-        return read(truth, numbers, case.period, None), demand
+        return add_instruments(truth, numbers, case.period, None), demand
 
-    def logged(self, numbers: Numbers, sailed: pd.DataFrame) -> tuple[Scenario, pd.DataFrame]:
-        """What the recording is made of: the scenario at its rows and demands, and its readings.
+    def logged(
+        self, numbers: Parameters, noise_free: pd.DataFrame
+    ) -> tuple[Scenario, pd.DataFrame]:
+        """Return the scenario of the recording, and the noisy measurements at its rows.
 
         Args:
-            numbers: of the true ship, with effects.
-            sailed: its readings without noise, as the scenario has them.
+            numbers: parameters of the true ship with effects.
+            noise_free: its noise-free measurements in this scenario.
 
         Returns:
-            A scenario to sail other ships in under the demands of the recording, and the readings of
-            this one at the recording's rows, noise on top.
+            A scenario with the commands of the recording for other ships, and the measurements of this
+            ship at the recording's rows with noise.
         """
         case = self.case
         if case.variant == CLOSED_LOOP:
@@ -101,12 +103,12 @@ class Scenario:
             return other, other.noisy(governed)
         finer = round(case.period / LOGGED_S.get(case.variant, case.period))
         if finer <= 1:
-            return self, self.noisy(sailed)
+            return self, self.noisy(noise_free)
         other = copy.copy(self)
         other.case = replace(
             case,
             period=case.period / finer,
-            instruments={  # as much noise in each hertz
+            instruments={  # the same noise density
                 name: size * math.sqrt(finer) if name.endswith("_noise") else size
                 for name, size in self.true.items()
                 if name in case.instruments or name.endswith("_noise")
@@ -116,7 +118,7 @@ class Scenario:
         other.drive = np.repeat(self.drive, finer)[:rows]
         if case.ship != BENCH:
             other.pitch = np.repeat(self.pitch, finer)[:rows]
-        return other, other.noisy(other.sail(numbers, waves=True))
+        return other, other.noisy(other.simulate(numbers, waves=True))
 
     @property
     def kept_rows(self) -> slice:
@@ -124,53 +126,56 @@ class Scenario:
         kept = LOGGED_S.get(self.case.variant, self.case.period) / self.case.period
         return slice(None, None, max(round(kept), 1))
 
-    def sail(self, numbers: Numbers, waves: bool) -> pd.DataFrame:
-        """Readings without noise."""
+    def simulate(self, numbers: Parameters, waves: bool) -> pd.DataFrame:
+        """Return the measurements without noise."""
         case = self.case
         if case.ship == BENCH:
             truth = run_bench(numbers, self.drive, case.period)
         else:
             sea = self.waves if waves else calm()
             own = numbers if waves else numbers | {"wind": 0.0}
-            way = sail_held if restless(self.drive) else sail
+            way = simulate_held if varies_every_sample(self.drive) else simulate_voyage
             truth = way(own, self.drive, self.pitch, case.period, waves=sea,
                          wind_seed=case.programme_seed)  # fmt: skip
-        return read(truth, numbers, case.period, None)
+        return add_instruments(truth, numbers, case.period, None)
 
     def noisy(self, readings: pd.DataFrame) -> pd.DataFrame:
-        """Readings with the case's noise on top (their systematic errors are in already).
+        """Return measurements with the case's noise, without the column that is not recorded.
 
-        Without the column that is not recorded.
+        The systematic errors of the instruments are already included.
         """
         plain = self.nominal | self.case.instruments
-        noisy = read(readings, plain, self.case.period, self.case.noise_seed)
+        noisy = add_instruments(readings, plain, self.case.period, self.case.noise_seed)
         return noisy.drop(columns=self.case.missing, errors="ignore")
 
     @cached_property
     def file_run(self) -> pd.DataFrame:
-        """The ship as its file says once it is calibrated, in calm water, without noise."""
-        return self.sail(self.nominal, waves=False)
+        """Noise-free simulation of the calibrated ship file in calm water."""
+        return self.simulate(self.nominal, waves=False)
 
     @cached_property
     def base(self) -> pd.DataFrame:
-        """The true ship without effects in the case's sea, without noise."""
-        return self.sail(self.true, waves=True) if len(self.waves) else self.calm_run
+        """Noise-free simulation of the true ship without effects in the case's sea."""
+        return self.simulate(self.true, waves=True) if len(self.waves) else self.calm_run
 
     @cached_property
     def calm_run(self) -> pd.DataFrame:
-        """The true ship without effects in calm water, without noise."""
-        wrong = any(factor != 1.0 for factor in self.case.factors.values())  # off is put right
-        return self.sail(self.true, waves=False) if wrong else self.file_run
+        """Noise-free simulation of the true ship without effects in calm water."""
+        wrong = any(
+            factor != 1.0 for factor in self.case.factors.values()
+        )  # deliberate errors of the file are corrected
+        return self.simulate(self.true, waves=False) if wrong else self.file_run
 
-    def compared(self, numbers: Numbers) -> pd.DataFrame:
-        """Readings to be compared between ships: calm, or waves met on a given track.
+    def compared(self, numbers: Parameters) -> pd.DataFrame:
+        """Return measurements that are comparable between ships: in calm water, or on a given track in
+        waves.
 
-        Elsewhere ships of unlike speed meet other waves, which hides what the effect does.
+        Otherwise ships of different speeds would meet different waves, which would hide the effect.
         """
         if not any(one.effect.waves for one in self.case.effects):
-            return self.sail(numbers, waves=False)
+            return self.simulate(numbers, waves=False)
         track = {"track_speed": float(self.file_run["ship_speed_m_s"].mean())}
-        return self.sail(numbers | track, waves=True)
+        return self.simulate(numbers | track, waves=True)
 
     @cached_property
     def _reference(self) -> pd.DataFrame:
@@ -179,7 +184,7 @@ class Scenario:
 
     @cached_property
     def residual_rms(self) -> dict[str, float]:
-        """What the file's ship leaves of a noisy recording without effects, rms by channel."""
+        """Rms residual of the ship file for a noisy recording without effects, by channel."""
         null = self.noisy(self.base)
         return {c: rms(null[c] - self.file_run[c]) for c in CHANNELS if c in null}
 
@@ -191,22 +196,23 @@ class Scenario:
 
     @cached_property
     def imitations(self) -> NDArray[np.float64]:
-        """Changes by each number at its tolerance, shape (samples of all channels, numbers)."""
+        """Changes by each parameter at its tolerance, shape (samples of all channels, parameters)."""
         columns = []
         for name, tolerance in TOLERANCES[self.case.ship].items():
             moved = self.nominal[name] * (1.0 + tolerance)
-            off = self.sail(self.nominal | {name: moved}, waves=False)
+            off = self.simulate(self.nominal | {name: moved}, waves=False)
             columns.append(self._stacked(off, self.file_run).ravel())
         return np.column_stack(columns)
 
-    def strength(self, sailed: pd.DataFrame) -> tuple[float, float, str]:
-        """Strength of an effect by its :meth:`compared` readings, in the most affected channel.
+    def strength(self, noise_free: pd.DataFrame) -> tuple[float, float, str]:
+        """Return the strength of an effect from its :meth:`compared` measurements.
 
         Returns:
-            The rms of what no wrong number within its tolerance can imitate of the change, over the
-            rms of the residual without the change; the same before any imitation; the channel.
+            The rms of the part of the change that no bias of the parameters within tolerance can
+            imitate, relative to the rms residual without the change; the same of the whole change; the
+            most affected channel.
         """
-        change = self._stacked(sailed, self._reference)
+        change = self._stacked(noise_free, self._reference)
         raw = np.sqrt(np.mean(change**2, axis=1))
         tolerances = TOLERANCES[self.case.ship]
         taken = np.array([(self.case.factors[n] - 1.0) / t for n, t in tolerances.items()])
@@ -218,21 +224,21 @@ class Scenario:
         return float(beyond.max()), float(raw.max()), list(self.residual_rms)[int(beyond.argmax())]
 
     def find_size(self, concealed: Concealed) -> tuple[float, float, float, str]:
-        """Size at which an effect has its strength: secant steps on the logarithms.
+        """Return the size at which an effect has its wanted strength, by secant steps on the logarithms.
 
         Returns:
-            Size, and the two strengths and the channel as of :meth:`strength`.
+            Size, and the two strengths and the channel of :meth:`strength`.
         """
         effect, size = concealed.effect, concealed.effect.first
         low, high = 0.0, effect.most  # too weak, too strong
         before: tuple[float, float] | None = None
         for trial in range(TRIALS):
             try:
-                sailed = self.compared(with_effect(self.true, concealed, size))
+                noise_free = self.compared(with_effect(self.true, concealed, size))
             except StalledError:
                 high, size = size, max(0.5 * size, math.sqrt(low * size))
                 continue
-            ratio, raw, channel = self.strength(sailed)
+            ratio, raw, channel = self.strength(noise_free)
             enough = abs(ratio / concealed.ratio - 1.0) < CLOSE
             if enough or trial == TRIALS - 1 or (size >= effect.most and ratio < concealed.ratio):
                 break
@@ -244,15 +250,13 @@ class Scenario:
             before = size, ratio
             step = (concealed.ratio / ratio) ** (1.0 / slope) if ratio > 0.0 else 4.0
             size *= min(max(step, 0.02), 20.0)
-            if not low < size < high:  # halve what is left, or take its end
+            if not low < size < high:  # bisect the interval, or take its end
                 size = max(0.5 * high, math.sqrt(low * high)) if high < effect.most else high
             size = max(size, 0.01 * effect.first)
         return size, ratio, raw, channel
 
 
-LEAST = (
-    0.15  # strength below which another programme is drawn, since this one does not show the effect
-)
+LEAST = 0.15  # strength below which another programme is drawn
 ATTEMPTS = 4
 OPTIONAL = ("thrust_N", "propeller_submergence_m")
 _DIGITS = {"time_s": 4, "fuel_rack_mm": 4, "pitch_ratio_command": 5, "pitch_ratio": 5,
@@ -261,36 +265,37 @@ _DIGITS = {"time_s": 4, "fuel_rack_mm": 4, "pitch_ratio_command": 5, "pitch_rati
 
 
 @dataclass(frozen=True)
-class Reality:
-    """A recording and its truth."""
+class SimulatedCase:
+    """Recording of a case with its truth and reference simulations."""
 
     recording: pd.DataFrame
     truth: Any
-    without: pd.DataFrame  # the true ship without its effects, calm, perfect instruments
-    concealed: pd.DataFrame  # with them, calm, as faulty instruments read it without noise
-    healthy: pd.DataFrame | None = None  # a recording of the same ship without effects
+    without: pd.DataFrame  # true ship without effects, calm water, perfect instruments
+    concealed: pd.DataFrame  # true ship with effects, calm water, instruments without noise
+    healthy: pd.DataFrame | None = None  # recording of a reference period without effects
 
 
 @dataclass
-class _Found:
-    """Effects with their sizes; strengths beyond tolerances, raw strengths, channels."""
+class _SizedEffects:
+    """Effects with their sizes, strengths and most affected channels."""
 
     scenario: Scenario
-    sailed: pd.DataFrame
-    numbers: Numbers
+    noise_free: pd.DataFrame
+    numbers: Parameters
     sizes: dict[str, float]
     beyond: dict[str, float]
     ratios: dict[str, float]
     channels: dict[str, str]
 
 
-def make(case: Case) -> Reality:
+def simulate_case(case: Case) -> SimulatedCase:
     """Simulate a case.
 
-    An effect's strength is the rms of its change of the most affected reading, less what numbers
-    within their tolerances can imitate of it, over the rms of (recording without effects - file's ship
-    in calm water), on this very programme and sea. Where a programme cannot show an effect, another is
-    drawn. The truth also holds the strength without regard to tolerances (``ratios``).
+    The strength of an effect is the rms of its change of the most affected channel, less the part that
+    parameters within their tolerances can imitate, relative to the rms difference between the recording
+    without effects and the ship file in calm water, with this programme and sea. If a programme cannot
+    show an effect, another one is drawn. The truth has the strength without tolerances as well
+    (``ratios``).
     """
     for attempt in range(ATTEMPTS):
         found = _conceal(
@@ -298,15 +303,15 @@ def make(case: Case) -> Reality:
         )
         if all(strength >= LEAST for strength in found.beyond.values()):
             break
-    return _recorded(found)
+    return _simulated_case(found)
 
 
-def make_sized(case: Case, sizes: Mapping[str, float]) -> Reality:
-    """Simulate a case whose effects have given sizes, whatever strength that is.
+def simulate_case_with_sizes(case: Case, sizes: Mapping[str, float]) -> SimulatedCase:
+    """Simulate a case whose effects have given sizes, with any strength.
 
     Args:
-        case: as drawn.
-        sizes: by key of the effect, positive, in the unit of its number.
+        case: case as drawn.
+        sizes: positive sizes by key of the effect, in the unit of its parameter.
 
     Raises:
         StalledError: the engine stops.
@@ -316,12 +321,12 @@ def make_sized(case: Case, sizes: Mapping[str, float]) -> Reality:
     for one in case.effects:
         numbers = with_effect(numbers, one, sizes[one.key])
     signed = {one.key: one.sign * sizes[one.key] for one in case.effects}
-    sailed = scenario.sail(numbers, waves=True)
-    return _recorded(_Found(scenario, sailed, numbers, signed, {}, {}, {}))
+    noise_free = scenario.simulate(numbers, waves=True)
+    return _simulated_case(_SizedEffects(scenario, noise_free, numbers, signed, {}, {}, {}))
 
 
-def _conceal(scenario: Scenario) -> _Found:
-    found = _Found(scenario, scenario.base, scenario.true, {}, {}, {}, {})
+def _conceal(scenario: Scenario) -> _SizedEffects:
+    found = _SizedEffects(scenario, scenario.base, scenario.true, {}, {}, {}, {})
     for one in scenario.case.effects:
         size, beyond, raw, channel = scenario.find_size(one)
         found.numbers = with_effect(found.numbers, one, size)
@@ -329,48 +334,50 @@ def _conceal(scenario: Scenario) -> _Found:
         found.beyond[one.key], found.ratios[one.key] = beyond, raw
         found.channels[one.key] = channel
     if scenario.case.effects:
-        found.sailed = scenario.sail(found.numbers, waves=True)
+        found.noise_free = scenario.simulate(found.numbers, waves=True)
     return found
 
 
-def _recorded(found: _Found) -> Reality:
-    scenario, case, sailed = found.scenario, found.scenario.case, found.sailed
+def _simulated_case(found: _SizedEffects) -> SimulatedCase:
+    scenario, case, noise_free = found.scenario, found.scenario.case, found.noise_free
     notes = {
         "channels": found.channels,
         "beyond_tolerances": found.beyond,
         "windows": {c.key: _window(case, found.numbers, c) for c in case.effects},
-        "equivalents": {c.key: equivalent(c.effect, found.numbers, sailed) for c in case.effects},
+        "equivalents": {
+            c.key: equivalent(c.effect, found.numbers, noise_free) for c in case.effects
+        },
         "residual_rms": scenario.residual_rms,
     }
-    aboard, readings = scenario.logged(found.numbers, sailed)
-    without, concealed = scenario.calm_run, sailed
+    aboard, readings = scenario.logged(found.numbers, noise_free)
+    without, concealed = scenario.calm_run, noise_free
     if aboard is not scenario:
-        without = aboard.sail(scenario.true, waves=False)
+        without = aboard.simulate(scenario.true, waves=False)
     if aboard is not scenario or case.wave_height > 0.0:
-        concealed = aboard.sail(found.numbers, waves=False)
+        concealed = aboard.simulate(found.numbers, waves=False)
     rows = aboard.kept_rows
-    healthy = healthy_of(case)
-    return Reality(
+    healthy = reference_case(case)
+    return SimulatedCase(
         _file(case, readings[rows]),
         truth_of(case, found.sizes, found.ratios, notes),
         without=without[rows].reset_index(drop=True),
         concealed=concealed[rows].reset_index(drop=True),
-        healthy=None if healthy is None else _healthy(healthy),
+        healthy=None if healthy is None else _reference_period(healthy),
     )
 
 
-def _healthy(case: Case) -> pd.DataFrame:
-    """A recording without effects."""
+def _reference_period(case: Case) -> pd.DataFrame:
+    """Return a recording without effects."""
     scenario = Scenario(case)
     return _file(case, scenario.noisy(scenario.base))
 
 
 def _file(case: Case, readings: pd.DataFrame) -> pd.DataFrame:
-    """What stands in a recording's file: its columns, in the digits of a logger."""
+    """Return the columns of the recording's file, rounded like those of a logger."""
     kept = [c for c in readings if c not in OPTIONAL or c in case.columns]
     return readings[kept].round({c: _DIGITS[c] for c in kept}).reset_index(drop=True)
 
 
-def _window(case: Case, numbers: Numbers, concealed: Concealed) -> list[float] | None:
+def _window(case: Case, numbers: Parameters, concealed: Concealed) -> list[float] | None:
     window = concealed.effect.window
     return [numbers[name] * case.seconds for name in window] if window else None

@@ -1,8 +1,8 @@
-"""The proof on concealed data: recordings of an independent reality, diagnosed, opened, scored.
+"""Run a validation on concealed effects: simulate recordings, seal the truth, diagnose and score.
 
-Each case has a folder of its own: ``recording.csv`` and ``sealed.sha256`` before the tool runs, its
-``report.json``, then ``truth.json`` and ``score.json``. Finished cases are kept, so a proof that was
-interrupted goes on where it stopped.
+Each case has its own folder: ``recording.csv`` and ``sealed.sha256`` before the tool runs, then
+``report.json``, ``truth.json`` and ``score.json``. Finished cases are kept, so that an interrupted
+validation can be resumed.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ import pandas as pd
 
 from ..core.files import read_json, write_atomically, write_json, write_text
 from ..display.tables import markdown
-from .cases import Case, draw_case, sealed
-from .recording import Reality, make
+from .cases import Case, draw_case, hash_truth
+from .recording import SimulatedCase, simulate_case
 from .scoring import confusion, draw_confusion, score, table_of, tables_of
 from .variants import PLAIN, VARIANTS, file_text
 
 Diagnose = Callable[..., Mapping[str, Any]]
-"""(recording, ship, folder for results, ids to be left out of the catalogue) -> ``report.json``; where
-there is a healthy record, it is handed over by name, as ``healthy``."""
+"""Function of (recording, ship, folder for results, excluded ids) that returns ``report.json``; the
+recording of a reference period is passed as a keyword argument."""
 
 HEALTHY = "healthy.csv"
 
@@ -33,12 +33,12 @@ TOOL = "shaftline"
 
 
 def case_folder(folder: Path, case: Case) -> Path:
-    """Where a case's files lie."""
+    """Return the folder of a case."""
     return folder / f"case-{case.seed}-{case.index:04d}"
 
 
 def _report(name: str, diagnose: Diagnose, place: Path, ship: str, case: Case) -> dict[str, Any]:
-    """The report of one tool: kept if it is there, else made; a crash is a report, too."""
+    """Return the report of one tool, from its file if there is one; an exception is a result too."""
     path = place / ("report.json" if name == TOOL else f"report-{name}.json")
     if path.exists():
         kept: dict[str, Any] = read_json(path)
@@ -47,9 +47,9 @@ def _report(name: str, diagnose: Diagnose, place: Path, ship: str, case: Case) -
     try:
         given = {"healthy": place / HEALTHY} if case.healthy_programme else {}
         report = dict(diagnose(place / "recording.csv", ship, place / name, case.exclude, **given))
-    except Exception as error:  # whatever a tool under test may raise is one of its results
+    except Exception as error:  # any exception of the tool under test is a result
         report = {"verdict": "failed", "error": f"{type(error).__name__}: {error}"}
-    # numbers that are not finite count as absent
+    # Values that are not finite count as absent.
     finite: dict[str, Any] = json.loads(
         json.dumps(report, default=str), parse_constant=lambda _: None
     )
@@ -58,18 +58,18 @@ def _report(name: str, diagnose: Diagnose, place: Path, ship: str, case: Case) -
     return finite
 
 
-def _lay_out(case: Case, reality: Reality, place: Path) -> tuple[str, str]:
-    """Write what a tool may see; gives the ship and the seal."""
+def _lay_out(case: Case, simulated: SimulatedCase, place: Path) -> tuple[str, str]:
+    """Write the files that a tool may use; return the ship and the seal."""
     ship, text = case.ship, file_text(case)
     if text is not None:
         ship = str(place / "ship.toml")
         write_text(place / "ship.toml", text)
-    if (healthy := reality.healthy) is not None:
+    if (healthy := simulated.healthy) is not None:
         write_atomically(place / HEALTHY, lambda file: healthy.to_csv(file, index=False))
-    seal = sealed(reality.truth)
+    seal = hash_truth(simulated.truth)
     write_text(place / "sealed.sha256", seal + "\n")
     write_atomically(
-        place / "recording.csv", lambda file: reality.recording.to_csv(file, index=False)
+        place / "recording.csv", lambda file: simulated.recording.to_csv(file, index=False)
     )
     return ship, seal
 
@@ -81,47 +81,49 @@ def run_case(
     beside: Mapping[str, Diagnose] | None = None,
     announce: Callable[[Case, str], object] | None = None,
 ) -> list[dict[str, Any]]:
-    """Record, seal, diagnose, open and score one case; or read the score of a finished one.
+    """Simulate, seal, diagnose and score one case, or read the score of a finished case.
 
     Args:
-        case: from :func:`~.reality.cases.draw_case`.
-        folder: of the whole proof.
-        diagnose: the tool under test; it is given the recording, the ship and the ids to leave out.
-        beside: other tools by name, run on the same recording and scored alike.
-        announce: called with the seal before any tool runs.
+        case: case from :func:`.cases.draw_case`.
+        folder: folder of the validation.
+        diagnose: tool under test.
+        beside: other tools by name, run on the same recording.
+        announce: called with the case and its seal before any tool runs.
 
     Returns:
-        One row a tool, as of :func:`~.reality.scoring.score`.
+        One row of :func:`.scoring.score` for each tool.
 
     Raises:
-        RuntimeError: the truth is not the one that was sealed.
+        RuntimeError: the truth differs from the sealed truth.
     """
     place = case_folder(folder, case)
     done = place / "score.json"
     if done.exists():
         rows: list[dict[str, Any]] = read_json(done)
         return rows
-    reality = make(case)
+    simulated = simulate_case(case)
     before = place / "sealed.sha256"
-    if before.exists() and before.read_text(encoding="utf-8").strip() != sealed(reality.truth):
-        raise RuntimeError(f"{place}: the truth is not the one that was sealed; remove the folder")
-    ship, seal = _lay_out(case, reality, place)
+    if before.exists() and before.read_text(encoding="utf-8").strip() != hash_truth(
+        simulated.truth
+    ):
+        raise RuntimeError(f"{place}: the truth differs from the sealed truth; remove the folder")
+    ship, seal = _lay_out(case, simulated, place)
     if announce is not None:
         announce(case, seal)
     rows = []
     for name, tool in {TOOL: diagnose, **(beside or {})}.items():
         report = _report(name, tool, place, ship, case)
-        row = score(name, report, reality.truth, reality)
+        row = score(name, report, simulated.truth, simulated)
         rows.append(row | {"seconds": report["seconds_taken"], "seal": seal})
-    write_json(place / "truth.json", reality.truth)
+    write_json(place / "truth.json", simulated.truth)
     write_json(done, rows)
     return rows
 
 
 def verify(place: Path) -> bool:
-    """Whether a finished case's truth is the one that was sealed."""
+    """Return whether the truth of a finished case is the sealed truth."""
     truth = read_json(place / "truth.json")
-    return (place / "sealed.sha256").read_text(encoding="utf-8").strip() == sealed(truth)
+    return (place / "sealed.sha256").read_text(encoding="utf-8").strip() == hash_truth(truth)
 
 
 def validate(
@@ -135,17 +137,17 @@ def validate(
     announce: Callable[[Case, str], object] | None = None,
     progress: Callable[[list[dict[str, Any]]], object] | None = None,
 ) -> dict[str, pd.DataFrame]:
-    """Run a whole proof, one case after the other, and write its page.
+    """Run a validation, one case after the other, and write its page.
 
     Args:
-        cases: how many, or which indices.
-        seed: decides every case.
-        folder: for the cases and the page.
-        diagnose: the tool under test.
-        variant: how the recordings are; of :data:`.variants.VARIANTS`.
+        cases: number of cases, or their indices.
+        seed: seed of the cases.
+        folder: folder for the cases and the page.
+        diagnose: tool under test.
+        variant: one of :data:`.variants.VARIANTS`.
         beside: other tools by name.
-        announce: called with each case's seal before any tool sees its recording.
-        progress: called with each finished case's rows.
+        announce: called with each case and its seal before any tool runs.
+        progress: called with the rows of each finished case.
 
     Returns:
         The tables of :func:`scores`.
@@ -160,14 +162,14 @@ def validate(
 
 
 def scores(folder: Path) -> dict[str, pd.DataFrame]:
-    """Tables of all finished cases in a folder.
+    """Return the tables of all finished cases in a folder.
 
     Returns:
-        By name: ``cases`` (a row a case and tool), ``summary`` (each figure with its target, number of
-        cases and 95 % interval), ``strength``, ``kinds``, ``effects`` and ``parameters``.
+        Tables by name: ``cases`` (one row for each case and tool), ``summary`` (each figure with target,
+        number of cases and 95 % interval), ``strength``, ``kinds``, ``effects`` and ``parameters``.
 
     Raises:
-        FileNotFoundError: no case is finished.
+        FileNotFoundError: the folder has no finished case.
     """
     rows: list[dict[str, Any]] = []
     for file in sorted(folder.glob("case-*/score.json")):
@@ -185,10 +187,10 @@ def write_page(
 ) -> Path:
     """Write ``validation.md``, its tables as ``validation-*.csv``, and the confusion matrix."""
     titles = {
-        "summary": "What was to be shown",
+        "summary": "Figures and targets",
         "strength": "Single effects by strength",
-        "kinds": "What the verdicts amount to, by kind of case",
-        "effects": "Single effects one by one",
+        "kinds": "Outcomes by kind of case",
+        "effects": "Single effects by id",
         "parameters": "Parameters and their intervals",
     }
     count = tables["cases"]["index"].nunique()
@@ -209,15 +211,15 @@ def write_page(
     grid = confusion(tables["cases"], TOOL)
     if len(grid):
         draw_confusion(grid, folder / "validation-confusion.png")
-        parts += ["## Which was taken for which", "![Confusion matrix](validation-confusion.png)"]
+        parts += ["## Confusion matrix", "![Confusion matrix](validation-confusion.png)"]
     page = folder / "validation.md"
     write_text(page, "\n\n".join(parts) + "\n")
     return page
 
 
 PREFACE = """\
-Recordings come from a second ship, integrated by scipy with formulas of its own, whose effects have
-other forms than the catalogue's. What a case conceals is sealed (SHA-256) before any tool sees its
-recording. The strength of an effect is the rms of its change of the most affected reading, less what
-wrong numbers within tolerance can imitate, over the rms of what the file's ship leaves of a recording
-without the effect. Intervals are Wilson's, 95 %."""
+The recordings come from an independent simulator with its own equations, whose effects have other forms
+than the catalogue's. The concealed effects are sealed (SHA-256) before any tool reads the recording. The
+strength of an effect is the rms of its change of the most affected channel, less the part that biased
+parameters within tolerance can imitate, relative to the rms residual of the ship file without the
+effect. Intervals are Wilson's, 95 %."""

@@ -1,7 +1,4 @@
-"""Scoring one report against the truth that was sealed before it was made.
-
-Tables and the figure of a proof, from one row a case and tool.
-"""
+"""Score reports against the sealed truth, and make the tables and the figure of a validation."""
 
 from __future__ import annotations
 
@@ -15,18 +12,18 @@ import pandas as pd
 from .. import display
 from .cases import KINDS, STRENGTHS
 from .reality.effects import BY_KEY, TrueEffect, families
-from .recording import CHANNELS, Reality, rms
+from .recording import CHANNELS, SimulatedCase, rms
 
 Row = dict[str, Any]
 NAMING = ("explained", "partly-explained")
-"""Verdicts that name effects."""
+"""Verdicts that report effects."""
 
 VERDICTS = (*NAMING, "unexplained", "nothing-missing")
 WORTH_IT = 0.05  # gain of the oracle below which no fraction of it means anything
 
 
 def overlap(found: list[list[float]], true: list[float]) -> float:
-    """Intersection over union of some windows with a true one [s]."""
+    """Return the intersection over union of reported windows with the true window [s]."""
     grid = np.arange(0.0, max([true[1], *(w[1] for w in found)], default=true[1]), 0.5)
     inside = (grid >= true[0]) & (grid < true[1])
     named = np.zeros(len(grid), dtype=bool)
@@ -37,7 +34,7 @@ def overlap(found: list[list[float]], true: list[float]) -> float:
 
 
 def parameter_of(effect: Row, equivalent: Row) -> Row | None:
-    """The reported parameter that an equivalent speaks of, if the report has it."""
+    """Return the reported parameter of an equivalent; None if the report has none."""
     parameters: Row = effect.get("parameters", {})
     for name in equivalent["names"]:
         if name in parameters:
@@ -48,34 +45,34 @@ def parameter_of(effect: Row, equivalent: Row) -> Row | None:
 
 
 def strength_class(strengths: dict[str, float]) -> str:
-    """The class that the weakest effect of a case has reached."""
+    """Return the strength class of the weakest effect of a case."""
     if not strengths:
         return "none"
     least = min(strengths.values())
     return "weak" if least < 0.35 else "medium" if least < 1.4 else "strong"
 
 
-def oracle_gains(reality: Reality, held_out: list[list[float]]) -> dict[str, float]:
-    """1 - rms(recording - true ship) / rms(recording - true ship without its effects), by channel.
+def oracle_gains(simulated: SimulatedCase, held_out: list[list[float]]) -> dict[str, float]:
+    """Return 1 - rms(recording - true ship) / rms(recording - true ship without its effects) by channel.
 
-    On the hold-out, open loop from the record's start, calm and without noise: what the true effect in
-    its true form brings.
+    It is the gain of the true effect in its true form on the held-out data, simulated open loop from the
+    start of the recording in calm water without noise.
     """
-    time = reality.recording["time_s"].to_numpy()
+    time = simulated.recording["time_s"].to_numpy()
     rows = np.zeros(len(time), dtype=bool)
     for begin, end in held_out:
         rows |= (time >= begin) & (time <= end)
     gains = {}
     for channel in CHANNELS:
-        if channel in reality.recording and rows.any():
-            measured = reality.recording[channel][rows]
-            before = rms(measured - reality.without[channel][rows])
-            gains[channel] = 1.0 - rms(measured - reality.concealed[channel][rows]) / before
+        if channel in simulated.recording and rows.any():
+            measured = simulated.recording[channel][rows]
+            before = rms(measured - simulated.without[channel][rows])
+            gains[channel] = 1.0 - rms(measured - simulated.concealed[channel][rows]) / before
     return gains
 
 
-def _gain(reality: Reality, report: Row) -> Row:
-    gains = oracle_gains(reality, report.get("recording", {}).get("held_out", []))
+def _gain(simulated: SimulatedCase, report: Row) -> Row:
+    gains = oracle_gains(simulated, report.get("recording", {}).get("held_out", []))
     if not gains:
         return {}
     channel = max(gains, key=lambda name: gains[name])
@@ -90,14 +87,14 @@ def _gain(reality: Reality, report: Row) -> Row:
 
 
 def _names(effect: Row) -> set[str]:
-    """Every id that a named effect stands for: its own, its equivalents', and those of its class."""
+    """Return all ids that a reported effect covers: its own, its equivalents and its class."""
     own = effect.get("class") or []
     classes = [own] if isinstance(own, str) else list(own)
     return {effect["id"], *effect.get("equivalent_ids", []), *classes}
 
 
 def _parameters(report: Row, truth: Row) -> Row:
-    """Error and coverage, where an effect is named by its own id and has a comparable parameter."""
+    """Return error and coverage of the comparable parameters of correctly reported effects."""
     errors, covered = [], []
     for key, equivalent in truth["equivalents"].items():
         if equivalent is None:
@@ -119,7 +116,7 @@ def _parameters(report: Row, truth: Row) -> Row:
 def _outcome(
     kind: str, verdict: str, ship: str, effects: list[Row], concealed: list[TrueEffect]
 ) -> str:
-    """One word: what the report amounts to."""
+    """Return the outcome of a report in one word."""
     if verdict not in VERDICTS:
         return "failed"
     if verdict == "partly-explained" and not effects:
@@ -138,7 +135,7 @@ def _outcome(
 
 
 def _pairs(effects: list[Row], true_ids: list[str]) -> int:
-    """How many true ids are named, each by an effect of its own (greedy: exact names first)."""
+    """Return how many true ids are reported by different effects (greedy, exact ids first)."""
     left, found = list(effects), 0
     for exact in (True, False):
         for name in list(true_ids):
@@ -150,14 +147,14 @@ def _pairs(effects: list[Row], true_ids: list[str]) -> int:
     return found
 
 
-def score(tool: str, report: Row, truth: Row, reality: Reality) -> Row:
-    """Everything that is counted about one report, as a flat row.
+def score(tool: str, report: Row, truth: Row, simulated: SimulatedCase) -> Row:
+    """Return the scores of one report as a flat row.
 
     Args:
-        tool: whose report.
-        report: in the form of ``report.json``; a verdict that is none of :data:`VERDICTS` is a failure.
-        truth: opened after the report was written.
-        reality: the recording and the oracle's runs.
+        tool: name of the tool.
+        report: report like ``report.json``; a verdict not in :data:`VERDICTS` counts as a failure.
+        truth: sealed truth.
+        simulated: simulated case, with reference simulations.
     """
     case = truth["case"]
     concealed = [BY_KEY[one["key"]] for one in case["effects"]]
@@ -202,7 +199,7 @@ def score(tool: str, report: Row, truth: Row, reality: Reality) -> Row:
         row["balance_right"] = bool(balances) and balances[0] in {e.balance for e in concealed}
         row["balance_among"] = bool({e.balance for e in concealed} & set(balances))
         row |= _parameters(report, truth) if naming else {}
-        row |= _gain(reality, report)
+        row |= _gain(simulated, report)
     true_windows = [window for window in truth["windows"].values() if window]
     if true_windows and case["kind"] in ("single", "unknown"):
         row["iou"] = overlap(location.get("windows_s") or [], true_windows[0])
@@ -210,7 +207,7 @@ def score(tool: str, report: Row, truth: Row, reality: Reality) -> Row:
 
 
 def table_of(rows: list[Row]) -> pd.DataFrame:
-    """Rows of :func:`score` as a table; columns that no row has are there, empty."""
+    """Return rows of :func:`score` as a table with all columns."""
     wanted = ("balance", "balance_right", "balance_among", "parameter_error", "covered",
               "gain_channel", "oracle_gain", "gain", "gain_fraction", "iou", "seconds",
               "wrong_and_sure", "undecided")  # fmt: skip
@@ -226,7 +223,7 @@ RIGHT = ("named", "class")
 
 
 def wilson(hits: int, count: int, z: float = 1.96) -> tuple[float, float]:
-    """Wilson's 95 % interval of a share."""
+    """Return Wilson's 95 % interval of a share."""
     if count == 0:
         return 0.0, 1.0
     share = hits / count
@@ -255,7 +252,7 @@ def _median(tool: str, figure: str, values: Any, target: str) -> dict[str, Any]:
 
 
 def summary(cases: pd.DataFrame) -> pd.DataFrame:
-    """Every figure of the issue with its target; ``low`` and ``high`` of medians are quartiles."""
+    """Return all figures with their targets; ``low`` and ``high`` of medians are quartiles."""
     rows = []
     for tool, own in cases.groupby("tool", sort=False):
         name = str(tool)
@@ -263,13 +260,13 @@ def summary(cases: pd.DataFrame) -> pd.DataFrame:
         one, two = own[own["kind"] == "single"], own[own["kind"] == "two"]
         absent = own[own["kind"].isin(["unknown", "ablated"])]
         for kind, part in [("all", null), *null.groupby("kind")]:
-            label = f"effects named on null data: {kind}"
+            label = f"effects reported in null cases: {kind}"
             alarms = part["outcome"] == "false alarm"
             rows.append(_share(name, label, alarms, "at most 0.02" if kind == "all" else ""))
         unexplained = null["outcome"] == "unexplained"
         rows += [
-            _share(name, "null data called unexplained", unexplained, ""),
-            _share(name, "null data called unexplained, without too little excitation being why",
+            _share(name, "null cases called unexplained", unexplained, ""),
+            _share(name, "null cases called unexplained despite sufficient excitation",
                    unexplained & ~null["undecided"].astype(bool), ""),
             _share(name, "true id or its class first", one["outcome"].isin(RIGHT), "0.92"),
             _share(name, "true id first", one["outcome"] == "named", ""),
@@ -287,7 +284,7 @@ def summary(cases: pd.DataFrame) -> pd.DataFrame:
                    absent["outcome"] == "wrong name", ""),
             _share(name, "two effects: both named", two["found"] == 2, "0.70"),
             _share(name, "two effects: at least one named", two["found"] >= 1, ""),
-            _share(name, "dull and confounded: not a wrong name",
+            _share(name, "insufficient excitation and confounded: not a wrong effect",
                    ~own.loc[own["kind"] == "confounded", "outcome"].isin(["wrong name", "family"]),
                    ""),
             _share(name, "wrong confident name: explained, first name neither true nor of its "
@@ -298,7 +295,7 @@ def summary(cases: pd.DataFrame) -> pd.DataFrame:
 
 
 def by_strength(cases: pd.DataFrame) -> pd.DataFrame:
-    """Rates of single effects by strength."""
+    """Return the rates of single effects by strength."""
     rows = []
     single = cases[cases["kind"] == "single"]
     for tool in single["tool"].unique():
@@ -319,7 +316,7 @@ def by_strength(cases: pd.DataFrame) -> pd.DataFrame:
 
 
 def by_kind(cases: pd.DataFrame) -> pd.DataFrame:
-    """How many cases of each kind came to which outcome."""
+    """Return the number of cases by kind and outcome."""
     table = pd.crosstab([cases["tool"], cases["kind"]], cases["outcome"])
     place = {kind: k for k, kind in enumerate(KINDS)}
     table = table.reset_index()
@@ -329,7 +326,7 @@ def by_kind(cases: pd.DataFrame) -> pd.DataFrame:
 
 
 def by_effect(cases: pd.DataFrame) -> pd.DataFrame:
-    """Each single effect: how often named, and what was named instead."""
+    """Return for each single effect how often it was reported, and the effects reported in its place."""
     rows = []
     single = cases[cases["kind"] == "single"]
     for (tool, true), part in single.groupby(["tool", "true"]):
@@ -345,7 +342,7 @@ def by_effect(cases: pd.DataFrame) -> pd.DataFrame:
 
 
 def by_parameter(cases: pd.DataFrame) -> pd.DataFrame:
-    """Parameter error and coverage by strength, where forms have a parameter in common."""
+    """Return parameter error and coverage by strength, for forms with a common parameter."""
     rows = []
     single = cases[cases["kind"] == "single"].assign(
         error=lambda t: pd.to_numeric(t["parameter_error"], errors="coerce")
@@ -361,13 +358,13 @@ def by_parameter(cases: pd.DataFrame) -> pd.DataFrame:
 
 
 def confusion(cases: pd.DataFrame, tool: str) -> pd.DataFrame:
-    """True effect against what was named first, counts, singles only."""
+    """Return the counts of first reported effects by true effect, for single effects."""
     own = cases[(cases["tool"] == tool) & (cases["kind"] == "single")]
     return pd.crosstab(own["true"], own["first"]) if len(own) else pd.DataFrame()
 
 
 def tables_of(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """All tables of a proof."""
+    """Return all tables of a validation."""
     return {
         "cases": cases,
         "summary": summary(cases),
@@ -379,7 +376,7 @@ def tables_of(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 
 def draw_confusion(grid: pd.DataFrame, path: Path) -> None:
-    """Heat map of a confusion matrix: rows are true, columns are named, shares of each row."""
+    """Draw a confusion matrix: rows are true, columns are reported effects, as shares of each row."""
     plain = [name for name in grid.columns if name in {row.split("/")[0] for row in grid.index}]
     others = [name for name in grid.columns if name not in plain]
     order = sorted(grid.index)

@@ -1,7 +1,7 @@
-"""Variants of the proof: the same cases, met as recordings of real ships are.
+"""Variants of the validation: the same cases with the limitations of recordings of real ships.
 
-Each draws what it needs from the case's seed and index alone, beside what the plain case has drawn, so
-that effect, strength, sea and programme stay the same.
+Each variant draws its additional inputs from the case's seed and index alone, so that effect, strength,
+sea and programme are those of the plain case.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import tomli_w
 
-from .reality.bench import PROGRAMMES, SHIP_FILE, bench_numbers
+from .reality.bench import PROGRAMMES, SHIP_FILE, bench_parameters
 from .reality.effects import BENCH, FRIGATE
 from .reality.instruments import LIVELY
-from .reality.numbers import Numbers, frigate_numbers, ship_file
+from .reality.numbers import Parameters, frigate_parameters, ship_file
 
 if TYPE_CHECKING:
     from .cases import Case
@@ -26,16 +26,16 @@ REALISTIC, SLOW, RAW, ONE_MISSING, CLOSED_LOOP = (
 )  # fmt: skip
 
 VARIANTS = {
-    PLAIN: "ten rows a second, every channel, a file that is right within its tolerances",
-    REALISTIC: "inertia and friction of the file off by 10 %, resistance, KT and KQ by 5 %; calibrated "
-    "on a healthy record of the same ship",
-    SLOW: "a log that keeps one row a second of ten",
-    RAW: "a hundred rows a second, unfiltered, with as much noise in each hertz",
-    ONE_MISSING: "one of shaft torque, ship speed and pitch reading is not recorded (of the thruster: "
-    "the current)",
-    CLOSED_LOOP: "a governor holds the shaft speed by what the encoder shows, noise and all",
+    PLAIN: "ten rows per second, all channels, a ship file that is right within its tolerances",
+    REALISTIC: "inertia and friction of the ship file off by 10 %, resistance, KT and KQ by 5 %; "
+    "calibrated on a reference period of the same ship",
+    SLOW: "one row per second",
+    RAW: "a hundred rows per second, unfiltered, with the same noise density",
+    ONE_MISSING: "shaft torque, ship speed or measured pitch is not recorded (for the thruster: the "
+    "current)",
+    CLOSED_LOOP: "a governor controls the shaft speed by the encoder's measurement with its noise",
 }
-"""By name: how the recordings are."""
+"""Description of each variant by name."""
 
 OFF = {
     FRIGATE: {
@@ -44,31 +44,31 @@ OFF = {
     },
     BENCH: {"inertia": 0.1, "rub": 0.1, "kt": 0.05, "kq": 0.05},
 }  # fmt: skip
-"""By how much a realistic file's numbers differ from the true ship's, as a share, either way."""
+"""Relative errors of a realistic ship file, of either sign."""
 
 FRIGATE_RUB = 3000.0
-"""Coulomb friction [N m] before the gauge of which a realistic frigate's file knows."""
+"""Coulomb friction on the engine side of the shaft torque meter in a realistic frigate's file [N m]."""
 
 LOGGED_S = {SLOW: 1.0, RAW: 0.01}
-"""Interval of the rows [s] where it is not the case's own."""
+"""Sampling interval of the log [s] where it differs from the case's."""
 
 MISSING = {
     "shaft_torque_N_m": "torque-sensor",
     "ship_speed_m_s": "speed-log",
     "pitch_ratio": "pitch-sensor",
 }
-"""Columns that may be missing, and how the ids of faults begin that would be missing with them."""
+"""Columns that may be missing, with the beginning of the ids of their instrument effects."""
 
 HEALTHY_S = {FRIGATE: 900.0, BENCH: 450.0}
-"""Length of a healthy record."""
+"""Duration of the recording of a reference period [s]."""
 
 
-def varied(case: Case, variant: str) -> Case:
-    """A case in another variant.
+def vary_case(case: Case, variant: str) -> Case:
+    """Return a case in another variant.
 
     Args:
-        case: plain.
-        variant: of :data:`VARIANTS`.
+        case: plain case.
+        variant: one of :data:`VARIANTS`.
     """
     rng = np.random.default_rng([case.seed, case.index, 21])
     more: dict[str, Any] = {}
@@ -77,7 +77,7 @@ def varied(case: Case, variant: str) -> Case:
         more = {
             "factors": dict.fromkeys(case.factors, 1.0),
             "off": {k: float(1.0 + o * rng.choice([-1.0, 1.0])) for k, o in OFF[case.ship].items()},
-            "columns": tuple(c for c in case.columns if c != "thrust_N"),  # no key says KT alone
+            "columns": tuple(c for c in case.columns if c != "thrust_N"),  # no key scales KT alone
             "healthy_programme": str(rng.choice([p for p in lively if p != case.programme])),
             "healthy_seed": int(rng.integers(2**31)),
         }
@@ -91,8 +91,8 @@ def varied(case: Case, variant: str) -> Case:
     return replace(case, variant=variant, **more)
 
 
-def healthy_of(case: Case) -> Case | None:
-    """The case of the healthy record; None where there is none."""
+def reference_case(case: Case) -> Case | None:
+    """Return the case of the reference period; None if there is none."""
     if not case.healthy_programme:
         return None
     return replace(
@@ -102,28 +102,28 @@ def healthy_of(case: Case) -> Case | None:
     )  # fmt: skip
 
 
-def file_numbers(case: Case) -> Numbers:
-    """Numbers of a case's ship as its file has them."""
+def file_parameters(case: Case) -> Parameters:
+    """Return the parameters of a case's ship in its ship file."""
     if case.ship == BENCH:
-        return bench_numbers()
+        return bench_parameters()
     rub = FRIGATE_RUB if case.variant == REALISTIC else 0.0
-    return frigate_numbers() | {"rub": rub}
+    return frigate_parameters() | {"rub": rub}
 
 
-def calibrated_numbers(case: Case) -> Numbers:
-    """The same once what the file is wrong about was put right."""
-    found = file_numbers(case)
+def calibrated_parameters(case: Case) -> Parameters:
+    """Return the parameters of the ship file with its deliberate errors corrected."""
+    found = file_parameters(case)
     return found | {name: found[name] * factor for name, factor in case.off.items()}
 
 
-def true_numbers(case: Case) -> Numbers:
-    """The true ship's, without effects."""
-    found = calibrated_numbers(case)
+def true_parameters(case: Case) -> Parameters:
+    """Return the parameters of the true ship without effects."""
+    found = calibrated_parameters(case)
     return found | {name: found[name] * factor for name, factor in case.factors.items()}
 
 
 def file_text(case: Case) -> str | None:
-    """The ship's file as a tool sees it; None where it is the preset of that name."""
+    """Return the text of the ship file for the tool; None if it is the preset of that name."""
     if case.ship == BENCH:
         return SHIP_FILE
     if case.variant != REALISTIC:

@@ -1,1 +1,1 @@
-"""Any controller on any task, on paired seas."""
+"""Evaluation of controllers on tasks, with the same seas for every controller."""

@@ -1,19 +1,20 @@
-"""What could be had at best: commands for an episode of which everything is known beforehand.
+"""Clairvoyant bound of a task: optimal commands for an episode that is known in advance.
 
-Waves and resistance of the episode are given, and the commands of its control intervals are chosen
-together, so that the sum of the task's rewards is highest. An order is known from when it is given:
-until then the plan is made as if the present one stood, or it would set out before it is told to. No
-controller at sea can know as much, so what it reaches is a bound to hold controllers against; it is a
-local optimum that was begun from a classic controller's commands, so the true best may lie above it.
+Waves and resistance of the episode are given, and the commands of all its control intervals are
+optimised together, so that the sum of the rewards is highest. An order becomes known when it is given:
+until then the plan assumes that the present order holds, otherwise it would start to accelerate too
+early. No controller on board can know as much, so the result is a bound against which controllers are
+compared. It is a local optimum, found from the commands of a classic controller, so the true optimum can
+be higher.
 
-The environment's own kernel is the model. How an interval's reward and the state at its end follow the
-state at its beginning and the commands is found by central differences of that kernel, and the gradient
-of the sum by going back through the episode (adjoint, as in Bryson & Ho 1975, section 2.2):
+The environment kernel is the model. Central differences of that kernel give the derivatives of an
+interval's reward and final state with respect to its initial state and commands. The adjoint recursion
+gives the gradient of the sum (Bryson & Ho 1975, section 2.2):
 
     lambda_k = r_x + A_k^T lambda_k+1,     dJ/du_k = r_u + B_k^T lambda_k+1
 
-The first command is a rate of the blades, u_1 = (P_d - p) / tau_p, held within what the actuator can do:
-a pitch command far away moves the blades no faster and would have no gradient.
+The first command is a rate of the blades, u_1 = (P_d - p) / tau_p, within the limits of the actuator: a
+pitch command far from the pitch does not move the blades faster and would have no gradient.
 """
 
 from __future__ import annotations
@@ -36,43 +37,50 @@ from ...plant.state import STATE, active_states
 from ...plant.waves import SEA
 
 _FAST = 1.3
-"""Bound of the rate over the actuator's: the blades close in on the command within an interval."""
+"""Bound of the pitch rate over that of the actuator: the blades reach a command in an interval."""
 
 _MEMORIES = {("memory", "rack"): 1e-2, ("episode", "drive"): 1e-2, ("episode", "mean_speed"): 1e-3,
              ("episode", "mean_torque"): 10.0,
              ("episode", "mean_brake_torque"): 10.0, ("episode", "mean_attack"): 1e-3}  # fmt: skip
-"""What is carried from interval to interval beside the states, and by how much it is moved."""
+"""Quantities beside the states that pass from interval to interval, with their difference steps."""
 
 _STATES = {"pitch_ratio": 1e-4, "shaft_speed": 1e-3, "ship_speed": 1e-3, "position": 1e-2,
            "brake_torque": 10.0, "inflow": 1e-3}  # fmt: skip
-_SHARE = 1e-3  # of states that are shares
-_MOVED = (1e-4, 1e-2)  # commands: rate of the pitch [1/s] and rack [mm]
-_AT_ONCE = 16  # intervals whose slopes are found in one call
-_GAIN = 1e-3  # of the cost, below which a search is not begun anew
-_BEYOND_S = 30.0  # sailed on behind an order's end in its plan, or the end would be used up
+_SHARE = 1e-3  # difference step of states that are shares
+_COMMAND_STEPS = (1e-4, 1e-2)  # difference steps of the pitch rate [1/s] and the rack [mm]
+_AT_ONCE = 16  # intervals whose derivatives are computed in one call
+_GAIN = 1e-3  # relative gain below which the optimiser is not restarted
+_BEYOND_S = 30.0  # horizon of a plan beyond its order, so that the end state stays useful
 _CARRIED = np.dtype([("state", STATE), ("memory", MEMORY), ("sea", SEA), ("episode", EPISODE)])
 
 
 class Plan(NamedTuple):
-    """Commands of an episode."""
+    """Optimised commands of an episode.
+
+    Examples:
+        >>> import numpy as np
+        >>> plan = Plan(np.array([0.9, 1.0]), np.zeros((2, 2), np.float32), rounds=20)
+        >>> float(plan.rewards.sum())
+        1.9
+    """
 
     rewards: NDArray[np.float64]
-    """Of each control interval, shape (k,)."""
+    """Reward of each control interval, shape (k,)."""
     actions: NDArray[np.float32]
-    """Shape (k, 2)."""
+    """Actions, shape (k, 2)."""
     rounds: int
-    """Gradients that were taken."""
+    """Number of gradients that were computed."""
 
 
 class Clairvoyant:
-    """Plans one episode; see the module.
+    """Optimiser of the commands of one episode; see the module.
 
     Args:
-        settings: of the environment; noise and observer do not matter.
-        seed: of the episode, as of the environment's ``reset``.
+        settings: settings of the environment; noise and observer have no effect.
+        seed: seed of the episode, as of ``reset`` of the environment.
 
     Raises:
-        ValueError: as of the environment; or the ship's pitch is fixed.
+        ValueError: invalid settings, an episode without an end, or a ship with a fixed pitch.
     """
 
     def __init__(self, settings: Settings, seed: int) -> None:
@@ -96,7 +104,7 @@ class Clairvoyant:
         fastest = _FAST * min(float(plant["pitch_rate_limit"]), span / self._lag)
         self.low = np.array([-fastest, float(plant["drive_min"])])
         self.high = np.array([fastest, float(plant["drive_max"])])
-        width = 2 * (len(self._carried) + len(_MOVED))
+        width = 2 * (len(self._carried) + len(_COMMAND_STEPS))
         self._beside = Batch(width * _AT_ONCE, quiet)
         for name in ("plant", "observer"):
             self._beside.environments[name] = self._first[name]
@@ -108,17 +116,17 @@ class Clairvoyant:
 
     @property
     def intervals(self) -> int:
-        """Control intervals of the episode."""
+        """Number of control intervals of the episode."""
         return self._length
 
-    def sail(
+    def simulate(
         self, commands: NDArray[np.float64], begin: Any = None
     ) -> tuple[NDArray[Any], NDArray[np.float64], Any]:
-        """The environment at the beginning of each interval, its rewards and its actions.
+        """Return the state of the environment before each interval, the rewards and the actions.
 
         Args:
             commands: rate of the blades [1/s] and rack [mm], shape (k, 2).
-            begin: the environment where they begin; that of the episode's beginning by default.
+            begin: environment at the start; by default that at the start of the episode.
         """
         one = self._one
         one.environments[:] = self._first if begin is None else begin
@@ -134,19 +142,19 @@ class Clairvoyant:
             one.step(acted[k : k + 1])
             rewards[k] = now["reward"]
             if now["ended"] != RUNNING:
-                break  # the failure's reward is below that of any episode that runs on
+                break  # A failed episode has a lower reward than any that continues.
         return before, rewards, acted
 
     def gradient(self, commands: NDArray[np.float64], before: NDArray[Any]) -> NDArray[np.float64]:
-        """Of the sum of the rewards by the commands, shape (k, 2); see the module.
+        """Return the gradient of the sum of the rewards with respect to the commands, shape (k, 2).
 
         Args:
-            commands: shape (k, 2).
-            before: from :meth:`sail`.
+            commands: rate of the blades [1/s] and rack [mm], shape (k, 2).
+            before: states from :meth:`simulate`.
         """
         count = len(self._carried)
-        ends = np.zeros((len(commands), count, count + len(_MOVED)))
-        reward = np.zeros((len(commands), count + len(_MOVED)))
+        ends = np.zeros((len(commands), count, count + len(_COMMAND_STEPS)))
+        reward = np.zeros((len(commands), count + len(_COMMAND_STEPS)))
         for first in range(0, len(commands), _AT_ONCE):
             part = slice(first, min(first + _AT_ONCE, len(commands)))
             ends[part], reward[part] = self._slopes(commands[part], before[part])
@@ -160,13 +168,13 @@ class Clairvoyant:
     def _slopes(
         self, commands: NDArray[np.float64], before: NDArray[Any]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """How end and reward of intervals follow their beginning and commands.
+        """Return the derivatives of final state and reward of intervals by initial state and commands.
 
         Returns:
-            Shapes (k, c, c + 2) and (k, c + 2), for c numbers that are carried.
+            Arrays of shapes (k, c, c + 2) and (k, c + 2), for c carried quantities.
         """
         n, count, beside = len(commands), len(self._carried), self._beside
-        width = 2 * (count + len(_MOVED))
+        width = 2 * (count + len(_COMMAND_STEPS))
         rows = beside.environments[: n * width]
         for name in _CARRIED.names or ():
             rows[name] = np.repeat(before[name], width)
@@ -175,7 +183,7 @@ class Clairvoyant:
             values = rows[record][field]
             values[2 * j :: width] += scale
             values[2 * j + 1 :: width] -= scale
-        for j, scale in enumerate(_MOVED):
+        for j, scale in enumerate(_COMMAND_STEPS):
             given[2 * (count + j) :: width, j] += scale
             given[2 * (count + j) + 1 :: width, j] -= scale
         pitch = rows["state"]["pitch_ratio"] + self._lag * given[:, 0]
@@ -183,7 +191,7 @@ class Clairvoyant:
             rows, beside.commons, beside.gains, actions(self._plant, pitch, given[:, 1]),
             beside.steps, beside.dt, 0, len(rows),
         )  # fmt: skip
-        scales = 2.0 * np.array([scale for _, scale in self._carried] + list(_MOVED))
+        scales = 2.0 * np.array([scale for _, scale in self._carried] + list(_COMMAND_STEPS))
 
         def slope(values: Any) -> NDArray[np.float64]:
             pairs = np.asarray(values, dtype=np.float64).reshape(n, width // 2, 2)
@@ -192,15 +200,15 @@ class Clairvoyant:
         ends = np.stack([slope(rows[r][f]) for (r, f), _ in self._carried], axis=1)
         return ends, slope(rows["reward"])
 
-    def follow(
+    def commands_of(
         self, controller: Predictor, begin: Any = None, intervals: int | None = None
     ) -> NDArray[np.float64]:
-        """What a controller commands, shape (k, 2): where a plan begins.
+        """Return the commands of a controller as the initial value of a plan, shape (k, 2).
 
         Args:
-            controller: of this ship.
-            begin: as of :meth:`sail`.
-            intervals: k; all of the episode by default.
+            controller: controller of this ship.
+            begin: environment at the start, as in :meth:`simulate`.
+            intervals: number k of intervals; all of the episode by default.
         """
         one = self._one
         one.environments[:] = self._first if begin is None else begin
@@ -221,11 +229,11 @@ class Clairvoyant:
         return np.clip(commands, self.low, self.high)
 
     def plan(self, controller: Predictor, rounds: int = 300) -> Plan:
-        """The best commands that are found from what a controller commands, order by order.
+        """Return the optimised commands, starting from those of a controller, one order after another.
 
         Args:
-            controller: of this ship.
-            rounds: most gradients for each order.
+            controller: controller of this ship.
+            rounds: largest number of gradients for each order.
         """
         interval = float(self._first["episode"]["order_interval"][0]) / self.interval_s
         given = np.ceil(np.arange(MAX_ORDERS) * interval)
@@ -237,9 +245,9 @@ class Clairvoyant:
             orders = known["episode"]["orders"][0]
             orders[which:] = orders[which]
             beyond = min(last + round(_BEYOND_S / self.interval_s), self.intervals)
-            begin = self.follow(controller, known, beyond - first)
+            begin = self.commands_of(controller, known, beyond - first)
             best, taken = self._best(begin, known, rounds)
-            _, gained, actions_there = self.sail(best[: last - first], here)
+            _, gained, actions_there = self.simulate(best[: last - first], here)
             here = self._one.environments.copy()
             count += taken
             rewards.append(gained)
@@ -249,7 +257,7 @@ class Clairvoyant:
     def _best(
         self, begin: NDArray[np.float64], known: Any, rounds: int
     ) -> tuple[NDArray[np.float64], int]:
-        """The best commands that L-BFGS-B finds from some, and how many gradients it took."""
+        """Return the commands that L-BFGS-B finds from initial ones, and the number of gradients."""
         span = self.high - self.low
         count = 0
 
@@ -257,11 +265,11 @@ class Clairvoyant:
             nonlocal count
             count += 1
             commands = self.low + span * x.reshape(-1, 2)
-            before, rewards, _ = self.sail(commands, known)
+            before, rewards, _ = self.simulate(commands, known)
             return -float(rewards.sum()), -(self.gradient(commands, before) * span).ravel()
 
         best, least = ((begin - self.low) / span).ravel(), np.inf
-        while count < rounds:  # the reward has kinks, at which a search may stop short: begun anew
+        while count < rounds:  # The reward has kinks at which L-BFGS-B can stop early: restart it.
             found = scipy.optimize.minimize(
                 cost, best, jac=True, method="L-BFGS-B", bounds=[(0.0, 1.0)] * begin.size,
                 options={"maxfun": rounds - count, "maxcor": 30, "ftol": 1e-7},

@@ -1,6 +1,6 @@
-"""Any controller on any task, in figures that an engineer asks for: one episode a seed.
+"""Simulation of any controller on any task: one episode for each seed, with the KPIs of each.
 
-Controllers by name: the classic ones, and policies from their files.
+Controllers are given by name: the classic controllers, and policies by their file.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...baselines import ControllerError, controller_names, make_controller
-from ...baselines.controller import OBSERVED, Predictor, readings
-from ...baselines.registry import CONTROLLERS, joined_names, read_options
-from ...core.discovery import version_of_others
+from ...baselines.controller import OBSERVED, Predictor, measurements_of
+from ...baselines.registry import CONTROLLERS, read_options, split_steering_name
+from ...core.discovery import external_class_digest
 from ...core.sweep import digest_of, source_digest
 from ...envs import CLASSIC, DEFAULTS, FrigateVectorEnv
 from ...envs.records import TRUTHS
 from ...envs.settings import EPISODE_S
-from ...envs.steering import kinds
+from ...envs.steering import environment_classes
 from ...envs.tasks import Task, controller_for, get_task
 from ...plant import Ship
-from ..policy.policy import PolicyError, load_policy, trained
+from ..policy.policy import PolicyError, load_policy, packaged_policies
 from .kpis import EpisodeSums
 
 _LONGEST = 160
@@ -34,22 +34,29 @@ _LONGEST = 160
 
 @dataclass(frozen=True)
 class Setting:
-    """One cell of an evaluation.
+    """Cell of an evaluation: controller, task, sea, observer and episodes.
 
     Args:
-        controller: as it is called in tables.
+        controller: name of the controller in tables.
         task: name; ``NAME:held-out`` for the seas that its training never draws.
-        sea: ``task`` for those of the task, or anything that the environment's ``sea`` takes.
-        observer: name.
-        seeds: episodes, one a seed.
-        ship: preset or path; the one that the task is made for by default.
+        sea: ``task`` for the seas of the task, or any value of the environment's ``sea``.
+        observer: name of the observer.
+        seeds: number of episodes, one for each seed.
+        ship: preset or path; by default the ship of the task.
         episode_s: length of an episode [s].
-        sensor_noise: factor on the usual instruments', or rms by instrument [its unit].
-        task_model: the task itself, where it is not the one that ``task`` names.
-        first_seed: seeds run from here.
-        randomise: half width of a uniform factor by dotted key of the ship's file: the sailed ship
-            has it, observer and controller do not know.
-        tuning: of the observer, its default where None.
+        sensor_noise: factor on the usual noise, or rms by instrument [unit of the instrument].
+        task_model: the task itself, where ``task`` is not its registered name.
+        first_seed: first seed.
+        randomise: half width of a uniform factor by dotted key of the ship file. The simulated ship has
+            the factors; observer and controller use the nominal ship.
+        tuning: tuning of the observer; its default where None.
+
+    Examples:
+        >>> cell = Setting("combinator", "transit", "task", "luenberger", seeds=4)
+        >>> cell.vessel
+        'frigate'
+        >>> cell.name
+        'combinator_transit_task_luenberger_4_frigate_300.0_1.0_0'
     """
 
     controller: str
@@ -67,12 +74,12 @@ class Setting:
 
     @property
     def vessel(self) -> str:
-        """The ship that sails: preset or path."""
+        """Preset or path of the simulated ship."""
         return self.ship or (self.task_model or get_task(self.task)).vessel
 
     @property
     def columns(self) -> dict[str, Any]:
-        """Its fields as a table has them: with the ship that sails, and no task of a single run."""
+        """Fields as columns of a table, with the simulated ship and without ``task_model``."""
         fields = asdict(self) | {"ship": self.vessel}
         del fields["task_model"]
         for name in ("randomise", "tuning"):
@@ -82,9 +89,9 @@ class Setting:
 
     @property
     def name(self) -> str:
-        """File name of the cell; differs where any field differs.
+        """File name of the cell, which differs where any field differs.
 
-        A long one is cut, with a digest of all behind it: file systems take 255 letters.
+        A long name is cut and ends with a digest of the whole, because file systems allow 255 letters.
         """
         text = "_".join(map(str, self.columns.values()))
         if len(text) > _LONGEST:
@@ -98,21 +105,31 @@ def run_episodes(
     first_seed: int | None = None,
     threads: int | None = None,
 ) -> tuple[pd.DataFrame, NDArray[np.float64]]:
-    """Sail one episode a seed.
+    """Simulate one episode for each seed.
 
     Args:
-        setting: task, sea, observer and so on; ``sea`` ``task`` leaves the choice to the task.
-        controller: with ``predict``; its ``interface`` holds the keywords of its environment,
+        setting: task, sea, observer and episodes.
+        controller: controller with ``predict``; its ``interface`` holds the keywords of its environment,
             :data:`shaftline.envs.CLASSIC` where it has none.
-        first_seed: in place of the setting's; equal seeds meet equal seas whatever the controller.
-        threads: that step the episodes; the machine's cores by default. They change no figure.
+        first_seed: first seed in place of that of the setting. Equal seeds give equal seas for every
+            controller.
+        threads: number of threads that step the episodes; one for each core by default. The results do
+            not depend on it.
 
     Returns:
-        KPIs, one row a seed; and the first seed's episode, shape (intervals, 4 + 9 + 2): time [s],
-        order [m/s], pitch ratio, rack [mm], the environment's ``TRUTHS``, estimate and its validity.
+        KPIs, one row for each seed; and the episode of the first seed, shape (intervals, columns of
+        :data:`TRACE`).
+
+    Examples:
+        >>> from shaftline.baselines import make_controller
+        >>> from shaftline.plant import load_ship
+        >>> cell = Setting("combinator", "transit", "calm", "none", seeds=2, episode_s=5.0)
+        >>> kpis, trace = run_episodes(cell, make_controller("combinator", load_ship("frigate"), 0.5))
+        >>> len(kpis), trace.shape == (10, len(TRACE))
+        (2, True)
     """
     task = setting.task_model or get_task(setting.task)
-    env = kinds(task.steered).vector(
+    env = environment_classes(task.steered).vector(
         setting.seeds,
         threads=threads,
         ship=setting.vessel,
@@ -123,7 +140,7 @@ def run_episodes(
         max_episode_steps=max(round(setting.episode_s / DEFAULTS.control_interval_s), 1),
         randomise=setting.randomise,
         tuning=setting.tuning,
-        autoreset_mode="NextStep",  # the info of the last step is that of the episode that ended
+        autoreset_mode="NextStep",  # so that the last info belongs to the ended episode
         **getattr(controller, "interface", CLASSIC),
     )
     interval = env.batch.interval_s
@@ -139,7 +156,7 @@ def run_episodes(
         observation, reward, terminated, truncated, info = env.step(action)
         sums.add(alive, info, reward, order)
         if alive[0]:
-            seen = readings(_measured(env)[0])
+            seen = measurements_of(_measured(env)[0])
             truth = [float(info[name][0]) for name in TRUTHS]
             trace.append(
                 [len(trace) * interval, order[0], seen.pitch_ratio[0], seen.fuel_rack[0], *truth,
@@ -153,79 +170,92 @@ def run_episodes(
 
 
 def _measured(env: FrigateVectorEnv) -> NDArray[np.float64]:
-    """Return the controllers' signals of all environments in physical units, shape (n, 8)."""
+    """Return the signals of the classic controllers in physical units, shape (n, 8)."""
     return env.batch.signals[:, : len(OBSERVED)].astype(np.float64)
 
 
 _ORDER = OBSERVED.index("speed_order")
 
 TRACE = ("time", "speed_order", "pitch_ratio", "fuel_rack", *TRUTHS, "estimate", "valid")
-"""Columns of an episode's trace."""
+"""Columns of the trace of an episode."""
 
 
 _POLICY = "policy"
 
 
-def known() -> str:
-    """What :func:`load_controller` takes, in words."""
-    return f"{', '.join(controller_names())}, your own as module:Class, policy:FILE.npz" + "".join(
-        f", {_POLICY}:{name}" for name in trained()
+def known_controllers() -> str:
+    """Return the values that :func:`load_controller` accepts, as text."""
+    return f"{', '.join(controller_names())}, module:Class, policy:FILE.npz" + "".join(
+        f", {_POLICY}:{name}" for name in packaged_policies()
     )
 
 
 def load_controller(
     text: str, ship: Ship, interval_s: float, task: Task | None = None
 ) -> Predictor:
-    """A controller from ``NAME``, ``NAME:option=number,...`` or ``policy:FILE``.
+    """Return a controller from ``NAME``, ``NAME:option=number,...`` or ``policy:FILE``.
 
     Args:
-        text: as above; a policy's file, or the name of one that comes with the package.
-        ship: the ship that it shall command.
+        text: one of the forms above; FILE is a policy file, or the name of a policy of the package.
+        ship: ship to control.
         interval_s: control interval [s].
-        task: that it is loaded for. Where that has the rudder as an action, ``HELMSMAN+NAME`` chooses
-            who lays it; the task's own helmsman does otherwise.
+        task: task of the controller. Where the rudder is an action, ``HELMSMAN+NAME`` selects the
+            helmsman; the default is the helmsman of the task.
 
     Raises:
-        ControllerError: unknown name, or an option that the controller does not take.
-        PolicyError: not a policy, or one of another version, ship, observation or interval.
+        ControllerError: unknown name, or an option that the controller does not accept.
+        PolicyError: not a policy file, or a policy of another version, ship, observation or interval.
+
+    Examples:
+        >>> from shaftline.plant import load_ship
+        >>> load_controller("speed-pilot", load_ship("frigate"), 0.5).name
+        'speed-pilot'
     """
     kind, _, source = text.partition(":")
     if kind != _POLICY:
         steered = task is not None and task.steered
-        parts = joined_names(text)
+        parts = split_steering_name(text)
         name, _ = read_options(parts[-1])
         if (":" in name or name in controller_names()) and len(parts) <= 1 + steered:
             if task is not None:
                 return controller_for(task, text, ship, interval_s, steered)
             return make_controller(text, ship, interval_s)
     if kind != _POLICY or not source:
-        raise ControllerError(f"unknown controller {text!r}; known: {known()}")
+        raise ControllerError(f"unknown controller {text!r}; known: {known_controllers()}")
     policy = load_policy(source, ship)
     own = policy.interval_s
     if abs(own - interval_s) > 1e-9:
         raise PolicyError(
-            f"{source}: this policy does not fit: control_interval_s: the policy has {own:g} s, "
-            f"here it is {interval_s:g} s"
+            f"{source}: this policy does not match the environment: control_interval_s: the policy has "
+            f"{own:g} s, the environment {interval_s:g} s"
         )
     return policy
 
 
 def label(text: str) -> str:
-    """Return a controller's name in tables and cells, for a text that :func:`load_controller` took.
+    """Return the name of a controller in tables and cells.
 
-    A file may hold another policy or another controller tomorrow. So a policy's name is followed by
-    eight letters of its content and of the source that runs it, the name of a user's controller by eight
-    letters of its source and of what that imports: results of the old one are then not used again.
+    The content of a file can change under the same name. The label of a policy therefore ends with eight
+    letters of a digest of its file and of the source code that runs it, the label of a user's controller
+    with eight letters of a digest of its source and its imports. Results of an earlier content are then
+    not reused.
+
+    Args:
+        text: text that :func:`load_controller` accepts.
+
+    Examples:
+        >>> label("combinator")
+        'combinator'
     """
     kind, _, source = text.partition(":")
     if kind != _POLICY:
-        propulsion = joined_names(text)[-1]
-        return f"{text} {version_of_others(read_options(propulsion)[0], CONTROLLERS)}".rstrip()
-    path = trained().get(source, Path(source))
+        propulsion = split_steering_name(text)[-1]
+        return f"{text} {external_class_digest(read_options(propulsion)[0], CONTROLLERS)}".rstrip()
+    path = packaged_policies().get(source, Path(source))
     return f"{_POLICY}:{'/'.join(Path(source).parts[-2:])} {version_of(path)}"
 
 
 def version_of(policy: Path) -> str:
-    """Eight letters that change with a policy's file and with what turns its answers into commands."""
+    """Return eight letters that change with a policy file and the source code that runs it."""
     code = source_digest("agents/policy")
     return hashlib.sha256(code.encode() + policy.read_bytes()).hexdigest()[:8]

@@ -1,4 +1,4 @@
-"""Controllers in the same waves side by side, as an animated picture: ``shaftline video``."""
+"""Animation of controllers in the same waves, side by side, for ``shaftline video``."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from numpy.typing import NDArray
 from ...core.files import write_atomically
 from ...display.figures import PALETTE
 from ...envs.settings import DEFAULTS
-from ...envs.steering import kinds
+from ...envs.steering import environment_classes
 from ...envs.tasks import get_task
-from ...plant.waves import field
+from ...plant.waves import wave_field
 from .episodes import TRACE, Setting, load_controller, run_episodes
 
 EVERY_S = 0.25
-"""Of the ship's time, between two frames."""
+"""Simulated time between two frames [s]."""
 
 PER_SECOND = 10
-"""Frames: two and a half times as fast as the sea."""
+"""Frames of the animation per second: it runs 2.5 times faster than the simulation."""
 
-_LENGTH_M, _DRAUGHT_M, _AROUND_M = 110.0, 4.2, 80.0  # of the drawn ship, and how far one looks
+_LENGTH_M, _AROUND_M = 110.0, 80.0  # length of the drawn ship, half width of the view
 _GREY, _LIGHT, _DARK, _RED = "#7d858c", "#a3abb1", "#3d4349", "#9c3b34"
 _PARTS: tuple[tuple[str, tuple[tuple[float, float], ...]], ...] = (
     (_DARK, ((-0.475, -0.6), (-0.447, -0.6), (-0.450, -3.9), (-0.470, -3.9))),  # rudder
@@ -72,64 +72,64 @@ _PARTS: tuple[tuple[str, tuple[tuple[float, float], ...]], ...] = (
     (_LIGHT, ((0.285, 6.4), (0.292, 8.6), (0.325, 8.8), (0.335, 6.8))),  # gun
     (_DARK, ((0.325, 8.3), (0.385, 9.1), (0.385, 9.35), (0.325, 8.7))),
 )
-"""Colour, and corners: distance ahead of amidships over the length, and height over the water [m]."""
+"""Colour and corners of each part: distance ahead of midship over the length, height [m]."""
 
-_PROPELLER = (-0.432, -3.0, 3.0)  # place as above, and diameter [m]
+_PROPELLER = (-0.432, -3.0, 3.0)  # position as in _PARTS, and diameter [m]
 _ROWS = (
-    ("shaft_torque", "gauge\n[kN m]", 1e-3),
+    ("shaft_torque", "shaft\n[kN m]", 1e-3),
     ("brake_torque", "engine\n[kN m]", 1e-3),
     ("blade_pitch", "P/D [-]", 1.0),
 )
 
 
 class Run(NamedTuple):
-    """One episode."""
+    """One simulated episode of a controller."""
 
-    words: str
+    words: str  # controller as given by the user
     trace: pd.DataFrame  # columns TRACE, time as index [s]
-    swings: tuple[float, float]  # wave torque at gauge and engine over all of it [kN m]
+    fluctuations: tuple[float, float]  # wave torque of shaft and engine, whole episode [kN m]
 
 
 class Span(NamedTuple):
-    """What of an episode is shown."""
+    """Part of an episode that is shown."""
 
-    begin: float  # [s]
-    seconds: float
-    shown: float = 20.0  # how far back the curves go [s]
+    begin: float  # start [s]
+    seconds: float  # length [s]
+    shown: float = 20.0  # time range of the curves before now [s]
 
 
-def sailed(text: str, task: str, seed: int, observer: str) -> Run:
-    """An episode.
+def simulate_episode(text: str, task: str, seed: int, observer: str) -> Run:
+    """Simulate an episode.
 
     Args:
-        text: controller, as of ``shaftline evaluate``.
-        task: whose seas and orders it meets.
-        seed: of the episode.
-        observer: whose estimate the controller sees.
+        text: controller as of ``shaftline evaluate``.
+        task: task of the episode.
+        seed: seed of the episode.
+        observer: observer whose estimate the controller receives.
     """
     model = get_task(task)
-    made = load_controller(text, model.sailed(), DEFAULTS.control_interval_s, model)
+    made = load_controller(text, model.load_ship(), DEFAULTS.control_interval_s, model)
     kpis, rows = run_episodes(Setting(text, task, "task", observer, 1, first_seed=seed), made)
     trace = pd.DataFrame(rows, columns=list(TRACE)).set_index("time")
     one = kpis.iloc[0]
     return Run(text, trace, (one["wave_torque_kN_m"], one["wave_engine_torque_kN_m"]))
 
 
-def sea_of(task: str, seed: int, observer: str) -> Any:
-    """SEA record that the seed draws."""
+def draw_sea(task: str, seed: int, observer: str) -> Any:
+    """Return the SEA record that the seed draws."""
     steered = get_task(task).steered
-    env = kinds(steered).vector(1, task=task, observer=observer, threads=1)
+    env = environment_classes(steered).vector(1, task=task, observer=observer, threads=1)
     env.reset(seed=seed)
     return env.batch.arrays.seas[0].copy()
 
 
-def drawn(runs: list[Run], sea: Any, span: Span) -> tuple[Figure, Any, int]:
-    """The figure, the function that draws a frame of it, and how many there are.
+def build_animation(runs: list[Run], sea: Any, span: Span) -> tuple[Figure, Any, int]:
+    """Return the figure, the function that draws a frame of it, and the number of frames.
 
     Args:
-        runs: one a column.
+        runs: episodes, one for each column.
         sea: SEA record.
-        span: of the episode.
+        span: shown part of the episode.
     """
     figure = Figure(figsize=(4.2 * len(runs), 5.2), dpi=80, layout="constrained")
     axes = figure.subplots(
@@ -149,9 +149,9 @@ def drawn(runs: list[Run], sea: Any, span: Span) -> tuple[Figure, Any, int]:
         (blade,) = top.plot([], [], color="#b8862b", lw=2.0, zorder=2)
         top.set(xlim=(-_AROUND_M, _AROUND_M), ylim=(-14.0, 26.0), xticks=[], yticks=[])
         top.set_facecolor("#e9f1f7")
-        gauge, engine = run.swings
+        shaft, engine = run.fluctuations
         top.set_title(
-            f"{run.words}\nfluctuation in waves: gauge {gauge:.1f}, engine {engine:.2f} kN m",
+            f"{run.words}\nfluctuation in waves: shaft {shaft:.1f}, engine {engine:.2f} kN m",
             fontsize=9,
         )
         lines = []
@@ -187,14 +187,14 @@ def drawn(runs: list[Run], sea: Any, span: Span) -> tuple[Figure, Any, int]:
 
 def _surface(surface: Any, run: Run, sea: Any, now: float, offsets: NDArray[np.float64]) -> None:
     place = float(np.interp(now, run.trace.index, run.trace["position"]))
-    heights = [field(sea, now, place + x)[1] for x in offsets]
+    heights = [wave_field(sea, now, place + x)[1] for x in offsets]
     corners = np.column_stack([offsets, heights])
     floor = np.array([[offsets[-1], -14.0], [offsets[0], -14.0]])
     surface.set_verts([np.vstack([corners, floor])])
 
 
 def _blade(blade: Any, run: Run, now: float) -> None:
-    """Turn the drawn blade as the shaft has turned."""
+    """Turn the drawn blade with the shaft."""
     index = run.trace.index
     turned = np.interp(now, index, np.cumsum(run.trace["shaft_speed"]) * (index[1] - index[0]))
     ahead, height, diameter = _PROPELLER
@@ -202,19 +202,19 @@ def _blade(blade: Any, run: Run, now: float) -> None:
     blade.set_data([_LENGTH_M * ahead] * 2, [height - half, height + half])
 
 
-def write(
+def write_animation(
     path: Path, runs: list[Run], sea: Any, span: Span, tick: Callable[[int, int], None]
 ) -> None:
-    """Draw and write an animated GIF.
+    """Draw the frames and write an animated GIF.
 
     Args:
-        path: ending in ``.gif``.
-        runs: one a column.
+        path: file that ends in ``.gif``.
+        runs: episodes, one for each column.
         sea: SEA record.
-        span: of the episode.
-        tick: told the frames that are done, and all.
+        span: shown part of the episode.
+        tick: function that receives the number of finished frames and of all frames.
     """
-    figure, draw, frames = drawn(runs, sea, span)
+    figure, draw, frames = build_animation(runs, sea, span)
     film = FuncAnimation(figure, draw, frames=frames, blit=False)
     writer = PillowWriter(fps=PER_SECOND)
     write_atomically(path, lambda file: film.save(file, writer=writer, progress_callback=tick))

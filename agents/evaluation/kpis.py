@@ -1,4 +1,4 @@
-"""Running sums over a batch of episodes, and the key performance indicators that they become."""
+"""Running sums over a batch of episodes, and the key performance indicators from them."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from ...envs.rewards import MEAN_S, NEAR_LIMIT
 
 _NAUTICAL_MILE = 1852.0
 _STEP_M_S = 0.5
-"""Least change of an order that is followed as a step."""
+"""Smallest change of an order that counts as a step for the rise time."""
 
 _SETTLED_S = 3.0 * MEAN_S
-"""Time after a new order, or the beginning, from which torques fluctuate by the waves alone [s]."""
+"""Time after a new order, or the start, after which torque fluctuations are those of the waves [s]."""
 
 _BEYOND = 0.005
-"""Share of the engine's envelope: a torque limiter holds it no better than the speed is measured."""
+"""Share of the engine envelope within which a torque limiter holds it, given the speed measurement."""
 
-SWINGS = ("torque", "engine_torque", "power", "attack")
-"""Signals whose part in the wave band is told: what departs from their mean over the last MEAN_S."""
+FLUCTUATIONS = ("torque", "engine_torque", "power", "attack")
+"""Signals whose fluctuation about their mean over the last MEAN_S is a KPI."""
 
 
 class EpisodeSums:
-    """Running sums of the KPIs, one entry a seed.
+    """Running sums of the KPIs, one entry for each seed.
 
     Args:
-        n: episodes.
+        n: number of episodes.
         interval_s: control interval [s].
         gear_ratio: engine speed over shaft speed [-].
     """
@@ -45,25 +45,25 @@ class EpisodeSums:
         self.pitch_travel, self.outside, self.limit = np.zeros((3, n))
         self.heading, self.track, self.rudder = np.zeros((3, n))
         self.pitch = np.full(n, np.nan)
-        # angles of attack, interval by interval; nan where an episode is over
+        # Angles of attack by interval; nan after the end of an episode.
         self.attack: list[NDArray[np.float64]] = []
-        self.mean: NDArray[np.float64] | None = None  # of SWINGS, over the last MEAN_S
-        # squares of what departs from it: of all intervals, and of those long after a new order
-        self.swing, self.settled_swing = np.zeros((2, len(SWINGS), n))
+        self.mean: NDArray[np.float64] | None = None  # of FLUCTUATIONS, over the last MEAN_S
+        # Squared deviations from it: of all intervals, and of those long after a new order.
+        self.deviation, self.settled_deviation = np.zeros((2, len(FLUCTUATIONS), n))
         self.settled, self.since_order = np.zeros((2, n))
         self.order = np.full(n, np.nan)
-        # of the order that is followed: its step, whether it is done; of all: intervals and count
+        # Step of the present order, and whether it is done; intervals and number of all rises.
         self.step, self.rising, self.rises = np.zeros((3, n))
         self.risen = np.ones(n, dtype=bool)
 
     def add(self, alive: Any, info: dict[str, Any], reward: Any, order: Any) -> None:
-        """Take one control interval of those episodes that still run.
+        """Add one control interval of the episodes that still run.
 
         Args:
-            alive: which those are, shape (n,).
-            info: of the vector environment.
-            reward: shape (n,).
-            order: ordered ship speed [m/s] that was shown before the interval, shape (n,).
+            alive: mask of these episodes, shape (n,).
+            info: info of the vector environment.
+            reward: rewards, shape (n,).
+            order: ordered ship speed [m/s] that was observed before the interval, shape (n,).
         """
         terms, interval = info["reward_terms"], self.interval_s
         self._follow(alive, info["ship_speed"], np.asarray(order))
@@ -98,18 +98,20 @@ class EpisodeSums:
         self.pitch_travel += np.where(alive & np.isfinite(moved), moved, 0.0)
         self.pitch = info["blade_pitch"]
         self.attack.append(np.where(alive, info["angle_of_attack"], np.nan))
-        swinging = np.array([torque, info["brake_torque"] * 1e-3, power, info["angle_of_attack"]])
+        fluctuating = np.array(
+            [torque, info["brake_torque"] * 1e-3, power, info["angle_of_attack"]]
+        )
         if self.mean is None:
-            self.mean = swinging.copy()
-        self.mean += interval / MEAN_S * (swinging - self.mean)
-        squares = (swinging - self.mean) ** 2
+            self.mean = fluctuating.copy()
+        self.mean += interval / MEAN_S * (fluctuating - self.mean)
+        squares = (fluctuating - self.mean) ** 2
         settled = alive & (self.since_order >= _SETTLED_S)
-        self.swing += alive * squares
-        self.settled_swing += settled * squares
+        self.deviation += alive * squares
+        self.settled_deviation += settled * squares
         self.settled += settled
 
     def _follow(self, alive: Any, speed: Any, order: Any) -> None:
-        """Count the time until nine tenths of each new order's step are done."""
+        """Count the time until 90 % of the step of each new order is done."""
         fresh = alive & np.isfinite(self.order) & (np.abs(order - self.order) > _STEP_M_S)
         self.step = np.where(fresh, np.abs(order - speed), self.step)
         self.risen &= ~fresh
@@ -120,13 +122,15 @@ class EpisodeSums:
         self.risen |= np.abs(order - speed) <= 0.1 * self.step
 
     def rms(self, name: str) -> NDArray[np.float64]:
-        """Return the rms of one of :data:`SWINGS` about its mean, in its unit.
+        """Return the rms of one of :data:`FLUCTUATIONS` about its mean, in the unit of the signal.
 
-        Intervals within :data:`_SETTLED_S` of a new order do not count, where there are others.
+        Intervals within :data:`_SETTLED_S` of a new order count only where there are no others.
         """
-        k = SWINGS.index(name)
-        late = self.settled_swing[k] / np.maximum(self.settled, 1.0)
-        return np.asarray(np.sqrt(np.where(self.settled > 0.0, late, self.swing[k] / self.count)))
+        k = FLUCTUATIONS.index(name)
+        late = self.settled_deviation[k] / np.maximum(self.settled, 1.0)
+        return np.asarray(
+            np.sqrt(np.where(self.settled > 0.0, late, self.deviation[k] / self.count))
+        )
 
     @property
     def attack_99(self) -> NDArray[np.float64]:
@@ -145,7 +149,7 @@ class EpisodeSums:
         return np.sqrt(np.maximum(self.square / self.count - mean**2, 0.0))
 
     def kpis(self) -> pd.DataFrame:
-        """KPIs, one row a seed."""
+        """Return the KPIs, one row for each seed."""
         return pd.DataFrame({name: kpi.of(self) for name, kpi in _DECLARED.items()})
 
 
@@ -160,10 +164,12 @@ _DECLARED = {
         lambda s: s.fuel / np.maximum(s.distance, 1.0) * _NAUTICAL_MILE,
     ),
     "speed_error_rms_m_s": _Kpi(
-        "rms of ship speed minus order [m/s]", lambda s: np.sqrt(s.error / s.count)
+        "rms of ship speed less ordered speed [m/s]", lambda s: np.sqrt(s.error / s.count)
     ),
     "speed_mean_m_s": _Kpi("distance over time [m/s]", lambda s: s.distance / s.time),
-    "speed_short_m_s": _Kpi("mean of order minus ship speed [m/s]", lambda s: s.short / s.count),
+    "speed_short_m_s": _Kpi(
+        "mean of ordered speed less ship speed [m/s]", lambda s: s.short / s.count
+    ),
     "torque_sd_kN_m": _Kpi("standard deviation of the shaft torque [kN m]", lambda s: s.torque_sd),
     "torque_peak_kN_m": _Kpi("highest shaft torque [kN m]", lambda s: s.peak),
     "rack_travel_mm_min": _Kpi(
@@ -172,7 +178,9 @@ _DECLARED = {
     "overload_s": _Kpi(
         "time more than 0.5 % beyond the engine's envelope [s]", lambda s: s.overload
     ),
-    "limit_s": _Kpi("time at the envelope, to 0.5 %, or beyond it [s]", lambda s: s.limit),
+    "limit_s": _Kpi(
+        "time within 0.5 % of the engine's envelope or beyond it [s]", lambda s: s.limit
+    ),
     "shaft_speed_peak_rad_s": _Kpi("highest shaft speed [rad/s]", lambda s: s.fastest),
     "overspeed_s": _Kpi("time beyond the engine's highest speed [s]", lambda s: s.overspeed),
     "cavitation_s": _Kpi("time beyond Burrill's limit [s]", lambda s: s.cavitation),
@@ -181,45 +189,52 @@ _DECLARED = {
     "power_mean_kW": _Kpi("mean brake power of one engine [kW]", lambda s: s.power / s.count),
     "power_peak_kW": _Kpi("highest brake power of one engine [kW]", lambda s: s.power_peak),
     "wave_torque_kN_m": _Kpi(
-        "fluctuation of the shaft torque in waves: rms about its mean over 20 s, from 60 s after a new "
-        "order on [kN m]",
+        "fluctuation of the shaft torque in waves: rms about its mean over 20 s, later than 60 s after "
+        "a new order [kN m]",
         lambda s: s.rms("torque"),
     ),
     "wave_engine_torque_kN_m": _Kpi(
-        "the same of one engine's torque [kN m]", lambda s: s.rms("engine_torque")
+        "fluctuation of one engine's torque in waves [kN m]", lambda s: s.rms("engine_torque")
     ),
-    "wave_power_kW": _Kpi("the same of one engine's power [kW]", lambda s: s.rms("power")),
+    "wave_power_kW": _Kpi(
+        "fluctuation of one engine's power in waves [kW]", lambda s: s.rms("power")
+    ),
     "wave_attack_deg": _Kpi(
-        "the same of the blades' effective angle of attack [deg]", lambda s: s.rms("attack")
+        "fluctuation of the effective angle of attack of the blades in waves [deg]",
+        lambda s: s.rms("attack"),
     ),
-    "attack_99_deg": _Kpi("99th percentile of that angle [deg]", lambda s: s.attack_99),
+    "attack_99_deg": _Kpi(
+        "99th percentile of the effective angle of attack of the blades [deg]",
+        lambda s: s.attack_99,
+    ),
     "outside_bucket_s": _Kpi("time outside the cavitation bucket [s]", lambda s: s.outside),
     "pitch_travel_min": _Kpi(
         "travel of the blades' P/D [1/min]", lambda s: s.pitch_travel / s.time * 60.0
     ),
     "rise_s": _Kpi(
-        "mean time from a new order until nine tenths of its step are done, or the next order [s]",
+        "mean time from a new order until 90 % of its step is done, or the next order [s]",
         lambda s: s.rising * s.interval_s / np.maximum(s.rises, 1.0),
     ),
     "heading_error_rms_deg": _Kpi(
-        "rms of heading minus order, 0 where nothing is steered [deg]",
+        "rms of heading less ordered heading, 0 without rudder control [deg]",
         lambda s: np.sqrt(s.heading / s.count),
     ),
     "track_error_rms_m": _Kpi(
-        "rms of the distance from the ordered line, 0 where nothing is steered [m]",
+        "rms of the distance from the ordered track, 0 without rudder control [m]",
         lambda s: np.sqrt(s.track / s.count),
     ),
     "rudder_travel_deg_min": _Kpi(
         "travel of the rudder [deg/min]", lambda s: s.rudder / s.time * 60.0
     ),
     "failed": _Kpi(
-        "episodes that stalled or tripped [share]", lambda s: s.failed.astype(np.float64)
+        "share of episodes in which the engine stalled or tripped [-]",
+        lambda s: s.failed.astype(np.float64),
     ),
     "reward": _Kpi(
-        "sum of the task's rewards, 0 where the episode failed; best where highest",
+        "sum of the rewards of the task, 0 where the episode failed; higher is better",
         lambda s: np.where(s.failed, 0.0, s.reward),
     ),
 }
 
 KPIS = {name: kpi.meaning for name, kpi in _DECLARED.items()}
-"""Key performance indicators of an episode: meaning and unit by column."""
+"""Meaning and unit of each key performance indicator, by column."""

@@ -1,4 +1,4 @@
-"""A table of controllers as a page to read: by sea, and what is equal said once."""
+"""Markdown page of an evaluation: one section for each sea, equal rows merged."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from .kpis import KPIS
 from .statistics import LEAST_SEEDS
 
 _ALL = "any"
-"""Stands for all observers of the table: the controller does not use the estimate."""
+"""Name of the observer in a row that holds for all observers."""
 
 
-def distinct(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows of a controller and a sea whose figures agree to the last digit, joined into one.
+def merge_equal_rows(table: pd.DataFrame) -> pd.DataFrame:
+    """Merge rows of the same controller and sea whose figures agree to the last digit.
 
     Args:
-        table: as :func:`shaftline.agents.evaluation.sweeps.evaluate` makes it.
+        table: table from :func:`shaftline.agents.evaluation.sweeps.evaluate`.
 
     Returns:
-        The same columns; ``observer`` names those that the row stands for, or ``any``.
+        The same columns; ``observer`` lists the observers of the row, or is ``any``.
     """
     every = table["observer"].nunique()
     keys = ["controller", "sea", *KPIS]
@@ -33,27 +33,32 @@ def distinct(table: pd.DataFrame) -> pd.DataFrame:
     return table.assign(observer=observers).drop_duplicates(["controller", "sea", "observer"])
 
 
-def zero_everywhere(table: pd.DataFrame, columns: Sequence[str]) -> list[str]:
-    """Columns that say nothing because they are 0 in every row.
+def zero_columns(table: pd.DataFrame, columns: Sequence[str]) -> list[str]:
+    """Return the columns that are 0 in every row.
 
     Args:
-        table: as :func:`shaftline.agents.evaluation.sweeps.evaluate` makes it.
-        columns: to look at.
+        table: table from :func:`shaftline.agents.evaluation.sweeps.evaluate`.
+        columns: columns to check.
+
+    Examples:
+        >>> table = pd.DataFrame({"failed": [0.0, 0.0], "reward": [1.0, 0.0]})
+    >>> zero_columns(table, ["failed", "reward"])
+        ['failed']
     """
     return [name for name in columns if (table[name] == 0.0).all()]
 
 
 def page(table: pd.DataFrame, title: str, columns: Sequence[str]) -> str:
-    """The table with its intervals as Markdown, one section a sea.
+    """Return the table with its intervals as Markdown, one section for each sea.
 
     Args:
-        table: as :func:`shaftline.agents.evaluation.sweeps.evaluate` makes it.
-        title: of the page.
-        columns: KPIs to show; those that are zero in every row are named instead.
+        table: table from :func:`shaftline.agents.evaluation.sweeps.evaluate`.
+        title: title of the page.
+        columns: KPIs to show; those that are zero in every row are listed instead.
     """
-    zero = zero_everywhere(table, columns)
+    zero = zero_columns(table, columns)
     shown = [name for name in columns if name not in zero]
-    rows = distinct(table)
+    rows = merge_equal_rows(table)
     cells = rows[["controller", "observer"]].copy()
     for name in shown:
         middle, low, high = (rows[f"{name}{end}"] for end in ("", "_low", "_high"))
@@ -66,13 +71,13 @@ def page(table: pd.DataFrame, title: str, columns: Sequence[str]) -> str:
     ]
     notes = [
         "Interquartile mean over the episodes with its 95 % interval, a bootstrap widened by Student's "
-        f"quantile; with fewer than {LEAST_SEEDS} episodes no interval is given. `table.csv` has the "
-        "figures of every cell."
+        f"quantile; with fewer than {LEAST_SEEDS} episodes no interval is given. `table.csv` contains "
+        "the figures of every cell."
     ]
     if (rows["observer"] == _ALL).any():
         notes.append(
-            f"Observer `{_ALL}`: with each of the {table['observer'].nunique()} observers the "
-            "figures are the same; the controller does not use the estimate."
+            f"Observer `{_ALL}`: the figures are the same with each of the "
+            f"{table['observer'].nunique()} observers, because the controller does not use the estimate."
         )
     if zero:
         notes.append(f"Zero everywhere: {', '.join(f'`{name}`' for name in zero)}.")

@@ -1,7 +1,7 @@
-"""The score of a return: 0 is the combinator, 1 the clairvoyant bound of the task.
+"""Score of a return: 0 is the combinator, 1 the clairvoyant bound of the task.
 
-The bounds of the package's tasks are in ``bounds.json``, written by ``python -m
-reproductions.learners``. They hold for the task's own ship and seas.
+``python -m reproductions.learners`` computes the bounds of the tasks and writes them to ``bounds.json``.
+They hold for the ship and the seas of each task.
 """
 
 from __future__ import annotations
@@ -15,16 +15,21 @@ from ...core.files import read_json
 
 
 class Bound(NamedTuple):
-    """Clairvoyant bound of a task, in return per control interval."""
+    """Clairvoyant bound of a task, in return per control interval.
+
+    Examples:
+        >>> Bound(combinator=0.5, tuned=0.75, best=1.0, spread=0.0).score(0.75)
+        0.5
+    """
 
     combinator: float
-    """Mean of the combinator over the episodes that judge controllers."""
+    """Mean return of the combinator over the evaluation episodes."""
     tuned: float
-    """Mean of the tuned controller over the same episodes."""
+    """Mean return of the tuned controller over the same episodes."""
     best: float
-    """The latter, and what the best plan gains over it in the planned episodes."""
+    """Return of the tuned controller plus the gain of the best plan over it in the planned episodes."""
     spread: float
-    """Mean over the planned episodes of the best plan less the worst, of the starts."""
+    """Mean difference between the best and the worst plan, over the controllers that start them."""
 
     def score(self, mean: float) -> float:
         """Return the score of a mean return per interval."""
@@ -32,12 +37,17 @@ class Bound(NamedTuple):
 
 
 def bounds_file() -> Path:
-    """Return the file of the bounds."""
+    """Return the path of the file of bounds."""
     return Path(str(resources.files("shaftline.agents.evaluation").joinpath("bounds.json")))
 
 
 @functools.cache
 def bounds() -> dict[str, Bound]:
-    """Return the known bounds by task."""
+    """Return the known bounds by task.
+
+    Examples:
+        >>> bounds()["storm"].best > bounds()["storm"].tuned
+        True
+    """
     file = bounds_file()
     return {task: Bound(**row) for task, row in read_json(file).items()} if file.is_file() else {}

@@ -1,8 +1,8 @@
-"""Estimates of key performance indicators over seeds and trainings, with intervals that hold for few.
+"""Means of KPIs over seeds and trainings, with intervals that are valid for few values.
 
-A percentile bootstrap of few values is too narrow: with 4 values it covers 84 to 88 % where 95 % are
-claimed, as no resample leaves their range. Here every interval is widened by Student's quantile.
-``docs/results/intervals.md`` states the coverage that was measured.
+A percentile bootstrap of few values is too narrow: with 4 values a nominal 95 % interval covers 84 to
+88 %, because no resample leaves their range. Here every interval is widened by Student's quantile.
+``docs/results/intervals.md`` reports the measured coverage.
 """
 
 from __future__ import annotations
@@ -19,34 +19,48 @@ from numpy.typing import NDArray
 from .kpis import KPIS
 
 LEAST_SEEDS = 4
-"""Episodes from which an interval is given: with 3 its coverage falls to 90 % for two-peaked values."""
+"""Fewest episodes with an interval: with 3 the coverage falls to 90 % for bimodal values."""
 
 _LEVEL = 0.95
 _RESAMPLES = 1000
 
 
 def interquartile_mean(values: Any, axis: int = -1) -> Any:
-    """Return the mean of the middle half (Agarwal et al. 2021) along an axis."""
+    """Return the mean of the middle half (Agarwal et al. 2021) along an axis.
+
+    Args:
+        values: numbers.
+        axis: axis of the mean.
+
+    Examples:
+        >>> float(interquartile_mean([0.0, 1.0, 2.0, 100.0]))
+        1.5
+    """
     return scipy.stats.trim_mean(np.asarray(values, dtype=np.float64), 0.25, axis=axis)
 
 
-def with_interval(
+def estimate_with_interval(
     values: Any, seed: int = 0, statistic: Callable[..., Any] = interquartile_mean
 ) -> tuple[float, float, float]:
     """Return a statistic of a sample with its 95 % interval.
 
-    The interval is the percentile bootstrap's, stretched about the statistic by
-    sqrt(n / (n - 1)) t(n - 1) / z: the first factor corrects the variance of resamples, the second the
-    unknown variance of few values (the reasons of Hesterberg's expanded percentile interval, 2015).
+    The interval is that of the percentile bootstrap, stretched about the statistic by
+    sqrt(n / (n - 1)) t(n - 1) / z. The first factor corrects the variance of resamples, the second
+    accounts for the unknown variance of few values (Hesterberg's expanded percentile interval, 2015).
 
     Args:
-        values: one value an episode, shape (n,).
-        seed: of the resamples.
-        statistic: of an array along ``axis``; the interquartile mean by default.
+        values: one value for each episode, shape (n,).
+        seed: seed of the resamples.
+        statistic: function of an array along ``axis``; the interquartile mean by default.
 
     Returns:
         The statistic, and the lower and upper end of its interval; both ends are nan with fewer than
         :data:`LEAST_SEEDS` values.
+
+    Examples:
+        >>> middle, low, high = estimate_with_interval([1.0, 2.0, 3.0, 4.0, 5.0])
+        >>> middle, low < middle < high
+        (3.0, True)
     """
     sample = np.asarray(values, dtype=np.float64)
     count = len(sample)
@@ -73,7 +87,7 @@ def with_interval(
 
 
 def _quantile(degrees: float) -> float:
-    """Return the two-sided 95 % quantile of Student's distribution; of the normal one at infinity."""
+    """Return the two-sided 95 % quantile of Student's distribution; the normal one at infinity."""
     tail = 0.5 * (1.0 + _LEVEL)
     return float(
         scipy.stats.norm.ppf(tail) if math.isinf(degrees) else scipy.stats.t.ppf(tail, degrees)
@@ -81,17 +95,17 @@ def _quantile(degrees: float) -> float:
 
 
 def _half_width(table: NDArray[np.float64]) -> float:
-    """Return half the 95 % interval of the mean of a table whose rows and columns are both random.
+    """Return half the 95 % interval of the mean of a table with random rows and columns.
 
-    Trainings (rows) and episodes (columns) are crossed: every training meets every episode. The
-    variance of the mean is (MS_rows + MS_columns - MS_rest) / (r e), its degrees of freedom are those
-    of Satterthwaite (1946). A single row is a fixed controller: only its episodes are random then.
+    Trainings (rows) and episodes (columns) are crossed: every training is evaluated in every episode.
+    The variance of the mean is (MS_rows + MS_columns - MS_rest) / (r e), with the degrees of freedom of
+    Satterthwaite (1946). A single row is a fixed controller, with random episodes only.
 
     Args:
         table: shape (r, e).
 
     Returns:
-        nan with a single episode.
+        Half the interval; nan with a single episode.
     """
     runs, episodes = table.shape
     if episodes < 2:
@@ -111,29 +125,39 @@ def _half_width(table: NDArray[np.float64]) -> float:
     return _quantile(degrees) * math.sqrt(together / (runs * episodes))
 
 
-def middle_of_runs(values: Any) -> tuple[float, float, float]:
+def mean_with_interval(values: Any) -> tuple[float, float, float]:
     """Return the mean over trainings and episodes with its 95 % interval over both.
 
     Args:
-        values: shape (r, e): r trainings, or one controller, through the same e episodes.
+        values: r trainings, or one controller, in the same e episodes, shape (r, e).
+
+    Examples:
+        >>> mean, low, high = mean_with_interval([[1.0, 2.0, 3.0], [2.0, 3.0, 4.0]])
+        >>> mean, low < mean < high
+        (2.5, True)
     """
     table = np.atleast_2d(np.asarray(values, dtype=np.float64))
     mean, half = float(table.mean()), _half_width(table)
     return mean, mean - half, mean + half
 
 
-def relative_to(values: Any, baseline: Any) -> tuple[float, float, float]:
-    """Return the mean of trainings over that of a baseline, less one, in percent, with its interval.
+def relative_change(values: Any, baseline: Any) -> tuple[float, float, float]:
+    """Return the change of the mean relative to a baseline in percent, with its interval.
 
-    The interval is that of the ratio linearised about its estimate R: of the mean of
-    (values - R baseline) / mean(baseline), so what both share of an episode takes no part in it.
+    The interval is that of the ratio R of the means, linearised about its estimate: the interval of the
+    mean of (values - R baseline) / mean(baseline). The part of an episode that both share cancels.
 
     Args:
-        values: shape (r, e).
-        baseline: shape (e,), of the same episodes.
+        values: values of trainings, shape (r, e).
+        baseline: values of the baseline in the same episodes, shape (e,).
 
     Returns:
-        nan where the baseline's mean is zero.
+        Change, lower and upper end [percent]; nan where the mean of the baseline is zero.
+
+    Examples:
+        >>> change, low, high = relative_change([[1.1, 2.2, 3.3]], [1.0, 2.0, 3.0])
+        >>> round(change, 6)
+        10.0
     """
     table = np.atleast_2d(np.asarray(values, dtype=np.float64))
     other = np.asarray(baseline, dtype=np.float64)
@@ -146,15 +170,20 @@ def relative_to(values: Any, baseline: Any) -> tuple[float, float, float]:
 
 
 def summary(kpis: pd.DataFrame) -> dict[str, tuple[float, float, float]]:
-    """Return each KPI's interquartile mean and 95 % interval.
+    """Return the interquartile mean and the 95 % interval of each KPI.
 
-    ``failed`` is the plain share of episodes with Wilson's interval (1927), which holds for shares of
-    0 and 1 too.
+    ``failed`` is the share of failed episodes with the interval of Wilson (1927), which is also valid
+    for shares of 0 and 1.
 
     Args:
-        kpis: one row an episode.
+        kpis: KPIs, one row for each episode.
+
+    Examples:
+        >>> kpis = pd.DataFrame({name: [1.0, 1.0, 1.0, 1.0] for name in KPIS})
+        >>> summary(kpis)["reward"]
+        (1.0, 1.0, 1.0)
     """
-    found = {name: with_interval(kpis[name]) for name in KPIS if name != "failed"}
+    found = {name: estimate_with_interval(kpis[name]) for name in KPIS if name != "failed"}
     count, failures = len(kpis), int(kpis["failed"].sum())
     ends = scipy.stats.binomtest(failures, count).proportion_ci(_LEVEL, method="wilson")
     return {**found, "failed": (failures / count, float(ends.low), float(ends.high))}

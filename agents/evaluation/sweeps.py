@@ -1,4 +1,4 @@
-"""Many settings sailed, spread over cores or a cluster, and summed up; finished ones are kept."""
+"""Evaluation of many settings, distributed over cores or a cluster; finished cells are kept."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from ...baselines.controller import Predictor
-from ...core.discovery import version_of_others
+from ...core.discovery import external_class_digest
 from ...core.files import write_atomically, write_json, write_text
 from ...core.sweep import digest_of, source_digest, sweep
 from ...observers.registry import OBSERVERS
@@ -24,18 +24,18 @@ from .statistics import summary
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What :func:`evaluate` found.
+    """Result of :func:`evaluate`.
 
     Args:
-        table: one row a cell: its fields, then each KPI with ``_low`` and ``_high``.
-        traces: of each cell its first episode, with columns :data:`TRACE`, to six digits.
+        table: one row for each cell: its fields, then each KPI with ``_low`` and ``_high``.
+        traces: trace of the first episode of each cell, with columns :data:`TRACE`, to six digits.
     """
 
     table: pd.DataFrame
     traces: list[pd.DataFrame]
 
     def summary(self, kpis: Sequence[str] = tuple(KPIS)) -> str:
-        """A row a cell, a column a KPI, as text.
+        """Return the table as text, with a row for each cell and a column for each KPI.
 
         Args:
             kpis: columns to show, of :data:`KPIS`.
@@ -44,7 +44,7 @@ class Evaluation:
         return str(self.table[[*shown, *kpis]].to_string(index=False, float_format="%.4g"))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return tables and traces as JSON allows; an interval that is not given is null."""
+        """Return tables and traces as JSON values; an interval that is not given is None."""
         traces = [trace.to_dict(orient="list") for trace in self.traces]
         return {"table": self._rows(), "traces": traces}
 
@@ -60,12 +60,12 @@ class Evaluation:
         title: str = "Evaluation",
         columns: Sequence[str] = tuple(KPIS),
     ) -> None:
-        """Write ``table.csv``, ``table.json`` and the page ``table.md`` into a folder.
+        """Write ``table.csv``, ``table.json`` and the page ``table.md`` to a folder.
 
         Args:
-            folder: made where needed.
-            title: of the page.
-            columns: KPIs that the page shows.
+            folder: folder, created if necessary.
+            title: title of the page.
+            columns: KPIs to show on the page.
         """
         folder = Path(folder)
         write_atomically(folder / "table.csv", lambda file: self.table.to_csv(file, index=False))
@@ -74,12 +74,12 @@ class Evaluation:
 
 
 class Episodes(NamedTuple):
-    """What is kept of a cell."""
+    """Stored result of a cell."""
 
     kpis: pd.DataFrame
-    """One row a seed, columns :data:`KPIS`."""
+    """KPIs with columns :data:`KPIS`, one row for each seed."""
     trace: pd.DataFrame
-    """The first seed's episode, columns :data:`TRACE`, to six digits."""
+    """Trace of the first episode with columns :data:`TRACE`, to six digits."""
 
 
 def evaluate(
@@ -88,13 +88,13 @@ def evaluate(
     folder: str | Path,
     **spread: Any,
 ) -> Evaluation:
-    """Sail every setting and sum it up.
+    """Simulate every setting and summarise the KPIs.
 
     Args:
-        settings: cells, each once.
-        make: controller of a cell; travels to the other processes and is called there.
-        folder: cells are kept in ``folder/cells``; those that stand there are not sailed again.
-        spread: ``jobs``, ``backend``, ``scheduler`` and ``tick``, as of :func:`episodes`.
+        settings: cells, all different.
+        make: function that returns the controller of a cell; other processes call it too.
+        folder: finished cells are kept in ``folder/cells`` and not simulated again.
+        spread: ``jobs``, ``backend``, ``scheduler`` and ``tick`` of :func:`episodes`.
     """
     found = episodes(settings, make, Path(folder), **spread)
     rows = []
@@ -116,23 +116,24 @@ def episodes(
     scheduler: str | None = None,
     tick: Callable[[], None] = lambda: None,
 ) -> list[Episodes]:
-    """Sail every setting; cells that already stand in the folder are not sailed again.
+    """Simulate every setting; cells that the folder already contains are not simulated again.
 
     Args:
-        settings: cells, each once.
-        make: controller of a cell; travels to the other processes and is called there.
-        folder: cells are kept in ``folder/cells`` as JSON. A cell's name tells its setting, its ship
-            and the version of the equations: where one of them changes, the cell is sailed anew.
-        jobs: see :func:`shaftline.core.sweep.sweep`, as for the backend and the scheduler.
+        settings: cells, all different.
+        make: function that returns the controller of a cell; other processes call it too.
+        folder: cells are kept in ``folder/cells`` as JSON. The name of a cell contains its setting and a
+            digest of its ship and of the source code: where one of them changes, the cell is simulated
+            again.
+        jobs: number of processes, see :func:`shaftline.core.sweep.sweep`.
         backend: ``processes`` or ``dask``.
         scheduler: address of a dask scheduler.
-        tick: called after each cell.
+        tick: function called after each cell.
 
     Raises:
-        SweepError: cells whose controller raised, or a backend that is not there.
+        SweepError: the controller of a cell raised an error, or the backend is not available.
     """
     alone = backend == "processes" and (jobs == 1 or len(settings) == 1)
-    work = functools.partial(_sail, make, None if alone else 1)
+    work = functools.partial(_run_cell, make, None if alone else 1)
     cells = {
         f"{setting.name}_{version_of_cells(setting.vessel, setting.observer)}": setting
         for setting in settings
@@ -145,10 +146,10 @@ def episodes(
     ]
 
 
-def _sail(
+def _run_cell(
     make: Callable[[Setting], Predictor], threads: int | None, setting: Setting
 ) -> dict[str, Any]:
-    """A cell as it is kept; with one thread where other processes take the other cores."""
+    """Return the stored form of a cell; one thread where other processes use the other cores."""
     kpis, trace = run_episodes(setting, make(setting), threads=threads)
     return {
         "setting": asdict(setting),
@@ -161,11 +162,11 @@ def _sail(
 
 
 def version_of_cells(ship: str, observer: str = "") -> str:
-    """Return eight letters that change with the ship, the package's source and a user's own observer.
+    """Return eight letters that change with the ship, the source code and a user's own observer.
 
     Args:
         ship: preset or path.
-        observer: name; ``module:Class`` of a user's own.
+        observer: name; ``module:Class`` for a user's own observer.
     """
     source = source_digest("core", "plant", "observers", "baselines", "envs", "agents/evaluation")
-    return digest_of(f"{source} {load_ship(ship)!r} {version_of_others(observer, OBSERVERS)}")
+    return digest_of(f"{source} {load_ship(ship)!r} {external_class_digest(observer, OBSERVERS)}")

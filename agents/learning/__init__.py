@@ -1,1 +1,1 @@
-"""Training of policies: recipes, checkpoints, tuning of classic controllers and of recipes."""
+"""Training of policies: recipes, checkpoints, and tuning of classic controllers and of recipes."""

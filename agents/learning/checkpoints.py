@@ -1,6 +1,6 @@
-"""The folder of a training: a checkpoint after each evaluation, the curve, and at the end the policy.
+"""Folder of a training: a checkpoint after each evaluation, the curve, and at the end the policy.
 
-Checkpoints are archives of numbers: a checkpoint from somebody else can be resumed and runs no code.
+Checkpoints are archives of numbers, so resuming from a checkpoint of another person runs no code.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ import numpy as np
 import torch
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
-from ...core.archives import packed, read_archive, unpacked, write_archive
+from ...core.archives import pack_tree, read_archive, unpack_tree, write_archive
 from ...core.files import read_json, write_json
 from ..policy.policy import Policy, load_policy
 
 
 class Checkpoints:
-    """A training's folder.
+    """Checkpoints of a training.
 
     Args:
-        folder: of the training.
+        folder: folder of the training.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -36,52 +36,57 @@ class Checkpoints:
 
     @property
     def model(self) -> Path:
-        """Weights and optimiser after the last evaluation."""
+        """File of weights and optimiser state after the last evaluation."""
         return self._at("model").with_suffix(".npz")
 
     @property
     def buffer(self) -> Path:
-        """Replay buffer, where the algorithm has one."""
+        """File of the replay buffer, where the algorithm has one."""
         return self._at("buffer").with_suffix(".npz")
 
     def _curve(self) -> dict[str, list[float]]:
         return {key: [row[key] for row in self.evaluations] for key in self.evaluations[0]}
 
     def add(self, row: dict[str, float]) -> None:
-        """Add an evaluation; it counts once :meth:`keep` has written it."""
+        """Add an evaluation; it is stored by the next call of :meth:`keep`."""
         self.evaluations.append(row)
 
     def keep(self, model: Any, policy: Policy) -> None:
-        """Write the checkpoint, then the curve that says that it is there."""
-        write_archive(self.model, packed(_state(model)))
+        """Write the checkpoint, and then the curve, which marks the checkpoint as complete."""
+        write_archive(self.model, pack_tree(_state(model)))
         if isinstance(model, OffPolicyAlgorithm):
-            write_archive(self.buffer, packed(_contents(model.replay_buffer)), compressed=False)
+            write_archive(self.buffer, pack_tree(_contents(model.replay_buffer)), compressed=False)
         policy.curve = self._curve()
         policy.save(self._at("policy").with_suffix(".npz"))
         write_json(self._note, self.evaluations)
         for old in set(self.buffer.parent.glob("buffer-*.npz")) - {self.buffer}:
-            old.unlink()  # hundreds of megabytes each, and only the last is resumed from
+            old.unlink()  # Only the last one is needed, and each takes hundreds of megabytes.
 
     def resume(self, model: Any) -> None:
-        """Bring a new model to its state after the last evaluation.
+        """Set a new model to its state after the last evaluation.
+
+        Args:
+            model: model of stable-baselines3.
 
         Raises:
-            ArchiveError: a checkpoint is missing, damaged, or larger than this training's can be.
+            ArchiveError: a checkpoint is missing, damaged, or larger than one of this training can be.
         """
-        state = unpacked(read_archive(self.model, _MODEL_BYTES))
+        state = unpack_tree(read_archive(self.model, _MODEL_BYTES))
         model.set_parameters(_as_tensors(state["parameters"], model.device), device=model.device)
         model.num_timesteps, model._n_updates = state["num_timesteps"], state["n_updates"]
         if isinstance(model, OffPolicyAlgorithm):
             own: Any = model
-            if getattr(own, "log_ent_coef", None) is not None:  # learned, but not a parameter
+            if (
+                getattr(own, "log_ent_coef", None) is not None
+            ):  # learned, but not among the parameters
                 own.log_ent_coef.data.copy_(torch.as_tensor(state["log_ent_coef"]))
             replay: Any = model.replay_buffer
-            room = sum(value.nbytes for value in _contents(replay).values() if _is_array(value))
-            for name, value in unpacked(read_archive(self.buffer, 2.0 * room + 1e6)).items():
+            size = sum(value.nbytes for value in _contents(replay).values() if _is_array(value))
+            for name, value in unpack_tree(read_archive(self.buffer, 2.0 * size + 1e6)).items():
                 setattr(replay, name, value)
 
     def finish(self) -> Path:
-        """Write the last policy as that of the training: the best would be chosen after the fact."""
+        """Write the last policy as that of the training; choosing the best would bias its evaluation."""
         policy = load_policy(self._at("policy").with_suffix(".npz"))
         path = self.folder / "policy.npz"
         policy.save(path)
@@ -96,7 +101,7 @@ def _is_array(value: Any) -> bool:
 
 
 def _state(model: Any) -> dict[str, Any]:
-    """Return all of a model that training changes, its replay buffer apart."""
+    """Return all of a model that training changes, without its replay buffer."""
     return {
         "parameters": model.get_parameters(),
         "num_timesteps": model.num_timesteps,
@@ -106,7 +111,7 @@ def _state(model: Any) -> dict[str, Any]:
 
 
 def _contents(replay: Any) -> dict[str, Any]:
-    """Return the arrays of a replay buffer, and where it writes next."""
+    """Return the arrays of a replay buffer and its write position."""
     arrays = {name: value for name, value in vars(replay).items() if _is_array(value)}
     return arrays | {"pos": replay.pos, "full": replay.full}
 

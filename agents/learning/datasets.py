@@ -1,8 +1,8 @@
-"""Data sets of recorded episodes for offline learning, in Minari's format.
+"""Data sets of recorded episodes for offline learning, in the format of Minari.
 
-Needs ``pip install 'shaftline[datasets]'``. The qualities are of the kind that the field compares (Fu
-et al. 2020, D4RL): what the packaged policy of a task does, the same with half of its actions random,
-and random actions alone.
+This module needs ``pip install 'shaftline[datasets]'``. The qualities are those of D4RL (Fu et al.
+2020): actions of the policy of the package (``expert``), the same with half of the actions random
+(``medium``), and random actions only (``random``).
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ import numpy as np
 
 from ...core.files import check_size
 from ...envs import DEFAULTS, get_task
-from ...envs.steering import kinds
-from ..policy.policy import Policy, PolicyError, load_policy, trained
+from ...envs.steering import environment_classes
+from ..policy.policy import Policy, PolicyError, load_policy, packaged_policies
 
 QUALITIES = ("expert", "medium", "random")
 RANDOM_SHARE = {"expert": 0.0, "medium": 0.5, "random": 1.0}
-"""Share of the actions that are drawn uniformly."""
+"""Share of the actions that are drawn uniformly, by quality."""
 
 FIRST_SEED = 1_000_000
-"""Of the recorded episodes; apart from those of training and judging."""
+"""First seed of the recorded episodes; training and evaluation use other seeds."""
 
 _BYTES_A_STEP = 2000.0
 
@@ -44,47 +44,51 @@ def record(
     """Record episodes of a task as a Minari data set, and return its id.
 
     Args:
-        task: name.
+        task: name of the task.
         quality: one of :data:`QUALITIES`.
         episodes: number of episodes.
-        folder: that holds the data sets, Minari's ``MINARI_DATASETS_PATH``.
-        policy: whose actions are recorded; the packaged one of the task by default.
-        seed: of the episodes and of the random actions.
-        tick: called with the episodes done and all.
+        folder: folder of the data sets, Minari's ``MINARI_DATASETS_PATH``.
+        policy: policy whose actions are recorded; by default that of the package for the task.
+        seed: seed of the episodes and of the random actions.
+        tick: function called with the number of finished episodes and of all episodes.
 
     Raises:
-        ValueError: an unknown quality, no episode, or a data set of that name that is there already.
-        PolicyError: no policy comes with the package for the task, or one of another task is given.
+        ValueError: an unknown quality, no episode, or a data set that already exists.
+        PolicyError: the package has no policy for the task, or the given policy is one of another task.
     """
     if quality not in QUALITIES:
         raise ValueError(f"unknown quality {quality!r}; known: {', '.join(QUALITIES)}")
     if episodes < 1:
-        raise ValueError(f"episodes = {episodes}: must be 1 or more")
+        raise ValueError(f"episodes = {episodes}: must be at least 1")
     check_size(episodes * (DEFAULTS.max_episode_steps or 1), _BYTES_A_STEP, "recorded intervals")
     if policy is None:
-        if task not in trained():
-            raise PolicyError(f"no policy comes with the package for {task!r}; give one")
+        if task not in packaged_policies():
+            raise PolicyError(
+                f"the package has no policy for the task {task!r}; give a policy file"
+            )
         policy = load_policy(task)
     if (own := policy.about["recipe"]["task"]) != task:
-        raise PolicyError(f"the policy was trained for {own!r}, the data set is of {task!r}")
+        raise PolicyError(
+            f"the policy was trained for the task {own!r}, the data set is of {task!r}"
+        )
     name = f"shaftline/{task}/{quality}-v0"
     place = Path(folder)
     if (place / name).exists():
-        raise ValueError(f"{place / name} is there already: remove it, or choose another folder")
+        raise ValueError(f"{place / name} already exists: remove it, or choose another folder")
     place.mkdir(parents=True, exist_ok=True)
     os.environ["MINARI_DATASETS_PATH"] = str(place.resolve())
-    import minari  # reads the environment variable
+    import minari  # It reads the environment variable when it is imported.
 
-    recorded = _sailed(
+    recorded = _record_episodes(
         policy, RANDOM_SHARE[quality], episodes, FIRST_SEED + seed * episodes, seed, tick
     )
     env = gymnasium.make(
-        kinds(get_task(task).steered).id, task=task, ship=policy.about["ship_source"],
+        environment_classes(get_task(task).steered).id, task=task, ship=policy.about["ship_source"],
         **policy.interface,
     )  # fmt: skip
     buffers = [minari.data_collector.EpisodeBuffer(id=k, **one) for k, one in enumerate(recorded)]
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # it asks for an address and a link
+        warnings.simplefilter("ignore", UserWarning)  # It asks for an e-mail address and a link.
         minari.create_dataset_from_buffers(
             name,
             buffers,
@@ -99,12 +103,12 @@ def record(
     return name
 
 
-def _sailed(
+def _record_episodes(
     policy: Policy, random_share: float, episodes: int, first_seed: int, seed: int, tick: Any
 ) -> list[dict[str, Any]]:
-    """Return the episodes as keywords of Minari's ``EpisodeBuffer``."""
+    """Return the episodes as keywords of ``EpisodeBuffer`` of Minari."""
     task = policy.about["recipe"]["task"]
-    env = kinds(get_task(task).steered).vector(
+    env = environment_classes(get_task(task).steered).vector(
         episodes, task=task, ship=policy.about["ship_source"], autoreset_mode="NextStep",
         **policy.interface,
     )  # fmt: skip

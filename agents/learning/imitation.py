@@ -23,7 +23,7 @@ from ...baselines import make_controller
 from ...core.sweep import digest_of, source_digest, sweep
 from ...envs import DEFAULTS, get_task
 from ...envs.settings import Settings
-from ...envs.steering import kinds
+from ...envs.steering import environment_classes
 from ...plant import Ship, load_ship
 from ..evaluation.clairvoyant import Clairvoyant
 from .recipe import Recipe, RecipeError, tuned_controller
@@ -70,7 +70,7 @@ def plan_cell(cell: tuple[Mapping[str, Any], str, int]) -> list[list[float]]:
     """
     keywords, start, seed = cell
     settings = Settings.of(keywords)
-    ship = get_task(settings.task).sailed(settings.ship)
+    ship = get_task(settings.task).load_ship(settings.ship)
     controller = make_controller(start, ship, DEFAULTS.control_interval_s)
     plan = Clairvoyant(settings, seed).plan(controller, GRADIENTS)
     return [[float(value) for value in action] for action in plan.actions]
@@ -121,7 +121,7 @@ def make_plans(
 
 
 def check_plannable(recipe: Recipe, ship: Ship) -> None:
-    """Refuse plans for a ship that has nothing to plan.
+    """Refuse plans for a ship with a fixed pitch.
 
     Args:
         recipe: recipe of the training.
@@ -132,7 +132,7 @@ def check_plannable(recipe: Recipe, ship: Ship) -> None:
     """
     if recipe.plans and not ship.has_variable_pitch:
         raise RecipeError(
-            f"plans = {recipe.plans}: a plan commands the pitch, which is fixed on {ship.name}; give "
+            f"plans = {recipe.plans}: a plan commands the pitch, which is fixed on {ship.name}; set "
             "plans: 0"
         )
 
@@ -145,8 +145,8 @@ def _checked(actions: Any, file: Path, intervals: int) -> NDArray[np.float32]:
         table = np.zeros(0, np.float32)
     if table.shape != (intervals, 2) or not (np.abs(table) <= 1.0).all():
         raise ValueError(
-            f"{file}: must hold {intervals} pairs of actions from -1 to 1; remove the file, and the "
-            "plan is made again"
+            f"{file}: must contain {intervals} pairs of actions from -1 to 1; remove the file, and the "
+            "next run computes the plan again"
         )
     return table
 
@@ -170,7 +170,7 @@ def demonstrate(
         planned: actions of the plans by seed, from :func:`make_plans`.
     """
     gamma = float(recipe.hyperparameters.get("gamma", 0.99))
-    env = kinds(get_task(recipe.task).steered).single(**_environment(recipe, ship))
+    env = environment_classes(get_task(recipe.task).steered).single(**_environment(recipe, ship))
     observations: list[NDArray[np.float32]] = []
     actions: list[NDArray[np.float32]] = []
     returns: list[float] = []

@@ -1,8 +1,8 @@
 """Training recipes: hyperparameters in YAML, in the layout of rl-zoo3.
 
-A file holds a section for each task. The keys of a section are those of the algorithm of
-stable-baselines3, with ``n_envs``, ``n_timesteps``, ``frame_stack``, ``evaluations`` and ``env_kwargs``
-beside them, and ``lin_3e-4`` for a value that falls to zero along the training.
+A file has a section for each task. The keys of a section are those of the algorithm of
+stable-baselines3, and ``n_envs``, ``n_timesteps``, ``frame_stack``, ``plans``, ``evaluations`` and
+``env_kwargs``. A value such as ``lin_3e-4`` falls linearly to zero during the training.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _ENVIRONMENT = (
     "observer", "tuning", "sea", "sensor_noise", "max_episode_steps", "randomise", "action_mode",
     "command",
 )  # fmt: skip
-"""Keywords of the environment that a recipe may set."""
+"""Keywords of the environment that a recipe can set."""
 
 _ON_TUNED = "residual:tuned"
 """Action mode of a recipe: a residual on the tuned classic controller of the task."""
@@ -46,36 +46,42 @@ _RANGES = {
     "clip_range": (0.0, 10.0), "n_steps": (0.0, 1e9), "batch_size": (0.0, 1e9), "n_epochs": (0.0, 1e6),
     "buffer_size": (0.0, 1e12), "max_grad_norm": (0.0, 1e9),
 }  # fmt: skip
-"""Of hyperparameters: above the first, at most the second."""
+"""Range of hyperparameters: above the first value, at most the second."""
 
 _WHOLE = ("n_steps", "batch_size", "n_epochs", "buffer_size")
-"""Hyperparameters that count something."""
+"""Hyperparameters that are whole numbers."""
 
 _BYTES_A_STEP, _BYTES_A_WEIGHT = 1000.0, 64.0  # gradients, moments, both networks
 
 
 class RecipeError(ValueError):
-    """A recipe that does not exist or cannot be used; the message names file, key and range."""
+    """A recipe does not exist or cannot be used; the message names file, key and range."""
 
 
 class Recipe(FileModel):
-    """Everything that decides a training, the seed apart."""
+    """Recipe of a training: everything that determines its result except the seed.
+
+    Examples:
+        >>> recipe = Recipe(algorithm="ppo", task="transit", n_envs=4, n_timesteps=1000)
+        >>> recipe.evaluations, recipe.frame_stack
+        (10, 1)
+    """
 
     algorithm: Literal["ppo", "sac", "td3"]
-    task: str = Field(description="task that is trained on")
+    task: str = Field(description="task of the training")
     n_envs: int = Field(ge=1, le=4096)
-    n_timesteps: int = Field(ge=1, description="control intervals, all environments together")
+    n_timesteps: int = Field(ge=1, description="control intervals of all environments together")
     policy: Literal["MlpPolicy"] = "MlpPolicy"
     frame_stack: int = Field(
-        1, ge=1, le=MOST_FRAMES, description="observations that the policy sees, the last ones"
+        1, ge=1, le=MOST_FRAMES, description="number of the last observations in the policy input"
     )
     plans: int = Field(
         default=0,
         ge=0,
         le=1000,
-        description="episodes that are planned, and imitated before the learning",
+        description="clairvoyant plans to imitate before reinforcement learning",
     )
-    evaluations: int = Field(10, ge=1, description="evaluations, at each of which it is saved")
+    evaluations: int = Field(10, ge=1, description="evaluations, each followed by a checkpoint")
     env_kwargs: dict[str, Any] = Field(default_factory=dict)
     hyperparameters: dict[str, Any] = Field(default_factory=dict)
 
@@ -94,14 +100,14 @@ class Recipe(FileModel):
 
     @model_validator(mode="after")
     def _within_ranges(self) -> Recipe:
-        """What the algorithms would take without a word and train into nonsense or out of memory."""
+        """Refuse values that the algorithms accept but that make training fail or use up the memory."""
         for key, (low, high) in _RANGES.items():
             given = self.hyperparameters.get(key)
             if isinstance(given, str):
                 try:
                     if key in _WHOLE:
                         raise ValueError
-                    given = float(given.removeprefix("lin_"))  # to YAML 1.1, 1e-3 is a text
+                    given = float(given.removeprefix("lin_"))  # YAML 1.1 reads 1e-3 as text.
                 except ValueError:
                     also = "" if key in _WHOLE else ", or lin_NUMBER"
                     raise ValueError(f"{key} = {given!r}: must be a number{also}") from None
@@ -124,38 +130,38 @@ class Recipe(FileModel):
 
     @model_validator(mode="after")
     def _imitable(self) -> Recipe:
-        """Refuse plans that cannot be made, or that the policy could not follow."""
+        """Refuse plans that cannot be computed, or that the policy could not follow."""
         if not self.plans:
             return self
         said = f"plans = {self.plans}: "
         if get_task(self.task).steered:
             raise ValueError(
-                f"{said}a plan has no rudder, and {self.task} needs one; give plans: 0"
+                f"{said}a plan has no rudder command, which {self.task} needs; set plans: 0"
             )
         env = Settings.of({"task": self.task} | self.env_kwargs)
         mode, command = env.action_mode.partition(":")[0], env.drive_command
         if self.algorithm != "ppo" or mode == "increment" or command == "shaft-speed":
             raise ValueError(
-                f"{said}PPO imitates commands of pitch and fuel rack, not {self.algorithm} with {mode} "
-                f"and {command}; give algorithm ppo and env_kwargs: {{action_mode: absolute, command: "
-                "limited-rack} or a residual, or plans: 0"
+                f"{said}only PPO with commands of pitch and fuel rack can imitate plans, not "
+                f"{self.algorithm} with {mode} and {command}; set algorithm ppo and env_kwargs: "
+                "{action_mode: absolute, command: limited-rack} or a residual, or set plans: 0"
             )
         if env.max_episode_steps is None:
             raise ValueError(
-                f"{said}a plan needs an episode with an end; give env_kwargs.max_episode_steps, or "
+                f"{said}a plan needs an episode with an end; set env_kwargs.max_episode_steps, or set "
                 "plans: 0"
             )
         gamma = self.hyperparameters.get("gamma", 0.99)
         if not (isinstance(gamma, int | float) and gamma < 1.0):
             raise ValueError(
                 f"{said}the value network is fitted to discounted rewards, which needs a gamma below 1, "
-                f"not {gamma!r}; or give plans: 0"
+                f"not {gamma!r}; set gamma below 1, or plans: 0"
             )
         return self
 
 
 def _numbers_in(value: Any) -> list[float]:
-    """Return the floating-point numbers that a value of a recipe holds at any depth."""
+    """Return the floating-point numbers that a value of a recipe contains at any depth."""
     if isinstance(value, Mapping):
         value = list(value.values())
     if isinstance(value, list | tuple):
@@ -164,7 +170,12 @@ def _numbers_in(value: Any) -> list[float]:
 
 
 def recipe_path(algorithm: str) -> Path:
-    """Return the file of recipes for an algorithm that comes with the package."""
+    """Return the path of the recipes of the package for an algorithm.
+
+    Examples:
+        >>> recipe_path("ppo").name
+        'ppo.yml'
+    """
     return Path(
         str(resources.files("shaftline.agents.learning").joinpath("recipes", f"{algorithm}.yml"))
     )
@@ -173,10 +184,17 @@ def recipe_path(algorithm: str) -> Path:
 def tuned_controller(task: str) -> str:
     """Return the tuned classic controller of a task, as ``NAME:option=number,...``.
 
-    It is the best of those that ``shaftline tune`` found for the task, on the seas of the training.
+    It is the best controller that ``shaftline tune`` found for the task, on the seas of the training.
+
+    Args:
+        task: name of the task.
 
     Raises:
-        RecipeError: none is known for the task.
+        RecipeError: no tuned controller is known for the task.
+
+    Examples:
+        >>> tuned_controller("storm").partition(":")[0]
+        'va-pitch'
     """
     found = yaml.safe_load(recipe_path("tuned_controllers").read_text(encoding="utf-8"))
     if task not in found:
@@ -187,14 +205,13 @@ def tuned_controller(task: str) -> str:
 def read_recipe(
     algorithm: str, task: str, path: str | Path | None = None, **changes: Any
 ) -> Recipe:
-    """A task's section of a file of recipes.
+    """Return the recipe of a task from a file.
 
     Args:
         algorithm: ``ppo``, ``sac`` or ``td3``.
-        task: section.
-        path: file; the package's own by default.
-        changes: values that replace the file's: fields of :class:`Recipe`; those of ``env_kwargs`` are
-            merged.
+        task: name of the task, which is that of the section.
+        path: file; that of the package by default.
+        changes: fields of :class:`Recipe` that replace those of the file; ``env_kwargs`` are merged.
 
     Raises:
         RecipeError: no such algorithm, file or section; an unknown key or a value out of range.
@@ -203,7 +220,7 @@ def read_recipe(
         raise RecipeError(f"unknown algorithm {algorithm!r}; known: {', '.join(ALGORITHMS)}")
     file = recipe_path(algorithm) if path is None else Path(path)
     if path is None and not file.is_file():
-        raise RecipeError(f"no recipes for {algorithm} come with the package; give a file of yours")
+        raise RecipeError(f"the package has no recipes for {algorithm}; give a recipe file")
     try:
         sections = yaml.safe_load(read_text(file))
     except FileError as error:
@@ -212,27 +229,27 @@ def read_recipe(
         raise RecipeError(f"{file}: cannot be read as YAML ({reason_of(error)})") from None
     if not isinstance(sections, dict) or not isinstance(sections.get(task), dict):
         known = ", ".join(map(str, sections)) if isinstance(sections, dict) else "none"
-        raise RecipeError(f"{file}: no section {task!r}; it has {known}")
-    return recipe_of(sections[task], algorithm, task, str(file), **changes)
+        raise RecipeError(f"{file}: no section {task!r}; its sections are {known}")
+    return build_recipe(sections[task], algorithm, task, str(file), **changes)
 
 
-def section_of(recipe: Recipe) -> dict[str, Any]:
-    """A recipe as :func:`recipe_of` takes it."""
+def recipe_section(recipe: Recipe) -> dict[str, Any]:
+    """Return a recipe as a section for :func:`build_recipe`."""
     values = recipe.model_dump(exclude={"algorithm", "task", "hyperparameters"})
     return values | recipe.hyperparameters
 
 
-def recipe_of(
+def build_recipe(
     section: Mapping[str, Any], algorithm: str, task: str, file: str, **changes: Any
 ) -> Recipe:
-    """A recipe from its section.
+    """Return a recipe from its section.
 
     Args:
         section: keys and values.
         algorithm: ``ppo``, ``sac`` or ``td3``.
-        task: the section's name.
-        file: where it stands, for the message.
-        changes: as of :func:`read_recipe`.
+        task: name of the section.
+        file: name of the file, for messages.
+        changes: fields that replace those of the section, as in :func:`read_recipe`.
 
     Raises:
         RecipeError: an unknown key or a value out of range.
@@ -244,8 +261,8 @@ def recipe_of(
     env = (own.get("env_kwargs") or {}) | changes.pop("env_kwargs", {})
     if refused := sorted(map(str, set(env) - set(_ENVIRONMENT))):
         raise RecipeError(
-            f"{file}: [{task}] env_kwargs.{refused[0]}: cannot be set by a recipe; "
-            f"it may set {', '.join(_ENVIRONMENT)}"
+            f"{file}: [{task}] env_kwargs.{refused[0]}: cannot be set by a recipe; allowed are "
+            f"{', '.join(_ENVIRONMENT)}"
         )
     if env.get("action_mode") == _ON_TUNED:
         env["action_mode"] = f"residual:{tuned_controller(task)}"
@@ -262,10 +279,11 @@ def recipe_of(
         )  # fmt: skip
         get_task(recipe.task)
     except ValidationError as error:
+        # The message of a check of several keys names the keys itself.
         said = "; ".join(
             f"{'.'.join(map(str, e['loc']))} = {e['input']!r}: {e['msg']}"
             if e["loc"]
-            else e["msg"].removeprefix("Value error, ")  # of several keys: it names them itself
+            else e["msg"].removeprefix("Value error, ")
             for e in error.errors()
         )
         raise RecipeError(f"{file}: [{task}] {said}") from None
@@ -273,7 +291,7 @@ def recipe_of(
 
 
 def _check_keys(file: str, task: str, algorithm: str, values: dict[str, Any]) -> None:
-    from stable_baselines3 import PPO, SAC, TD3  # torch takes seconds to import
+    from stable_baselines3 import PPO, SAC, TD3  # Importing torch takes seconds.
 
     parameters = inspect.signature({"ppo": PPO, "sac": SAC, "td3": TD3}[algorithm]).parameters
     known = set(parameters) - _SET_HERE
@@ -282,6 +300,6 @@ def _check_keys(file: str, task: str, algorithm: str, values: dict[str, Any]) ->
             raise RecipeError(f"{file}: [{task}] {key} = {value}: must be a number")
         if key not in known:
             raise RecipeError(
-                f"{file}: [{task}] unknown key {key!r}; {algorithm.upper()} knows "
-                f"{', '.join(sorted(known))}; beside them stand {', '.join(Recipe.model_fields)}"
+                f"{file}: [{task}] unknown key {key!r}; known keys of {algorithm.upper()}: "
+                f"{', '.join(sorted(known))}; of a recipe: {', '.join(Recipe.model_fields)}"
             )

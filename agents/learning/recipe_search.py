@@ -1,9 +1,9 @@
-"""Hyperparameters of a recipe, searched for by Optuna; what is found is trained anew to be believed.
+"""Search of the hyperparameters of a recipe with Optuna, and an unbiased comparison of the result.
 
-The tree-structured Parzen estimator (Bergstra et al. 2011) proposes recipes. Each is trained on the same
-seeds, and the reward at the last evaluation decides; a trial below the median of the earlier ones at the
-same evaluation is stopped. The best of many is partly the luckiest. So the given recipe and the best are
-both trained on seeds, and evaluated on seas, that decided nothing.
+The tree-structured Parzen estimator (Bergstra et al. 2011) proposes recipes. Each is trained with the
+same seeds, and the reward at the last evaluation decides; a trial below the median of the earlier trials
+at the same evaluation is stopped. The best of many trials is partly the luckiest. Therefore the given
+recipe and the best one are both trained with seeds, and evaluated on seas, that the search did not use.
 """
 
 from __future__ import annotations
@@ -20,68 +20,68 @@ import optuna
 import yaml
 
 from ...core.files import read_json, write_json, write_text
-from ...core.sweep import digest_of, refuse_another
+from ...core.sweep import digest_of, refuse_other_plan
 from ...envs import get_task
 from ...plant import load_ship
 from ..policy.policy import load_policy
-from .recipe import Recipe, RecipeError, recipe_of, recipe_path, section_of
-from .training import evaluations_of, judged, sources, train
+from .recipe import Recipe, RecipeError, build_recipe, recipe_path, recipe_section
+from .training import evaluate_policy, evaluation_schedule, sources, train
 
 FIRST_FRESH_SEA = 2_000_000
-"""Seeds of the seas on which the found recipe and the given one are compared."""
+"""First seed of the seas on which the given and the best recipe are compared."""
 FIRST_FRESH_SEED = 1000
-"""Of those trainings; the trials' run from 0."""
+"""First seed of the trainings of that comparison; the seeds of trials count from 0."""
 
 Tick = Callable[[int, int, str], None]
 Distribution = optuna.distributions.BaseDistribution
 
 _FIXED = {
-    "algorithm": "another command", "task": "another command", "evaluations": "they compare trials",
-    "n_timesteps": "the longest would win",
+    "algorithm": "use --algorithm", "task": "use --task", "evaluations": "trials are compared by it",
+    "n_timesteps": "the longest training would win",
 }  # fmt: skip
-_EASIER = {"sensor_noise", "max_episode_steps"}  # of env_kwargs, and of the judging
-_WIDE = 10.0  # ends so many times apart are searched by their logarithms
+_EASIER = {"sensor_noise", "max_episode_steps"}  # keys of env_kwargs that change the evaluation
+_WIDE = 10.0  # ratio of the ends from which a range is searched on a logarithmic scale
 
 
 class _GivenUpError(Exception):
-    """A trial that stands below the median of the others."""
+    """A trial is below the median of the other trials."""
 
 
 @dataclass
 class Trial:
-    """One proposal."""
+    """One proposal of the search."""
 
     values: dict[str, Any]
-    """Of what is varied, by key."""
+    """Values of the varied keys."""
     rewards: list[float] = field(default_factory=list)
     """Reward at each evaluation of its first training."""
     reward: float | None = None
-    """After the last, mean over its trainings; None if it was given up."""
+    """Reward at the end, mean over its trainings; None if the trial was stopped."""
 
 
 @dataclass(frozen=True)
 class RecipeSearch:
-    """What a search of a recipe found."""
+    """Result of a recipe search."""
 
     trials: list[Trial]
-    """The first is the recipe as it was."""
+    """Trials; the first is the given recipe."""
     best: int
-    """Trial whose reward is the highest, which flatters it."""
+    """Index of the trial with the highest reward, which is biased upwards."""
     fresh: dict[str, list[float]]
-    """Rewards of new trainings on fresh seas: of the recipe as ``given`` and as ``found``."""
+    """Rewards of new trainings on unused seas: of the recipes ``given`` and ``found``."""
     recipe: Path
-    """The best as a file for :func:`.recipe.read_recipe`."""
+    """File of the best recipe for :func:`.recipe.read_recipe`."""
 
 
 def distribution_of(key: str, text: str) -> Distribution:
-    """What is searched, from ``LOW:HIGH`` or ``A,B,C``.
+    """Return the distribution of a hyperparameter from ``LOW:HIGH`` or ``A,B,C``.
 
     Args:
-        key: for the message.
-        text: as on the command line.
+        key: key, for the message.
+        text: text as on the command line.
 
     Raises:
-        RecipeError: neither.
+        RecipeError: the text has neither form.
     """
     if "," in text:
         choices = [yaml.safe_load(_exponent(part)) for part in text.split(",")]
@@ -98,34 +98,34 @@ def distribution_of(key: str, text: str) -> Distribution:
             return optuna.distributions.FloatDistribution(*ends, log=log)
     except ValueError:
         pass
-    raise RecipeError(f"{key} = {text!r}: must be LOW:HIGH, two numbers that rise, or A,B,C")
+    raise RecipeError(f"{key} = {text!r}: must be LOW:HIGH with LOW below HIGH, or a list A,B,C")
 
 
 def _exponent(text: str) -> str:
-    """YAML 1.1 takes 1e-3 for a word."""
+    """Return a number as text that YAML 1.1 reads as a number; it reads 1e-3 as text."""
     try:
         return text if text.strip().lstrip("+-").isdigit() else repr(float(text))
     except ValueError:
         return text
 
 
-def space_of(algorithm: str) -> dict[str, str]:
-    """What is searched where nothing else is asked for."""
+def default_space(algorithm: str) -> dict[str, str]:
+    """Return the hyperparameters that are searched by default, with their ranges."""
     spaces = yaml.safe_load(recipe_path("spaces").read_text(encoding="utf-8"))
     return {key: str(text) for key, text in spaces[algorithm].items()}
 
 
-def varied(recipe: Recipe, values: Mapping[str, Any]) -> Recipe:
-    """A recipe with other values; a learning rate that falls (``lin_``) stays one that falls.
+def change_recipe(recipe: Recipe, values: Mapping[str, Any]) -> Recipe:
+    """Return a recipe with other values; a learning rate that falls (``lin_``) keeps falling.
 
     Args:
-        recipe: to start from.
-        values: by key, dotted where a key stands under another (``policy_kwargs.log_std_init``).
+        recipe: recipe to change.
+        values: values by key, dotted where a key is below another (``policy_kwargs.log_std_init``).
 
     Raises:
         RecipeError: an unknown key or a value out of range.
     """
-    section = deepcopy(section_of(recipe))
+    section = deepcopy(recipe_section(recipe))
     for key, value in values.items():
         *path, last = key.split(".")
         place = section
@@ -133,15 +133,15 @@ def varied(recipe: Recipe, values: Mapping[str, Any]) -> Recipe:
             place[part] = place.get(part) or {}
             place = place[part]
             if not isinstance(place, dict):
-                raise RecipeError(f"{key}: {part} has no keys of its own")
+                raise RecipeError(f"{key}: {part} is a value and has no keys")
         falls = str(place.get(last)).startswith("lin_")
         place[last] = f"lin_{value!r}" if falls else value
-    return recipe_of(section, recipe.algorithm, recipe.task, "the search")
+    return build_recipe(section, recipe.algorithm, recipe.task, "the search")
 
 
 def _given(recipe: Recipe, key: str) -> Any:
-    """What a recipe says of a dotted key; None if nothing."""
-    place: Any = section_of(recipe)
+    """Return the value of a dotted key of a recipe; None if it has none."""
+    place: Any = recipe_section(recipe)
     for part in key.split("."):
         place = place.get(part) if isinstance(place, dict) else None
     text = place.removeprefix("lin_") if isinstance(place, str) else place
@@ -149,12 +149,12 @@ def _given(recipe: Recipe, key: str) -> Any:
 
 
 def _space(recipe: Recipe, vary: Mapping[str, str]) -> dict[str, Distribution]:
-    """What is searched, each end of it tried on the recipe before the work begins."""
+    """Return the search space, after trying each end of it on the recipe."""
     space = {}
     for key, text in vary.items():
         head, _, rest = key.partition(".")
         if head in _FIXED or (head == "env_kwargs" and rest in _EASIER):
-            why = _FIXED.get(head, "the easiest would win")
+            why = _FIXED.get(head, "the easiest evaluation would win")
             raise RecipeError(f"{key}: cannot be searched for ({why})")
         found = distribution_of(key, text)
         ends = (
@@ -163,7 +163,7 @@ def _space(recipe: Recipe, vary: Mapping[str, str]) -> dict[str, Distribution]:
             else (found.low, found.high)  # type: ignore[attr-defined]
         )
         for end in ends:
-            varied(recipe, {key: end})
+            change_recipe(recipe, {key: end})
         space[key] = found
     return space
 
@@ -182,31 +182,31 @@ def search_recipe(
     threads: int | None = None,
     tick: Tick = lambda done, total, said: None,
 ) -> RecipeSearch:
-    """Search a recipe's hyperparameters, or go on where an earlier call stopped.
+    """Search the hyperparameters of a recipe, or resume an interrupted search.
 
     Args:
-        recipe: to start from; its task, reward and number of steps stay.
-        folder: for ``search.json``, ``recipe.yml`` and the trainings.
-        vary: what is searched as :func:`distribution_of` reads it, by key; :func:`space_of` by default.
-        trials: proposals, the recipe as it is counted.
-        seeds: trainings of each.
-        fresh: trainings of the recipe as it was, and of the best, that are compared in the end.
-        seed: of the proposals.
-        ship: preset or path; the one that the task is made for by default.
-        device: of torch.
-        threads: as of :func:`.training.train`.
-        tick: told the steps done, all steps, and the best so far in words.
+        recipe: recipe to start from; its task, reward and number of steps are kept.
+        folder: folder for ``search.json``, ``recipe.yml`` and the trainings.
+        vary: text for :func:`distribution_of` by key; :func:`default_space` by default.
+        trials: number of proposals, including the given recipe.
+        seeds: number of trainings of each proposal.
+        fresh: number of trainings of the given and of the best recipe for the final comparison.
+        seed: seed of the proposals.
+        ship: preset or path; by default the ship of the task.
+        device: device of torch.
+        threads: number of threads, as in :func:`.training.train`.
+        tick: function called with the finished steps, all steps, and the best reward so far as text.
 
     Returns:
-        What was found, also where it is no better than what was given.
+        The result, also where the best recipe is not better than the given one.
 
     Raises:
-        RecipeError: a key that is unknown or must stay, or a range that reaches beyond a key's own.
-        ValueError: the folder holds another search, or numbers below one.
+        RecipeError: a key is unknown or must not vary, or a range exceeds that of its key.
+        ValueError: the folder contains another search, or a count is below one.
     """
     if min(trials, seeds, fresh) < 1:
-        raise ValueError("trials, seeds and fresh must be 1 or more")
-    asked = dict(vary or space_of(recipe.algorithm))
+        raise ValueError("trials, seeds and fresh must each be at least 1")
+    asked = dict(vary or default_space(recipe.algorithm))
     space = _space(recipe, asked)
     vessel = ship or get_task(recipe.task).vessel
     plan = {
@@ -214,15 +214,15 @@ def search_recipe(
         "ship": digest_of(repr(load_ship(vessel))), "source": sources(),
     }  # fmt: skip
     note = folder / "search.json"
-    refuse_another(folder, note, plan, "search")
+    refuse_other_plan(folder, note, plan, "search")
     rows = read_json(note)["trials"] if note.is_file() else []
     done = [Trial(**row) for row in rows]
     count = max(trials, len(done))
     total = (count * seeds + 2 * fresh) * recipe.n_timesteps
 
     def trained(tried: Recipe, one: int, at: Path, before: int, said: str, **more: Any) -> Path:
-        def on_the_way(done: int, all_steps: int, told: str) -> None:
-            words = said if done else f"{said}: {told}"  # until the first step it tells of plans
+        def on_the_way(done: int, all_steps: int, state: str) -> None:
+            words = said if done else f"{said}: {state}"  # Before the first step it reports plans.
             tick(before * recipe.n_timesteps + min(done, all_steps), total, words)
 
         return train(
@@ -234,15 +234,15 @@ def search_recipe(
     for k in range(len(done), trials):
         asking = _study(done, space, seed).ask(space) if k else None
         trial = Trial(asking.params if asking else {key: _given(recipe, key) for key in space})
-        tried = varied(recipe, asking.params) if asking else recipe
-        at, said = folder / "trials" / f"{k:03d}", _said(k, trials, done)
+        tried = change_recipe(recipe, asking.params) if asking else recipe
+        at, said = folder / "trials" / f"{k:03d}", _state_of(k, trials, done)
         rewards: list[float] = []
-        parts = evaluations_of(tried)[0]
+        parts = evaluation_schedule(tried)[0]
         try:
             for one in range(seeds):
                 watch = None if one else _watch(trial, asking, parts)
                 path = trained(tried, one, at, k * seeds + one, said, after_evaluation=watch)
-                evaluated = load_policy(path).curve["reward"][-parts:]  # the imitation is left out
+                evaluated = load_policy(path).curve["reward"][-parts:]  # without the imitation
                 curve = [float(reward) for reward in evaluated]
                 trial.rewards = trial.rewards if one else curve
                 rewards.append(curve[-1])
@@ -254,11 +254,11 @@ def search_recipe(
         shutil.rmtree(at)
 
     best = max(range(count), key=lambda k: -np.inf if (r := done[k].reward) is None else r)
-    found = varied(recipe, done[best].values) if best else recipe
+    found = change_recipe(recipe, done[best].values) if best else recipe
     write_text(folder / "recipe.yml", _as_file(found, done[best]))
     compared: dict[str, list[float]] = {}
     for name, tried, place in (("given", recipe, "given"), ("found", found, f"found-{best}")):
-        if name == "found" and not best:  # what was given is the best
+        if name == "found" and not best:  # The given recipe is the best.
             compared[name] = compared["given"]
             continue
         compared[name] = []
@@ -267,16 +267,16 @@ def search_recipe(
             path = trained(
                 tried, FIRST_FRESH_SEED + one, folder / place, before, f"{name} on fresh seeds"
             )
-            told = judged(load_policy(path), tried, vessel, threads, FIRST_FRESH_SEA)
-            compared[name].append(told["reward"])
-    tick(total, total, _said(trials - 1, trials, done))
+            kpis = evaluate_policy(load_policy(path), tried, vessel, threads, FIRST_FRESH_SEA)
+            compared[name].append(kpis["reward"])
+    tick(total, total, _state_of(trials - 1, trials, done))
     write_json(
         note, plan | {"trials": [asdict(one) for one in done], "best": best, "fresh": compared}
     )
     return RecipeSearch(done, best, compared, folder / "recipe.yml")
 
 
-def _said(k: int, trials: int, done: list[Trial]) -> str:
+def _state_of(k: int, trials: int, done: list[Trial]) -> str:
     best = max((trial.reward for trial in done if trial.reward is not None), default=None)
     return f"trial {k + 1} of {trials}" + ("" if best is None else f", best {best:.5g}")
 
@@ -284,7 +284,7 @@ def _said(k: int, trials: int, done: list[Trial]) -> str:
 def _watch(
     trial: Trial, asking: optuna.Trial | None, evaluations: int
 ) -> Callable[[list[float]], None]:
-    """Keeps a trial's rewards evaluation by evaluation and gives it up where it is not worth its end."""
+    """Return a function that stores the rewards of a trial and stops it where it falls behind."""
 
     def after_evaluation(rewards: list[float]) -> None:
         for k in range(len(trial.rewards), len(rewards)):
@@ -298,7 +298,7 @@ def _watch(
 
 
 def _study(done: list[Trial], space: dict[str, Distribution], seed: int) -> optuna.Study:
-    """A study that has seen the trials; its next proposal depends on nothing else."""
+    """Return a study that contains the finished trials; its next proposal depends on nothing else."""
     own = int(np.random.SeedSequence([seed, len(done)]).generate_state(1)[0])
     study = optuna.create_study(
         direction="maximize",
@@ -318,12 +318,13 @@ def _study(done: list[Trial], space: dict[str, Distribution], seed: int) -> optu
                     intermediate_values=dict(enumerate(trial.rewards)),
                 )
             )
-        except ValueError:  # the recipe as it was, outside of what is searched
+        except ValueError:  # The given recipe can be outside the search space.
             continue
     return study
 
 
 def _as_file(recipe: Recipe, trial: Trial) -> str:
-    """A recipe as a file of one section."""
-    text: str = yaml.safe_dump({recipe.task: section_of(recipe)}, sort_keys=False)
-    return f"# Found by a search of {', '.join(trial.values)}; reward {trial.reward:.5g}.\n\n{text}"
+    """Return a recipe as the text of a file with one section."""
+    text: str = yaml.safe_dump({recipe.task: recipe_section(recipe)}, sort_keys=False)
+    head = f"# Best recipe of a search over {', '.join(trial.values)}; reward {trial.reward:.5g}."
+    return f"{head}\n\n{text}"

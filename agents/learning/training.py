@@ -1,9 +1,9 @@
-"""Training of a policy: interruptible, repeatable, evaluated on the way.
+"""Training of a policy: interruptible, repeatable, with evaluations at regular intervals.
 
-A training is cut into parts, each of which ends with an evaluation. At the start of each part the
-environments begin new episodes and every generator takes a seed of that part, so a training that was
-interrupted and resumed ends in the same policy as a training without interruption. The policy after the
-last part is kept.
+A training is divided into parts, each of which ends with an evaluation. At the start of each part the
+environments start new episodes and every random generator gets a seed of that part. A training that was
+interrupted and resumed therefore ends in the same policy as one without interruption. The policy after
+the last part is kept.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from stable_baselines3.common.vec_env import VecFrameStack, VecMonitor
 from ...baselines.controller import Predictor
 from ...core.archives import read_archive
 from ...core.files import write_json
-from ...core.sweep import digest_of, refuse_another, source_digest
+from ...core.sweep import digest_of, refuse_other_plan, source_digest
 from ...envs import DEFAULTS, get_task
 from ...envs.batch import Batch
 from ...envs.sb3 import Sb3Frigates
@@ -44,7 +44,7 @@ from .recipe import Recipe, RecipeError, tuned_controller
 
 EVALUATION_EPISODES = 24
 FIRST_EVALUATION_SEED = 500_000
-"""Seeds of the evaluations; those of training run from 0, those of comparisons from 900 000."""
+"""First seed of the evaluations; training uses seeds from 0, comparisons from 900 000."""
 
 _MODELS = {"ppo": PPO, "sac": SAC, "td3": TD3}
 
@@ -54,27 +54,29 @@ _SOURCES = (
     "core", "plant", "observers", "baselines", "envs", "agents/learning", "agents/policy",
     "agents/evaluation/clairvoyant.py",
 )  # fmt: skip
-"""What decides a training's result."""
+"""Source code that determines the result of a training."""
 
 Tick = Callable[[int, int, str], None]
 
 
-class Falling:
-    """A value that falls linearly to zero along the whole training, whatever its parts."""
+class LinearDecay:
+    """Value that falls linearly to zero over the whole training."""
 
     def __init__(self, value: float) -> None:
         self.value = value
         self.remaining = 1.0
 
     def __call__(self, _: float) -> float:
-        """Value at what remains of the training."""
+        """Return the value at the remaining share of the training."""
         return self.value * self.remaining
 
 
 class _Watch(BaseCallback):
-    """Tells how far a training is and lets falling values fall."""
+    """Report the progress of a training and update the falling values."""
 
-    def __init__(self, recipe: Recipe, falling: list[Falling], tick: Tick, said: list[str]) -> None:
+    def __init__(
+        self, recipe: Recipe, falling: list[LinearDecay], tick: Tick, said: list[str]
+    ) -> None:
         super().__init__()
         self._recipe, self._falling, self._tick, self._said = recipe, falling, tick, said
         self._every = max(recipe.n_timesteps // 200, 1)
@@ -90,26 +92,25 @@ class _Watch(BaseCallback):
         return True
 
 
-def _built(recipe: Recipe, venv: Any, seed: int, device: str) -> tuple[Any, list[Falling]]:
-    falling: list[Falling] = []
+def _build(recipe: Recipe, venv: Any, seed: int, device: str) -> tuple[Any, list[LinearDecay]]:
+    falling: list[LinearDecay] = []
 
     def value(given: Any) -> Any:
         if isinstance(given, str) and given.startswith("lin_"):
-            falling.append(Falling(float(given.removeprefix("lin_"))))
+            falling.append(LinearDecay(float(given.removeprefix("lin_"))))
             return falling[-1]
         return float(given) if isinstance(given, str) and given[:1].isdigit() else given
 
     try:
-        own = deepcopy(recipe.hyperparameters)  # the algorithms write into what they are given
+        own = deepcopy(recipe.hyperparameters)  # The algorithms change their arguments.
         chosen = {key: value(given) for key, given in own.items()}
-        with warnings.catch_warnings(
-            record=True
-        ) as heard:  # of a recipe that is refused: the error alone
+        # A recipe that is refused shall print its error only, without warnings.
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             model = _model(recipe, venv, {"seed": seed, "device": device} | chosen)
     except (AssertionError, AttributeError, RuntimeError, TypeError, ValueError) as error:
         raise RecipeError(f"{recipe.algorithm.upper()} refuses the recipe: {error}") from None
-    for warning in heard:
+    for warning in caught:
         warnings.warn(warning.message, stacklevel=2)
     return model, falling
 
@@ -121,20 +122,20 @@ def _model(recipe: Recipe, venv: Any, chosen: dict[str, Any]) -> Any:
     model = _MODELS[recipe.algorithm](recipe.policy, venv, **chosen)
     if isinstance(model, SAC) and not isinstance(model.actor.mu, torch.nn.Linear):
         raise ValueError(
-            "with use_sde it needs policy_kwargs: {clip_mean: 0.0}, for a policy file holds no "
+            "use_sde needs policy_kwargs: {clip_mean: 0.0}, because a policy file cannot store "
             "clipped means"
         )
     return model
 
 
 class _StaggeredFrigates(Sb3Frigates):
-    """Frigates whose first episodes end at different times.
+    """Batch of ships whose first episodes end at different times.
 
-    Episodes in step would show an update only their beginnings, and the next only their ends.
+    With episodes in step, one update would contain only starts of episodes and the next only ends.
     """
 
     def reset(self) -> Any:
-        """Begin an episode everywhere, each at another time of it."""
+        """Start an episode in every environment, each at another elapsed time."""
         observation = super().reset()
         batch = self.vector.batch
         share = np.arange(self.num_envs) / self.num_envs
@@ -142,17 +143,17 @@ class _StaggeredFrigates(Sb3Frigates):
         return observation
 
 
-def built(
+def build_model(
     recipe: Recipe, seed: int, ship: str, device: str, threads: int | None = None
-) -> tuple[Any, Any, list[Falling]]:
-    """Return an untrained model, its environments, and the values that fall along the training.
+) -> tuple[Any, Any, list[LinearDecay]]:
+    """Return an untrained model, its environments, and the values that fall during the training.
 
     Args:
-        recipe: of the training.
-        seed: of the weights.
+        recipe: recipe of the training.
+        seed: seed of the weights.
         ship: preset or path.
-        device: of torch.
-        threads: of the environments.
+        device: device of torch.
+        threads: number of threads of the environments.
     """
     venv: Any = VecMonitor(
         _StaggeredFrigates(
@@ -163,11 +164,11 @@ def built(
     if recipe.frame_stack > 1:
         venv = VecFrameStack(venv, recipe.frame_stack)
     set_random_seed(seed)
-    model, falling = _built(recipe, venv, seed, device)
+    model, falling = _build(recipe, venv, seed, device)
     return model, venv, falling
 
 
-def network_of(model: Any) -> Network:
+def extract_network(model: Any) -> Network:
     """Return the deterministic part of the policy of a model of stable-baselines3."""
     policy = model.policy
     if isinstance(model, PPO):
@@ -177,7 +178,7 @@ def network_of(model: Any) -> Network:
     else:
         parts, squashed = list(policy.actor.mu), True
     layers = [layer for layer in parts if isinstance(layer, torch.nn.Linear)]
-    hidden = parts[:-1] if isinstance(model, TD3) else parts  # its last tanh squashes
+    hidden = parts[:-1] if isinstance(model, TD3) else parts  # The last tanh is the squashing.
     smooth = any(isinstance(layer, torch.nn.Tanh) for layer in hidden)
     return Network(
         tuple(layer.weight.detach().cpu().numpy().copy() for layer in layers),
@@ -187,12 +188,12 @@ def network_of(model: Any) -> Network:
 
 
 def sources() -> str:
-    """Digest of all that decides a training's result."""
+    """Return a digest of the source code that determines the result of a training."""
     return source_digest(*_SOURCES)
 
 
-def commit() -> str | None:
-    """Hash of the checkout that this is run from, if it is one."""
+def git_commit() -> str | None:
+    """Return the hash of the checkout that contains this module; None without a checkout."""
     here = Path(__file__).parent
     try:
         found = subprocess.run(
@@ -215,28 +216,28 @@ def train(
     tick: Tick = lambda done, total, said: None,
     after_evaluation: Callable[[list[float]], None] | None = None,
 ) -> Path:
-    """Train a policy, or go on where an earlier call stopped.
+    """Train a policy, or resume an interrupted training.
 
     Args:
-        recipe: what and how.
-        seed: decides everything else; on a CPU the same seed gives the same policy.
-        folder: for ``policy.npz``, the training curve, checkpoints and TensorBoard's events.
-        ship: preset or path; the one that the task is made for by default.
-        device: of torch; ``auto`` takes a GPU where there is one.
-        threads: of torch and of the environments; the machine's by default. The environments' change no
-            result.
-        plan_folder: folder of the plans that the recipe imitates, which several trainings may share;
-            the subfolder ``plans`` of ``folder`` by default.
-        tick: called with the steps done, all steps, and the last evaluation in words.
-        after_evaluation: called with the rewards of the evaluations so far (without the evaluation of an
-            imitation), once the last is saved; an exception ends the training there.
+        recipe: recipe of the training.
+        seed: seed of the training; on a CPU the same seed gives the same policy.
+        folder: folder for ``policy.npz``, the training curve, checkpoints and events of TensorBoard.
+        ship: preset or path; by default the ship of the task.
+        device: device of torch; ``auto`` selects a GPU where there is one.
+        threads: number of threads of torch and of the environments; one for each core by default. Those
+            of the environments do not change the result.
+        plan_folder: folder of the plans that the recipe imitates, which several trainings can share; the
+            subfolder ``plans`` of ``folder`` by default.
+        tick: function called with the finished steps, all steps, and the last evaluation as text.
+        after_evaluation: function called with the rewards of the evaluations so far (without that of the
+            imitation) when the last is saved; an exception in it ends the training.
 
     Returns:
-        The policy file.
+        Path of the policy file.
 
     Raises:
         RecipeError: the recipe has plans, and the pitch of the ship is fixed.
-        ValueError: the folder holds a training of another recipe or seed, or a damaged plan.
+        ValueError: the folder contains a training of another recipe or seed, or a damaged plan.
     """
     folder = Path(folder)
     ship = ship or get_task(recipe.task).vessel
@@ -247,21 +248,21 @@ def train(
         "source": sources(),
     }  # fmt: skip
     note = folder / "training.json"
-    refuse_another(folder, note, plan, "training")
+    refuse_other_plan(folder, note, plan, "training")
     progress = Checkpoints(folder)
-    parts, steps = evaluations_of(recipe)
-    imitated = 1 if recipe.plans else 0  # the first evaluation is that of the imitation
+    parts, steps = evaluation_schedule(recipe)
+    imitated = 1 if recipe.plans else 0  # The first evaluation is that of the imitation.
     if len(progress.evaluations) >= parts + imitated:
         return progress.finish()
     check_plannable(recipe, vessel)
     if device == "auto":
         device = "cuda" if torch.cuda.is_available() else "cpu"
     if device == "cpu":
-        torch.set_num_threads(1)  # small networks: more threads cost time and repeatability
-    model, venv, falling = built(recipe, seed, ship, device, threads)
+        torch.set_num_threads(1)  # More threads are slower for small networks, and not repeatable.
+    model, venv, falling = build_model(recipe, seed, ship, device, threads)
     seconds = progress.evaluations[-1]["seconds"] if progress.evaluations else 0.0
     begin = time.perf_counter() - seconds
-    write_json(note, plan)  # only now is it known that it can begin
+    write_json(note, plan)  # The recipe has been accepted.
     if progress.evaluations:
         progress.resume(model)
     formats = ["csv"]
@@ -272,17 +273,17 @@ def train(
     except ImportError:
         pass
     log = str(folder / "log")
-    suffix = f"-{len(progress.evaluations):02d}"  # a resumed training keeps earlier logs
+    suffix = f"-{len(progress.evaluations):02d}"  # A resumed training keeps earlier logs.
     model.set_logger(Logger(log, [make_output_format(kind, log, suffix) for kind in formats]))
     said = ["not evaluated yet"]
     watch = _Watch(recipe, falling, tick, said)
 
     def evaluate() -> None:
         policy = Policy(
-            network_of(model),
+            extract_network(model),
             about_training(recipe, seed, ship, venv.get_attr("vector", [0])[0].batch),
         )
-        found = judged(policy, recipe, ship, threads)
+        found = evaluate_policy(policy, recipe, ship, threads)
         progress.add(
             {"steps": model.num_timesteps, **found, "seconds": time.perf_counter() - begin}
         )
@@ -299,9 +300,10 @@ def train(
             evaluate()
         for part in range(len(progress.evaluations) - imitated, parts):
             part_seed = int(np.random.SeedSequence([seed, part]).generate_state(1)[0] % 2**31)
-            model.set_random_seed(part_seed)  # with the action space's, from which SAC first draws
+            # The seed of the model is also that of the action space, from which SAC draws.
+            model.set_random_seed(part_seed)
             venv.seed(part_seed % 400_000)
-            model._last_obs = None  # new episodes everywhere
+            model._last_obs = None  # All environments start new episodes.
             model.learn(steps, callback=watch, reset_num_timesteps=False)
             evaluate()
             if after_evaluation is not None:
@@ -313,7 +315,7 @@ def train(
 def _imitate_plans(
     model: Any, recipe: Recipe, ship: str, folder: Path, jobs: int | None, tick: Tick
 ) -> None:
-    """Make the plans of a recipe and fit the networks of a model to them."""
+    """Compute the plans of a recipe and fit the networks of a model to them."""
     made = 0
 
     def count() -> None:
@@ -327,11 +329,11 @@ def _imitate_plans(
     model.logger.record("imitation/mean_squared_error", error)
 
 
-def evaluations_of(recipe: Recipe) -> tuple[int, int]:
-    """Return the number of parts of a training, and the steps of each: whole rollouts.
+def evaluation_schedule(recipe: Recipe) -> tuple[int, int]:
+    """Return the number of parts of a training, and the steps of each part: whole rollouts.
 
     Args:
-        recipe: of the training.
+        recipe: recipe of the training.
     """
     rollout = recipe.n_envs
     if recipe.algorithm == "ppo":
@@ -344,10 +346,10 @@ def about_training(recipe: Recipe, seed: int, ship: str, batch: Batch) -> dict[s
     """Return the description of a policy for its file.
 
     Args:
-        recipe: of the training.
-        seed: of the training.
+        recipe: recipe of the training.
+        seed: seed of the training.
         ship: preset or path.
-        batch: of the environments that it was trained in.
+        batch: batch of the training environments.
     """
     return {
         "layout": layout(batch),
@@ -355,21 +357,21 @@ def about_training(recipe: Recipe, seed: int, ship: str, batch: Batch) -> dict[s
         "control_interval_s": batch.interval_s,
         "recipe": recipe.model_dump(),
         "seed": seed,
-        "commit": commit(),
+        "commit": git_commit(),
         "torch": torch.__version__.split("+")[0],
     }
 
 
 def reference(recipe: Recipe, ship: str, threads: int | None = None) -> tuple[str, float]:
-    """Return the name and the reward of the controller that a policy of a recipe has to beat.
+    """Return the name and the reward of the controller with which a policy of a recipe is compared.
 
-    It is the base controller of a residual and the tuned controller of the task otherwise, in the
+    It is the base controller of a residual, and otherwise the tuned controller of the task, in the
     episodes of the evaluations.
 
     Args:
-        recipe: of the training.
+        recipe: recipe of the training.
         ship: preset or path.
-        threads: of the environments.
+        threads: number of threads of the environments.
     """
     task, interval = get_task(recipe.task), DEFAULTS.control_interval_s
     mode = str(recipe.env_kwargs.get("action_mode", DEFAULTS.action_mode))
@@ -377,14 +379,14 @@ def reference(recipe: Recipe, ship: str, threads: int | None = None) -> tuple[st
     name = base or tuned_controller(recipe.task)
     if task.steered and "+" not in name:
         name = f"{task.helmsman}+{name}"
-    controller = controller_for(task, name, task.sailed(ship), interval, task.steered)
+    controller = controller_for(task, name, task.load_ship(ship), interval, task.steered)
     words = f"the base controller {name}" if base else f"the tuned classic controller {name}"
     if ship != task.vessel and not base:
         words += f" (tuned on {task.vessel})"
-    return words, judged(controller, recipe, ship, threads)["reward"]
+    return words, evaluate_policy(controller, recipe, ship, threads)["reward"]
 
 
-def judged(
+def evaluate_policy(
     policy: Predictor,
     recipe: Recipe,
     ship: str,
@@ -395,10 +397,10 @@ def judged(
 
     Args:
         policy: the policy, or another controller.
-        recipe: that it was trained by.
+        recipe: recipe of its training.
         ship: preset or path.
-        threads: of the environments.
-        first_sea: seed of the first of the seas.
+        threads: number of threads of the environments.
+        first_sea: seed of the first episode.
     """
     environment = {"sea": "task", "observer": DEFAULTS.observer} | {
         key: value for key, value in recipe.env_kwargs.items() if key not in INTERFACE
@@ -414,8 +416,8 @@ def judged(
     }
 
 
-def digest(path: Path) -> str:
-    """Hash of the weights of a policy file, which no clock enters."""
+def weights_digest(path: Path) -> str:
+    """Return the hash of the weights of a policy file, which does not depend on the time of training."""
     found = hashlib.sha256()
     for name, array in sorted(read_archive(path).items()):
         if name != "about":

@@ -1,8 +1,9 @@
-"""Constants of a classic controller, searched for on a task: what learning has to beat.
+"""Tuning of the constants of a classic controller on a task, as the reference for learned policies.
 
-CMA-ES (Hansen 2016, arXiv:1604.00772) draws candidates, all sail the same episodes of the task's own
-seas, and the mean reward decides. Held-out seas are never drawn. The search is over the ranges that the
-controller declares (:attr:`shaftline.baselines.Controller.tunable`), each scaled to 0 to 1.
+CMA-ES (Hansen 2016, arXiv:1604.00772) draws candidates. All of them are simulated in the same episodes
+of the seas of the task, and the mean reward decides. Held-out seas are never drawn. The search space is
+the product of the ranges that the controller declares (:attr:`shaftline.baselines.Controller.tunable`),
+each scaled to 0 to 1.
 """
 
 from __future__ import annotations
@@ -14,43 +15,43 @@ import cma
 import numpy as np
 from numpy.typing import NDArray
 
-from ...baselines.registry import ControllerError, joined_names, read_options, tunable
+from ...baselines.registry import ControllerError, read_options, split_steering_name, tunable
 from ...envs.settings import DEFAULTS, EPISODE_S
 from ...envs.tasks import Task, controller_for, get_task
 from ..evaluation.episodes import Setting, run_episodes
 
 FIRST_SEED = 700_000
-"""Of the episodes on which candidates are compared; apart from those of training and judging."""
+"""First seed of the episodes of the search; training and evaluation use other seeds."""
 
-_SPREAD = 0.3  # of the first candidates, over the ranges
-_DIGITS = 3  # constants are given with so many, and judged as they are given
+_SPREAD = 0.3  # initial standard deviation of the candidates, over the ranges
+_DIGITS = 3  # significant digits of the constants
 
 
-class Tuned(NamedTuple):
-    """What a search found."""
+class TuningResult(NamedTuple):
+    """Result of a tuning."""
 
     controller: str
-    """With its options, as :func:`tune` takes it."""
+    """Best controller with its options, as :func:`tune` accepts it."""
     reward: float
-    """Mean over the episodes of the search, which flatters it."""
+    """Mean reward over the episodes of the search, which is biased upwards."""
     fresh: float
-    """The same over as many episodes that it has not seen, of the same seas."""
+    """Mean reward over as many unused episodes of the same seas."""
     untuned: float
-    """What the controller gets there with the constants that it was given."""
-    sailed: int
-    """Candidates."""
+    """Mean reward of the given controller over these unused episodes."""
+    candidates: int
+    """Number of candidates."""
 
 
 class _Part(NamedTuple):
-    """One controller of a text: the helmsman, or who sets pitch and rack."""
+    """One controller of a text: the helmsman, or the controller of pitch and rack."""
 
     name: str
     given: Mapping[str, float]
 
 
 def _parts(text: str, task: Task) -> list[_Part]:
-    """Return the parts of a controller for a task, the task's own helmsman first where it has none."""
-    names = joined_names(text)
+    """Return the parts of a controller, with the helmsman of the task where the text has none."""
+    names = split_steering_name(text)
     if task.steered and len(names) == 1:
         names = [task.helmsman, *names]
     return [_Part(*read_options(name)) for name in names]
@@ -65,7 +66,7 @@ def _text_of(name: str, options: Mapping[str, float]) -> str:
 def _free(
     parts: list[_Part], ranges: Mapping[str, tuple[float, float]] | None
 ) -> dict[tuple[int, str], tuple[float, float]]:
-    """Return the ranges that are searched, by part and option."""
+    """Return the ranges of the free constants, by part and option."""
     declared = [tunable(part.name) for part in parts]
     last = len(parts) - 1
     if ranges is None:
@@ -89,80 +90,83 @@ def tune(
     ship: str | None = None,
     threads: int | None = None,
     tick: Callable[[int, int, str], None] = lambda done, total, said: None,
-) -> Tuned:
-    """Search a controller's constants.
+) -> TuningResult:
+    """Tune the constants of a controller on a task.
 
     Args:
-        controller: ``NAME`` or ``NAME:option=number,...``; what is given here stays. For a task with
-            the rudder as an action ``HELMSMAN+NAME``, or the task's own helmsman is searched, too.
-        task: name, on whose training's seas candidates sail.
-        ranges: lowest and highest of each constant; those that the controller declares by default.
-        rounds: generations.
-        episodes: that each candidate sails.
-        episode_s: their length [s].
-        seed: of the search, and of its episodes.
-        observer: name.
-        ship: preset or path; the one that the task is made for by default.
-        threads: that step the episodes; the machine's cores by default.
-        tick: called after each round with its number, their sum, and the best reward so far in words.
+        controller: ``NAME`` or ``NAME:option=number,...``; the given options are fixed. For a task with
+            the rudder as an action ``HELMSMAN+NAME``; by default the helmsman of the task is tuned too.
+        task: name of the task, on whose training seas the candidates are simulated.
+        ranges: lowest and highest value of each constant; by default those that the controller declares.
+        rounds: number of generations.
+        episodes: number of episodes for each candidate.
+        episode_s: length of an episode [s].
+        seed: seed of the search and of its episodes.
+        observer: name of the observer.
+        ship: preset or path; by default the ship of the task.
+        threads: number of threads that step the episodes; one for each core by default.
+        tick: function called after each generation with its number, the number of generations, and the
+            best reward so far as text.
 
     Raises:
-        ControllerError: unknown name or option, or nothing that may be searched for.
-        ValueError: a range that is none, or numbers below one.
+        ControllerError: unknown name or option, or no constant that can be tuned.
+        ValueError: an empty range, or a count below one.
     """
     model = get_task(task)
     parts = _parts(controller, model)
     free = _free(parts, ranges)
     if not free:
-        raise ControllerError(f"{controller!r}: it has no constant that may be searched for")
+        raise ControllerError(f"{controller!r}: no constant of this controller can be tuned")
     for (_, key), (low, high) in free.items():
         if not (np.isfinite(low) and np.isfinite(high) and low < high):
-            raise ValueError(f"range of {key}: {low!r} to {high!r} is none")
+            raise ValueError(
+                f"range of {key}: {low!r} to {high!r}: the ends must be finite and the first the lower"
+            )
     if min(rounds, episodes) < 1:
-        raise ValueError("rounds and episodes must be 1 or more")
-    sailed = model.sailed(ship)
+        raise ValueError("rounds and episodes must each be at least 1")
+    vessel = model.load_ship(ship)
     first = FIRST_SEED + 2 * seed * episodes
 
-    def sail(text: str, seeds_from: int) -> float:
+    def simulate(text: str, seeds_from: int) -> float:
         setting = Setting(
             text, task, "task", observer, episodes, ship, episode_s, first_seed=seeds_from
         )
-        made = controller_for(model, text, sailed, DEFAULTS.control_interval_s, model.steered)
+        made = controller_for(model, text, vessel, DEFAULTS.control_interval_s, model.steered)
         kpis, _ = run_episodes(setting, made, threads=threads)
         return float(kpis["reward"].mean())
 
-    untuned = sail(controller, first + episodes)  # which refuses what the controller does not take
-    found = _searched(parts, free, lambda text: sail(text, first), rounds, seed, tick)
-    return Tuned(
-        found.text, found.reward, sail(found.text, first + episodes), untuned, found.sailed
+    untuned = simulate(controller, first + episodes)  # This also checks the options.
+    found = _search(parts, free, lambda text: simulate(text, first), rounds, seed, tick)
+    return TuningResult(
+        found.text, found.reward, simulate(found.text, first + episodes), untuned, found.candidates
     )
 
 
-class _Searched(NamedTuple):
-    """The best of a search."""
+class _SearchResult(NamedTuple):
+    """Best controller of a search."""
 
     text: str  # the controller with its options
-    reward: float  # which flatters it
-    sailed: int  # candidates
+    reward: float  # mean reward over the episodes of the search
+    candidates: int  # number of candidates
 
 
-def _searched(
+def _search(
     parts: list[_Part],
     free: Mapping[tuple[int, str], tuple[float, float]],
-    sail: Callable[[str], float],
+    simulate: Callable[[str], float],
     rounds: int,
     seed: int,
     tick: Callable[[int, int, str], None],
-) -> _Searched:
+) -> _SearchResult:
     """Return the best controller of a search.
 
     Args:
-        parts: controllers with the constants that stay.
-        free: range of each constant that is searched for, by part and option.
-        sail: reward of a controller.
-        rounds: generations.
-        seed: of the search.
-        tick: as of :func:`tune`.
+        parts: controllers with their fixed constants.
+        free: range of each free constant, by part and option.
+        simulate: function that returns the reward of a controller.
+        rounds: number of generations.
+        seed: seed of the search.
+        tick: progress function, as in :func:`tune`.
     """
 
     def text_of(point: NDArray[np.float64]) -> str:
@@ -178,16 +182,16 @@ def _searched(
         {
             "bounds": [0.0, 1.0], "maxiter": rounds, "verbose": -9, "seed": np.nan,
             "randn": lambda *shape: rng.standard_normal(shape), "verb_log": 0,
-            # cma 4.5 fails where it would limit the spread of a single constant
+            # cma 4.5 fails if it limits the standard deviation of a single constant.
             "maxstd_boundrange": 1.0 / 3.0 if len(free) > 1 else np.inf,
         },
     )  # fmt: skip
-    best, most, sailed = "", -np.inf, 0
+    best, most, candidates = "", -np.inf, 0
     for k in range(rounds):
         points = search.ask()
         texts = [text_of(np.asarray(point)) for point in points]
-        rewards = [sail(text) for text in texts]
-        sailed += len(texts)
+        rewards = [simulate(text) for text in texts]
+        candidates += len(texts)
         search.tell(points, [-reward for reward in rewards])
         leader = int(np.argmax(rewards))
         if rewards[leader] > most:
@@ -195,4 +199,4 @@ def _searched(
         tick(k + 1, rounds, f"reward {most:.5g}")
         if search.stop():
             break
-    return _Searched(best, most, sailed)
+    return _SearchResult(best, most, candidates)

@@ -1,1 +1,1 @@
-"""A learned policy as one file, and what stands between it and a ship."""
+"""Policy file: weights of a network and the environment for which it was trained."""

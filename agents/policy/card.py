@@ -1,4 +1,4 @@
-"""The card of a policy: what it is, for what, and how it compares, as Hugging Face's hub reads it."""
+"""Model card of a policy, in the format of the Hugging Face Hub."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import yaml
 
-from ...envs.steering import kinds
+from ...envs.steering import environment_classes
 from ...envs.tasks import get_task
 from .policy import Policy
 
@@ -17,9 +17,9 @@ def card(name: str, policy: Policy, returns: Mapping[str, Mapping[str, float]], 
     """Return the card as Markdown with a YAML head.
 
     Args:
-        name: of the policy.
-        policy: that the card tells of.
-        returns: mean return by controller and by seas (``training``, ``held-out``); the policy's own
+        name: name of the policy.
+        policy: policy to describe.
+        returns: mean return by controller and by seas (``training``, ``held-out``); those of the policy
             under ``policy``.
         notes: how the returns were measured.
     """
@@ -52,23 +52,23 @@ def card(name: str, policy: Policy, returns: Mapping[str, Mapping[str, float]], 
         f"| {controller} | " + " | ".join(f"{row[one]:.1f}" for one in seas) + " |"
         for controller, row in returns.items()
     ]
-    environment = kinds(task.steered).single.__name__
+    environment = environment_classes(task.steered).single.__name__
     mode = str(policy.interface.get("action_mode"))
     base = mode.partition(":")[2]
     plans = recipe.get("plans", 0)
-    began = []
+    origin = []
     if base:
-        began.append(
-            f"It adds to the commands of a classic controller, `{base}`, so its worth is what stands "
-            "above that row."
+        origin.append(
+            f"It adds to the commands of a classic controller, `{base}`, so compare its return "
+            "with that of the controller."
         )
     if plans:
-        began.append(
-            f"It imitated plans of {plans} episodes, made with waves and resistance known, before it "
-            "learned on."
+        origin.append(
+            f"It imitated plans of {plans} episodes, optimised with known waves and resistance, before "
+            "reinforcement learning."
         )
-    if not began:
-        began.append("It was learned from nothing, with no classic controller underneath.")
+    if not origin:
+        origin.append("It was trained from random weights, without a classic base controller.")
     return "\n".join(
         [
             "---",
@@ -78,13 +78,13 @@ def card(name: str, policy: Policy, returns: Mapping[str, Mapping[str, float]], 
             "",
             f"A policy of [shaftline](https://pypi.org/project/shaftline/) for the task "
             f"`{recipe['task']}`: {task.description}. Ship: `{about['layout']['ship']}`; a command "
-            f"every {policy.interval_s:g} s. {' '.join(began)}",
+            f"every {policy.interval_s:g} s. {' '.join(origin)}",
             "",
             f"{recipe['algorithm'].upper()} of stable-baselines3, "
             + ", ".join(f"{key} {recipe[key]:,}" for key in _KEYS)
-            + f", seed {about['seed']}; the whole recipe stands in the file.",
+            + f", seed {about['seed']}; the file contains the whole recipe.",
             "",
-            "## Mean returns (600 at the most)",
+            "## Mean returns (at most 600)",
             "",
             *table,
             "",
@@ -102,8 +102,8 @@ def card(name: str, policy: Policy, returns: Mapping[str, Mapping[str, float]], 
             "action, state = policy.predict(observation)",
             "```",
             "",
-            "It knows the ship, the seas and the instruments of its training alone. It is made for "
-            "research on the simulated ship and has never been on a real one.",
+            "It is valid for the ship, the seas and the instruments of its training only. It is made "
+            "for research on the simulated ship and has never been used on a real one.",
             "",
         ]
     )

@@ -1,7 +1,7 @@
-"""A learned policy as one file: weights, and the environment that it was trained for.
+"""Policy file: weights of a network, and the environment for which it was trained.
 
-The file is a NumPy archive without pickled objects, so it can be loaded from anyone, and it runs
-without torch.
+The file is a NumPy archive without pickled objects, so loading a file from another person runs no code.
+A policy runs without torch.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...baselines.controller import resumed
+from ...baselines.controller import resume_state
 from ...core.archives import read_archive, write_archive
 from ...envs.batch import Batch
 from ...envs.settings import Settings
@@ -26,22 +26,22 @@ from ...envs.tasks import get_task
 from ...plant import Ship
 
 FORMAT = 3
-"""Format of the file: it changes where an entry, an observation or an action changes its meaning."""
+"""Format of the file; it changes where an entry, an observation or an action changes its meaning."""
 
 _ACTIVATIONS: dict[str, Callable[[Any], Any]] = {"tanh": np.tanh, "relu": partial(np.maximum, 0.0)}
 
 INTERFACE = ("action_mode", "command")
-"""Keywords of the environment that decide what an observation and an action of a policy mean."""
+"""Keywords of the environment that define the observations and the actions of a policy."""
 
 MOST_FRAMES = 64
 
 
 class PolicyError(ValueError):
-    """A policy that cannot be loaded or does not belong here; the message says what differs."""
+    """A policy cannot be loaded or does not match the environment; the message says why."""
 
 
 def layout(batch: Batch) -> dict[str, Any]:
-    """Return what a policy and the environments that it commands must agree on."""
+    """Return the properties in which a policy and its environment must agree."""
     plant = batch.ship.record()
     ranges = ("pitch_ratio_min", "pitch_ratio_max", "drive_min", "drive_max", "gear_ratio",
               "engine_speed_min", "engine_speed_max")  # fmt: skip
@@ -63,22 +63,28 @@ def _differences(own: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
         if isinstance(value, dict) and isinstance(found, dict):
             said += _differences(found, value)
         elif found != value:
-            said.append(f"{key}: the policy has {found!r}, here it is {value!r}")
+            said.append(f"{key}: the policy has {found!r}, the environment {value!r}")
     return said
 
 
 @dataclass(frozen=True)
 class Network:
-    """A multilayer perceptron.
+    """Multilayer perceptron.
 
     Args:
-        weights: of each layer, shape (out, in).
-        biases: of each layer, shape (out,).
+        weights: weights of each layer, shape (out, in).
+        biases: biases of each layer, shape (out,).
         activation: ``tanh`` or ``relu`` between the layers.
-        squashed: whether a tanh follows the last layer; otherwise actions are clipped.
+        squashed: whether a tanh follows the last layer; otherwise the outputs are clipped.
 
     Raises:
-        ValueError: the layers do not fit together, or a weight is not finite.
+        ValueError: the layers do not match, or a weight is not finite.
+
+    Examples:
+        >>> one = np.ones((1, 2), np.float32)
+        >>> network = Network((one,), (np.zeros(1, np.float32),), "tanh", squashed=False)
+        >>> network(np.array([[0.25, 0.5], [3.0, 0.0]], np.float32)).ravel().tolist()
+        [0.75, 1.0]
     """
 
     weights: tuple[NDArray[np.float32], ...]
@@ -89,13 +95,13 @@ class Network:
     def __post_init__(self) -> None:  # noqa: D105 (dataclasses' hook)
         arrays: list[NDArray[Any]] = [*self.weights, *self.biases]
         if not self.weights or any(array.dtype.kind != "f" for array in arrays):
-            raise ValueError("layers of real numbers are needed")
+            raise ValueError("the weights of the layers must be real numbers")
         if any(weight.ndim != 2 for weight in self.weights):
             raise ValueError("the weights of a layer must have two dimensions")
         widths = [self.weights[0].shape[1], *(len(bias) for bias in self.biases)]
         shapes = [(out, into) for into, out in pairwise(widths)]
         if [weight.shape for weight in self.weights] != shapes:
-            raise ValueError("its layers do not fit together")
+            raise ValueError("the shapes of the layers do not match")
         if not all(np.isfinite(array).all() for array in arrays):
             raise ValueError("a weight is not finite")
         if self.activation not in _ACTIVATIONS:
@@ -103,11 +109,11 @@ class Network:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Number of inputs and of outputs."""
+        """Number of inputs and number of outputs."""
         return self.weights[0].shape[1], len(self.biases[-1])
 
     def __call__(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return actions in [-1, 1], shape (n, outputs), of inputs of shape (n, inputs)."""
+        """Return actions in [-1, 1], shape (n, outputs), for inputs of shape (n, inputs)."""
         act = _ACTIVATIONS[self.activation]
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
             x = act(x @ weight.T + bias)
@@ -116,16 +122,21 @@ class Network:
 
 
 class Policy:
-    """A learned controller with ``predict``, as the models of stable-baselines3 have it.
+    """Learned controller with ``predict``, as the models of stable-baselines3 have it.
 
     Args:
-        network: its weights.
-        about: environment, recipe and training (``layout`` and others), as JSON allows.
-        ship: that it commands; the one that it was trained on by default.
+        network: network with its weights.
+        about: environment, recipe and training (``layout`` and others), as JSON values.
+        ship: ship to control; by default the ship of the training.
         curve: evaluations during the training: columns by name.
 
     Raises:
-        PolicyError: it does not fit this version, the ship or the environment.
+        PolicyError: the policy does not match this version, the ship or the environment.
+
+    Examples:
+        >>> policy = load_policy("storm")
+        >>> policy.interval_s, policy.frames
+        (0.5, 4)
     """
 
     def __init__(
@@ -137,7 +148,7 @@ class Policy:
     ) -> None:
         self.network, self.about, self.curve = network, dict(about), dict(curve or {})
         task = get_task(about["recipe"]["task"])
-        self.ship = task.sailed(about["ship_source"]) if ship is None else ship
+        self.ship = task.load_ship(about["ship_source"]) if ship is None else ship
         self.interval_s = float(about["control_interval_s"])
         own = about.get("layout", {})
         self.interface: dict[str, Any] = {
@@ -153,12 +164,12 @@ class Policy:
         batch = Batch(1, Settings.of(settings | self.interface), task.steered)
         here = layout(batch)
         if said := _differences(own, here):
-            raise PolicyError("this policy does not fit: " + "; ".join(said))
+            raise PolicyError("this policy does not match the environment: " + "; ".join(said))
         self._width = len(batch.observed)
         if network.shape != (self.frames * self._width, batch.actions):
             raise PolicyError(
-                f"the network has {network.shape[0]} inputs and {network.shape[1]} outputs, where "
-                f"{self.frames * self._width} and {batch.actions} are needed"
+                f"the network has {network.shape[0]} inputs and {network.shape[1]} outputs; expected "
+                f"are {self.frames * self._width} and {batch.actions}"
             )
 
     def predict(
@@ -168,29 +179,29 @@ class Policy:
         episode_start: Any = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], Any]:
-        """Return actions for one observation or a batch.
+        """Return actions for one observation or a batch of observations.
 
         Args:
-            observation: normalised, shape (o,) or (n, o), of an environment with the keywords
-                :attr:`interface`.
-            state: second value of the last call, None at first; it stays untouched.
-            episode_start: shape (n,), true where an episode begins.
-            deterministic: without effect: the file holds no noise of the training.
+            observation: normalised observation, shape (o,) or (n, o), of an environment with the
+                keywords :attr:`interface`.
+            state: second value of the last call, None at first; it is not changed.
+            episode_start: mask of the environments whose episode starts, shape (n,).
+            deterministic: without effect, because the file contains no exploration noise.
 
         Returns:
             Actions in [-1, 1], shape (a,) or (n, a), and the state for the next call.
 
         Raises:
-            ValueError: observations of another width.
+            ValueError: observations with another number of signals.
         """
         table = np.atleast_2d(np.asarray(observation, dtype=np.float32))
         if table.shape[1] != self._width:
             raise ValueError(
-                f"observations of {table.shape[1]} signals: the policy reads {self._width}; make the "
+                f"observations of {table.shape[1]} signals: the policy needs {self._width}; create the "
                 f"environment with the keywords {self.interface}"
             )
         empty = np.zeros((len(table), self.frames * self._width), np.float32)
-        stack = resumed(state, empty, episode_start)
+        stack = resume_state(state, empty, episode_start)
         stack[:, : -self._width] = stack[:, self._width :].copy()
         stack[:, -self._width :] = table
         action = self.network(stack)
@@ -209,11 +220,15 @@ class Policy:
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return environment, recipe, training and curve, as JSON allows; without the weights."""
+        """Return environment, recipe, training and curve as JSON values, without the weights."""
         return self.about | {"curve": self.curve}
 
     def save(self, path: str | Path) -> None:
-        """Write one self-contained file."""
+        """Write one self-contained file.
+
+        Args:
+            path: file that ends in ``.npz``.
+        """
         n = self.network
         layers: dict[str, Any] = {f"weight_{i}": w for i, w in enumerate(n.weights)}
         layers |= {f"bias_{i}": b for i, b in enumerate(n.biases)}
@@ -224,30 +239,40 @@ class Policy:
         write_archive(Path(path), {"about": text, **layers})
 
 
-def trained_folder() -> Path:
-    """Return the folder of the policies that come with the package."""
+def packaged_policies_folder() -> Path:
+    """Return the folder of the policies of the package."""
     return Path(str(resources.files("shaftline.agents.policy").joinpath("trained")))
 
 
-def trained() -> dict[str, Path]:
-    """Return the policies that come with the package, by name."""
-    return {path.stem: path for path in sorted(trained_folder().glob("*.npz"))}
+def packaged_policies() -> dict[str, Path]:
+    """Return the policy files of the package, by name.
+
+    Examples:
+        >>> "storm" in packaged_policies()
+        True
+    """
+    return {path.stem: path for path in sorted(packaged_policies_folder().glob("*.npz"))}
 
 
 def load_policy(source: str | Path, ship: Ship | None = None) -> Policy:
     """Load a policy.
 
     Args:
-        source: file, or name of a policy that comes with the package.
-        ship: that it commands; the one that it was trained on by default.
+        source: file, or name of a policy of the package.
+        ship: ship to control; by default the ship of the training.
 
     Raises:
-        PolicyError: no such policy, not a policy file, or a policy that does not fit.
+        PolicyError: no such policy, not a policy file, or a policy that does not match.
+
+    Examples:
+        >>> load_policy("rough-sea").about["recipe"]["algorithm"]
+        'ppo'
     """
-    path = trained().get(str(source), Path(source))
+    path = packaged_policies().get(str(source), Path(source))
     if not path.is_file():
         raise PolicyError(
-            f"{source}: no such policy file; with the package come {', '.join(trained()) or 'none'}"
+            f"{source}: no such policy file; the package contains "
+            f"{', '.join(packaged_policies()) or 'none'}"
         )
     try:
         archive = read_archive(path)

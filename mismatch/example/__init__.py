@@ -1,6 +1,7 @@
-"""A recording with its column map and its ship, as a ship's logger would have written it.
+"""Provide an example recording with its column map and its ship file.
 
-It was sailed by equations that the tool does not share (:mod:`shaftline.validation.example`).
+The recording has the format of a ship logger. The independent simulator, which shares no equations with
+the ship model, computed it (:mod:`shaftline.validation.example`).
 """
 
 from __future__ import annotations
@@ -12,14 +13,14 @@ from pathlib import Path
 FOLDER = Path(__file__).parent
 RECORDING, COLUMN_MAP, SHIP_FILE = "voyage.csv", "columns.toml", "ship.toml"
 CONCEALED = "concealed.json"
-"""Size of each effect that the file's ship does not have; never read by the diagnosis."""
+"""File with the size of each effect that the ship file does not have; a diagnosis never reads it."""
 
 
 def copy_example(folder: str | Path) -> tuple[Path, Path, Path]:
-    """The example's files in a folder of the user's: recording, column map, ship.
+    """Copy the example files to a folder; return the paths of recording, column map and ship file.
 
     Args:
-        folder: made where it is missing.
+        folder: target folder, which is created if it does not exist.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -30,6 +31,11 @@ def copy_example(folder: str | Path) -> tuple[Path, Path, Path]:
 
 
 def concealed() -> str:
-    """What is concealed in the recording, in words."""
+    """Return the effects that are concealed in the recording and their sizes, as text.
+
+    Example:
+        >>> concealed()
+        'hull-fouling of 0.1343, pitch-actuator-offset of 0.00595'
+    """
     sizes = json.loads((FOLDER / CONCEALED).read_text(encoding="utf-8"))
     return ", ".join(f"{name} of {size:.4g}" for name, size in sizes.items())

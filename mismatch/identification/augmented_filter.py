@@ -1,20 +1,8 @@
-"""What the augmented filter is told beforehand, taken from the recording.
+"""Estimate parameters with the ship's states, row by row, by a state-augmented extended Kalman filter.
 
-- The instruments' noise is the white part of each channel, as the diagnosis tells it.
-- The process noise of each state, and of the inflow that a sea disturbs, is the one under which the
-  readings are most likely; 0 stays where it gains less than :data:`WORTH`.
-- A number that is free is doubted by :data:`DOUBT` of itself; one that is 0, by as much as moves a
-  channel by :data:`FELT` of its size.
-
-The augmented filter over one recording after the other, as it is told beforehand.
-
-What the augmented filter shows over time, and what its innovations say against what it found.
-
-State-augmented extended Kalman filter: the numbers are estimated with the ship's states, row by row.
-
-The filter is :class:`shaftline.observers.ship_filter.ShipFilter`; its noises are told from the recording
-(:mod:`.filter_noises`), so nothing but the recording is asked of the user. The numbers are constant;
-``number_walk`` lets them drift, to follow fouling as it grows.
+The filter is :class:`shaftline.observers.ship_filter.ShipFilter`. Its noises are estimated from the
+recording, so that the user needs no tuning. The parameters are constant; ``parameter_walk`` lets them
+drift, for example to track growing fouling.
 """
 
 from __future__ import annotations
@@ -27,53 +15,52 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...observers.augmented_plant import CHANNELS
-from ...observers.ship_filter import DISTURBANCE, Followed, ShipFilter
+from ...observers.ship_filter import DISTURBANCE, FilterResult, ShipFilter
 from ...plant.columns import MEASURED
-from ...plant.derivatives import acting, words
+from ...plant.derivatives import as_words, parameter_slope
 from ...plant.ship import Ship
 from ...plant.state import active_states
-from ..estimate import Tick, silent
+from ..estimate import Tick, ignore_progress
 from ..simulate.joint_replay import JointReplay
-from ..simulate.tolerances import UNMOVED, tolerance_records
+from ..simulate.tolerances import NO_SHIFT, tolerance_records
 from .free_parameters import refuse_unidentifiable
-from .results import Found
+from .results import MethodResult
 
 DOUBT = 0.5
-"""Standard deviation at the start of a number that is not 0, as a share of it."""
+"""Initial standard deviation of a parameter that is not 0, as a share of its value."""
 
 LEAST_NOISE = 3e-4
-"""Smallest standard deviation of an instrument's noise, as a share of the channel's size. A filter that
-is linear about its estimate cannot go by a recording without noise: it takes what the linear model
-lacks for information, and drives the parameters away."""
+"""Smallest standard deviation of an instrument's noise, as a share of the channel's size. Without noise,
+an extended filter takes its linearisation error for information and its estimates diverge."""
 
 FELT = 0.1
-"""Share of its size by which some channel moves where a number that is 0 is off by its spread."""
+"""Relative change of some channel if a parameter that is 0 changes by its initial standard deviation."""
 
 STATE_SPREAD = 0.05
-"""Standard deviation of each state at the start, as a share of its size."""
+"""Initial standard deviation of each state, as a share of its size."""
 
 WALKS = (1e-3, 1e-2, 0.1, 0.5)
-"""Square roots of densities of process noise that are tried [1/s^0.5]: shares of a state's size, or m/s
-of the inflow."""
+"""Square roots of the densities of process noise that are tried [1/s^0.5]: shares of a state's size, or
+m/s of the inflow."""
 
 WORTH = 20.0
-"""Gain in 2 log L that a process noise must bring."""
+"""Least gain of a process noise in 2 log L."""
 
 MOST_TURNS = 12
 
 SAMPLE_ROWS = 6000
-"""Rows over which the process noise is sought."""
+"""Number of rows from which the process noise is estimated."""
 
 FEWEST_ROWS = 20
 
 
-def noises_told(
+def estimate_noises(
     replay: JointReplay,
     free: Sequence[str],
     spread: dict[str, float],
-    number_walk: dict[str, float],
+    parameter_walk: dict[str, float],
 ) -> Noises:
-    """Standard deviations as the module says."""
+    """Return the standard deviations of noise, initial states and initial parameters."""
     ship = replay.ship
     nominal = replay.simulate(ship.record())
     fixed = () if ship.has_variable_pitch else ("pitch_ratio",)
@@ -87,22 +74,23 @@ def noises_told(
     states = {name: STATE_SPREAD * own for name, own in state_sizes(replay, free).items()}
     for key in free:
         if key not in spread:
-            value = acting(ship, key).value
-            spread[key] = DOUBT * abs(value) if value != 0.0 else felt_at(replay, key, nominal)
-    return Noises(readings, states, spread, dict.fromkeys(states, 0.0), number_walk)
+            value = parameter_slope(ship, key).value
+            spread[key] = (
+                DOUBT * abs(value) if value != 0.0 else smallest_change(replay, key, nominal)
+            )
+    return Noises(readings, states, spread, dict.fromkeys(states, 0.0), parameter_walk)
 
 
 def state_sizes(replay: JointReplay, free: Sequence[str]) -> dict[str, float]:
-    """Return the rms of each state that the ship has along the recordings, by name.
+    """Return the rms of each state of the ship along the recordings, by name.
 
-    They are simulated by the filter itself without measurements, so that a state counts whether or not
-    it is among the signals of a simulation.
+    The filter itself simulates them without measurements, so that all states are included.
     """
     ship = replay.ship
     states = active_states(ship.record())
     doubts = dict.fromkeys(free, 1.0)
     alone = ShipFilter(
-        ship, free, number_spread=doubts, noise={}, state_spread=dict.fromkeys(states, 0.0)
+        ship, free, parameter_spread=doubts, noise={}, state_spread=dict.fromkeys(states, 0.0)
     )
     followed = [alone.follow(run).estimates for run in replay.runs]
     simulated = np.concatenate(followed)
@@ -110,19 +98,19 @@ def state_sizes(replay: JointReplay, free: Sequence[str]) -> dict[str, float]:
 
 
 def size(values: NDArray[np.float64]) -> float:
-    """Rms of a signal."""
+    """Return the rms of a signal."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def felt_at(replay: JointReplay, key: str, nominal: Any) -> float:
-    """How far a number must leave 0 to be felt."""
-    number, before = acting(replay.ship, key), replay.simulated(nominal)
+def smallest_change(replay: JointReplay, key: str, nominal: Any) -> float:
+    """Return the value of a parameter that is 0 at which some channel changes by :data:`FELT`."""
+    number, before = parameter_slope(replay.ship, key), replay.simulated(nominal)
     side = 1.0 if number.info.high > 0.0 else -1.0
     reach = min(abs(number.info.high if side > 0.0 else number.info.low), 1e9)
     step = reach
     for _ in range(60):
         record = replay.ship.record()
-        words(record)[number.words] += side * step * number.slopes
+        as_words(record)[number.words] += side * step * number.slopes
         with np.errstate(over="ignore", invalid="ignore"):
             after = replay.simulated(replay.simulate(record))
             shares = [size(after[c] - b) / (size(b) or 1.0) for c, b in before.items()]
@@ -133,8 +121,8 @@ def felt_at(replay: JointReplay, key: str, nominal: Any) -> float:
     return step
 
 
-def likeliest_walk(runs: FilterRuns, tick: Tick) -> dict[str, float]:
-    """Process noises under which the readings are most likely, sought by the largest gain each time."""
+def likeliest_process_noise(runs: FilterRuns, tick: Tick) -> dict[str, float]:
+    """Return the process noises with the largest likelihood of the measurements, by greedy search."""
     sizes = {name: spread / STATE_SPREAD for name, spread in runs.noises.states.items()}
     sizes[DISTURBANCE] = 1.0 if runs.replay.ship.moves else 0.0
     sizes = {name: own for name, own in sizes.items() if own > 0.0}
@@ -151,7 +139,7 @@ def likeliest_walk(runs: FilterRuns, tick: Tick) -> dict[str, float]:
     best = likelihood(walk)
     for turn in range(MOST_TURNS):
         tick("noise of the states", turn, MOST_TURNS)
-        # the sea's first: it would pass for noise of whatever else may move
+        # The noise of the inflow comes first, because waves would otherwise count as noise of a state.
         names = [DISTURBANCE] if turn == 0 and DISTURBANCE in sizes else [*sizes]
         trials = [
             walk | {name: value}
@@ -171,68 +159,68 @@ def likeliest_walk(runs: FilterRuns, tick: Tick) -> dict[str, float]:
 
 
 class Noises(NamedTuple):
-    """What the filter is told beforehand."""
+    """Standard deviations that the filter needs beforehand."""
 
     readings: dict[str, float]  # rms by column
     states: dict[str, float]  # at the start, by name
     numbers: dict[str, float]  # at the start, by key
     state_walk: dict[str, float]  # [unit/s^0.5]
-    number_walk: Mapping[str, float]
+    parameter_walk: Mapping[str, float]
 
 
 class FilterRuns:
-    """Filters over the recordings."""
+    """Runs of the filter over the recordings, one after the other."""
 
     def __init__(self, replay: JointReplay, keys: tuple[str, ...], noises: Noises) -> None:
         self.replay, self.keys, self.noises = replay, keys, noises
-        self.start = np.array([acting(replay.ship, key).value for key in keys])
+        self.start = np.array([parameter_slope(replay.ship, key).value for key in keys])
 
     def filter(self, state_walk: Mapping[str, float], record: Any = None) -> ShipFilter:
-        """One that has seen nothing."""
+        """Return a filter without measurements yet."""
         noises = self.noises
         return ShipFilter(
-            self.replay.ship, self.keys, number_spread=noises.numbers, noise=noises.readings,
-            state_spread=noises.states, state_walk=state_walk, number_walk=noises.number_walk,
+            self.replay.ship, self.keys, parameter_spread=noises.numbers, noise=noises.readings,
+            state_spread=noises.states, state_walk=state_walk, parameter_walk=noises.parameter_walk,
             record=record,
         )  # fmt: skip
 
-    def passed(
+    def run(
         self, values: NDArray[np.float64], record: Any = None
-    ) -> tuple[list[Followed], ShipFilter]:
-        """All recordings once, from these numbers on."""
+    ) -> tuple[list[FilterResult], ShipFilter]:
+        """Run the filter over all recordings once, from these parameters."""
         own = self.filter(self.noises.state_walk, record)
         own.restart(values)
         return [own.follow(run) for run in self.replay.runs], own
 
 
-UNWHITE = 0.1
-"""Correlation of innovations, and share by which their rms may differ from 1, that is told."""
+COLOURED = 0.1
+"""Correlation of innovations, and deviation of their rms from 1, from which a remark is given."""
 
 CHANCE = 4.0
-"""Standard deviations that either may differ by chance."""
+"""Standard deviations of either by chance up to which no remark is given."""
 
 UNSETTLED = 3.5
-"""Standard deviations by which a number may move over the last quarter."""
+"""Standard deviations by which an estimate may change over the last quarter."""
 
 LITTLE = 0.3
-"""Share of its first standard error to which that of a number falls where something is told of it."""
+"""Largest standard error of an identifiable parameter, as a share of its initial value."""
 
 LAGS = 20
-"""Rows up to which innovations are correlated with those before."""
+"""Largest lag of the correlation of innovations [rows]."""
 
 SHOWN_ROWS = 2000
 
 
-def _joined(runs: FilterRuns, followed: list[Followed]) -> tuple[Any, Any]:
-    """Estimates of the numbers over all rows and their standard errors, each (rows, numbers)."""
+def _join(runs: FilterRuns, followed: list[FilterResult]) -> tuple[Any, Any]:
+    """Return the estimates over all rows and their standard errors, each of shape (rows, parameters)."""
     count = len(runs.keys)
     values = np.concatenate([one.estimates[:, -count:] for one in followed])
     return values, np.concatenate([one.standard_errors[:, -count:] for one in followed])
 
 
-def estimates_over_time(runs: FilterRuns, followed: list[Followed]) -> pd.DataFrame:
-    """The numbers and their standard errors over time."""
-    values, errors = _joined(runs, followed)
+def estimates_over_time(runs: FilterRuns, followed: list[FilterResult]) -> pd.DataFrame:
+    """Return a table of the estimates and their standard errors over time."""
+    values, errors = _join(runs, followed)
     columns = {"time_s": runs.replay.time_s}
     for i, key in enumerate(runs.keys):
         columns |= {key: values[:, i], f"{key} se": errors[:, i]}
@@ -240,8 +228,8 @@ def estimates_over_time(runs: FilterRuns, followed: list[Followed]) -> pd.DataFr
     return pd.DataFrame(columns).iloc[::every].reset_index(drop=True)
 
 
-def innovations(runs: FilterRuns, followed: list[Followed]) -> pd.DataFrame:
-    """Of each channel: noise, rms of the innovations, and where they go together most."""
+def innovations(runs: FilterRuns, followed: list[FilterResult]) -> pd.DataFrame:
+    """Return a table of noise, rms of the innovations and their largest correlation by channel."""
     rows = []
     for c, (column, noise) in enumerate(runs.noises.readings.items()):
         own = [one.innovations[len(one.innovations) // 20 :, c] for one in followed]
@@ -265,41 +253,41 @@ def innovations(runs: FilterRuns, followed: list[Followed]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def unwhite(runs: FilterRuns, followed: list[Followed]) -> list[str]:
-    """What the innovations say against the standard errors."""
+def whiteness_remarks(runs: FilterRuns, followed: list[FilterResult]) -> list[str]:
+    """Return remarks on channels with coloured innovations, for which standard errors may be wrong."""
     return [
         f"the innovations of {row.channel} are not white: their rms is {row.rms:.2g} times the expected "
-        f"one, and {row.lag_s:.3g} s apart they have a correlation of {row.correlation:.2f}. A sea that "
-        "is no white noise does this, or physics that is missing; the standard errors may be wrong"
+        f"one, and their correlation at a lag of {row.lag_s:.3g} s is {row.correlation:.2f}. Possible "
+        "causes are waves and missing physics; the standard errors may be wrong"
         for row in innovations(runs, followed).itertuples()
-        if abs(row.rms - 1.0) > max(UNWHITE, CHANCE / np.sqrt(2.0 * row.rows))
-        or abs(row.correlation) > max(UNWHITE, CHANCE / np.sqrt(row.rows))
+        if abs(row.rms - 1.0) > max(COLOURED, CHANCE / np.sqrt(2.0 * row.rows))
+        or abs(row.correlation) > max(COLOURED, CHANCE / np.sqrt(row.rows))
     ]
 
 
-def unsettled(runs: FilterRuns, followed: list[Followed]) -> list[str]:
-    """Numbers that moved over the last quarter by more than their standard errors allow.
+def convergence_remarks(runs: FilterRuns, followed: list[FilterResult]) -> list[str]:
+    """Return remarks on estimates that changed over the last quarter by more than their errors allow.
 
-    An estimate of a constant moves from one time to a later one with the variance P(then) - P(later).
+    The change of the estimate of a constant between two times has the variance P(first) - P(second).
     """
-    values, errors = _joined(runs, followed)
+    values, errors = _join(runs, followed)
     then = 3 * len(values) // 4
     allowed = np.sqrt(np.maximum(errors[then] ** 2 - errors[-1] ** 2, 1e-300))
     moved = values[-1] - values[then]
     return [
-        f"{key} had not settled: over the last quarter it moved by {moved[i]:.3g}, "
-        f"{abs(moved[i]) / allowed[i]:.1f} times what its standard errors allow"
+        f"the estimate of {key} has not converged: it changed by {moved[i]:.3g} over the last quarter, "
+        f"{abs(moved[i]) / allowed[i]:.1f} times its expected standard deviation"
         for i, key in enumerate(runs.keys)
-        if key not in runs.noises.number_walk and abs(moved[i]) > UNSETTLED * allowed[i]
+        if key not in runs.noises.parameter_walk and abs(moved[i]) > UNSETTLED * allowed[i]
     ]
 
 
-def untold(runs: FilterRuns, own: ShipFilter) -> list[str]:
-    """Numbers of which the recordings tell little."""
+def information_remarks(runs: FilterRuns, own: ShipFilter) -> list[str]:
+    """Return remarks on parameters about which the recordings contain little information."""
     errors = np.sqrt(np.diag(own.covariance))
     return [
-        f"the recordings tell little of {key}: its standard error fell from {spread:.3g} to "
-        f"{error:.3g} only"
+        f"the recordings contain little information about {key}: its standard error decreased only from "
+        f"{spread:.3g} to {error:.3g}"
         for key, spread, error in zip(
             runs.keys, (runs.noises.numbers[key] for key in runs.keys), errors, strict=True
         )
@@ -310,102 +298,111 @@ def untold(runs: FilterRuns, own: ShipFilter) -> list[str]:
 MOST_PASSES = 6
 
 SETTLED = 0.1
-"""Standard errors by which the numbers may still move from one pass to the next."""
+"""Change of the estimates from one pass to the next, in standard errors, below which no pass follows."""
 
 SLOPE_STEP = 1e-4
-"""Share of a number's spread over which simulations are compared."""
+"""Finite difference of a parameter, as a share of its initial standard deviation."""
 
 
 def ekf(
     ship: Ship,
     tables: Sequence[pd.DataFrame],
     free: Sequence[str],
-    tick: Tick = silent,
+    tick: Tick = ignore_progress,
     *,
     spread: Mapping[str, float] | None = None,
-    number_walk: Mapping[str, float] | None = None,
+    parameter_walk: Mapping[str, float] | None = None,
     tolerance: float = 1.0,
-) -> Found:
-    """Numbers by the augmented filter, over one recording after the other.
+) -> MethodResult:
+    """Estimate parameters by the augmented filter, over one recording after the other.
 
-    The first pass starts from the file's numbers and is the one that the table ``estimates`` shows; it
-    is repeated from what it found until that no longer moves.
+    The first pass starts from the values of the ship file; the table ``estimates`` shows this pass.
+    Further passes start from the estimates of the pass before, until these converge.
+
+    - The instruments' noise is the white part of each channel, as in a diagnosis.
+    - The process noise of each state, and of the inflow in waves, is the most likely one; it is 0 where
+      it gains less than :data:`WORTH`.
+    - The initial standard deviation of a parameter is :data:`DOUBT` of its value, or, at 0, the change
+      that changes a channel by :data:`FELT` of its size.
 
     Args:
-        ship: nominal.
-        tables: canonical columns at an even interval; equal columns and intervals.
-        free: dotted keys.
-        tick: told how far the work is.
-        spread: standard deviation of numbers at the start, by key, in its unit; see the module.
-        number_walk: square roots of the densities of the numbers' drift [unit/s^0.5], by key. With any,
-            the last value is the one at the end of the last recording.
-        tolerance: factor on how far the numbers that are not free may be off.
+        ship: nominal ship.
+        tables: recordings in canonical columns with equal columns and an equal, even sampling interval.
+        free: dotted keys of the parameters.
+        tick: progress callback ``tick(stage, done, total)``.
+        spread: initial standard deviations of parameters by key, in the keys' units.
+        parameter_walk: square roots of the densities of the numbers' drift [unit/s^0.5], by key. With
+            any, the last value is the one at the end of the last recording.
+        tolerance: factor on the tolerances of the parameters that are not free [-].
 
     Raises:
-        ValueError: a number of which the recordings tell nothing, or several of which they tell only a
-            combination; recordings that do not go together; names them.
-        ObserverError: an instrument that answers late.
-        ShipError: a key that is no number with a derivative.
+        ValueError: parameters that are not identifiable, or of which only a combination is; recordings
+            that do not go together.
+        ObserverError: an instrument with a delay.
+        ShipError: a key that is no parameter with a derivative.
     """
     replay = JointReplay(ship, *tables)
-    noises = noises_told(replay, free, dict(spread or {}), dict(number_walk or {}))
+    noises = estimate_noises(replay, free, dict(spread or {}), dict(parameter_walk or {}))
     runs = FilterRuns(replay, tuple(free), noises)
     refuse_unidentifiable(free, _information(runs))
-    noises.state_walk.update(likeliest_walk(runs, tick))
-    first, own = runs.passed(runs.start)
-    values, last = own.numbers, first
-    for count in range(0 if number_walk else MOST_PASSES):
+    noises.state_walk.update(likeliest_process_noise(runs, tick))
+    first, own = runs.run(runs.start)
+    values, last = own.parameters, first
+    for count in range(0 if parameter_walk else MOST_PASSES):
         tick("passes of the filter", count, MOST_PASSES)
-        last, own = runs.passed(values)
-        moved = np.abs(own.numbers - values) / np.sqrt(np.diag(own.covariance))
-        values = own.numbers
+        last, own = runs.run(values)
+        moved = np.abs(own.parameters - values) / np.sqrt(np.diag(own.covariance))
+        values = own.parameters
         if moved.max() < SETTLED:
             break
-    covariance = own.covariance + _unsure(runs, values, tolerance, tick)
+    covariance = own.covariance + _tolerance_covariance(runs, values, tolerance, tick)
     _refuse_diverged(runs, first, covariance)
     held = [
-        f"{key} ended at the end of the range that the filter allows, and is not identified"
+        f"{key} is at the end of its range in the filter, and is not identified"
         for key in own.at_bounds
     ]
-    return Found(
+    return MethodResult(
         tuple(free), tuple(map(float, values)), covariance,
         {"estimates": estimates_over_time(runs, first), "innovations": innovations(runs, last)},
-        (*held, *unsettled(runs, last), *untold(runs, own), *unwhite(runs, last)),
+        (
+            *held, *convergence_remarks(runs, last), *information_remarks(runs, own),
+            *whiteness_remarks(runs, last),
+        ),
     )  # fmt: skip
 
 
 def _refuse_diverged(
-    runs: FilterRuns, followed: list[Followed], covariance: NDArray[np.float64]
+    runs: FilterRuns, followed: list[FilterResult], covariance: NDArray[np.float64]
 ) -> None:
-    """Refuse estimates that are not finite numbers.
+    """Refuse estimates of a filter that has diverged.
 
     Raises:
-        ValueError: says from which time on.
+        ValueError: gives the time from which the estimates are not finite.
     """
     estimates = np.concatenate([one.estimates for one in followed])
     lost = ~np.isfinite(estimates).all(axis=1)
     if lost.any() or not np.isfinite(covariance).all():
         when = f"from {runs.replay.time_s[int(np.argmax(lost))]:.4g} s on " if lost.any() else ""
         raise ValueError(
-            f"ekf: {when}the filter's estimates of {', '.join(runs.keys)} are not finite numbers; a "
-            "recording almost without noise, or numbers far from the file's, do this. Free fewer of "
-            "them, or use --method output-error"
+            f"ekf: {when}the filter's estimates of {', '.join(runs.keys)} diverge. Possible causes "
+            "are a recording almost without noise and parameters far from the ship file; free fewer "
+            "parameters or use --method output-error"
         )
 
 
 def _information(runs: FilterRuns) -> NDArray[np.float64]:
-    """What the recordings tell of the numbers, in units of their spreads, about the file's values.
+    """Return the information about the parameters at the file's values, in units of their spreads.
 
-    From simulations, not from the filter's own covariance: an extended filter that linearises anew at
-    every row takes a combination that nothing tells for known (Huang et al. 2010).
+    It comes from simulations, because an extended filter, which linearises anew at every row, gains
+    false information about combinations that are not identifiable (Huang et al. 2010).
     """
     replay, noises = runs.replay, runs.noises
     slopes = []
     for key in runs.keys:
-        number, ends = acting(replay.ship, key), []
+        number, ends = parameter_slope(replay.ship, key), []
         for side in (SLOPE_STEP, -SLOPE_STEP):
             record = replay.ship.record()
-            words(record)[number.words] += side * noises.numbers[key] * number.slopes
+            as_words(record)[number.words] += side * noises.numbers[key] * number.slopes
             after = replay.simulated(replay.simulate(record))
             ends.append(np.concatenate([after[c] / rms for c, rms in noises.readings.items()]))
         slopes.append((ends[0] - ends[1]) / (2.0 * SLOPE_STEP))
@@ -413,18 +410,18 @@ def _information(runs: FilterRuns) -> NDArray[np.float64]:
     return np.asarray(found @ found.T)
 
 
-def _unsure(
+def _tolerance_covariance(
     runs: FilterRuns, values: NDArray[np.float64], tolerance: float, tick: Tick
 ) -> NDArray[np.float64]:
-    """Covariance that numbers which are not free add, each of them off by its tolerance."""
+    """Return the covariance from the tolerances of the parameters that are not free."""
     found = np.zeros((len(values), len(values)))
     moved = [
         record
         for record, start in tolerance_records(runs.replay, tolerance, runs.keys)
-        if start == UNMOVED
+        if start == NO_SHIFT
     ]
     for done, record in enumerate(moved):
         tick("tolerances of the other numbers", done, len(moved))
-        _, own = runs.passed(values, record)
-        found += np.outer(own.numbers - values, own.numbers - values)
+        _, own = runs.run(values, record)
+        found += np.outer(own.parameters - values, own.parameters - values)
     return found

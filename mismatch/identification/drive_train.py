@@ -1,8 +1,8 @@
-"""A motor, a shaft and a propeller at bollard pull: the paper's six numbers and its linear model.
+"""Drive train of a motor, a shaft and a propeller at bollard pull: six parameters and the linear model.
 
-Vrijdag & Martelli, "Parameter Identification of a Model Scale Ship Drive Train", 2021: all at the
-motor's shaft, deviations normalised by a working point. A ship's file holds inertia and friction at
-the propeller shaft; the gear ratio stands between the two.
+Vrijdag & Martelli, "Parameter Identification of a Model Scale Ship Drive Train", 2021: all parameters at
+the motor's shaft, deviations normalised by a working point. A ship file has inertia and friction at the
+propeller shaft; the gear ratio converts between the two.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ...plant.shaft import shaft_inertia
 from ...plant.ship import Ship
 
 SIX = next(drive for drive in DRIVES if drive.demand.unit == "V").response_keys
-"""Keys of the paper's six numbers, in the order of its Table 5."""
+"""Keys of the paper's six parameters, in the order of its Table 5."""
 
 INDUCTANCE, CONSTANT, RESISTANCE, INERTIA, FRICTION, LOAD = SIX
 
@@ -42,7 +42,7 @@ class WorkingPoint:
 
 @dataclass(frozen=True)
 class DriveTrain:
-    """The numbers of eq. 7, at the motor's shaft.
+    """Parameters of eq. 7, at the motor's shaft.
 
     Args:
         inductance: L_a [H].
@@ -64,7 +64,7 @@ class DriveTrain:
     viscous: float = 0.0
 
     def equilibrium(self, voltage: float) -> WorkingPoint:
-        """Steady state ahead at a voltage [V] (eq. 22).
+        """Return the steady state ahead at a voltage [V] (eq. 22).
 
         Raises:
             ValueError: the voltage does not overcome the friction.
@@ -77,18 +77,18 @@ class DriveTrain:
         return self.at_speed(speed)
 
     def at_speed(self, motor_speed: float) -> WorkingPoint:
-        """Steady state ahead at a motor speed [rad/s]."""
+        """Return the steady state ahead at a motor speed [rad/s]."""
         torque = self.friction + (self.viscous + self.load * motor_speed) * motor_speed
         current = torque / self.constant
         voltage = self.constant * motor_speed + self.resistance * current
         return WorkingPoint(voltage, motor_speed, current)
 
     def linear(self, point: WorkingPoint) -> LinearDrive:
-        """The normalised linear model about a point (eqs. 8 to 10).
+        """Return the normalised linear model about a working point (eqs. 8 to 10).
 
         Args:
-            point: of this drive train, or a measured one, which it meets in its equations but not in
-                its balance.
+            point: working point of this drive train, or a measured one, at which its balances need not
+                close.
         """
         torque = self.constant * point.current
         resistive = self.resistance * point.current
@@ -145,7 +145,7 @@ class LinearDrive:
 
     @property
     def poles_approximate(self) -> tuple[float, float]:
-        """The same where the armature is much faster than the shaft (eqs. A33 and A34)."""
+        """Approximate poles where the armature is much faster than the shaft (eqs. A33 and A34)."""
         return -1.0 / self.electric_s, -self.c / self.effective_s
 
     @property
@@ -164,11 +164,11 @@ class LinearDrive:
         return self.damping * self.speed_gain
 
     def speed_response(self, frequency: Any) -> NDArray[np.complex128]:
-        """Frequency response of the speed [-] (eq. 13) at frequencies [rad/s]."""
+        """Return the frequency response of the speed [-] (eq. 13) at frequencies [rad/s]."""
         return np.asarray(self.drive / self.damping / self._characteristic(frequency))
 
     def current_response(self, frequency: Any) -> NDArray[np.complex128]:
-        """Frequency response of the current [-] (eq. 12) at frequencies [rad/s]."""
+        """Return the frequency response of the current [-] (eq. 12) at frequencies [rad/s]."""
         s = 1j * np.asarray(frequency, dtype=np.float64)
         return np.asarray(
             (self.effective_s * s + 1.0) * self.drive / self._characteristic(frequency)
@@ -180,14 +180,14 @@ class LinearDrive:
         return self.electric_s * self.effective_s * s * s + total * s + self.c
 
     def speed_step(self, time: Any) -> NDArray[np.float64]:
-        """Speed after a unit step of the voltage [-], at times [s] (eq. A38)."""
+        """Return the speed after a unit step of the voltage [-], at times [s] (eq. A38)."""
         fast, slow = self.poles
         t = np.asarray(time, dtype=np.float64)
         rising = 1.0 + (fast * np.exp(slow * t) - slow * np.exp(fast * t)) / (slow - fast)
         return np.asarray(self.speed_gain * rising.real)
 
     def current_step(self, time: Any) -> NDArray[np.float64]:
-        """Current after a unit step of the voltage [-], at times [s] (eq. A44)."""
+        """Return the current after a unit step of the voltage [-], at times [s] (eq. A44)."""
         fast, slow = self.poles
         t = np.asarray(time, dtype=np.float64)
         peak = self.drive / self.electric_s  # K_BP = U_0 / (L_a i_0)
@@ -204,19 +204,19 @@ def from_poles(
     point: WorkingPoint,
     viscous: float = 0.0,
 ) -> DriveTrain:
-    """The six numbers from five of a Bode plot and the working point, in closed form.
+    """Return the six parameters from poles, zero and gains of a Bode plot and the working point.
 
-    The paper says of this "the procedure as outlined" and prints only its outcome, Table 5's column
-    IV; it follows from eqs. A26 and A32 to A37 with U_0 = K_e omega_0 + R_a i_0, the sixth equation.
+    The paper prints only the result of this closed form, Table 5's column IV. The equations follow from
+    eqs. A26 and A32 to A37 with U_0 = K_e omega_0 + R_a i_0 as the sixth equation.
 
     Args:
-        fast: pole s_1 [rad/s], negative as the others.
+        fast: pole s_1 [rad/s], negative like the others.
         slow: pole s_2 [rad/s].
-        zero: z_1 [rad/s].
+        zero: zero z_1 [rad/s].
         speed_gain: steady relative gain [-] from voltage to speed.
-        current_gain: likewise to current.
-        point: about which they hold.
-        viscous: known viscous friction [N m s/rad], which no single point can tell from the rest.
+        current_gain: steady relative gain [-] from voltage to current.
+        point: working point.
+        viscous: known viscous friction [N m s/rad], which is not identifiable from a single point.
 
     Raises:
         ValueError: a pole or zero that is not negative, a gain that is not positive.
@@ -246,31 +246,32 @@ def needs_drive_train(ship: Ship, method: str) -> None:
     """Refuse a ship that is no direct-current motor with a propeller at bollard pull.
 
     Raises:
-        ValueError: names what it is instead.
+        ValueError: names the drive or the moving hull.
     """
     if not ship.has_voltage:
         raise ValueError(
-            f"{method}: {ship.name} has no motor with a voltage, but {ship.prime_mover.type!r}"
+            f"{method}: {ship.name} needs a motor with a voltage and has a drive of type "
+            f"{ship.prime_mover.type!r}"
         )
     if ship.moves:
         raise ValueError(
-            f"{method}: {ship.name} moves; the drive train's model has hull.fixed = true"
+            f"{method}: {ship.name} moves; the model of the drive train needs hull.fixed = true"
         )
 
 
 def torque_factor(ship: Ship) -> float:
-    """Torque at the propeller shaft [N m] by torque at the motor [N m]."""
+    """Return the torque at the propeller shaft [N m] per torque at the motor [N m]."""
     return ship.transmission.gear_ratio * ship.transmission.efficiency
 
 
 def drive_train(ship: Ship) -> DriveTrain:
-    """The six numbers of a ship, carried to the motor's shaft.
+    """Return the six parameters of a ship, referred to the motor's shaft.
 
     Args:
-        ship: with a direct-current motor, its hull fixed.
+        ship: ship with a direct-current motor and a fixed hull.
 
     Raises:
-        ValueError: another ship.
+        ValueError: the ship has another drive or a moving hull.
     """
     needs_drive_train(ship, "drive train")
     line, plant = ship.transmission, ship.record()
@@ -284,9 +285,9 @@ def drive_train(ship: Ship) -> DriveTrain:
         line.viscous_friction_engine_side_N_m_s_rad + line.viscous_friction_propeller_side_N_m_s_rad
     )
     return DriveTrain(
-        inductance=ship.number(INDUCTANCE).value,
-        constant=ship.number(CONSTANT).value,
-        resistance=ship.number(RESISTANCE).value,
+        inductance=ship.parameter(INDUCTANCE).value,
+        constant=ship.parameter(CONSTANT).value,
+        resistance=ship.parameter(RESISTANCE).value,
         inertia=float(shaft_inertia(plant)) / factor / ratio,
         friction=friction / factor,
         load=float(load + line.quadratic_drag_N_m_s2_rad2) / factor / ratio**2,
@@ -295,15 +296,15 @@ def drive_train(ship: Ship) -> DriveTrain:
 
 
 def keys_of(ship: Ship, train: DriveTrain) -> dict[str, float]:
-    """The numbers of a drive train as keys of a ship's file, at the propeller shaft.
+    """Return the parameters of a drive train by keys of the ship file, referred to the propeller shaft.
 
     Args:
-        ship: what stands in its file beside the six stays: inertia and friction behind the gauge,
-            eta_R, viscous friction.
-        train: the numbers at the motor.
+        ship: ship whose other parameters are used: inertia and friction on the propeller side of the
+            shaft torque meter, eta_R, viscous friction.
+        train: parameters at the motor.
 
     Returns:
-        Values of :data:`SIX`; the last, KQ, only of a propeller that is given by its bollard torque.
+        Values of :data:`SIX`; the last, KQ, only for a propeller with the model ``bollard``.
     """
     now = drive_train(ship)
     line, ratio, factor = ship.transmission, ship.transmission.gear_ratio, torque_factor(ship)
@@ -321,6 +322,6 @@ def keys_of(ship: Ship, train: DriveTrain) -> dict[str, float]:
 
 
 def _with_coefficient(ship: Ship, value: float) -> Ship:
-    """The same with another KQ [-]; whether its time step still fits does not matter here."""
+    """Return the ship with another KQ [-], without a check of the time step."""
     propeller = ship.propeller.model_copy(update={"torque_coefficient": value})
     return ship.model_copy(update={"propeller": propeller})

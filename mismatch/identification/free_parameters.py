@@ -1,7 +1,4 @@
-"""The numbers of a ship's file that an identification may move.
-
-Which numbers a recording tells apart: by the information that it holds of them together.
-"""
+"""Free parameters of an identification, and tests whether recordings identify them."""
 
 from __future__ import annotations
 
@@ -12,52 +9,59 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...plant.keys import Number, Section, info_of
+from ...plant.keys import Section, ShipParameter, info_of
 from ...plant.ship import Ship, ShipError
-from ...plant.tolerances import TOLERATED
+from ...plant.tolerances import TOLERANCE_OF_KEY
 
 AUTO = "auto"
-"""In place of keys: those that the recording tells, of all that a ship's file may be wrong about."""
+"""Value in place of keys: all uncertain parameters that the recording identifies."""
 
 RATIO = ("propeller.torque_coefficient", "propeller.relative_rotative_efficiency")
-"""KQ and eta_R: torque on the shaft tells their ratio and nothing else."""
+"""KQ and eta_R: only their ratio is identifiable from the shaft torque."""
 
 
 RESISTANCE = "hull.resistance_coefficient_N_s2_m2"
 
-DOUBTED = {*TOLERATED, "hull.thrust_deduction"}
-"""Keys of numbers that a file may be wrong about. A tolerance speaks of each but the thrust deduction:
-of mass, resistance and 1 - t the hull's balance tells but ratios."""
+DOUBTED = {*TOLERANCE_OF_KEY, "hull.thrust_deduction"}
+"""Keys of uncertain parameters. Each has a tolerance except the thrust deduction, because only ratios of
+mass, resistance and 1 - t are identifiable from the hull balance."""
 
 
 class Free:
-    """Some numbers of a ship, and the ship at other values of them.
+    """Free parameters of a ship, and the ship with other values of them.
 
     Args:
-        ship: nominal.
-        keys: dotted keys of its file.
+        ship: nominal ship.
+        keys: dotted keys of the ship file.
 
     Raises:
-        ValueError: a key that is no number of this ship, or one that is given twice; names it.
+        ValueError: no key, a key that is no parameter of this ship, or a key that is given twice.
+
+    >>> from shaftline.plant import load_ship
+    >>> free = Free(load_ship("frigate"), ["hull.wake_fraction"])
+    >>> free.at([0.08]).hull.wake_fraction
+    0.08
     """
 
     def __init__(self, ship: Ship, keys: Sequence[str]) -> None:
         self.ship = ship
         self.keys = tuple(keys)
         if not self.keys:
-            raise ValueError(f"{ship.name}: no number is free: name at least one key of its file")
+            raise ValueError(
+                f"{ship.name}: no parameter is free; give at least one key of the ship file"
+            )
         if twice := [key for i, key in enumerate(self.keys) if key in self.keys[:i]]:
-            raise ValueError(f"{ship.name}: {twice[0]} is given twice")
+            raise ValueError(f"{ship.name}: the key {twice[0]} is given twice")
         self.numbers = tuple(number_of(ship, key) for key in self.keys)
         self.start = np.array(self.values)
 
     @property
     def values(self) -> tuple[float, ...]:
-        """As the ship's file has them."""
+        """Values in the ship file."""
         return tuple(number.value for number in self.numbers)
 
     def at(self, values: Sequence[float]) -> Ship:
-        """The ship with other values, validated like a file.
+        """Return the ship with other values, validated like a ship file.
 
         Raises:
             ShipError: a value out of range.
@@ -65,7 +69,7 @@ class Free:
         return self.ship.with_values(dict(zip(self.keys, self._resolved(values), strict=True)))
 
     def _resolved(self, values: Sequence[float]) -> list[float]:
-        """Return the values, each time constant at what the time step resolves, or at 0."""
+        """Return the values, with short time constants that the time step can resolve, or 0."""
         found = []
         for number, value in zip(self.numbers, map(float, values), strict=True):
             short = 0.0 < value < number.info.gap
@@ -73,7 +77,7 @@ class Free:
         return found
 
     def record(self, values: Sequence[float]) -> Any:
-        """Its record for the kernels."""
+        """Return the ship's record with other values."""
         if not all(number.field for number in self.numbers):
             return self.at(values).record()
         plant = self.ship.record()
@@ -82,10 +86,10 @@ class Free:
         return plant
 
     def on(self, values: Any) -> Ship:
-        """A ship with other values of these numbers, shape (n,).
+        """Return the ship with other values, shape (n,), without validation.
 
-        For the equations alone: values inside their ranges are not checked against each other, so
-        that a search may pass where an armature is faster than the ship's time step.
+        The ship serves the equations only: a search may pass through combinations that a ship file does
+        not allow, such as an armature faster than the time step.
         """
         ship = self.ship
         for key, value in zip(self.keys, values, strict=True):
@@ -99,30 +103,28 @@ class Free:
 
     @property
     def scale(self) -> NDArray[np.float64]:
-        """Size by which each number is varied: its own value, or 1e-3 of its unit where that is 0."""
+        """Scale of each parameter: its value, or 1e-3 of its unit if the value is 0."""
         return np.where(self.start != 0.0, np.abs(self.start), 1e-3)
 
     @property
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Lowest and highest values that a search may try: within the file's, and within a factor of
-        50 of a number that has a size.
-        """
+        """Lowest and highest values of a search: those of a ship file, at most a factor of 50 away."""
         sized = self.start != 0.0
-        low, high = np.array([number.searched for number in self.numbers]).T
+        low, high = np.array([number.search_range for number in self.numbers]).T
         wide = 50.0 * np.abs(self.start)
         bottom = np.where((low >= 0.0) & sized, np.abs(self.start) / 50.0, -np.inf)
         top = np.where(sized, np.maximum(wide, np.abs(self.start)), np.inf)
         return np.maximum(low, bottom), np.minimum(high, top)
 
     def __contains__(self, key: str) -> bool:
-        """Whether a number is among them."""
+        """Return whether a key is free."""
         return key in self.keys
 
     def towards(self, values: Sequence[float], wanted: Sequence[float]) -> list[float]:
-        """From values to others, but at most nine tenths of the way to a bound that is beyond."""
+        """Return wanted values, or nine tenths of the way to a bound that they exceed."""
         found = []
         for number, here, there in zip(self.numbers, values, wanted, strict=True):
-            low, high = number.searched
+            low, high = number.search_range
             if there <= low:
                 there = low + 0.1 * (here - low)
             elif there >= high:
@@ -132,15 +134,15 @@ class Free:
 
 
 def usual_keys(ship: Ship, *, response: bool = False) -> tuple[str, ...]:
-    """Return the keys of the parameters that a method frees where the user names none.
+    """Return the keys of the parameters that a method estimates where the user gives none.
 
-    The ship's drive lists them. A hull that moves adds its resistance, and to a frequency response its
-    mass. An optional number that the file leaves at 0 is left out. The torque of a propeller that has
-    no constant KQ is scaled by eta_R.
+    The ship's drive lists them. A hull that moves adds its resistance, and its mass for a frequency
+    response. Optional parameters that are 0 in the ship file are left out. The torque of a propeller
+    without a constant KQ is scaled by eta_R.
 
     Args:
         ship: nominal ship.
-        response: whether a frequency response is to identify them, instead of steady states.
+        response: whether they are estimated from a frequency response instead of steady states.
     """
     drive = ship.prime_mover
     keys = [*(drive.response_keys if response else drive.steady_keys)]
@@ -153,41 +155,41 @@ def usual_keys(ship: Ship, *, response: bool = False) -> tuple[str, ...]:
 
 
 def _is_absent(ship: Ship, key: str) -> bool:
-    """Whether a key is optional and the file leaves it at 0."""
+    """Return whether a key is optional and 0 in the ship file."""
     section, _, name = key.partition(".")
     table = getattr(ship, section)
     default: object = type(table).model_fields[name].default
     return bool(getattr(table, name) == 0.0 == default)
 
 
-def freed(ship: Ship, free: Sequence[str] | None, default: Sequence[str]) -> Free:
-    """The numbers that a method finds on a shaft.
+def parse_free(ship: Ship, free: Sequence[str] | None, default: Sequence[str]) -> Free:
+    """Return the free parameters of a method that uses the shaft.
 
     Args:
-        ship: the ship.
+        ship: nominal ship.
         free: dotted keys; None for ``default``.
-        default: what the method finds where nothing is named.
+        default: keys that the method estimates by default.
 
     Raises:
-        ValueError: as of :class:`Free`, or two keys of which only the ratio acts.
+        ValueError: as in :class:`Free`, or two keys of which only the ratio is identifiable.
     """
     found = Free(ship, default if free is None else free)
     if set(RATIO) <= set(found.keys):
         raise ValueError(
-            f"{ship.name}: only the ratio of {RATIO[0]} and {RATIO[1]} acts on the shaft; free one of "
-            "the two"
+            f"{ship.name}: only the ratio of {RATIO[0]} and {RATIO[1]} is identifiable from the shaft; "
+            "free only one of them"
         )
     return found
 
 
-def number_of(ship: Ship, key: str) -> Number:
-    """A number of a ship's file; its ``field`` is empty where the record holds it in another form.
+def number_of(ship: Ship, key: str) -> ShipParameter:
+    """Return a parameter of the ship file; ``field`` is empty if the record holds it in another form.
 
     Raises:
-        ValueError: no such key, or one that is not a number.
+        ValueError: no such key, or a key whose value is not a float.
     """
     try:
-        return ship.number(key)
+        return ship.parameter(key)
     except ShipError:
         section, _, name = key.partition(".")
         table = getattr(ship, section, None)
@@ -195,15 +197,15 @@ def number_of(ship: Ship, key: str) -> Number:
         if not isinstance(table, Section) or not isinstance(value, float):
             known = ", ".join(k for k in _numbers(ship) if k.startswith(f"{section}."))
             raise ValueError(
-                f"{ship.name}: {key} is no number of this ship that can be free"
-                + (f"; of [{section}]: {known}" if known else "")
+                f"{ship.name}: {key} is no parameter of this ship that can be free"
+                + (f"; those of [{section}] are {known}" if known else "")
             ) from None
-        return Number(key, value, info_of(type(table).model_fields[name]), "")
+        return ShipParameter(key, value, info_of(type(table).model_fields[name]), "")
 
 
 @functools.lru_cache(maxsize=32)
 def _numbers(ship: Ship) -> tuple[str, ...]:
-    """Dotted keys of every number that stands in the ship's file."""
+    """Return the dotted keys of all float parameters of the ship file."""
     found = []
     for section in type(ship).model_fields:
         table = getattr(ship, section)
@@ -217,7 +219,7 @@ def _numbers(ship: Ship) -> tuple[str, ...]:
 
 
 def doubtful(ship: Ship) -> list[str]:
-    """Keys that a ship's file may be wrong about: those of :data:`DOUBTED`, and effects in force."""
+    """Return the keys of uncertain parameters: those of :data:`DOUBTED`, and those of active effects."""
     found = []
     for key in _numbers(ship):
         number = number_of(ship, key)
@@ -230,23 +232,23 @@ def doubtful(ship: Ship) -> list[str]:
 
 
 ALIKE = 1e-4
-"""Smallest eigenvalue of the scaled information below which numbers cannot be told from each other; of
-two numbers, a correlation of 0.9999."""
+"""Smallest eigenvalue of the scaled information below which parameters are not distinguishable; for two
+parameters, a correlation of 0.9999."""
 
 INDISTINCT = 1e-5
-"""Least singular value, over the largest, of numbers that act each in its own way."""
+"""Ratio of the smallest to the largest singular value below which parameters are not distinguishable."""
 
-TELLING = 0.1
-"""Relative standard error above which a number is not found but guessed at."""
+LEAST_CERTAIN = 0.1
+"""Relative standard error above which a parameter counts as not identifiable."""
 
 
-class UntoldError(ValueError):
-    """Numbers that recordings do not tell; the message names them.
+class UnidentifiableError(ValueError):
+    """Error for parameters that recordings do not identify; the message names them.
 
     Args:
-        message: for the reader.
-        keys: of the numbers, the ones first that had best stay as they are.
-        among: of all that were to be found; none where not one of them is told.
+        message: message for the user.
+        keys: keys of these parameters; the first ones are the best to leave out.
+        among: keys of all free parameters; empty if none of them is identifiable.
     """
 
     def __init__(self, message: str, keys: Sequence[str], among: Sequence[str]) -> None:
@@ -256,30 +258,30 @@ class UntoldError(ValueError):
 
     @property
     def worst(self) -> dict[str, str]:
-        """What to leave out next, one at a time where the others may be told without it; and why."""
+        """Parameters to leave out next, with reasons: one of several that are not distinguishable."""
         if self.among and len(self.keys) > 1:
             first, *others = self.keys
             return {first: _combined(others)}
-        return {key: str(self).removeprefix(f"{key} cannot be found: ") for key in self.keys}
+        return {key: str(self).removeprefix(f"{key} is not identifiable: ") for key in self.keys}
 
     @property
     def rest(self) -> list[str]:
-        """What may then be told."""
+        """Keys that may then be identifiable."""
         return [key for key in self.among if key not in self.worst]
 
 
 def _combined(others: Sequence[str]) -> str:
-    return f"only its combination with {' and '.join(others)} is told"
+    return f"only its combination with {' and '.join(others)} is identifiable"
 
 
 def one_direction(information: NDArray[np.float64]) -> tuple[float, list[int]]:
-    """The combination of numbers that is known worst.
+    """Return the combination of parameters with the least information.
 
     Args:
         information: Fisher information, shape (n, n).
 
     Returns:
-        Its eigenvalue after each number was scaled to 1, and the numbers that it is made of.
+        Its eigenvalue with each parameter scaled to 1, and the indices of its parameters.
     """
     scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
@@ -288,57 +290,60 @@ def one_direction(information: NDArray[np.float64]) -> tuple[float, list[int]]:
 
 
 def refuse_unidentifiable(keys: Sequence[str], information: NDArray[np.float64]) -> None:
-    """Refuse numbers that no length of such a recording would tell.
+    """Refuse parameters that are not identifiable from such a recording of any length.
 
     Args:
-        keys: of the numbers.
-        information: of them, and of anything else after them.
+        keys: keys of the parameters.
+        information: Fisher information of the parameters, and of other values after them.
 
     Raises:
-        UntoldError: a number that acts on nothing measured, or several of which only a ratio, product
-            or sum matters; names them.
+        UnidentifiableError: a parameter without influence on the measured channels, or several of which
+            only a ratio, product or sum is identifiable; names them.
     """
     own = information[: len(keys), : len(keys)]
-    for key, told in zip(keys, np.diag(own), strict=True):
-        if not told > 0.0:
-            raise UntoldError(
-                f"{key} cannot be found: it moves nothing that is measured here", [key], keys
+    for key, content in zip(keys, np.diag(own), strict=True):
+        if not content > 0.0:
+            raise UnidentifiableError(
+                f"{key} is not identifiable: no measured channel depends on it here", [key], keys
             )
     value, made_of = one_direction(own)
     if value < ALIKE:
         names = [keys[i] for i in made_of]
-        raise UntoldError(
-            f"{' and '.join(names)} cannot be found together: the recording tells only a combination "
-            "of them (their ratio, product or sum); leave one of them as it is",
+        raise UnidentifiableError(
+            f"{' and '.join(names)} are not identifiable together: the recording determines only a "
+            "combination of them (ratio, product or sum); free one less",
             names[::-1], keys,
         )  # fmt: skip
 
 
 def refuse_indistinct(keys: Sequence[str], jacobian: NDArray[np.float64], method: str) -> None:
-    """Refuse numbers of which the recording tells a sum, a ratio or a product only.
+    """Refuse parameters of which the recording determines only a sum, a ratio or a product.
 
     Args:
-        keys: of the numbers, n of them.
-        jacobian: of what the method compares, by number, shape (rows, n); each column in units of the
-            number's own size.
-        method: named in the error.
+        keys: keys of n parameters.
+        jacobian: derivatives of the compared values, shape (rows, n), each column for a relative change
+            of its parameter.
+        method: name of the method for the message.
 
     Raises:
-        UntoldError: names the numbers that can change together without any change of what is compared.
+        UnidentifiableError: names the parameters that can change together without a change of the
+            compared values.
     """
     norms = np.linalg.norm(jacobian, axis=0)
     silent = [key for key, norm in zip(keys, norms, strict=True) if norm <= 1e-12 * norms.max()]
     if silent:
-        raise UntoldError(
-            f"{method}: nothing that it compares depends on {', '.join(silent)}", silent[:1], keys
+        raise UnidentifiableError(
+            f"{method}: none of the compared values depends on {', '.join(silent)}",
+            silent[:1],
+            keys,
         )
     _, sizes, directions = np.linalg.svd(jacobian / norms, full_matrices=True)
     if len(sizes) == len(keys) and sizes[-1] > INDISTINCT * sizes[0]:
         return
     together = np.abs(directions[-1])
     named = [key for key, part in zip(keys, together, strict=True) if part > 0.05 * together.max()]
-    raise UntoldError(
-        f"{method}: the recording does not tell {', '.join(named)} apart; leave out one of them",
+    raise UnidentifiableError(
+        f"{method}: the recording does not distinguish {', '.join(named)}; free one less",
         named[::-1], keys,
     )  # fmt: skip
 
@@ -346,22 +351,22 @@ def refuse_indistinct(keys: Sequence[str], jacobian: NDArray[np.float64], method
 def refuse_guesses(
     keys: Sequence[str], values: Sequence[float], errors: NDArray[np.float64]
 ) -> None:
-    """Refuse the parameter whose standard error is the largest share of it, if above :data:`TELLING`.
+    """Refuse the parameter with the largest relative standard error if it exceeds :data:`LEAST_CERTAIN`.
 
     Args:
-        keys: of the parameters.
-        values: as they were found.
-        errors: standard error of each, in its key's unit.
+        keys: keys of the parameters.
+        values: estimates, in the keys' units.
+        errors: standard errors, in the keys' units.
 
     Raises:
-        UntoldError: names it.
+        UnidentifiableError: names the parameter.
     """
     shares = np.abs(errors / np.where(np.array(values) == 0.0, 1e-300, values))
     worst = int(np.argmax(shares))
-    if not shares[worst] <= TELLING:
-        raise UntoldError(
-            f"{keys[worst]} cannot be found: its standard error would be {_percent(shares[worst])} "
-            "of it",
+    if not shares[worst] <= LEAST_CERTAIN:
+        raise UnidentifiableError(
+            f"{keys[worst]} is not identifiable: its standard error would be {_percent(shares[worst])} "
+            "of its value",
             [keys[worst]], keys,
         )  # fmt: skip
 
@@ -370,18 +375,18 @@ def _percent(share: float) -> str:
     return f"{100.0 * share:.2g} %" if share < 10.0 else "more than 1000 %"
 
 
-def told_apart(
+def distinguishable(
     keys: Sequence[str], values: Sequence[float], information: NDArray[np.float64]
 ) -> tuple[list[int], dict[str, str]]:
-    """The largest part of some numbers that a recording tells well, by dropping the worst told.
+    """Return the parameters that a recording identifies well, by dropping the least certain ones.
 
     Args:
-        keys: of the numbers.
-        values: of each; the one is told well whose standard error is below :data:`TELLING` of it.
+        keys: keys of the parameters.
+        values: their values; a standard error below :data:`LEAST_CERTAIN` of the value is accepted.
         information: Fisher information, shape (n, n).
 
     Returns:
-        Indices of those that remain, and why each of the others does not.
+        Indices of the parameters that remain, and the reasons for the others by key.
     """
     left: dict[str, str] = {}
     rest = []
@@ -389,7 +394,7 @@ def told_apart(
         if information[i, i] > 0.0:
             rest.append(i)
         else:
-            left[key] = "it moves nothing that is measured here"
+            left[key] = "no measured channel depends on it here"
     while rest:
         own = information[np.ix_(rest, rest)]
         eigenvalue, made_of = one_direction(own)
@@ -402,8 +407,8 @@ def told_apart(
         else:
             errors = np.sqrt(np.diag(np.linalg.inv(own))) / sizes
             worst = int(np.argmax(errors))
-            if errors[worst] <= TELLING:
+            if errors[worst] <= LEAST_CERTAIN:
                 break
-            why = f"its standard error would be {_percent(errors[worst])} of it"
+            why = f"its standard error would be {_percent(errors[worst])} of its value"
         left[keys[rest.pop(worst)]] = why
     return rest, left

@@ -1,13 +1,12 @@
-"""Frequency responses: measured ones, and what a ship's linear model says to them.
+"""Measured and modelled frequency responses, and the parameters that fit a measured response.
 
-A response is relative, a deviation of a channel over its mean by a deviation of the demand over its
-own, as in Vrijdag & Martelli 2021. The model is the plant's linear one about the measured working
-point, sampled as the recording is, with the demand held between rows as everywhere in the house.
+A response is relative: the deviation of a channel over its mean, per deviation of the command over its
+mean (Vrijdag & Martelli 2021). The model is the linearised plant about the measured working point,
+sampled like the recording, with the command held between rows.
 
-Numbers of a ship from a frequency response: least squares of complex errors, and in closed form.
-
-Vrijdag & Martelli 2021, eqs. 18 and 19. The balances at the working point are held beside the errors,
-for without them the response knows ratios only.
+Parameters follow from least squares of the complex errors (eqs. 18 and 19) and, for a drive train, in
+closed form. The balances at the working point are additional equations, because only ratios are
+identifiable from a relative response.
 """
 
 from __future__ import annotations
@@ -26,13 +25,13 @@ from ...plant.ship import Ship
 from ...plant.steady_state import Equilibrium
 from .drive_train import DriveTrain, WorkingPoint, drive_train, from_poles, keys_of
 from .free_parameters import Free, refuse_indistinct
-from .results import Found
+from .results import MethodResult
 from .steady import CURRENT, balances, blade_column, point_at
 
 Complex = NDArray[np.complex128]
 
 STILL = 1e-9
-"""Standard deviation, as a share of the mean, below which only last digits of a channel move."""
+"""Relative standard deviation up to which only the last digits of a channel change."""
 
 SPEED = "shaft_speed_rad_s"
 
@@ -42,21 +41,21 @@ OUTPUTS = {
     "shaft_torque_N_m": "shaft_torque",
     "ship_speed_m_s": "ship_speed",
 }
-"""Columns whose response is looked at, and the linear model's output that answers each."""
+"""Columns whose response is used, with the output of the linear model for each."""
 
 
 @dataclass(frozen=True)
 class FrequencyResponse:
-    """Measured response about one working point.
+    """Measured frequency response about one working point.
 
     Args:
-        demand: its mean, in the unit of the drive's column.
-        means: of the channels, by column; the pitch ratio among them where the blades turn.
-        frequency: [rad/s], shape (n,), rising.
-        response: relative response [-] of each channel, by column, each of shape (n,).
-        error: standard error [-] of real and imaginary part, likewise; NaN where it is not known.
-        interval_s: of the recording [s]; 0 of a response that was not sampled.
-        coherence: squared [-], likewise; empty where the method has none.
+        demand: mean of the drive command, in the unit of its column.
+        means: means of the channels by column, with the pitch ratio of a controllable-pitch propeller.
+        frequency: rising frequencies [rad/s], shape (n,).
+        response: relative response [-] of each channel by column, each of shape (n,).
+        error: standard error [-] of real and imaginary part, likewise; NaN if it is unknown.
+        interval_s: sampling interval of the recording [s]; 0 for a response that was not sampled.
+        coherence: squared coherence [-], likewise; empty if the method has none.
     """
 
     demand: float
@@ -68,7 +67,7 @@ class FrequencyResponse:
     coherence: dict[str, NDArray[np.float64]]
 
     def table(self) -> pd.DataFrame:
-        """Frequency [rad/s], gain [-], phase [deg], standard error and coherence of each channel."""
+        """Return frequency, gain, phase [deg], standard error and coherence of each channel."""
         columns: dict[str, Any] = {"frequency_rad_s": self.frequency}
         for column, values in self.response.items():
             name = OUTPUTS[column]
@@ -81,19 +80,19 @@ class FrequencyResponse:
 
 
 def channels_of(ship: Ship, table: pd.DataFrame, method: str) -> dict[str, NDArray[np.float64]]:
-    """Return the demand and the channels of a recording by column, the demand first.
+    """Return the drive command and the channels of a recording by column, the command first.
 
-    A channel other than the shaft speed is left out where it has no relative response: it is constant,
-    as the speed of a hull that is fixed, or its mean is smaller than its standard deviation.
+    A channel other than the shaft speed is left out if it has no relative response: it is constant, such
+    as the speed of a fixed hull, or its mean is smaller than its standard deviation.
 
     Raises:
-        ValueError: a drive that holds the shaft's speed, a column that is missing, a shaft that rests or
-            reverses, or a demand without a mean.
+        ValueError: a drive that prescribes the shaft speed, a missing column, a shaft that stops or
+            reverses, or a command with mean 0.
     """
     demand = drive_column(ship)
     if not ship.turns_freely:
         raise ValueError(
-            f"{method}: the drive of {ship.name} holds the shaft's speed, which then answers no demand; "
+            f"{method}: the drive of {ship.name} prescribes the shaft speed, so no command changes it; "
             "use --method output-error"
         )
     needed = [TIME, demand, SPEED, *(["ship_speed_m_s"] if ship.moves else [])]
@@ -102,16 +101,16 @@ def channels_of(ship: Ship, table: pd.DataFrame, method: str) -> dict[str, NDArr
     found = {c: table[c].to_numpy(dtype=np.float64) for c in (demand, *OUTPUTS) if c in table}
     if found[SPEED].min() * found[SPEED].max() <= 0.0:
         raise ValueError(
-            f"{method}: the shaft rests or reverses; a frequency response is that of a shaft that turns "
-            "one way all the time"
+            f"{method}: the shaft stops or reverses; a frequency response needs a shaft that turns in "
+            "one direction"
         )
     if found[demand].mean() == 0.0:
-        raise ValueError(f"{method}: {demand} has no mean, so the response has no working point")
+        raise ValueError(f"{method}: the mean of {demand} is 0, so there is no working point")
     return {c: v for c, v in found.items() if c in (demand, SPEED) or _responds(v)}
 
 
 def _responds(values: NDArray[np.float64]) -> bool:
-    """Whether a channel has a relative response: it moves, about a mean that is larger than that."""
+    """Return whether a channel has a relative response: it varies by less than its mean."""
     mean, deviation = abs(float(values.mean())), float(values.std())
     return STILL * mean < deviation < mean
 
@@ -119,36 +118,42 @@ def _responds(values: NDArray[np.float64]) -> bool:
 def means_of(
     ship: Ship, table: pd.DataFrame, channels: dict[str, NDArray[np.float64]], rows: slice
 ) -> dict[str, float]:
-    """Return the means over some rows of the channels, and of the pitch ratio where the blades turn."""
+    """Return the means of the channels, and of a variable pitch ratio, over some rows."""
     means = {c: float(channels[c][rows].mean()) for c in OUTPUTS if c in channels}
     blade = blade_column(ship, table)
     return means | ({} if blade is None else {"pitch_ratio": float(table[blade].iloc[rows].mean())})
 
 
 def interval_of(table: pd.DataFrame) -> float:
-    """Interval of a recording [s]."""
+    """Return the sampling interval of a recording [s]."""
     time = table[TIME].to_numpy(dtype=np.float64)
     return float((time[-1] - time[0]) / (len(time) - 1))
 
 
-def held(frequency: Any, interval_s: float) -> Complex:
-    """Response [-] of holding a demand between rows, at frequencies [rad/s]; 1 if not sampled."""
+def zero_order_hold(frequency: Any, interval_s: float) -> Complex:
+    """Return the response [-] of a zero-order hold at frequencies [rad/s]; 1 without sampling.
+
+    >>> abs(zero_order_hold(0.0, 0.1)).item()
+    1.0
+    """
     turn = 1j * np.asarray(frequency, dtype=np.float64) * interval_s
     small = np.abs(turn) < 1e-9
     return np.where(small, 1.0, -np.expm1(-turn) / np.where(small, 1.0, turn))
 
 
-def blurred(values: NDArray[np.float64], interval_s: float, frequency: Any) -> NDArray[np.float64]:
-    """Share [-] of a response that a channel may lack which takes new values now and then.
+def attenuation(
+    values: NDArray[np.float64], interval_s: float, frequency: Any
+) -> NDArray[np.float64]:
+    """Return the possible attenuation [-] of a response by a channel with a low update rate.
 
-    An encoder tells the mean speed between two flanks and holds it until the next, which is (sin x /
-    x)^2 with x half the frequency times the time between new values. Whether a channel does both, or
-    only holds, its values do not say; what it may lack is therefore an error and no correction.
+    An encoder measures the mean speed between two edges and holds it until the next, with the response
+    (sin x / x)^2, x half the frequency times the time between new values. Whether a channel averages and
+    holds, or only holds, is unknown; the attenuation is therefore an error and no correction.
 
     Args:
-        values: of the channel, shape (n,).
-        interval_s: of the recording [s].
-        frequency: [rad/s].
+        values: values of the channel, shape (n,).
+        interval_s: sampling interval of the recording [s].
+        frequency: frequencies [rad/s].
     """
     changes = int(np.count_nonzero(np.diff(values)))
     every = len(values) / max(changes, 1) * interval_s
@@ -157,8 +162,8 @@ def blurred(values: NDArray[np.float64], interval_s: float, frequency: Any) -> N
     return lacking if every > 1.5 * interval_s else 0.0 * lacking
 
 
-def point_of(ship: Ship, measured: FrequencyResponse) -> Equilibrium:
-    """The measured working point as one of the plant, whether its balances close there or not."""
+def working_point(ship: Ship, measured: FrequencyResponse) -> Equilibrium:
+    """Return the measured working point as a state of the plant, whose balances need not close."""
     point, _ = point_at(
         ship, ship.record(), {drive_column(ship): measured.demand, **measured.means}
     )
@@ -166,18 +171,18 @@ def point_of(ship: Ship, measured: FrequencyResponse) -> Equilibrium:
 
 
 def slowest_s(ship: Ship, measured: FrequencyResponse) -> float:
-    """Longest time constant [s] of the ship's linear model about the measured point, or 0."""
-    poles = np.real(linearise(ship, point_of(ship, measured), ("shaft_speed",)).poles())
+    """Return the longest time constant [s] of the linear model about the measured point, or 0."""
+    poles = np.real(linearise(ship, working_point(ship, measured), ("shaft_speed",)).poles())
     return float(1.0 / np.min(-poles[poles < 0.0], initial=np.inf))
 
 
-def modelled(ship: Ship, measured: FrequencyResponse) -> dict[str, Complex]:
-    """Relative response of a ship about the measured point, by column, at the measured frequencies.
+def modelled_response(ship: Ship, measured: FrequencyResponse) -> dict[str, Complex]:
+    """Return the modelled relative response by column at the measured frequencies.
 
-    Sampled and held as the measured one; a late speed sensor (``sensors.speed_delay_s``) among it.
+    It is sampled and held like the measured one and includes the delay ``sensors.speed_delay_s``.
     """
     columns = list(measured.response)
-    system = linearise(ship, point_of(ship, measured), tuple(OUTPUTS[c] for c in columns))
+    system = linearise(ship, working_point(ship, measured), tuple(OUTPUTS[c] for c in columns))
     drive = system.input_labels.index("drive")
     a, c = np.asarray(system.A), np.asarray(system.C)
     b, d = np.asarray(system.B)[:, [drive]], np.asarray(system.D)[:, [drive]]
@@ -189,7 +194,7 @@ def modelled(ship: Ship, measured: FrequencyResponse) -> dict[str, Complex]:
         a, b, shift = both[:size, :size], both[:size, size:], np.exp(shift * interval_s)
     resolvent = shift[:, None, None] * np.eye(len(a)) - a
     answer = c @ np.linalg.solve(resolvent, np.broadcast_to(b, (len(shift), *b.shape))) + d
-    answer = answer[:, :, 0] / held(frequency, interval_s)[:, None]
+    answer = answer[:, :, 0] / zero_order_hold(frequency, interval_s)[:, None]
     found = {}
     for k, column in enumerate(columns):
         found[column] = answer[:, k] * measured.demand / measured.means[column]
@@ -199,22 +204,22 @@ def modelled(ship: Ship, measured: FrequencyResponse) -> dict[str, Complex]:
 
 
 AT_POINT = 1e-3
-"""Share of torque, voltage or force within which the working point's balances close: an excitation of
-5 % shifts the means by half of it."""
+"""Relative error of the balances at the working point: an excitation of 5 % shifts the means by half of
+this share of torque, voltage or force."""
 
 FORM = 2e-3
-"""Share of a response within which a linear model can be right, besides its noise."""
+"""Relative error of the response of a linear model, besides its noise."""
 
 
 @dataclass(frozen=True)
-class Fitted:
-    """Numbers that meet a frequency response.
+class ResponseFit:
+    """Parameters that fit a frequency response.
 
     Args:
-        values: shape (n,).
-        covariance: shape (n, n).
-        misfit: rms of the weighted errors [-]; 1 where noise explains them.
-        steps: cost of the response's errors by evaluation of the search.
+        values: estimates, shape (n,).
+        covariance: covariance of the estimates, shape (n, n).
+        misfit: rms of the weighted errors [-]; 1 if they are noise.
+        steps: cost function by evaluation of the search.
     """
 
     values: NDArray[np.float64]
@@ -223,14 +228,14 @@ class Fitted:
     steps: pd.DataFrame
 
 
-def fit(chosen: Free, measured: FrequencyResponse, method: str) -> Fitted:
-    """Least squares of the complex errors over all channels, the working point's balances held.
+def fit(chosen: Free, measured: FrequencyResponse, method: str) -> ResponseFit:
+    """Fit parameters by least squares of the complex errors over all channels and of the balances.
 
-    Errors are weighted by what is known of their noise and by :data:`FORM`; where no noise is known,
-    all weigh alike, as in the paper, and what is left tells it.
+    The weights follow from the noise and from :data:`FORM`. Without a known noise all errors have equal
+    weights, as in the paper, and the residual gives the noise.
 
     Raises:
-        ValueError: numbers that the response does not tell apart.
+        ValueError: parameters that the response does not distinguish.
     """
     known = all(np.isfinite(error).all() for error in measured.error.values())
     weights = {
@@ -243,7 +248,7 @@ def fit(chosen: Free, measured: FrequencyResponse, method: str) -> Fitted:
 
     def residual(values: Any) -> NDArray[np.float64]:
         ship = chosen.on(values * chosen.scale)
-        answer = modelled(ship, measured)
+        answer = modelled_response(ship, measured)
         errors = [weights[c] * (answer[c] - measured.response[c]) for c in answer]
         parts = np.concatenate([part for error in errors for part in (error.real, error.imag)])
         costs.append(float(np.sum(parts**2)))
@@ -271,7 +276,7 @@ def fit(chosen: Free, measured: FrequencyResponse, method: str) -> Fitted:
     if known:
         variance = max(variance, 1.0)
     unit = np.linalg.inv(best.jac.T @ best.jac)
-    return Fitted(
+    return ResponseFit(
         best.x * chosen.scale, variance * unit * np.outer(chosen.scale, chosen.scale),
         float(np.sqrt(np.mean(best.fun[: -len(closing)] ** 2))),
         pd.DataFrame({"evaluation": np.arange(len(costs)), "cost": costs}),
@@ -279,8 +284,8 @@ def fit(chosen: Free, measured: FrequencyResponse, method: str) -> Fitted:
 
 
 def _sizes(ship: Ship, measured: FrequencyResponse, names: list[str]) -> NDArray[np.float64]:
-    """Size of what stands on either side of each balance at the working point."""
-    outputs = point_of(ship, measured).outputs
+    """Return the size of the terms of each balance at the working point."""
+    outputs = working_point(ship, measured).outputs
     size = {
         "motor": abs(measured.demand),
         "shaft": abs(float(outputs.brake_torque)),
@@ -290,7 +295,7 @@ def _sizes(ship: Ship, measured: FrequencyResponse, names: list[str]) -> NDArray
 
 
 def _starts(chosen: Free, measured: FrequencyResponse) -> list[NDArray[np.float64]]:
-    """Where the search begins: at the file's numbers, and at those of the closed form."""
+    """Return the starts of the search: the values of the ship file, and those of the closed form."""
     starts = [chosen.start]
     closed = closed_form(chosen.ship, measured)
     if closed is not None:
@@ -303,16 +308,16 @@ def _starts(chosen: Free, measured: FrequencyResponse) -> list[NDArray[np.float6
 def closed_form(
     ship: Ship, measured: FrequencyResponse
 ) -> tuple[DriveTrain, dict[str, float]] | None:
-    """The drive train whose poles, zero and steady gains meet the response best.
+    """Return the drive train whose poles, zero and steady gains fit the response best.
 
     Args:
-        ship: where the search for the five begins, and its known viscous friction and delay.
-        measured: with the motor's current.
+        ship: ship with the start of the search, its viscous friction and its sensor delay.
+        measured: response with the motor's current.
 
     Returns:
-        The six numbers, and the five of the Bode plots: ``s1``, ``s2``, ``z1`` [rad/s], ``speed_gain``,
-        ``current_gain`` [-]. None of a ship that is no drive train or whose current was not measured,
-        or where the five are not those of one.
+        The six parameters, and the five values of the Bode plots: ``s1``, ``s2``, ``z1`` [rad/s],
+        ``speed_gain``, ``current_gain`` [-]. None for a ship without such a drive train or without a
+        measured current, and if the five values belong to no drive train.
     """
     if not ship.has_voltage or ship.moves or CURRENT not in measured.response:
         return None
@@ -346,15 +351,15 @@ def closed_form(
     return (train, five) if min(sizes) > 0.0 and train.friction >= 0.0 else None
 
 
-def found_by(method: str, chosen: Free, measured: FrequencyResponse) -> Found:
-    """What a frequency response tells, with all that led there.
+def fit_response(method: str, chosen: Free, measured: FrequencyResponse) -> MethodResult:
+    """Return the parameters that fit a frequency response, with their tables.
 
     Raises:
-        ValueError: numbers that the response does not tell apart.
+        ValueError: parameters that the response does not distinguish.
     """
     fitted = fit(chosen, measured, method)
     ship = chosen.on(fitted.values)
-    answer = replace(measured, response=modelled(ship, measured), coherence={}).table()
+    answer = replace(measured, response=modelled_response(ship, measured), coherence={}).table()
     model = answer[[name for name in answer if name.endswith(("_gain", "_phase_deg"))]]
     tables = {
         "frequency-response": pd.concat([measured.table(), model.add_suffix("_model")], axis=1),
@@ -367,9 +372,9 @@ def found_by(method: str, chosen: Free, measured: FrequencyResponse) -> Found:
     unit = ship.prime_mover.demand.unit
     remark = (
         f"{len(measured.frequency)} frequencies from {measured.frequency[0]:.3g} to "
-        f"{measured.frequency[-1]:.3g} rad/s about {measured.demand:.4g} {unit}; errors of "
-        f"{fitted.misfit:.2g} of what is expected"
+        f"{measured.frequency[-1]:.3g} rad/s about {measured.demand:.4g} {unit}; the errors are "
+        f"{fitted.misfit:.2g} times the expected ones"
     )
-    return Found(
+    return MethodResult(
         chosen.keys, tuple(map(float, fitted.values)), fitted.covariance, tables, (remark,)
     )

@@ -1,7 +1,4 @@
-"""Up to which frequency a recording tells of some numbers (see :mod:`..search.band`).
-
-``--free auto``: of all that a ship's file may be wrong about, what these recordings tell.
-"""
+"""Frequency range of parameters, and parameters that recordings identify (``--free auto``)."""
 
 from __future__ import annotations
 
@@ -10,27 +7,27 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..judge.held_out import Segments, bands_of
-from ..search.band import telling_hertz
+from ..search.band import informative_frequencies
 from ..search.fitting import Fitter
 from ..search.spectra import Likelihood
 from ..simulate.balances import Balances
-from .free_parameters import Free, UntoldError, doubtful, told_apart
+from .free_parameters import Free, UnidentifiableError, distinguishable, doubtful
 from .output_error import OutputError
 
 
-def numbers_hertz(
+def parameters_hertz(
     balances: Balances, free: Free, values: Sequence[float], segments: Segments
 ) -> float:
-    """Highest frequency that tells of some numbers.
+    """Return the highest frequency with information about parameters.
 
     Args:
-        balances: of ship and recordings.
-        free: the numbers.
-        values: of them.
-        segments: the part that may be fitted.
+        balances: balances of the ship and the recordings.
+        free: the parameters.
+        values: their values.
+        segments: segments of the fitted data.
 
     Returns:
-        [Hz]; infinite where a number does nothing.
+        Frequency [Hz]; infinite for a parameter without influence.
     """
     replay = balances.replay
     moved = []
@@ -39,42 +36,46 @@ def numbers_hertz(
         there[i] += 1e-3 * abs(value) or 1e-3
         moved.append(there)
     return max(
-        telling_hertz(
+        informative_frequencies(
             replay,
-            replay.channels_of(free.record(values)),
-            (replay.channels_of(free.record(there)) for there in moved),
+            replay.simulate_channels(free.record(values)),
+            (replay.simulate_channels(free.record(there)) for there in moved),
             segments,
         )
     )
 
 
-def told_by(balances: Balances, train: Segments) -> tuple[tuple[str, ...], dict[str, str]]:
-    """Keys whose numbers the recordings tell apart, and why the other doubtful ones are left out.
+def identifiable_keys(
+    balances: Balances, train: Segments
+) -> tuple[tuple[str, ...], dict[str, str]]:
+    """Return the keys of identifiable parameters, and why other uncertain parameters are left out.
 
     Args:
-        balances: of ship and recordings.
-        train: the part that may be fitted.
+        balances: balances of the ship and the recordings.
+        train: segments of the fitted data.
 
     Raises:
-        UntoldError: the recordings tell no number.
+        UnidentifiableError: no parameter is identifiable.
     """
     ship = balances.replay.ship
     free = Free(ship, doubtful(ship))
     fitter = Fitter(balances, bands_of(balances, train), free=free.keys)
     search = OutputError(fitter, free)
-    fit = fitter.scored(free.record(free.values))
+    fit = fitter.evaluate_record(free.record(free.values))
     columns = search.slopes(free.values, fit)
-    # as sure as the recordings would be of the numbers if these explained what they can
+    # The noise is that which would remain if the parameters explained as much as they can.
     sizes = np.abs(np.array(free.values))[:, None, None]
     everything = Likelihood(fitter.bands, np.concatenate([columns * sizes, fitter.nuisance]))
     weight = everything(fit.difference).weight
     information = fitter.likelihood.information(weight, columns)
     count = len(free.keys)
-    # what the tolerances of the others take away
+    # The tolerances of the other parameters reduce the information.
     own, crossed = information[:count, :count], information[:count, count:]
     own = own - crossed @ np.linalg.solve(information[count:, count:], crossed.T)
-    rest, left = told_apart(free.keys, free.values, own)
+    rest, left = distinguishable(free.keys, free.values, own)
     if not rest:
         why = "; ".join(f"{key}: {reason}" for key, reason in left.items())
-        raise UntoldError(f"these recordings tell no number of {ship.name}: {why}", free.keys, ())
+        raise UnidentifiableError(
+            f"these recordings identify no parameter of {ship.name}: {why}", free.keys, ()
+        )
     return tuple(free.keys[i] for i in rest), left

@@ -1,9 +1,9 @@
-"""Output error: the numbers at which the ship's own simulation comes nearest to the recording.
+"""Estimate parameters by output error: the open-loop simulation that fits the recording best.
 
-The measure is the diagnosis's: recording and open-loop simulation are compared balance by balance under
-noise of unknown colour (:mod:`..search.spectra`), so no instrument needs a weight, and the numbers that
-are not free move inside their tolerances. Minimised by Gauss-Newton steps, each a generalised least
-squares problem (Vrijdag & Martelli 2021, eqs. 16-17, with the residual's own covariance as the weight).
+Recording and simulation are compared by balance under coloured noise, as in a diagnosis
+(:mod:`..search.spectra`), so that no channel needs a weight. Parameters that are not free move within
+their tolerances. Each Gauss-Newton step is a generalised least-squares problem (Vrijdag & Martelli 2021,
+eqs. 16-17, weighted by the covariance of the residual).
 """
 
 from __future__ import annotations
@@ -17,61 +17,60 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..estimate import Tick, silent
+from ..estimate import Tick, ignore_progress
 from ..search.fitting import Fit, Fitter
 from ..search.whiteness import Whiteness
-from .free_parameters import Free, UntoldError, refuse_unidentifiable
-from .results import Found
+from .free_parameters import Free, UnidentifiableError, refuse_unidentifiable
+from .results import MethodResult
 
 MOST_STEPS = 40
 SETTLED = 0.02
 """Gain in 2 log L below which the search ends."""
 
 ALIKE = 0.95
-"""Correlation from which on a number that was not found is told with those that take its place."""
+"""Correlation from which the message on a parameter that is not identifiable names another one."""
 
-UNTOLD = 1.0
-"""Standard error, as a share of a number, from which on it was not found."""
+UNCERTAIN = 1.0
+"""Relative standard error from which a parameter counts as not identifiable."""
 
 SHORT = 0.25
-"""The same as a share of what the ship's file states: a number that has come out near 0 was found where
-its error is shorter than that."""
+"""Standard error as a share of the ship file's value up to which an estimate near 0 is accepted."""
 
 REACH = 1.0
-"""Standard deviation that a step is given beforehand, as a share of the number: it damps the step where
-the recording says little, and draws to nothing, being about the last value."""
+"""Prior standard deviation of a step as a share of the parameter. The prior is centred on the last
+value, so that it damps steps along uncertain directions without bias."""
 
 LEAST_REACH = 30.0
-"""The same in standard errors, for a number at or near 0."""
+"""Prior standard deviation of a step in standard errors, for a parameter near 0."""
 
 
 class OutputError:
-    """The search for some numbers on one fitter.
+    """Search for parameters with one fitter.
 
     Args:
-        fitter: of the recordings, with these numbers free.
-        free: the numbers.
-        tick: told how far the search is.
+        fitter: fitter of the recordings with these parameters free.
+        free: the parameters.
+        tick: progress callback ``tick(stage, done, total)``.
     """
 
-    def __init__(self, fitter: Fitter, free: Free, tick: Tick = silent) -> None:
+    def __init__(self, fitter: Fitter, free: Free, tick: Tick = ignore_progress) -> None:
         self.fitter = fitter
         self.free = free
         self.tick = tick
         self.steps: list[dict[str, float]] = []
         self._sizes = [abs(v) * 1e-3 for v in free.values]
 
-    def scored(self, values: Sequence[float]) -> Fit:
-        """What the recording says of some values."""
-        return self.fitter.scored(self.free.record(values))
+    def evaluate_record(self, values: Sequence[float]) -> Fit:
+        """Return the fit at given values."""
+        return self.fitter.evaluate_record(self.free.record(values))
 
     def columns(self, values: Sequence[float], fit: Fit) -> Any:
-        """Derivative of the simulation by each number, shape (numbers, balances, frequencies).
+        """Return derivatives of the simulation, shape (parameters, balances, frequencies).
 
-        Over steps of about one standard error, as the likelihood of ``fit`` has it, so that a bend or
-        a corner inside the interval is felt.
+        The steps are about one standard error with the likelihood of ``fit``, so that they include
+        nonlinearity inside the interval.
         """
-        here = self.fitter.predicted(self.free.record(values))
+        here = self.fitter.predict(self.free.record(values))
         found = []
         for i, size in enumerate(self._sizes):
             column, size = self._column(values, here, i, size, fit)
@@ -80,16 +79,19 @@ class OutputError:
         return np.array(found)
 
     def slopes(self, values: Sequence[float], fit: Fit) -> Any:
-        """The same over steps so small that nothing bends: what tells a ratio from two numbers."""
-        here = self.fitter.predicted(self.free.record(values))
+        """Return derivatives over steps so small that the simulation is linear, likewise.
+
+        They show whether only a ratio of two parameters is identifiable.
+        """
+        here = self.fitter.predict(self.free.record(values))
         found = []
         for i, value in enumerate(values):
             moved = [*values]
             moved[i] += 1e-5 * value
-            column = self.fitter.predicted(self.free.record(moved)) - here
+            column = self.fitter.predict(self.free.record(moved)) - here
             if np.isfinite(column).all() and column.any():
                 found.append(column / (1e-5 * value))
-            else:  # it has a dead zone here, or is at 0
+            else:  # the parameter is 0 or has no influence over so small a step
                 found.append(self._column(values, here, i, self._sizes[i], fit)[0])
         return np.array(found)
 
@@ -102,7 +104,7 @@ class OutputError:
             step = size if values[i] + size < number.info.high else -size
             moved = [*values]
             moved[i] += step
-            column = (self.fitter.predicted(self.free.record(moved)) - here) / step
+            column = (self.fitter.predict(self.free.record(moved)) - here) / step
             if not np.isfinite(column).all():
                 size *= 0.1
                 continue
@@ -115,16 +117,16 @@ class OutputError:
         return column, size
 
     def search(self, start: Sequence[float] | None = None) -> tuple[list[float], Fit]:
-        """The numbers at which 2 log L is highest, and what is left there.
+        """Return the values with the largest 2 log L, and the fit there.
 
         Args:
-            start: of the search; the ship's own by default.
+            start: start of the search; the values of the ship by default.
         """
         values = list(self.free.values if start is None else start)
-        fit = self.scored(values)
+        fit = self.evaluate_record(values)
         self._note(values, fit)
         for count in range(MOST_STEPS):
-            self.tick("searching the numbers", count, MOST_STEPS)
+            self.tick("estimating the parameters", count, MOST_STEPS)
             columns = self.columns(values, fit)
             if count == 0:
                 refuse_unidentifiable(
@@ -134,7 +136,7 @@ class OutputError:
             share, better = 1.0, None
             while share > 1e-3:
                 trial = self.free.towards(values, list(np.asarray(values) + share * step))
-                found = self.scored(trial)
+                found = self.evaluate_record(trial)
                 if found.score > fit.score:
                     better = (trial, found)
                     break
@@ -146,22 +148,22 @@ class OutputError:
             self._note(values, fit)
             if gain < SETTLED:
                 break
-        self.tick("searching the numbers", MOST_STEPS, MOST_STEPS)
+        self.tick("estimating the parameters", MOST_STEPS, MOST_STEPS)
         return values, fit
 
     def _step(self, values: Sequence[float], fit: Fit, columns: Any) -> NDArray[np.float64]:
-        """The Gauss-Newton step, the covariance of what is left after it being its weight."""
+        """Return the Gauss-Newton step, weighted by the covariance of the residual after it."""
         reach = np.maximum(REACH * np.abs(values), LEAST_REACH * np.array(self._sizes))
-        found = self.fitter.beside(fit, columns * reach[:, None, None])
+        found = self.fitter.project_residual(fit, columns * reach[:, None, None])
         return np.asarray(found.shares[: len(reach)] * reach)
 
     def _information(self, fit: Fit, columns: Any) -> NDArray[np.float64]:
-        """Of the numbers and the tolerances together."""
+        """Return the information about the parameters and the tolerances together."""
         return self.fitter.likelihood.information(self._weight(fit), columns)
 
     @functools.cached_property
     def _spare(self) -> NDArray[np.float64]:
-        """Frequencies of each band beyond those that its covariance takes up, shape (bands,)."""
+        """Frequencies of each band less the degrees of freedom of its covariance, shape (bands,)."""
         balances = len(self.fitter.balances.names)
         return np.asarray(np.maximum(self._counts - balances, 1.0))
 
@@ -171,26 +173,26 @@ class OutputError:
         return np.asarray(np.add.reduceat(bands.weights, bands.edges[:-1]))
 
     def _weight(self, fit: Fit) -> Any:
-        """The inverse covariances, made smaller by what estimating them costs.
+        """Return the inverse covariances, reduced for their estimation from the residual.
 
-        A band's covariance is estimated from what is left itself. From n frequencies and for m
-        balances its inverse comes out too large by n / (n - m) on average (a complex Wishart
-        variable; Brillinger 1981, section 4.2), and weighing with an estimate costs as much again.
+        The inverse of a band's covariance, estimated from n frequencies for m balances, is too large by
+        n / (n - m) on average (complex Wishart distribution; Brillinger 1981, section 4.2). The use of
+        an estimated weight has the same cost again.
         """
         return fit.weight * ((self._spare / self._counts) ** 2)[:, None, None]
 
     def covariance(
         self, values: Sequence[float], fit: Fit
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the covariance of the numbers' errors, and from how much data it is known.
+        """Return the covariance of the estimates, and the degrees of freedom of their variances.
 
-        The tolerances of the other numbers are included.
+        The tolerances of the other parameters are included.
 
         Returns:
             The covariance, shape (n, n), and the degrees of freedom of each variance, shape (n,): those
-            of the bands by their shares in it (Satterthwaite 1946). What a tolerance adds is known.
+            of the bands by their shares in it (Satterthwaite 1946). Tolerances count as known exactly.
         """
-        columns = self.columns(values, fit)  # twice: the steps are then those of this place
+        columns = self.columns(values, fit)  # the first call adapts the steps to these values
         columns = self.columns(values, fit)
         count, weight = len(columns), self._weight(fit)
         by_band = self.fitter.likelihood.information_by_band(weight, columns)
@@ -210,18 +212,18 @@ class OutputError:
 
 
 def output_error(
-    fitter: Fitter, free: Free, tick: Tick = silent, start: Sequence[float] | None = None
-) -> Found:
-    """Numbers by output error.
+    fitter: Fitter, free: Free, tick: Tick = ignore_progress, start: Sequence[float] | None = None
+) -> MethodResult:
+    """Estimate parameters by output error.
 
     Args:
-        fitter: of the recordings, with these numbers free.
-        free: the numbers.
-        tick: told how far the search is.
-        start: of the search; the ship's own by default.
+        fitter: fitter of the recordings with these parameters free.
+        free: the parameters.
+        tick: progress callback ``tick(stage, done, total)``.
+        start: start of the search; the values of the ship by default.
 
     Raises:
-        UntoldError: numbers of which the recording only tells a ratio or a product; names them.
+        UnidentifiableError: parameters of which only a ratio or a product is identifiable; names them.
     """
     search = OutputError(fitter, free, tick)
     values, fit = search.search(start)
@@ -230,13 +232,13 @@ def output_error(
     remarks: tuple[str, ...] = ()
     if colour is not None:
         name = fitter.balances.names[colour.balance]
-        told = f"{colour.ratio:.3g}" if colour.ratio < 1e4 else "more than 10 000"
+        times = f"{colour.ratio:.3g}" if colour.ratio < 1e4 else "more than 10 000"
         remarks = (
-            f"what is left in the {name} balance is not noise: {told} times the "
-            f"instruments' power at {colour.low_Hz:.3g} to {colour.high_Hz:.3g} Hz; some physics is "
-            "missing, and the numbers may have taken its place",
+            f"the residual of the {name} balance is not noise: its power is {times} times that of the "
+            f"instruments' noise at {colour.low_Hz:.3g} to {colour.high_Hz:.3g} Hz; physics is missing, "
+            "and the parameters may have absorbed it",
         )
-    return Found(
+    return MethodResult(
         free.keys,
         tuple(values),
         covariance,
@@ -247,31 +249,31 @@ def output_error(
     )
 
 
-def refuse_untold(found: Found, free: Free) -> None:
-    """Refuse a number of which the recording says next to nothing.
+def refuse_uncertain(found: MethodResult, free: Free) -> None:
+    """Refuse a parameter about which the recording contains almost no information.
 
-    Of one whose absence is 0, as an offset's or a friction's, an interval about 0 says something; and so
-    does one that is short against what the ship's file states.
+    An interval about 0 is accepted for a parameter that is absent at 0, such as an offset or a friction,
+    and so is an interval that is short compared with the ship file's value.
 
     Args:
-        found: the numbers.
-        free: the same as the ship's file has them.
+        found: estimates.
+        free: the parameters, with the values of the ship file.
 
     Raises:
-        UntoldError: names it.
+        UnidentifiableError: names the parameter.
     """
-    told = zip(free.numbers, found.values, found.standard_errors, found.correlation, strict=True)
-    for number, value, error, correlation in told:
-        size = max(abs(value) * UNTOLD, abs(number.value) * SHORT)
+    rows = zip(free.numbers, found.values, found.standard_errors, found.correlation, strict=True)
+    for number, value, error, correlation in rows:
+        size = max(abs(value) * UNCERTAIN, abs(number.value) * SHORT)
         if number.info.neutral is None and error > size:
             alike = [
                 key
                 for key, one in zip(free.keys, correlation, strict=True)
                 if abs(one) > ALIKE and key != number.key
             ]
-            why = f"tell it from {' and '.join(alike)}" if alike else "excite it"
-            raise UntoldError(
-                f"{number.key} cannot be found: the recording does not {why} (found {value:.4g}, "
+            why = f"distinguish it from {' and '.join(alike)}" if alike else "excite it"
+            raise UnidentifiableError(
+                f"{number.key} is not identifiable: the recording does not {why} (estimate {value:.4g}, "
                 f"standard error {error:.2g})",
                 [number.key], free.keys,
             )  # fmt: skip

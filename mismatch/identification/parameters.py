@@ -1,7 +1,4 @@
-"""Which of a ship's numbers a recording moves, and which of them the corrected ship carries.
-
-Whether a wrong number of the ship's file explains a difference as well as a named effect.
-"""
+"""Changes of the ship's parameters by a recording, and biased parameters as alternatives to effects."""
 
 from __future__ import annotations
 
@@ -13,45 +10,49 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...plant.ship import Ship, ShipError
-from ..judge.held_out import fits
-from ..search.catalogue import Placed
+from ..judge.held_out import fit_percents
+from ..search.catalogue import SizedEffect
 from ..search.fitting import Fit, Fitter
-from ..search.selection import TELL_APART, Selection
+from ..search.selection import INDISTINGUISHABLE, Selection
 from .free_parameters import Free, doubtful, number_of
 from .start import Start
 
-TOLD = 1.0
-"""Standard deviations of a number from which on it is told that it moved."""
+REPORTED = 1.0
+"""Tolerances from which a change of a parameter is reported."""
 
-CARRIED = 0.5
-"""The same from which on the corrected ship may carry it."""
+CORRECTED = 0.5
+"""Tolerances from which the corrected ship may have the changed value."""
 
 WORSE = 0.05
-"""Points of FitPercent that no channel may lose to the numbers that the corrected ship carries."""
+"""Largest loss of a channel in points of FitPercent by the changed parameters of the corrected ship."""
 
 FAR_TOLERANCES = 3.0
 """Tolerances beyond which a parameter is far from the ship file."""
 
-FAR = 0.02
-"""Share of a number by which it may move before the simulation is made straight anew about it."""
+NEAR_ENOUGH = 0.02
+"""Relative change of a parameter up to which the simulation is not linearised again."""
 
-MOST_ROUNDS = 4
-"""Of that."""
+MOST_LINEARISATIONS = 4
+"""Largest number of linearisations."""
 
 
 @dataclass(frozen=True)
-class MovedNumber:
-    """A number of a ship's file as a diagnosis sees it.
+class ParameterChange:
+    """Change of a parameter by a diagnosis.
 
     Args:
         key: dotted key.
-        unit: of the number; SI.
-        file: value that stands in the ship's file.
-        value: with the healthy period and this recording.
-        standard_error: of it; NaN where nothing is known of it.
-        shifts: standard deviations, as they were known before this recording, by which it moved it.
-        source: ``calibrated``, ``free`` (let move widely), or ``tolerance``.
-        corrected: value that the corrected ship has.
+        unit: SI unit of the key.
+        file: value in the ship file, in ``unit``.
+        value: estimate from the reference period and this recording, in ``unit``.
+        standard_error: standard error of the estimate, in ``unit``; NaN if it is unknown.
+        shifts: change by this recording, in tolerances (standard deviations known beforehand).
+        source: ``calibrated``, ``free`` or ``tolerance``.
+        corrected: value in the corrected ship, in ``unit``.
+
+    >>> key = "hull.resistance_coefficient_N_s2_m2"
+    >>> ParameterChange(key, "N s2/m2", 3306.2, 3960.0, 40.0, 4.9, "tolerance", 3960.0).is_biased
+    True
     """
 
     key: str
@@ -70,16 +71,16 @@ class MovedNumber:
 
     @property
     def is_biased(self) -> bool:
-        """Whether it is far though the ship file's tolerance should hold it, and was corrected."""
+        """Whether a corrected parameter is far from the ship file although it was not free."""
         return self.is_far and self.source == "tolerance" and self.corrected != self.file
 
 
-class Numbers:
-    """The numbers of a ship in one diagnosis.
+class MovableParameters:
+    """Parameters of a ship that may move within their tolerances in a diagnosis.
 
     Args:
-        start: the ship before the diagnosis.
-        fitter: of the recording, about that ship or one with other values of its free numbers.
+        start: ship at the start of the diagnosis.
+        fitter: fitter of the recording, linearised at that ship or at other values of its parameters.
     """
 
     def __init__(self, start: Start, fitter: Fitter) -> None:
@@ -87,109 +88,116 @@ class Numbers:
         self.fitter = fitter
         changes = [item for move in fitter.moves for item in move.numbers.items()]
         self.keys = tuple(dict.fromkeys(key for key, change in changes if change != 0.0))
-        # by each of the fitter's regressors, of which some move no number
+        # One column for each regressor of the fitter; some regressors change no parameter.
         self._changes = np.zeros((len(self.keys), len(fitter.nuisance)))
         for k, move in enumerate(fitter.moves):
             self._changes[:, k] = [move.numbers.get(key, 0.0) for key in self.keys]
         self._deviations = np.sqrt(np.sum(self._changes**2, axis=1))
 
     def values(self, fit: Fit) -> dict[str, float]:
-        """Each number as a fit has it, by key, inside the range of the ship's file."""
+        """Return the parameters of a fit by key, inside the ranges that a ship file allows."""
         found = {}
         for key, change in zip(self.keys, self._changes @ fit.tolerances, strict=True):
-            number = self.fitter.trial_ship.ship.number(key)
-            value = float(np.clip(number.value + change, *number.searched))
+            number = self.fitter.trial_ship.ship.parameter(key)
+            value = float(np.clip(number.value + change, *number.search_range))
             found[key] = number.info.inside(value)
         return found
 
     def shifts(self, fit: Fit) -> dict[str, float]:
-        """How far each is from where the diagnosis began, in standard deviations."""
+        """Return the change of each parameter since the start of the diagnosis, in tolerances."""
         return {
-            key: float((value - self.start.ship.number(key).value) / deviation)
+            key: float((value - self.start.ship.parameter(key).value) / deviation)
             for (key, value), deviation in zip(
                 self.values(fit).items(), self._deviations, strict=True
             )
         }
 
-    def relinearised(self) -> Ship | None:
-        """The ship with its free numbers where the recording has them without any effect.
+    def relinearised_ship(self) -> Ship | None:
+        """Return the ship with the free parameters as fitted without effects.
 
-        None where they are near enough, or where the simulation does not follow them there.
+        None where they are within :data:`NEAR_ENOUGH`, or where the nonlinear simulation fits worse
+        with them.
         """
         own, fit = self.fitter.trial_ship.ship, self.fitter.null
         values = {k: v for k, v in self.values(fit).items() if k in self.start.free}
-        if all(abs(v - own.number(k).value) <= FAR * abs(v) for k, v in values.items()):
+        if all(abs(v - own.parameter(k).value) <= NEAR_ENOUGH * abs(v) for k, v in values.items()):
             return None
         try:
             moved = own.with_values(values)
         except ShipError:
             return None
-        return moved if self.fitter.scored(moved.record()).score > fit.score - TELL_APART else None
+        return (
+            moved
+            if self.fitter.evaluate_record(moved.record()).score > fit.score - INDISTINGUISHABLE
+            else None
+        )
 
-    def candidates(self, fit: Fit, judge: Callable[[Any], float], rows: Any) -> list[Ship]:
-        """Corrected ships of a model: with the numbers that the recording moved, and without.
+    def corrected_ships(self, fit: Fit, judge: Callable[[Any], float], rows: Any) -> list[Ship]:
+        """Return the ships with the effects of a fit: with changed parameters if they hold, and without.
 
         Args:
-            fit: the model.
-            judge: 2 log L of a ship's record on the data set aside.
-            rows: that were set aside.
+            fit: fit of the effects.
+            judge: function that returns 2 log L of a ship's record on the held-out data.
+            rows: held-out rows.
         """
         plain = self.fitter.trial_ship.corrected(fit.effects)
-        carried = self.carried(plain, fit, judge, rows)
-        return [carried, plain] if carried != plain else [plain]
+        changed = self.with_estimates(plain, fit, judge, rows)
+        return [changed, plain] if changed != plain else [plain]
 
-    def carried(self, corrected: Ship, fit: Fit, judge: Callable[[Any], float], rows: Any) -> Ship:
-        """A corrected ship with the numbers as well that the recording moved.
+    def with_estimates(
+        self, corrected: Ship, fit: Fit, judge: Callable[[Any], float], rows: Any
+    ) -> Ship:
+        """Return a corrected ship with the parameters that the recording changes.
 
-        Only where the data set aside speak for them as clearly as one name must against another, and
-        where no channel is followed worse there, open loop.
+        The parameters are kept only if they are clearly likelier on the held-out data and if no channel
+        has a lower FitPercent there in open loop.
 
         Args:
-            corrected: with effects.
-            fit: of these effects.
-            judge: 2 log L of a ship's record on the data set aside.
-            rows: that were set aside.
+            corrected: ship with the effects.
+            fit: fit of these effects.
+            judge: function that returns 2 log L of a ship's record on the held-out data.
+            rows: held-out rows.
         """
-        file = {key: self.start.ship.number(key).value for key in self.start.free}
+        file = {key: self.start.ship.parameter(key).value for key in self.start.free}
         plain = corrected.with_values(file) if file else corrected
         values = self.values(fit)
         moved = {
             k: values[k] for k, shift in self.shifts(fit).items()
-            if abs(shift) >= CARRIED or k in self.start.free
+            if abs(shift) >= CORRECTED or k in self.start.free
         }  # fmt: skip
         if not moved:
             return plain
         try:
             other = plain.with_values(moved)
-        except ShipError:  # two numbers that do not go together
+        except ShipError:  # The ship file does not allow this combination of values.
             return plain
-        if judge(other.record()) - judge(plain.record()) <= TELL_APART:
+        if judge(other.record()) - judge(plain.record()) <= INDISTINGUISHABLE:
             return plain
         replay = self.fitter.balances.replay
         before, after = (
-            fits(replay.recorded, replay.simulated(replay.simulate(ship.record())), rows)
+            fit_percents(replay.recorded, replay.simulated(replay.simulate(ship.record())), rows)
             for ship in (plain, other)
         )
         worse = any(after[channel] < before[channel] - WORSE for channel in before)
         return plain if worse else other
 
-    def told(self, fit: Fit, corrected: Ship) -> list[MovedNumber]:
-        """Numbers that were calibrated or free, and those that moved far inside their tolerances.
+    def changes(self, fit: Fit, corrected: Ship) -> list[ParameterChange]:
+        """Return the changes of calibrated and free parameters, and all changes of a tolerance or more.
 
         Args:
-            fit: with the effects that were named.
-            corrected: the ship that the diagnosis ends with.
+            fit: fit of the reported effects.
+            corrected: corrected ship.
         """
         start, values, shifts = self.start, self.values(fit), self.shifts(fit)
         errors = dict(zip(self.keys, self._errors(fit), strict=True))
-        far = [key for key, shift in shifts.items() if abs(shift) >= TOLD]
+        far = [key for key, shift in shifts.items() if abs(shift) >= REPORTED]
         found = []
         for key in dict.fromkeys((*start.calibrated, *start.free, *far)):
             file, now = number_of(start.file, key), number_of(corrected, key).value
             value = values.get(key, number_of(start.ship, key).value)
             source = "calibrated" if key in start.calibrated else "tolerance"
             found.append(
-                MovedNumber(
+                ParameterChange(
                     key, file.info.unit, file.value, value, float(errors.get(key, np.nan)),
                     shifts.get(key, 0.0), "free" if key in start.free else source, now,
                 )
@@ -197,7 +205,7 @@ class Numbers:
         return found
 
     def _errors(self, fit: Fit) -> NDArray[np.float64]:
-        """Standard error of each number, the effects beside it unsure as well, in its unit."""
+        """Return the standard error of each parameter in its unit, with uncertain effects."""
         fitter = self.fitter
         columns = fitter.sensitivities(fit)[1]
         information = fitter.likelihood.information(fit.weight, columns)
@@ -207,28 +215,28 @@ class Numbers:
 
 
 STEP = 1e-2
-"""Share of a number over which its influence is felt."""
+"""Relative finite difference of a parameter."""
 
 MOST_STEPS = 6
-"""Of the search for its best value."""
+"""Largest number of steps of the search for a parameter."""
 
 SETTLED = 0.1
-"""Gain in 2 log L below which that search ends."""
+"""Gain in 2 log L below which the search ends."""
 
 HOPELESS = 0.5
-"""Share of an effect's gain that a number must bring at the first step to be searched further."""
+"""Share of an effect's gain that the first step of a parameter must reach for the search to continue."""
 
 
 @dataclass(frozen=True)
-class WrongNumber:
-    """A number of the ship's file that explains a difference as well as a named effect.
+class BiasedParameter:
+    """Parameter of the ship file whose bias explains a difference as well as an identified effect.
 
     Args:
         key: dotted key.
-        file: value in the ship's file.
-        value: that would explain the difference, likewise in ``unit``.
-        unit: SI.
-        gain: in 2 log L, in place of the effect.
+        file: value in the ship file, in ``unit``.
+        value: value that would explain the difference, in ``unit``.
+        unit: SI unit of the key.
+        gain: gain in 2 log L in place of the effect.
     """
 
     key: str
@@ -238,41 +246,43 @@ class WrongNumber:
     gain: float
 
 
-def wrong_numbers(fitter: Fitter, selection: Selection) -> list[WrongNumber | None]:
-    """For each named effect, the number that in its place does as well; None where there is none.
+def find_biased_parameters(fitter: Fitter, selection: Selection) -> list[BiasedParameter | None]:
+    """Return for each identified effect the parameter that fits as well in its place, or None.
 
-    A number whose own deviation the ship's file states is not asked: it moves in every model that is
-    tried, and a calibrated one was right while the ship was healthy.
+    Parameters with a tolerance of their own in the ship file are not tried: they are free in every
+    model, and calibrated ones were right in the reference period.
     """
     fit = selection.fit
-    return [_instead(fitter, fit, i, gain) for i, gain in enumerate(selection.gains)]
+    return [_biased_parameter_for(fitter, fit, i, gain) for i, gain in enumerate(selection.gains)]
 
 
-def _instead(fitter: Fitter, fit: Fit, index: int, gain: float) -> WrongNumber | None:
+def _biased_parameter_for(
+    fitter: Fitter, fit: Fit, index: int, gain: float
+) -> BiasedParameter | None:
     ship = fitter.trial_ship.ship
     rest = fit.effects[:index] + fit.effects[index + 1 :]
-    base = fitter.fitted(rest)
+    base = fitter.evaluate(rest)
     lost = fit.score - base.score
-    best: WrongNumber | None = None
+    best: BiasedParameter | None = None
     for key in doubtful(ship):
         if key in ship.tolerances.numbers or not ship.has_key(key):
             continue
-        value, score = _fitted(fitter, base, rest, key, HOPELESS * lost)
-        if fit.score - score < TELL_APART and (
+        value, score = _fit_parameter(fitter, base, rest, key, HOPELESS * lost)
+        if fit.score - score < INDISTINGUISHABLE and (
             best is None or gain - fit.score + score > best.gain
         ):
-            number = ship.number(key)
+            number = ship.parameter(key)
             brought = gain - (fit.score - score)
-            best = WrongNumber(key, number.value, value, number.info.unit, brought)
+            best = BiasedParameter(key, number.value, value, number.info.unit, brought)
     return best
 
 
-def _fitted(
-    fitter: Fitter, base: Fit, rest: tuple[Placed, ...], key: str, least: float
+def _fit_parameter(
+    fitter: Fitter, base: Fit, rest: tuple[SizedEffect, ...], key: str, least: float
 ) -> tuple[float, float]:
-    """Best value of a number beside some effects, and the score there, by steps of least squares."""
-    host = fitter.trial_ship.host(rest)
-    number = host.number(key)
+    """Return the best value of a parameter together with some effects, and its score."""
+    host = fitter.trial_ship.with_terms(rest)
+    number = host.parameter(key)
     (low,), (high,) = Free(host, (key,)).bounds
 
     def record(value: float) -> object:
@@ -283,12 +293,12 @@ def _fitted(
     value, fit = number.value, base
     for step in range(MOST_STEPS):
         size = STEP * abs(value) if value + STEP * abs(value) < high else -STEP * abs(value)
-        column = fitter.predicted(record(value + size)) - fitter.predicted(record(value))
+        column = fitter.predict(record(value + size)) - fitter.predict(record(value))
         if not np.isfinite(column).all():
             break
         share, _ = fitter.likelihood.amount(fit.weight, fit.difference, column)
         wanted = float(np.clip(value + share * size, low, high))
-        found = fitter.scored(record(wanted), rest)
+        found = fitter.evaluate_record(record(wanted), rest)
         gained = found.score - fit.score
         if gained > 0.0:
             value, fit = wanted, found

@@ -1,4 +1,4 @@
-"""What every method of identification finds: values, and how sure they are together."""
+"""Result of a method of identification: estimates and their covariance."""
 
 from __future__ import annotations
 
@@ -11,20 +11,23 @@ from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
-class Found:
-    """Numbers of a ship as one method finds them.
+class MethodResult:
+    """Estimates of a method of identification.
 
     Args:
-        keys: dotted keys of the ship's file, n of them.
-        values: each in its key's unit.
-        covariance: of their errors, shape (n, n), in those units.
-        tables: what the method shows on the way, by file name without extension: states, frequency
-            responses, the search's steps.
-        remarks: what a reader must know of it, a sentence each.
-        score: 2 log L where the method has one, else 0.
-        line: whether the demands were taken as straight lines between rows instead of held.
-        freedom: degrees of freedom of each number's variance [-], shape (n,); None where it is known as
-            well as a variance of very many rows.
+        keys: dotted keys of n parameters.
+        values: estimates, each in its key's unit.
+        covariance: covariance of the estimates, shape (n, n), in these units.
+        tables: intermediate results by file name without extension: states, frequency responses, steps
+            of the search.
+        remarks: remarks on the estimates, a sentence each.
+        score: 2 log L; 0 if the method has none.
+        line: whether the commands were interpolated linearly between rows; otherwise they were held.
+        freedom: degrees of freedom of each variance [-], shape (n,); None for infinitely many.
+
+    >>> found = MethodResult(("a.b", "a.c"), (1.0, 2.0), np.array([[0.04, 0.0], [0.0, 0.09]]))
+    >>> found.standard_errors
+    array([0.2, 0.3])
     """
 
     keys: tuple[str, ...]
@@ -38,23 +41,22 @@ class Found:
 
     @property
     def standard_errors(self) -> NDArray[np.float64]:
-        """Of each number, in its key's unit."""
+        """Standard error of each estimate, in its key's unit."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     @property
     def degrees(self) -> NDArray[np.float64]:
-        """Degrees of freedom of each number's variance; infinite where nothing is said of them."""
+        """Degrees of freedom of each variance [-]; infinite without ``freedom``."""
         return np.full(len(self.keys), np.inf) if self.freedom is None else self.freedom
 
-    def beside(self, other: Found, share: float) -> Found:
-        """Return these numbers with the doubt that another model of the same data is the true one.
+    def mix_with(self, other: MethodResult, share: float) -> MethodResult:
+        """Return these estimates with the uncertainty that another model of the data is the true one.
 
-        The covariance is that of the mixture of both about these values: the other's errors, and how
-        far its values lie from these, count by its share.
+        The covariance is that of the mixture of both models about these estimates.
 
         Args:
-            other: the same numbers by the other model.
-            share: probability of the other model.
+            other: estimates of the same parameters by the other model.
+            share: probability of the other model [-].
         """
         if not share > 0.0:
             return self
@@ -64,7 +66,7 @@ class Found:
 
     @property
     def correlation(self) -> NDArray[np.float64]:
-        """Of the numbers' errors, shape (n, n)."""
+        """Correlation of the estimates, shape (n, n)."""
         scale = np.where(self.standard_errors > 0.0, self.standard_errors, 1.0)
         own: Any = self.covariance / np.outer(scale, scale)
         return np.asarray(own)

@@ -1,9 +1,9 @@
-"""Frequency response by correlation with sines, and the numbers that meet it (method 4, eqs. 33 to 39).
+"""Estimate parameters from sines: frequency response by correlation (method 4, eqs. 33 to 39).
 
-A recording holds one sine of the demand about its mean, or several one after the other. Of each, the
-start is left out in which the plant comes to its steady swing, whole periods are kept, and demand and
-channels are correlated with sine and cosine. The spread from period to period tells the error; a
-constant and a drift are correlated away with them.
+A recording has one sine of the command about its mean, or several sines in sequence. The transient at
+the start of each sine is left out, whole periods are kept, and command and channels are correlated
+with sine and cosine. The scatter between periods gives the error. A constant and a drift are estimated
+as well.
 """
 
 from __future__ import annotations
@@ -20,37 +20,37 @@ from numpy.typing import NDArray
 
 from ...plant.columns import drive_column
 from ...plant.ship import Ship
-from ..estimate import Tick, silent
-from .free_parameters import freed, usual_keys
+from ..estimate import Tick, ignore_progress
+from .free_parameters import parse_free, usual_keys
 from .frequency import (
     OUTPUTS,
     FrequencyResponse,
-    blurred,
+    attenuation,
     channels_of,
-    found_by,
-    held,
+    fit_response,
     interval_of,
     means_of,
     slowest_s,
+    zero_order_hold,
 )
-from .results import Found
+from .results import MethodResult
 
 METHOD = "sine"
 FADED = 8.0
-"""Time constants of the slowest pole after which a start is forgotten: 3e-4 of it is left."""
+"""Duration of the transient in time constants of the slowest pole, after which 3e-4 of it remains."""
 
 PURE = 0.1
-"""Most that a demand may differ from a sine, rms over rms."""
+"""Largest relative rms deviation of a command from a sine."""
 
 FEWEST = 8
-"""Rows below which no sine is told."""
+"""Smallest number of rows of a sine."""
 
 SAME_POINT = 0.03
-"""Share by which the working points of sines may differ that are taken together."""
+"""Largest relative difference of the working points of sines that are combined."""
 
 
 class Excitation(NamedTuple):
-    """One sine of the demand in a recording."""
+    """One sine of the command in a recording."""
 
     begin: int  # row
     end: int  # behind the last row
@@ -59,64 +59,64 @@ class Excitation(NamedTuple):
 
 def sine(
     ship: Ship, tables: Iterable[pd.DataFrame], free: Sequence[str] | None = None,
-    tick: Tick = silent,
-) -> Found:  # fmt: skip
-    """Numbers of a ship from its answer to sines of the demand.
+    tick: Tick = ignore_progress,
+) -> MethodResult:  # fmt: skip
+    """Estimate parameters of a ship from its response to sines of the command.
 
     Args:
-        ship: start of the search, and the numbers that are not free; its slowest pole says how long a
-            start takes to fade.
+        ship: ship with the start of the search and the parameters that are not free; its slowest pole
+            gives the duration of the transients.
         tables: recordings in canonical columns at an even interval, with one or more sines of the
-            demand about one working point. Looked at: ``shaft_speed_rad_s`` (needed),
+            command about one working point. Columns: ``shaft_speed_rad_s`` (needed),
             ``motor_current_A``, ``shaft_torque_N_m``, ``ship_speed_m_s``.
-        free: dotted keys; those of :func:`.free.usual_keys` by default, which are the paper's six on a
-            direct-current motor at bollard pull. ``sensors.speed_delay_s`` may be among them.
-        tick: told how far it is.
+        free: dotted keys; by default those of :func:`.free_parameters.usual_keys`, the paper's six for a
+            direct-current motor at bollard pull. ``sensors.speed_delay_s`` is allowed.
+        tick: progress callback ``tick(stage, done, total)``.
 
     Returns:
-        Values by least squares of complex errors, covariance from the spread between periods and from
-        what is left. Tables: ``frequency-response`` measured and of the found ship, ``search`` its
-        cost, and of a drive train ``closed-form``, the same numbers read off poles, zero and steady
-        gains.
+        Estimates by least squares of complex errors, with the covariance from the scatter between
+        periods and from the residual. Tables: ``frequency-response`` (measured and identified ship),
+        ``search`` (cost function) and, for a drive train, ``closed-form`` (from poles, zero and steady
+        gains).
 
     Raises:
-        ValueError: a column is missing, no sine, too few periods of it, several working points, a shaft
-            that rests or reverses, or numbers that the response does not tell apart.
+        ValueError: a missing column, no sine, too few periods, several working points, a shaft that
+            stops or reverses, or parameters that the response does not distinguish.
     """
-    chosen = freed(ship, free, usual_keys(ship, response=True))
+    chosen = parse_free(ship, free, usual_keys(ship, response=True))
     measured = sine_response(ship, tables, tick)
-    return found_by(METHOD, chosen, measured)
+    return fit_response(METHOD, chosen, measured)
 
 
 def sine_response(
-    ship: Ship, tables: Iterable[pd.DataFrame], tick: Tick = silent
+    ship: Ship, tables: Iterable[pd.DataFrame], tick: Tick = ignore_progress
 ) -> FrequencyResponse:
-    """Frequency response by correlation; see :func:`sine`.
+    """Return the frequency response by correlation; see :func:`sine`.
 
     Raises:
-        ValueError: as there.
+        ValueError: as in :func:`sine`.
     """
     tables = list(tables)
     parts: list[FrequencyResponse] = []
     for number, table in enumerate(tables, 1):
         channels = channels_of(ship, table, METHOD)
         excitations = sines(channels[drive_column(ship)], interval_of(table))
-        parts += [_correlated(ship, table, channels, one) for one in excitations]
+        parts += [_correlate(ship, table, channels, one) for one in excitations]
         tick(METHOD, number, len(tables))
     if not parts:
         raise ValueError(
             f"{METHOD}: no sine of {drive_column(ship)} in the recording; it needs at least two periods "
             "of one frequency about a mean"
         )
-    return _together(parts)
+    return _combine(parts)
 
 
 def sines(demand: NDArray[np.float64], interval_s: float) -> list[Excitation]:
-    """The sines of a demand: runs of half periods of one length, told by its crossings of the mean.
+    """Return the sines of a command: sequences of equal half periods between its crossings of the mean.
 
     Args:
-        demand: of a recording, shape (n,).
-        interval_s: its interval [s].
+        demand: command of a recording, shape (n,).
+        interval_s: sampling interval [s].
     """
     found: list[Excitation] = []
     for begin, end in _runs(_crossings(demand - _middle(demand))):
@@ -126,7 +126,7 @@ def sines(demand: NDArray[np.float64], interval_s: float) -> list[Excitation]:
         if frequency is not None:
             half = round(math.pi / frequency / interval_s)
             wide = slice(max(begin - half, least), min(end + half, len(demand)))
-            before, behind = _alike(demand, wide, begin, end, frequency * interval_s)
+            before, behind = _rows_on_sine(demand, wide, begin, end, frequency * interval_s)
             found.append(Excitation(begin - before, end + behind, frequency))
     return found
 
@@ -136,7 +136,7 @@ def _middle(demand: NDArray[np.float64]) -> float:
 
 
 def _crossings(deviation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rows, between samples, where a deviation goes through 0, clearly on one side before and after."""
+    """Return the interpolated rows at which a deviation clearly changes its sign."""
     clear = 0.25 * float(np.quantile(np.abs(deviation), 0.9))
     if clear <= 0.0:
         return np.empty(0)
@@ -152,7 +152,7 @@ def _crossings(deviation: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _runs(crossings: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """Rows of runs of at least two half periods of one length."""
+    """Return the rows of sequences of at least two half periods of equal length."""
     halves = np.diff(crossings)
     found, first = [], 0
     for k in range(1, len(halves) + 1):
@@ -164,10 +164,10 @@ def _runs(crossings: NDArray[np.float64]) -> list[tuple[int, int]]:
     return found
 
 
-def _alike(
+def _rows_on_sine(
     demand: NDArray[np.float64], wide: slice, begin: int, end: int, turn: float
 ) -> tuple[int, int]:
-    """Rows before ``begin`` and behind ``end``, within ``wide``, in which the sine is there too."""
+    """Return the numbers of rows before ``begin`` and after ``end``, in ``wide``, that fit the sine."""
     time = np.arange(wide.start, wide.stop) * turn
     basis = np.column_stack([np.ones(len(time)), np.cos(time), np.sin(time)])
     inner = slice(begin - wide.start, end - wide.start)
@@ -181,7 +181,7 @@ def _alike(
 
 
 def _basis(rows: int, frequency: float, interval_s: float) -> NDArray[np.float64]:
-    """Constant, drift, cosine and sine over rows."""
+    """Return constant, drift, cosine and sine over rows, shape (rows, 4)."""
     time = np.arange(rows) * interval_s
     drift = np.linspace(-1.0, 1.0, rows)
     turn = frequency * time
@@ -189,13 +189,13 @@ def _basis(rows: int, frequency: float, interval_s: float) -> NDArray[np.float64
 
 
 def _phasor(values: NDArray[np.float64], basis: NDArray[np.float64]) -> tuple[complex, float]:
-    """Complex amplitude of the part exp(j w t), and the mean (eqs. 33 to 37 without their division)."""
+    """Return the complex amplitude of exp(j w t), and the mean (eqs. 33 to 37 without the division)."""
     mean, _, cosine, sine_part = np.linalg.lstsq(basis, values, rcond=None)[0]
     return complex(cosine, -sine_part), float(mean)
 
 
 def _frequency(demand: NDArray[np.float64], interval_s: float) -> float | None:
-    """Frequency [rad/s] of a demand over whole periods; None of one that is no sine."""
+    """Return the frequency [rad/s] of a command over whole periods; None if it is no sine."""
     rows = len(demand)
     if rows < FEWEST:
         return None
@@ -212,14 +212,14 @@ def _frequency(demand: NDArray[np.float64], interval_s: float) -> float | None:
         left, bounds=(max(strongest - 1.0, 0.4) * unit, (strongest + 1.0) * unit), method="bounded",
         options={"xatol": 1e-7 * unit * strongest},
     )  # fmt: skip
-    swing = float(np.sum((demand - demand.mean()) ** 2))
-    return float(best.x) if left(float(best.x)) < PURE**2 * swing else None
+    variation = float(np.sum((demand - demand.mean()) ** 2))
+    return float(best.x) if left(float(best.x)) < PURE**2 * variation else None
 
 
-def _correlated(
+def _correlate(
     ship: Ship, table: pd.DataFrame, channels: dict[str, NDArray[np.float64]], one: Excitation
 ) -> FrequencyResponse:
-    """Response at one frequency from the whole periods behind the start."""
+    """Return the response at one frequency from the whole periods after the transient."""
     demand, interval_s = drive_column(ship), interval_of(table)
     period = 2.0 * math.pi / one.frequency / interval_s  # rows
     outputs = [column for column in OUTPUTS if column in channels]
@@ -231,9 +231,9 @@ def _correlated(
     periods = math.floor((one.end - start) / period + 1e-6)
     if periods < 1:
         raise ValueError(
-            f"{METHOD}: the sine of {one.frequency:.4g} rad/s ends before the start has faded; it must "
-            f"last {(start - one.begin + period) * interval_s:.3g} s, not "
-            f"{(one.end - one.begin) * interval_s:.3g} s"
+            f"{METHOD}: the sine of {one.frequency:.4g} rad/s ends before its transient does; it lasts "
+            f"{(one.end - one.begin) * interval_s:.3g} s and must last "
+            f"{(start - one.begin + period) * interval_s:.3g} s"
         )
     begin = one.end - round(periods * period)
     whole = _basis(one.end - begin, one.frequency, interval_s)
@@ -241,11 +241,11 @@ def _correlated(
     response, error = {}, {}
     for column in outputs:
         answer, level = _phasor(channels[column][begin : one.end], whole)
-        unit = mean / level / cause / held(one.frequency, interval_s)
+        unit = mean / level / cause / zero_order_hold(one.frequency, interval_s)
         means[column] = level
         response[column] = np.atleast_1d(answer * unit)
         scatter = _scatter(channels[column][begin : one.end], whole, periods, period)
-        lacking = blurred(channels[column][begin : one.end], interval_s, one.frequency)
+        lacking = attenuation(channels[column][begin : one.end], interval_s, one.frequency)
         error[column] = np.hypot(scatter * abs(unit), lacking * np.abs(response[column]))
     return FrequencyResponse(
         mean, means, np.array([one.frequency]), response, error, interval_s, {}
@@ -255,10 +255,10 @@ def _correlated(
 def _scatter(
     values: NDArray[np.float64], basis: NDArray[np.float64], periods: int, period: float
 ) -> float:
-    """Standard error of either part of a phasor.
+    """Return the standard error of the real and of the imaginary part of a phasor.
 
-    From the spread between groups of periods, up to eight groups, where there are three periods; else
-    from what the sine leaves, as if it were white.
+    It follows from the scatter between up to eight groups of periods, or, with fewer than three periods,
+    from the residual of the sine as white noise.
     """
     groups = min(periods, 8)
     if groups < 3:
@@ -274,11 +274,11 @@ def _scatter(
     return math.sqrt(variance / groups)
 
 
-def _together(parts: list[FrequencyResponse]) -> FrequencyResponse:
-    """Responses at single frequencies as one about their common working point.
+def _combine(parts: list[FrequencyResponse]) -> FrequencyResponse:
+    """Return the responses at single frequencies as one response about their common working point.
 
     Raises:
-        ValueError: other columns or intervals, or other working points.
+        ValueError: different columns, sampling intervals or working points.
     """
     parts = sorted(parts, key=lambda part: float(part.frequency[0]))
     first = parts[0]
@@ -293,8 +293,8 @@ def _together(parts: list[FrequencyResponse]) -> FrequencyResponse:
         away = abs(part.demand / demand - 1.0)
         if away > SAME_POINT:
             raise ValueError(
-                f"{METHOD}: a sine swings about {part.demand:.4g}, the others about {demand:.4g} on "
-                "average; a frequency response has one working point"
+                f"{METHOD}: a sine has the mean {part.demand:.4g}, all sines together {demand:.4g}; a "
+                "frequency response needs one working point"
             )
     return FrequencyResponse(
         demand, means, np.concatenate([part.frequency for part in parts]),

@@ -1,19 +1,15 @@
-"""Steady states in a recording: where the demand is held and nothing measured moves any more.
+"""Estimate parameters by least squares on steady states (Vrijdag & Martelli 2021, method 1, part 1).
 
-Steady states given as a table of points: a row each, without a time.
+Steady states are the plateaus of recordings, or the rows of a table without time. In a steady state all
+rates of the plant's equations are 0. The balances at the measured speeds and currents are linear in
+frictions, constants and coefficients (eqs. 22 to 28). The equations are those of the plant, so that the
+method serves every rig whose states are measured:
 
-Least squares on steady states (Vrijdag & Martelli 2021, method 1, part 1; eqs. 22 to 28).
+    shaft    drive torque less load torque           [N m], unless the drive prescribes the speed
+    motor    U - K_e omega - R_a i                   [V], if the current i is measured
+    hull     thrust less resistance                  [N], if the hull moves
 
-In a steady state every rate of the plant's equations is 0. What is left of them at the measured
-speeds and currents is linear in frictions, constants and coefficients, and least squares over several
-states finds those. The equations are the plant's own, so the method serves every rig whose states are
-measured:
-
-    shaft    torque of the drive less that of the load       [N m], where no speed is held
-    motor    U - K_e omega - R_a i, where i is measured      [V]
-    hull     thrust less resistance, where the hull moves    [N]
-
-Without the motor's current its voltage tells torque in units of K_e / R_a only.
+Without the motor's current, torque is identifiable in units of K_e / R_a only.
 """
 
 from __future__ import annotations
@@ -38,50 +34,50 @@ from ...plant.columns import (
     YAW_RATE,
     drive_column,
 )
-from ...plant.dynamics import evaluate, settled
+from ...plant.dynamics import evaluate, settle_lags
 from ...plant.hull import wake_inflow, water_speed
-from ...plant.recording import WATER, RecordingError, as_numbers, check_bounds
+from ...plant.recording import WATER, RecordingError, check_bounds, convert_numbers
 from ...plant.shaft import shaft_inertia
 from ...plant.ship import Ship
 from ...plant.state import Inputs, State
 from ...plant.steady_state import Equilibrium
-from ..estimate import Tick, silent
+from ..estimate import Tick, ignore_progress
 from ..judge.held_out import ROUNDING
 from ..recordings.joint import Recorded
-from ..recordings.load import TABLE, Recording, read_mapped
+from ..recordings.load import TABLE, Recording, read_canonical
 from ..recordings.noise import white_rms
 from .drive_train import CONSTANT, RESISTANCE, torque_factor
-from .free_parameters import Free, UntoldError, freed, refuse_indistinct, usual_keys
-from .results import Found
+from .free_parameters import Free, UnidentifiableError, parse_free, refuse_indistinct, usual_keys
+from .results import MethodResult
 
 CHANNELS = (
     "pitch_ratio", "shaft_speed_rad_s", "ship_speed_m_s", "motor_current_A", RUDDER, SWAY_SPEED,
     YAW_RATE, *WATER,
 )  # fmt: skip
-"""Measured columns that must be steady, where the recording has them."""
+"""Measured columns that must be steady, if the recording has them."""
 
 HELD = 0.003
-"""Share of the demand's range by which a held demand may move, besides its noise."""
+"""Largest change of a constant command, as a share of its range, besides its noise."""
 
 SETTLED = 0.0005
-"""Share of a channel's spread within which it has come to rest, besides the noise of its means."""
+"""Largest change of a steady channel, as a share of its range, besides the noise of its means."""
 
 BLOCKS = 20
-"""Parts into which a held demand is divided to see what moves."""
+"""Number of blocks of a plateau whose means are compared."""
 
 FEWEST = 2 * BLOCKS
-"""Rows below which nothing is seen."""
+"""Smallest number of rows of a plateau."""
 
 
 @dataclass(frozen=True)
 class Plateau:
-    """A steady state in a recording.
+    """Steady state in a recording.
 
     Args:
-        begin: row from which the demand is held.
-        settled: row from which nothing moves.
-        end: row behind the last one.
-        means: of demand and measured channels over the settled rows, by column.
+        begin: first row with the constant command.
+        settled: first row of the steady state.
+        end: one past the last row.
+        means: means of command and measured channels over the steady state, by column.
     """
 
     begin: int
@@ -91,14 +87,14 @@ class Plateau:
 
 
 def plateaus(ship: Ship, table: pd.DataFrame) -> list[Plateau]:
-    """Every steady state of a recording, in their order.
+    """Return the steady states of a recording in their order.
 
     Args:
-        ship: its prime mover says which column is the demand.
-        table: canonical columns at an even interval, all finite.
+        ship: nominal ship, which determines the column of the drive command.
+        table: recording in canonical columns at an even interval, all values finite.
 
     Raises:
-        ValueError: the recording has no column of the demand.
+        ValueError: the recording has no column of the drive command.
     """
     column = drive_column(ship)
     if column not in table:
@@ -126,7 +122,7 @@ def _tolerance(values: NDArray[np.float64]) -> float:
 
 
 def _moves(held: dict[str, NDArray[np.float64]]) -> list[int]:
-    """Rows at which a demand takes a new value."""
+    """Return the rows at which a command changes."""
     moved = np.zeros(len(next(iter(held.values()))) - 1, dtype=bool)
     for values in held.values():
         moved |= np.abs(np.diff(values)) > _tolerance(values)
@@ -134,7 +130,7 @@ def _moves(held: dict[str, NDArray[np.float64]]) -> list[int]:
 
 
 def _is_held(held: dict[str, NDArray[np.float64]], begin: int, end: int) -> bool:
-    """Whether the demands stay where they are: they may drift between two moves."""
+    """Return whether the commands are constant, without a drift."""
     for values in held.values():
         parts = [part.mean() for part in np.array_split(values[begin:end], BLOCKS)]
         if np.ptp(parts) > 2.0 * HELD * max(float(np.ptp(values)), 1e-12):
@@ -142,8 +138,8 @@ def _is_held(held: dict[str, NDArray[np.float64]], begin: int, end: int) -> bool
     return True
 
 
-def _straightened(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values without their mean and trend."""
+def _detrend(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return values without their mean and linear trend."""
     place = np.arange(len(values))
     return np.asarray(values - np.polyval(np.polyfit(place, values, 1), place))
 
@@ -151,19 +147,19 @@ def _straightened(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def _settled(
     channels: dict[str, NDArray[np.float64]], spread: dict[str, float], begin: int, end: int
 ) -> int | None:
-    """Row from which no channel moves; None where one never rests for a quarter of the time."""
+    """Return the row from which all channels are steady; None unless that is a quarter of the time."""
     rows = np.array_split(np.arange(begin, end), BLOCKS)
     first = 0
     for column, values in channels.items():
         if spread[column] <= ROUNDING * np.abs(values).max():
-            continue  # constant: means of equal numbers differ by their rounding
+            continue  # a constant channel; its means differ by rounding
         means = np.array([values[part].mean() for part in rows])
         last = means[-BLOCKS // 3 :]
         white = white_rms(values[begin:end]) / np.sqrt(len(rows[0]))
-        noise = max(float(np.std(_straightened(means[BLOCKS // 2 :]), ddof=2)), white)
+        noise = max(float(np.std(_detrend(means[BLOCKS // 2 :]), ddof=2)), white)
         off = np.abs(means - last.mean()) > max(SETTLED * spread[column], 5.0 * noise)
         first = max(first, int(np.flatnonzero(off)[-1]) + 2 if off.any() else 1)
-        # what still drifts is no rest, however large the noise of its blocks
+        # A channel that drifts is not steady, even if its blocks have a large noise.
         rest = means[first:]
         if len(rest) >= BLOCKS // 4:
             drift = np.polyfit(np.arange(len(rest)), rest, 1)[0] * len(rest)
@@ -175,19 +171,19 @@ def _settled(
 def points_of(
     ship: Ship, sources: Sequence[Recorded], columns: str | Path | None = None
 ) -> list[pd.DataFrame] | None:
-    """Tables of points, where that is what was given.
+    """Return tables of steady states, if the sources are such tables.
 
     Args:
-        ship: that was measured.
+        ship: nominal ship.
         sources: files or tables.
-        columns: column map of the files, or none.
+        columns: column map of the files; None without one.
 
     Returns:
-        Canonical columns, a row each steady state; None where every source has a time.
+        Tables in canonical columns, one steady state in each row; None if all sources have a time.
 
     Raises:
-        RecordingError: a file that cannot be used; names file, column and row.
-        ValueError: points beside recordings.
+        RecordingError: a file cannot be used; names file, column and row.
+        ValueError: tables of steady states together with recordings.
     """
     tables = [_table(ship, source, columns) for source in sources]
     timeless = [TIME not in table for table in tables]
@@ -195,8 +191,8 @@ def points_of(
         return None
     if not all(timeless):
         raise ValueError(
-            f"tables of points (without {TIME}) and recordings do not go together; "
-            "give one kind or the other"
+            f"tables of steady states (without {TIME}) and recordings cannot be combined; give only one "
+            "kind"
         )
     return tables
 
@@ -205,14 +201,14 @@ def _table(ship: Ship, source: Recorded, columns: str | Path | None) -> pd.DataF
     if isinstance(source, Recording):
         return source.table
     path = Path(TABLE) if isinstance(source, pd.DataFrame) else Path(source)
-    raw, _ = read_mapped(source, ship, columns)
+    raw, _ = read_canonical(source, ship, columns)
     if TIME in raw:
         return raw
-    if not set(raw) & set(COLUMNS):  # then it is no table of points either
+    if not set(raw) & set(COLUMNS):  # not a table of steady states either
         raise RecordingError(
             f"{path}: column {TIME!r} is missing; found: {', '.join(map(str, raw))}"
         )
-    table = as_numbers(path, raw, [drive_column(ship), SHAFT_SPEED])[
+    table = convert_numbers(path, raw, [drive_column(ship), SHAFT_SPEED])[
         [c for c in COLUMNS if c in raw]
     ]
     check_bounds(path, table)
@@ -221,39 +217,39 @@ def _table(ship: Ship, source: Recorded, columns: str | Path | None) -> pd.DataF
 
 METHOD = "steady"
 CURRENT = "motor_current_A"
-_BESIDE = (
+_OPTIONAL = (
     CURRENT, "pitch_ratio", "pitch_ratio_command", RUDDER_COMMAND, RUDDER, SWAY_SPEED, YAW_RATE, *WATER,
 )  # fmt: skip
-"""Columns of a table of points that act where the table has them."""
+"""Optional columns of a table of steady states."""
 ROUNDS = 20
 
 
 def steady(
     ship: Ship, tables: Iterable[pd.DataFrame], free: Sequence[str] | None = None,
-    tick: Tick = silent,
-) -> Found:  # fmt: skip
-    """Numbers of a ship by least squares on its steady states.
+    tick: Tick = ignore_progress,
+) -> MethodResult:  # fmt: skip
+    """Estimate parameters of a ship by least squares on its steady states.
 
     Args:
-        ship: start of the search, and the numbers that are not free.
-        tables: recordings in canonical columns at an even interval, whose plateaus are found; or tables
-            of points, a row each, without ``time_s``. Needed: the demand on the drive,
-            ``shaft_speed_rad_s``, and ``ship_speed_m_s`` where the hull moves; a motor's
-            ``motor_current_A`` gives the second balance.
-        free: dotted keys; those of :func:`.free.usual_keys` by default, which are the paper's M_f, K_e,
-            R_a and KQ on a direct-current motor at bollard pull.
-        tick: told how far it is.
+        ship: ship with the start of the search and the parameters that are not free.
+        tables: recordings in canonical columns at an even interval, whose plateaus are used; or tables
+            of steady states without ``time_s``, one in each row. Needed: the drive command,
+            ``shaft_speed_rad_s``, and ``ship_speed_m_s`` if the hull moves; ``motor_current_A`` of a
+            motor gives the second balance.
+        free: dotted keys; by default those of :func:`.free_parameters.usual_keys`, the paper's M_f, K_e,
+            R_a and KQ for a direct-current motor at bollard pull.
+        tick: progress callback ``tick(stage, done, total)``.
 
     Returns:
-        Values with the covariance that the residuals show: each balance has a variance of its own,
-        which is that of its residuals over what is left of its equations when the numbers are found.
-        Tables: ``steady-states`` with what each balance lacks, ``fit`` with its rms.
+        Estimates with the covariance from the residuals: each balance has its own variance, the sum of
+        its squared residuals over its remaining degrees of freedom. Tables: ``steady-states`` with the
+        residuals of the balances, ``fit`` with their rms.
 
     Raises:
-        ValueError: a column is missing, no steady states or too few, or numbers that they do not tell
-            apart.
+        ValueError: a missing column, no or too few steady states, or parameters that the states do not
+            distinguish.
     """
-    chosen = freed(ship, free, usual_keys(ship))
+    chosen = parse_free(ship, free, usual_keys(ship))
     points = steady_states(ship, tables)
     tick(METHOD, 1, 2)
     _refuse_currentless(chosen, points)
@@ -264,24 +260,24 @@ def steady(
     shown = pd.concat([points.reset_index(drop=True), left], axis=1)
     fit = pd.DataFrame({"balance": left.columns, "rms": np.sqrt((left**2).mean()).to_numpy()})
     remark = (
-        f"{len(points)} steady states, {left.size} equations for {len(values)} numbers; standard errors "
-        "from what the balances lack"
+        f"{len(points)} steady states, {left.size} equations for {len(values)} parameters; standard "
+        "errors from the residuals of the balances"
     )
-    return Found(
+    return MethodResult(
         chosen.keys, tuple(map(float, values)), covariance,
         {"steady-states": shown, "fit": fit}, (remark,),
     )  # fmt: skip
 
 
 def steady_states(ship: Ship, tables: Iterable[pd.DataFrame]) -> pd.DataFrame:
-    """Steady states as a table of points: the plateaus of recordings, the rows of tables of points.
+    """Return the steady states of recordings (plateaus) or tables (rows) as one table.
 
     Raises:
-        ValueError: no balance to compare, a column that is missing, or no steady state.
+        ValueError: a ship without a balance to compare, a missing column, or no steady state.
     """
     if not (ship.turns_freely or ship.moves):
         raise ValueError(
-            f"{METHOD}: {ship.name} has no balance to compare: its drive holds the shaft's speed and "
+            f"{METHOD}: {ship.name} has no balance to compare: its drive prescribes the shaft speed and "
             "its hull is fixed"
         )
     needed = list(dict.fromkeys([drive_column(ship), SHAFT_SPEED]))
@@ -294,15 +290,14 @@ def steady_states(ship: Ship, tables: Iterable[pd.DataFrame]) -> pd.DataFrame:
             lacking.append("pitch_ratio")
         if lacking:
             raise ValueError(f"{METHOD}: {ship.name} needs {lacking[0]}, which a recording lacks")
-        known = [c for c in (*needed, *_BESIDE) if c in table]
+        known = [c for c in (*needed, *_OPTIONAL) if c in table]
         if TIME in table:
             rows += [plateau.means for plateau in plateaus(ship, table)]
         else:
             rows += table[known].to_dict("records")
     if not rows:
         raise ValueError(
-            f"{METHOD}: no steady state; it needs demands that are held until the shaft has settled "
-            "at its speed"
+            f"{METHOD}: no steady state; the commands must be constant until the shaft speed is steady"
         )
     points = pd.DataFrame(rows)
     if points.isna().to_numpy().any():
@@ -312,7 +307,7 @@ def steady_states(ship: Ship, tables: Iterable[pd.DataFrame]) -> pd.DataFrame:
 
 
 def blade_column(ship: Ship, table: pd.DataFrame) -> str | None:
-    """Return the column that tells where the blades stand; None of a fixed pitch, or without any."""
+    """Return the column of the pitch ratio; None for a fixed pitch or without such a column."""
     columns = ("pitch_ratio", "pitch_ratio_command") if ship.has_variable_pitch else ()
     return next((column for column in columns if column in table), None)
 
@@ -325,8 +320,7 @@ def point_at(
     Args:
         ship: the ship.
         plant: its record.
-        values: demand and measured states, by column; states that were not measured are those to which
-            the plant settles, or 0.
+        values: command and measured states by column; states that were not measured are steady or 0.
     """
     speed = float(values.get("ship_speed_m_s", 0.0))
     commanded = values.get("pitch_ratio_command", ship.propeller.pitch_ratio_max)
@@ -344,7 +338,7 @@ def point_at(
         blade, float(values[SHAFT_SPEED]), speed, sway_speed=float(values.get(SWAY_SPEED, 0.0)),
         yaw_rate=float(values.get(YAW_RATE, 0.0)),
     )  # fmt: skip
-    state = settled(plant, bare, inputs)
+    state = settle_lags(plant, bare, inputs)
     if ship.has_voltage and CURRENT in values:
         state = state._replace(motor_current=float(values[CURRENT]))
     rate, outputs = evaluate(plant, state, inputs, blade)
@@ -352,15 +346,15 @@ def point_at(
 
 
 def balances(ship: Ship, points: pd.DataFrame) -> dict[str, NDArray[np.float64]]:
-    """What each balance lacks at measured points, by the plant's equations; each of shape (points,).
+    """Return the residual of each balance of the plant at measured points, each of shape (points,).
 
     Args:
         ship: the ship.
-        points: demand and states, of :func:`steady_states`.
+        points: command and states from :func:`steady_states`.
 
     Returns:
-        ``shaft`` [N m] at the prime mover where it turns freely, ``motor`` [V] where the current is
-        measured, ``hull`` [N] where the hull moves. Positive: torque, voltage or force is left over.
+        ``shaft`` [N m] at the prime mover unless it prescribes the speed, ``motor`` [V] if the current
+        is measured, ``hull`` [N] if the hull moves. A positive residual is a surplus.
     """
     plant = ship.record()
     wired = ship.has_voltage and CURRENT in points
@@ -379,13 +373,12 @@ def balances(ship: Ship, points: pd.DataFrame) -> dict[str, NDArray[np.float64]]
 
 
 def solve(chosen: Free, points: pd.DataFrame) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Unweighted least squares over all balances: values and their covariance.
+    """Return estimates and covariance by unweighted least squares over all balances.
 
-    Gauss-Newton with differences; one round where the balances are linear in the numbers.
+    Gauss-Newton steps with central differences; one step if the balances are linear in the parameters.
 
     Raises:
-        ValueError: fewer equations than numbers and one more, or numbers that the states do not tell
-            apart.
+        ValueError: no more equations than parameters, or parameters that the states do not distinguish.
     """
 
     def residual(values: Any) -> NDArray[np.float64]:
@@ -400,7 +393,7 @@ def solve(chosen: Free, points: pd.DataFrame) -> tuple[NDArray[np.float64], NDAr
     if len(rows) <= len(values):
         raise ValueError(
             f"{METHOD}: {len(points)} steady state(s) give {len(rows)} equations for {len(values)} "
-            "numbers; more demands must be held"
+            "parameters; record more constant commands"
         )
     for _ in range(ROUNDS):
         slopes = jacobian(residual, values, chosen.scale, low, high)
@@ -418,7 +411,7 @@ def solve(chosen: Free, points: pd.DataFrame) -> tuple[NDArray[np.float64], NDAr
 def jacobian(
     function: Any, values: NDArray[np.float64], scale: Any, low: Any, high: Any
 ) -> NDArray[np.float64]:
-    """Central differences, within bounds; shape (rows, n)."""
+    """Return central differences inside the bounds, shape (rows, n)."""
     columns = []
     for i in range(len(values)):
         up, down = values.copy(), values.copy()
@@ -429,14 +422,14 @@ def jacobian(
 
 
 def _inside(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[Any, Any]:
-    """Bounds that are themselves allowed, whichever kind they are."""
+    """Return bounds that are valid values themselves."""
     return np.where(low == 0.0, 1e-12, low), high
 
 
 def _covariance(
     slopes: NDArray[np.float64], rows: NDArray[np.float64], lengths: list[int]
 ) -> NDArray[np.float64]:
-    """Of unweighted least squares whose balances have variances of their own (a sandwich)."""
+    """Return the sandwich covariance of unweighted least squares with one variance for each balance."""
     scale = np.linalg.norm(slopes, axis=0)
     inverse = np.linalg.inv(slopes.T @ slopes / np.outer(scale, scale)) / np.outer(scale, scale)
     spend = 1.0 - slopes.shape[1] / len(rows)  # share of the equations that is left for the noise
@@ -454,7 +447,7 @@ def _refuse_currentless(chosen: Free, points: pd.DataFrame) -> None:
     if CURRENT in points:
         return
     if named := [key for key in (RESISTANCE, CONSTANT) if key in chosen]:
-        raise UntoldError(
-            f"{METHOD}: {named[0]} needs {CURRENT}; without it a voltage tells torque in units of "
+        raise UnidentifiableError(
+            f"{METHOD}: {named[0]} needs {CURRENT}; without it torque is identifiable in units of "
             "K_e / R_a only, and both must be known", named[:1], chosen.keys,
         )  # fmt: skip

@@ -1,18 +1,14 @@
-"""Steps of a motor's voltage in a recording, and the two time constants that each tells.
+"""Estimate the six parameters of a drive train from steps of the motor's voltage.
 
-Vrijdag & Martelli 2021, eqs. 29 to 32 and A38 to A45, with three changes:
+Vrijdag & Martelli 2021, method 1: the plateaus between the steps identify four parameters
+(:mod:`.steady`), the steps inertia and inductance (eqs. 29 to 32 and A38 to A45), with three changes:
 
-- their eq. 31 prints tau_omega = -C eta / s_2, where eqs. A26 and A34 ask for -2 C eta / s_2: the
-  printed form finds half the inertia;
-- their eq. 30 is the rise of a linear model. A propeller's torque is quadratic, and the rise then
-  solves a Riccati equation in closed form; the paper's own step of 17 % would otherwise find the
-  inertia 1 to 2 % off;
-- every t* between two shares of the rise counts, where the paper takes the one at 63.2 %.
-
-The six numbers of a drive train from a staircase of voltages (Vrijdag & Martelli 2021, method 1).
-
-The plateaus tell four of them (:mod:`.steady`), the steps between them inertia and inductance
-(:mod:`.transient`).
+- Eq. 31 of the paper, tau_omega = -C eta / s_2, contradicts eqs. A26 and A34, which give
+  -2 C eta / s_2; the printed form gives half the inertia.
+- Eq. 30 is the rise of a linear model. The torque of a propeller is quadratic, and the rise follows in
+  closed form from a Riccati equation; the linear form gives an inertia 1 to 2 % off for the paper's
+  step of 17 %.
+- All times t* between two shares of the rise count; the paper uses the one at 63.2 %.
 """
 
 from __future__ import annotations
@@ -30,7 +26,7 @@ from numpy.typing import NDArray
 
 from ...plant.columns import drive_column
 from ...plant.ship import Ship
-from ..estimate import Tick, silent
+from ..estimate import Tick, ignore_progress
 from .drive_train import (
     CONSTANT,
     FRICTION,
@@ -43,28 +39,27 @@ from .drive_train import (
     keys_of,
     needs_drive_train,
 )
-from .free_parameters import RATIO, Free, UntoldError, freed, usual_keys
+from .free_parameters import RATIO, Free, UnidentifiableError, parse_free, usual_keys
 from .frequency import interval_of
-from .results import Found
+from .results import MethodResult
 from .steady import CURRENT, Plateau, plateaus, solve, steady_states
 
 RISE = (0.45, 0.8)
-"""Shares of the rise between which t* lies."""
+"""Shares of the rise between which t* is evaluated."""
 
 SHORT = 1.5
-"""Part of the electric transient that is looked at, in times to 63 % of it."""
+"""Duration of the electric transient that is used, in times to 63 % of it."""
 
 SIZES = (0.02, 0.4)
-"""Least and most size of a step, as a share of the voltage: it must stand out, and keep the
-direction."""
+"""Smallest and largest size of a step, as a share of the voltage: it must be clear and keep the sign."""
 
 
 RAMP_ROWS = 20
-"""Most rows that a supply may take for a step, which then counts from where half of its area is."""
+"""Largest number of rows of a voltage ramp that counts as a step at half of its area."""
 
 
 class Step(NamedTuple):
-    """One step of the voltage, at the motor's shaft."""
+    """Step of the voltage, referred to the motor's shaft."""
 
     before: float  # voltage [V]
     after: float  # voltage [V]
@@ -76,8 +71,8 @@ class Step(NamedTuple):
     current_noise: float  # likewise [A]
 
 
-class Told(NamedTuple):
-    """What one step tells; NaN where it does not."""
+class StepResult(NamedTuple):
+    """Inertia and electric time constant from one step; NaN where they are not identifiable."""
 
     inertia: float  # at the motor [kg m2]
     inertia_error: float
@@ -86,11 +81,11 @@ class Told(NamedTuple):
 
 
 def steps(ship: Ship, table: pd.DataFrame) -> list[Step]:
-    """The steps of a recording from one plateau to the next.
+    """Return the steps of a recording from one plateau to the next.
 
     Args:
-        ship: with a direct-current motor.
-        table: canonical columns at an even interval.
+        ship: ship with a direct-current motor.
+        table: recording in canonical columns at an even interval.
     """
     found = []
     for before, after in pairwise(plateaus(ship, table)):
@@ -127,34 +122,34 @@ def _step(ship: Ship, table: pd.DataFrame, before: Plateau, after: Plateau) -> S
     )
 
 
-def told(train: DriveTrain, one: Step, delay_s: float = 0.0) -> Told:
-    """Inertia and electric time constant that a step tells.
+def evaluate_step(train: DriveTrain, one: Step, delay_s: float = 0.0) -> StepResult:
+    """Return inertia and electric time constant from a step.
 
     Args:
-        train: whose frictions, constants and load are known; its inertia and inductance do not matter.
+        train: drive train with known frictions, constants and load; inertia and inductance are ignored.
         one: the step.
-        delay_s: of the speed's signal [s].
+        delay_s: delay of the speed signal [s].
     """
     inertia, error = _inertia(train, one, delay_s)
     if one.current_rise is None or not math.isfinite(inertia):
-        return Told(inertia, error, math.nan, math.nan)
+        return StepResult(inertia, error, math.nan, math.nan)
     electric, electric_error = _electric(train, one, inertia)
     if math.isfinite(
         electric
     ):  # the torque, hence the rise, comes that much later than the voltage
         inertia, error = _inertia(train, one, delay_s + electric)
-    return Told(inertia, error, electric, electric_error)
+    return StepResult(inertia, error, electric, electric_error)
 
 
 def _inertia(train: DriveTrain, one: Step, late_s: float) -> tuple[float, float]:
-    """Inertia [kg m2] at the motor by the time t* of every share of the rise, and its standard error.
+    """Return the inertia [kg m2] at the motor from the times t* of the rise, and its standard error.
 
     With M' = K_e^2 / R_a + b the slope and L the load's coefficient, the rise from w_0 to w_1 solves
     I dw/dt = L (w_1 - w) (w - w_2), D = L (w_1 - w_2): I = D t* / ln((D - L (w_1 - w)) / (1 - share) /
     (D - L (w_1 - w_0))).
 
-    Encoders and cogging repeat over a turn: of the samples of a rise, a twelfth of its length counts
-    as one.
+    Errors of encoders and cogging repeat in each revolution, so that a twelfth of the samples of a rise
+    counts as one independent sample.
     """
     first, last = (train.equilibrium(voltage).motor_speed for voltage in (one.before, one.after))
     slope = train.constant**2 / train.resistance + train.viscous + 2.0 * train.load * last  # D
@@ -176,7 +171,7 @@ def _inertia(train: DriveTrain, one: Step, late_s: float) -> tuple[float, float]
 
 
 def _electric(train: DriveTrain, one: Step, inertia: float) -> tuple[float, float]:
-    """tau_em [s] by eq. 32 over the samples of the electric transient, and its standard error."""
+    """Return tau_em [s] by eq. 32 over the samples of the electric transient, and its standard error."""
     assert one.current_rise is not None
     point = train.equilibrium(one.before)
     model = train.linear(point)
@@ -212,42 +207,44 @@ def _electric(train: DriveTrain, one: Step, inertia: float) -> tuple[float, floa
 
 METHOD = "step"
 STEADY = (FRICTION, CONSTANT, RESISTANCE, *RATIO)
-"""Numbers that the plateaus tell; the steps tell the other two."""
+"""Parameters that are estimated from the plateaus; the steps give the other two."""
 
 
 def step(
     ship: Ship, tables: Iterable[pd.DataFrame], free: Sequence[str] | None = None,
-    tick: Tick = silent,
-) -> Found:  # fmt: skip
-    """Numbers of a drive train from steady states and the steps between them.
+    tick: Tick = ignore_progress,
+) -> MethodResult:  # fmt: skip
+    """Estimate parameters of a drive train from steady states and the steps between them.
 
     Args:
-        ship: a direct-current motor, its hull fixed; start of the search, and the numbers that are not
-            free.
+        ship: ship with a direct-current motor and a fixed hull, with the start of the search and the
+            parameters that are not free.
         tables: recordings in canonical columns at an even interval in which the voltage steps from
             plateau to plateau. Needed: ``motor_voltage_V``, ``shaft_speed_rad_s``, and
             ``motor_current_A`` but for the inertia alone.
         free: dotted keys among the paper's six, which are the default; its four steady ones from three
             plateaus or more, inertia and inductance from one step or more.
-        tick: told how far it is.
+        tick: progress callback ``tick(stage, done, total)``.
 
     Returns:
-        Values; the covariance is that of the plateaus' balances, carried on into inertia and
-        inductance, and in these the spread between steps (three or more), or the noise before the
-        step. Tables: ``steps`` with what each tells, and ``steady-states``.
+        Estimates. The covariance includes that of the plateaus' balances, its effect on inertia and
+        inductance, and the scatter between steps (three or more) or the noise before the step. Tables:
+        ``steps`` with the result of each step, and ``steady-states``.
 
     Raises:
-        ValueError: no such drive train, a key that the method does not find, a column that is missing,
-            no step, too few plateaus, or a recording too slow for the inductance.
+        ValueError: no such drive train, a key that the method does not estimate, a missing column, no
+            step, too few plateaus, or a recording too slow for the inductance.
     """
     needs_drive_train(ship, METHOD)
-    chosen = freed(ship, free, usual_keys(ship, response=True))
+    chosen = parse_free(ship, free, usual_keys(ship, response=True))
     if strange := [key for key in chosen.keys if key not in {*SIX, *RATIO}]:
-        raise ValueError(f"{METHOD}: does not find {strange[0]}; it finds {', '.join(SIX)}")
+        raise ValueError(
+            f"{METHOD}: this method does not estimate {strange[0]}; it estimates {', '.join(SIX)}"
+        )
     tables = list(tables)
     currentless = [key for key in chosen.keys if key != INERTIA]
     if currentless and any(CURRENT not in table for table in tables):
-        raise UntoldError(
+        raise UnidentifiableError(
             f"{METHOD}: {currentless[0]} needs {CURRENT}, which a recording lacks", currentless[:1],
             chosen.keys,
         )  # fmt: skip
@@ -261,19 +258,19 @@ def step(
     tick(METHOD, 1, 3)
     still = [key for key in chosen.keys if key in STEADY]
     moving = [key for key in chosen.keys if key not in STEADY]
-    part = freed(ship, still, ()) if still else None
+    part = parse_free(ship, still, ()) if still else None
     values, covariance = np.empty(0), np.empty((0, 0))
     if part is not None:
         values, covariance = solve(part, states)
     tick(METHOD, 2, 3)
     base = ship if part is None else part.on(values)
-    tells = _tells(base, found)
+    tells = _evaluate_steps(base, found)
     if INDUCTANCE in moving and all(math.isnan(one.electric_s) for one in tells):
-        raise UntoldError(
-            f"{METHOD}: {INDUCTANCE}: no sample falls into the electric transient; one every "
-            f"{interval_of(tables[0]):g} s is too slow for it", [INDUCTANCE], chosen.keys,
+        raise UnidentifiableError(
+            f"{METHOD}: {INDUCTANCE}: the sampling interval of {interval_of(tables[0]):g} s is too long "
+            "for the electric transient; sample faster", [INDUCTANCE], chosen.keys,
         )  # fmt: skip
-    passed = _carried(part, values, found, moving)
+    passed = _derivatives(part, values, found, moving)
     own = _own_covariance(base, tells, moving)
     joint = np.block(
         [
@@ -284,20 +281,20 @@ def step(
     order = [[*still, *moving].index(key) for key in chosen.keys]
     every = np.concatenate([values, _means(base, tells, moving)])[order]
     tick(METHOD, 3, 3)
-    return Found(
+    return MethodResult(
         chosen.keys, tuple(map(float, every)), joint[np.ix_(order, order)],
         {"steps": _table(found, tells), "steady-states": states},
         (f"{len(found)} step(s) between {len(states)} steady states",),
     )  # fmt: skip
 
 
-def _tells(base: Ship, found: list[Step]) -> list[Told]:
+def _evaluate_steps(base: Ship, found: list[Step]) -> list[StepResult]:
     train = drive_train(base)
-    return [told(train, one, base.sensors.speed_delay_s) for one in found]
+    return [evaluate_step(train, one, base.sensors.speed_delay_s) for one in found]
 
 
-def _by_step(base: Ship, tells: list[Told], keys: list[str]) -> NDArray[np.float64]:
-    """Inertia and inductance as keys by what each step tells, shape (steps, keys)."""
+def _by_step(base: Ship, tells: list[StepResult], keys: list[str]) -> NDArray[np.float64]:
+    """Return inertia and inductance from each step, shape (steps, keys)."""
     train = drive_train(base)
     rows = []
     for one in tells:
@@ -307,12 +304,12 @@ def _by_step(base: Ship, tells: list[Told], keys: list[str]) -> NDArray[np.float
     return np.array(rows).reshape(len(tells), len(keys))
 
 
-def _means(base: Ship, tells: list[Told], keys: list[str]) -> NDArray[np.float64]:
+def _means(base: Ship, tells: list[StepResult], keys: list[str]) -> NDArray[np.float64]:
     return np.asarray(np.nanmean(_by_step(base, tells, keys), axis=0)) if keys else np.empty(0)
 
 
-def _own_covariance(base: Ship, tells: list[Told], keys: list[str]) -> NDArray[np.float64]:
-    """Of inertia and inductance, by the steps alone."""
+def _own_covariance(base: Ship, tells: list[StepResult], keys: list[str]) -> NDArray[np.float64]:
+    """Return the covariance of inertia and inductance from the steps alone."""
     rows = _by_step(base, tells, keys)
     variances = []
     for k, key in enumerate(keys):
@@ -331,10 +328,10 @@ def _own_covariance(base: Ship, tells: list[Told], keys: list[str]) -> NDArray[n
     return np.diag(variances) if keys else np.empty((0, 0))
 
 
-def _carried(
+def _derivatives(
     part: Free | None, values: NDArray[np.float64], found: list[Step], keys: list[str]
 ) -> NDArray[np.float64]:
-    """Change of inertia and inductance with the steady numbers, shape (keys, steady numbers)."""
+    """Return derivatives of inertia and inductance by the steady parameters, (keys, parameters)."""
     columns: list[Any] = []
     for i, size in enumerate(part.scale if part is not None else ()):
         assert part is not None
@@ -343,12 +340,12 @@ def _carried(
             shifted = values.copy()
             shifted[i] += shift
             base = part.on(shifted)
-            ends.append(_means(base, _tells(base, found), keys))
+            ends.append(_means(base, _evaluate_steps(base, found), keys))
         columns.append((ends[0] - ends[1]) / (2e-4 * size))
     return np.array(columns).T.reshape(len(keys), len(columns))
 
 
-def _table(found: list[Step], tells: list[Told]) -> pd.DataFrame:
+def _table(found: list[Step], tells: list[StepResult]) -> pd.DataFrame:
     return pd.DataFrame(
         [
             {

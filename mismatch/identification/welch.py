@@ -1,10 +1,10 @@
-"""Frequency response from noise on the demand, and the numbers that meet it (method 5, eq. 40).
+"""Estimate parameters from noise on the command: frequency response by Welch's method (method 5, eq.
+40).
 
-H = S_xy / S_xx from overlapping windowed segments (Welch 1967), with the coherence that says how much
-of the answer the demand explains. A long segment sees low frequencies and a short one averages more
-often, so every part of the spectrum is taken from segments as long as it needs, and neighbouring lines
-are joined. The step from response to numbers, which the paper leaves for later, is that of the sine
-method.
+H = S_xy / S_xx from overlapping windowed segments (Welch 1967), with the coherence between command and
+response. Long segments resolve low frequencies and short ones have more averages, so each part of the
+spectrum uses segments as long as it needs, and neighbouring lines are joined. The parameters are fitted
+to the response as in the sine method; the paper leaves this step open.
 """
 
 from __future__ import annotations
@@ -22,47 +22,45 @@ from numpy.typing import NDArray
 
 from ...plant.columns import drive_column
 from ...plant.ship import Ship
-from ..estimate import Tick, silent
-from .free_parameters import freed, usual_keys
+from ..estimate import Tick, ignore_progress
+from .free_parameters import parse_free, usual_keys
 from .frequency import (
     OUTPUTS,
     FrequencyResponse,
-    blurred,
+    attenuation,
     channels_of,
-    found_by,
-    held,
+    fit_response,
     interval_of,
     means_of,
     slowest_s,
+    zero_order_hold,
 )
-from .results import Found
+from .results import MethodResult
 
 METHOD = "welch"
 SEGMENTS = 3
-"""Segments, not counting the overlap, that the lowest frequencies are averaged over at least."""
+"""Least number of segments without overlap over which the lowest frequencies are averaged."""
 
 SHORTER = 4
-"""Length of a segment over that of the next part of the spectrum."""
+"""Ratio of the lengths of segments of one part of the spectrum and the next."""
 
 PERIODS = 6
-"""Periods that a segment holds of the lowest frequency that is taken from it; the longest are used
-down to one."""
+"""Number of periods of the lowest frequency in a segment; the longest segments are used down to one."""
 
 MEMORY = 20.0
-"""Shortest segment in time constants of the ship: what came before a segment must not matter in it."""
+"""Shortest segment in time constants of the ship, so that the state before it has no influence."""
 
 PER_DECADE = 12
-"""Frequencies of the response."""
+"""Number of frequencies of the response per decade."""
 
 COHERENT = 0.5
-"""Least coherence (squared) of what is kept for the fit."""
+"""Least squared coherence of a frequency in the fit."""
 
 DRIVEN = 0.01
-"""Least power of the demand at a frequency, as a share of its highest density."""
+"""Least power density of the command at a frequency, as a share of its maximum."""
 
 FLAT = 0.5
-"""Most of a demand's power that may stand in the strongest hundredth of its lines, for it to be
-noise."""
+"""Largest share of a noise command's power in the strongest hundredth of its lines."""
 
 OVERLAPPED = 0.53
 """Independent averages per segment at half overlap with Hann's window (Welch 1967)."""
@@ -70,39 +68,39 @@ OVERLAPPED = 0.53
 
 def welch(
     ship: Ship, tables: Iterable[pd.DataFrame], free: Sequence[str] | None = None,
-    tick: Tick = silent,
-) -> Found:  # fmt: skip
-    """Numbers of a ship from its answer to noise on the demand.
+    tick: Tick = ignore_progress,
+) -> MethodResult:  # fmt: skip
+    """Estimate parameters of a ship from its response to noise on the command.
 
     Args:
-        ship: start of the search, and the numbers that are not free.
-        tables: recordings in canonical columns at an even interval, with noise on the demand about one
-            working point, one to two minutes or more; equal columns and intervals. Looked at:
+        ship: ship with the start of the search and the parameters that are not free.
+        tables: recordings in canonical columns at an even interval, with noise on the command about one
+            working point, one to two minutes or more; equal columns and intervals. Columns:
             ``shaft_speed_rad_s`` (needed), ``motor_current_A``, ``shaft_torque_N_m``,
             ``ship_speed_m_s``.
-        free: dotted keys; those of :func:`.free.usual_keys` by default, which are the paper's six on a
-            direct-current motor at bollard pull. ``sensors.speed_delay_s`` may be among them.
-        tick: told how far it is.
+        free: dotted keys; by default those of :func:`.free_parameters.usual_keys`, the paper's six for a
+            direct-current motor at bollard pull. ``sensors.speed_delay_s`` is allowed.
+        tick: progress callback ``tick(stage, done, total)``.
 
     Returns:
-        Values by least squares of complex errors, covariance from the coherence and from what is left.
-        Tables as of :func:`shaftline.mismatch.identification.sine.sine`, with the coherence.
+        Estimates by least squares of complex errors, with the covariance from coherence and residual.
+        Tables as in :func:`shaftline.mismatch.identification.sine.sine`, with the coherence.
 
     Raises:
-        ValueError: a column is missing, the demand is no noise, a shaft that rests or reverses, nothing
-            coherent, or numbers that the response does not tell apart.
+        ValueError: a missing column, a command that is no noise, a shaft that stops or reverses, no
+            coherent frequency, or parameters that the response does not distinguish.
     """
-    chosen = freed(ship, free, usual_keys(ship, response=True))
-    return found_by(METHOD, chosen, coherent(noise_response(ship, tables, tick)))
+    chosen = parse_free(ship, free, usual_keys(ship, response=True))
+    return fit_response(METHOD, chosen, keep_coherent(noise_response(ship, tables, tick)))
 
 
 def noise_response(
-    ship: Ship, tables: Iterable[pd.DataFrame], tick: Tick = silent
+    ship: Ship, tables: Iterable[pd.DataFrame], tick: Tick = ignore_progress
 ) -> FrequencyResponse:
-    """Frequency response by Welch's method, all of it; see :func:`welch`.
+    """Return the frequency response by Welch's method at all frequencies; see :func:`welch`.
 
     Raises:
-        ValueError: as there.
+        ValueError: as in :func:`welch`.
     """
     tables = list(tables)
     if not tables:
@@ -115,8 +113,8 @@ def noise_response(
             raise ValueError(f"{METHOD}: the recordings have different columns or intervals")
         if not _is_noise(run[demand]):
             raise ValueError(
-                f"{METHOD}: {demand} is no noise; most of its power stands in few lines of the "
-                "spectrum, as that of steps or sines does"
+                f"{METHOD}: {demand} is no noise: most of its power is in few lines of the spectrum, as "
+                "for steps or sines; use --method step or sine"
             )
     whole = {c: np.concatenate([run[c] for run in runs]) for c in runs[0]}
     level = {c: float(values.mean()) for c, values in whole.items()}
@@ -136,7 +134,7 @@ def noise_response(
         tick(METHOD, done, len(bands))
     if not lines:
         raise ValueError(
-            f"{METHOD}: recordings of {min(rows) * interval_s:.4g} s hold no segments of "
+            f"{METHOD}: recordings of {min(rows) * interval_s:.4g} s are too short for segments of "
             f"{max(shortest, 64) * interval_s:.4g} s, which is {MEMORY:g} time constants of "
             f"{ship.name}; record for longer"
         )
@@ -144,10 +142,10 @@ def noise_response(
     lines = [line for line in lines if line.density >= DRIVEN * density]
     frequency = np.array([line.frequency for line in lines])
     parts = {c: np.array([line.answers[c] for line in lines]) for c in outputs}
-    lacking = {c: blurred(whole[c], interval_s, frequency) for c in outputs}
+    lacking = {c: attenuation(whole[c], interval_s, frequency) for c in outputs}
     return replace(
         about, frequency=frequency,
-        response={c: part[:, 0] / held(frequency, interval_s) for c, part in parts.items()},
+        response={c: part[:, 0] / zero_order_hold(frequency, interval_s) for c, part in parts.items()},
         error={
             c: np.hypot(part[:, 1].real, lacking[c] * np.abs(part[:, 0])) for c, part in parts.items()
         },
@@ -155,24 +153,24 @@ def noise_response(
     )  # fmt: skip
 
 
-def coherent(measured: FrequencyResponse) -> FrequencyResponse:
-    """The frequencies at which some channel is coherent with the demand; what is not counts for
-    nothing.
+def keep_coherent(measured: FrequencyResponse) -> FrequencyResponse:
+    """Return the response at frequencies with a coherent channel; other channels get no weight there.
 
     Raises:
-        ValueError: none is.
+        ValueError: no channel is coherent at any frequency.
     """
     clear = {c: values >= COHERENT for c, values in measured.coherence.items()}
     kept = np.any(list(clear.values()), axis=0)
     if not kept.any():
         raise ValueError(
-            f"{METHOD}: no channel answers the demand with a coherence of {COHERENT:g} at any frequency"
+            f"{METHOD}: no channel has a coherence of {COHERENT:g} with the command at any frequency; "
+            "record a stronger or longer excitation"
         )
-    deaf = 1e6  # an error so large that what is not coherent has no weight
+    no_weight = 1e6  # an error so large that the value has no weight
     return FrequencyResponse(
         measured.demand, measured.means, measured.frequency[kept],
         {c: v[kept] for c, v in measured.response.items()},
-        {c: np.where(clear[c], v, deaf)[kept] for c, v in measured.error.items()},
+        {c: np.where(clear[c], v, no_weight)[kept] for c, v in measured.error.items()},
         measured.interval_s, {c: v[kept] for c, v in measured.coherence.items()},
     )  # fmt: skip
 
@@ -188,7 +186,7 @@ def _is_noise(demand: NDArray[np.float64]) -> bool:
 
 
 def _bands(rows: int, shortest: int, interval_s: float) -> list[tuple[int, float, float]]:
-    """Length of the segments [rows], lowest and highest frequency [rad/s], from the lowest part on."""
+    """Return the segment length [rows] and the limits [rad/s] of each part, lowest frequencies first."""
     length, found = rows // SEGMENTS, []
     low, top = 1.9 * math.pi / (length * interval_s), 0.8 * math.pi / interval_s
     while low < top:
@@ -212,7 +210,7 @@ def _band(
     runs: list[dict[str, NDArray[np.float64]]], demand: str, outputs: list[str], length: int,
     low: float, high: float, interval_s: float,
 ) -> list[_Line]:  # fmt: skip
-    """Responses of one part of the spectrum."""
+    """Return the responses of one part of the spectrum."""
     window = scipy.signal.get_window("hann", length)
     lines = 2.0 * math.pi * np.fft.rfftfreq(length, interval_s)
     spectra: dict[str, list[NDArray[np.complex128]]] = {c: [] for c in (demand, *outputs)}
@@ -233,7 +231,7 @@ def _band(
         input_power = float(np.sum(np.abs(cause) ** 2))
         weight = np.sum(np.abs(cause) ** 2, axis=0)
         frequency = float(np.sum(weight * lines[inside]) / max(weight.sum(), 1e-300))
-        # lines of one window overlap: two thirds of them are independent
+        # Neighbouring lines of a Hann window are correlated; two thirds of them are independent.
         averages = max(1.0, OVERLAPPED * len(cause) * max(1.0, len(inside) * 2.0 / 3.0))
         answers = {}
         for column in outputs:

@@ -1,1 +1,1 @@
-"""What speaks for and against what the search has found."""
+"""Judge the effects that the search has chosen: held-out data, residual, verdict and correction."""

@@ -1,10 +1,9 @@
-"""What speaks against the effects that a search has chosen, and what would have done as well.
+"""Confirm the effects that a search has chosen, and find alternatives: other effects and formulas.
 
-A formula in place of names that are near the truth and not it.
-
-A catalogue names what is nearest: a resistance with the cube of the speed is fouling to it. Where what
-is named leaves more than noise, or a free shape over one signal does clearly better, or the recording
-has signals that no name hears, formulas are tried in its place.
+The catalogue may identify an effect that only resembles the missing physics: a resistance with the cube
+of the speed resembles fouling. Formulas are therefore tried in place of the effects where these leave
+more than noise, where a free shape over one signal fits clearly better, or where the recording has
+signals that no effect depends on.
 """
 
 from __future__ import annotations
@@ -17,64 +16,65 @@ from dataclasses import replace
 import numpy as np
 
 from ..search.fitting import Fit, Fitter
-from ..search.formulas import Formula, formula_of
+from ..search.formulas import Formula, search_formula
 from ..search.selection import (
+    INDISTINGUISHABLE,
     NEAR_SHARE,
-    TELL_APART,
     Candidate,
     Selection,
-    confusable,
+    are_confusable,
     threshold,
 )
 from ..search.whiteness import Whiteness
-from .findings import shown_in
+from .findings import balance_rows
 from .held_out import HeldOut
 from .shapes import best_shapes
 from .verdict import Verdict
 
 REMNANT_SHARE, ELSEWHERE_SHARE, REMOTE_SHARE = 0.15, 0.08, 0.02
-"""A later effect must bring this share of a stronger one's gain: in the same balance or one that it may
-be taken for, elsewhere, and where the propeller lies between them. Less is what the stronger one's form,
-never quite the truth's, leaves."""
+"""Least gain of a later effect as a share of a stronger effect's gain: in the same or a confusable
+balance, in another balance, and on the other side of the propeller. A smaller gain may come from the
+approximate form of the stronger effect."""
 
 EDGES = 9
-"""Times in a stretch set aside at which an episode that begins or ends in it is tried."""
+"""Number of times tried for the start or end of an episode within a held-out segment."""
 
 DRIVE, WATER = {"engine", "motor", "pitch-actuator"}, {"hull"}
 """Balances on either side of the propeller."""
 
 
-def confirmed(selection: Selection, fitter: Fitter, judge: Callable[[Fit], float]) -> Selection:
-    """Drop what the recording cannot resolve, and every later effect that the data set aside speak
-    against or that looks like a remnant.
+def drop_unconfirmed(
+    selection: Selection, fitter: Fitter, judge: Callable[[Fit], float]
+) -> Selection:
+    """Drop effects that the recording cannot resolve, and later effects that are not confirmed.
 
-    An effect that would do as well at the least size that can be told from none is nothing that was
-    measured: in a closed loop the demand answers to the instruments' noise, and a delay of one row takes
-    that back. The first effect's form is never quite the truth's; what it leaves invites other names,
-    which do not hold on data that they were not fitted to.
+    An effect that fits as well at the smallest resolvable size was not measured: in a closed loop the
+    command depends on the instruments' noise, for which a delay of one row compensates. The form of the
+    first effect is an approximation, so that further effects fit its residual; these do not fit the
+    held-out data.
 
     Args:
-        selection: what was chosen.
-        fitter: of the part that was fitted.
-        judge: 2 log L of a model on the data set aside.
+        selection: chosen effects.
+        fitter: fitter of the fitted data.
+        judge: function that returns 2 log L of a model on the held-out data.
     """
     fit = selection.fit
-    keep = [i for i in range(len(fit.effects)) if _resolved(fitter, fit, i)]
+    keep = [i for i in range(len(fit.effects)) if _is_resolved(fitter, fit, i)]
     for i in reversed(keep[1:]):
         rest = [k for k in keep if k != i]
-        needed = max((selection.gains[k] * _share(fit, i, k) for k in rest), default=0.0)
+        needed = max((selection.gains[k] * _least_share(fit, i, k) for k in rest), default=0.0)
         if selection.gains[i] >= needed:
-            with_it, without = (_refitted(fitter, fit, which) for which in (keep, rest))
+            with_it, without = (_refit(fitter, fit, which) for which in (keep, rest))
             if judge(with_it) >= judge(without):
                 continue
         keep = rest
     if len(keep) == len(fit.effects):
         return selection
-    return only(selection, fitter, keep)
+    return keep_effects(selection, fitter, keep)
 
 
-def _resolved(fitter: Fitter, fit: Fit, which: int) -> bool:
-    """Whether an effect is larger than what the recording resolves, and fits better than there."""
+def _is_resolved(fitter: Fitter, fit: Fit, which: int) -> bool:
+    """Return whether an effect exceeds the resolution of the recording, and fits better than at it."""
     ship, placed = fitter.trial_ship, fit.effects[which]
     parameter, size = placed.effect.parameters[0], placed.values[0]
     neutral, least = ship.neutral(parameter), ship.resolution(parameter)
@@ -84,37 +84,37 @@ def _resolved(fitter: Fitter, fit: Fit, which: int) -> bool:
         return False
     least = math.copysign(least, size - neutral)
     small = placed.with_values((neutral + least, *placed.values[1:]))
-    other = fitter.fitted(small.in_place_of(fit.effects, which))
-    return other.score < fit.score - TELL_APART
+    other = fitter.evaluate(small.replace_in(fit.effects, which))
+    return other.score < fit.score - INDISTINGUISHABLE
 
 
-def settled_edges(
+def settle_episode_edges(
     selection: Selection,
     fitter: Fitter,
     held: Sequence[tuple[int, int]],
     judge: Callable[[Fit], float],
 ) -> Selection:
-    """The selection with the edges of episodes that lie in data set aside where these have them.
+    """Return the selection with the start and end of episodes within held-out segments estimated there.
 
-    Nothing that was fitted tells where in such a stretch an episode begins or ends.
+    The fitted data do not determine a start or end within a held-out segment.
 
     Args:
-        selection: what was chosen.
-        fitter: of the part that was fitted.
-        held: first row of each stretch that is set aside, and one past its last.
-        judge: 2 log L of a model on the data set aside.
+        selection: chosen effects.
+        fitter: fitter of the fitted data.
+        held: first row of each held-out segment, and one past its last.
+        judge: function that returns 2 log L of a model on the held-out data.
     """
     fit = selection.fit
     for i, edge in itertools.product(range(len(fit.effects)), (0, 1)):
-        if others := list(_with_other_edges(fit, i, edge, fitter, held)):
+        if others := list(_vary_edge(fit, i, edge, fitter, held)):
             fit = max([fit, *others], key=judge)
     return replace(selection, fit=fit)
 
 
-def _with_other_edges(
+def _vary_edge(
     fit: Fit, which: int, edge: int, fitter: Fitter, held: Sequence[tuple[int, int]]
 ) -> Iterator[Fit]:
-    """A model whose episode begins (edge 0) or ends (1) elsewhere in the stretch in which it does."""
+    """Yield models with other times of an episode's start (edge 0) or end (1) in a held-out segment."""
     placed, interval = fit.effects[which], fitter.balances.replay.interval_s
     if placed.window is None:
         return
@@ -124,117 +124,122 @@ def _with_other_edges(
                 begin, end = placed.window
                 window = (float(time), end) if edge == 0 else (begin, float(time))
                 if window[0] < window[1]:
-                    moved = replace(placed, window=window)
-                    yield fitter.fitted(moved.in_place_of(fit.effects, which))
+                    shifted = replace(placed, window=window)
+                    yield fitter.evaluate(shifted.replace_in(fit.effects, which))
 
 
-def only(selection: Selection, fitter: Fitter, keep: list[int]) -> Selection:
-    """Some of the effects of a selection, fitted again.
+def keep_effects(selection: Selection, fitter: Fitter, keep: list[int]) -> Selection:
+    """Return a selection with some of its effects, fitted again.
 
     Args:
-        selection: what was chosen.
-        fitter: of the part that was fitted.
-        keep: which of them.
+        selection: chosen effects.
+        fitter: fitter of the fitted data.
+        keep: indices of the effects that are kept.
     """
     return replace(
-        selection, fit=_refitted(fitter, selection.fit, keep),
+        selection, fit=_refit(fitter, selection.fit, keep),
         gains=tuple(selection.gains[k] for k in keep),
         thresholds=tuple(selection.thresholds[k] for k in keep),
         rivals=tuple(selection.rivals[k] for k in keep),
     )  # fmt: skip
 
 
-def _share(fit: Fit, later: int, other: int) -> float:
-    """Of the other's gain that a later effect must bring."""
+def _least_share(fit: Fit, later: int, other: int) -> float:
+    """Return the least gain of a later effect as a share of another effect's gain."""
     one, two = fit.effects[later].effect, fit.effects[other].effect
-    if one.balance == two.balance or confusable(one, two):
+    if one.balance == two.balance or are_confusable(one, two):
         return REMNANT_SHARE
     sides = ({one.balance}, {two.balance})
     apart = any(a <= DRIVE and b <= WATER for a, b in (sides, sides[::-1]))
     return REMOTE_SHARE if apart else ELSEWHERE_SHARE
 
 
-def _refitted(fitter: Fitter, fit: Fit, which: list[int]) -> Fit:
+def _refit(fitter: Fitter, fit: Fit, which: list[int]) -> Fit:
     if len(which) == len(fit.effects):
         return fit
-    rest = fitter.fitted(tuple(fit.effects[k] for k in which))
-    return fitter.joint(rest) if rest.effects else rest
+    rest = fitter.evaluate(tuple(fit.effects[k] for k in which))
+    return fitter.refine_effects(rest) if rest.effects else rest
 
 
-def with_rivals(selection: Selection, fitter: Fitter, explained: float) -> Selection:
-    """The selection with what would have done as well as each effect, the others present.
+def add_rivals(selection: Selection, fitter: Fitter, explained: float) -> Selection:
+    """Return the selection with the effects that fit as well in place of each of its effects.
 
-    Where a model leaves a share of what it should explain, its form is off by as much, and a rival that
-    is behind by less than that share of the gain is not refuted.
+    Where a model leaves a share of the power unexplained, its form is wrong by as much; an alternative
+    whose gain is lower by less than this share is not refuted.
 
     Args:
-        selection: what was chosen; its rivals are what came near each effect when it was chosen.
-        fitter: of the part that was fitted.
-        explained: share of the residual's power beyond the noise that the model explains.
+        selection: chosen effects; their rivals are the effects that came close when each was chosen.
+        fitter: fitter of the fitted data.
+        explained: share of the residual's power beyond noise that the model explains.
     """
     fit, tried = selection.fit, max(len(selection.ranking), 1)
     found = []
     for i, (gain, rivals) in enumerate(zip(selection.gains, selection.rivals, strict=True)):
         own = fit.effects[i].effect
-        near = max(TELL_APART, (NEAR_SHARE + max(1.0 - explained, 0.0)) * gain)
+        near = max(INDISTINGUISHABLE, (NEAR_SHARE + max(1.0 - explained, 0.0)) * gain)
         alike = []
         for rival in rivals:
-            # a rival of fewer parameters may gain less by what each must bring
+            # A rival with fewer parameters has a lower threshold and may gain less by the difference.
             margin = near + threshold(own, tried) - threshold(rival.effect, tried)
-            far = rival.gain < gain - 4.0 * margin and not confusable(own, rival.effect)
+            far = rival.gain < gain - 4.0 * margin and not are_confusable(own, rival.effect)
             if rival.effect.id == own.id or far:
                 continue
-            instead = fitter.fitted(rival.placed.in_place_of(fit.effects, i))
-            if instead.score < fit.score - margin:
-                instead = fitter.polished(instead)
-            if instead.score >= fit.score - margin:
-                alike.append(Candidate(rival.effect, instead, gain - fit.score + instead.score))
+            other = fitter.evaluate(rival.sized_effect.replace_in(fit.effects, i))
+            if other.score < fit.score - margin:
+                other = fitter.polish(other)
+            if other.score >= fit.score - margin:
+                alike.append(Candidate(rival.effect, other, gain - fit.score + other.score))
         found.append(tuple(sorted(alike, key=lambda c: -c.gain)))
     return replace(selection, rivals=tuple(found))
 
 
 SENSOR = "sensor"
-"""Where an instrument errs, which shows in any balance."""
+"""Balance of the instrument effects, which act on any other balance."""
 
 NOT_INSTEAD = 0.1
-"""Share of their gain that names may still bring on top of a formula that stands in their place."""
+"""Largest gain of the effects added to a formula, as a share of their gain without it, up to which the
+formula replaces them."""
 
 REFUTED = 0.6
-"""Share of a formula's gain below which names that it does better than are not near the truth either."""
+"""Share of a formula's gain below which the gain of the effects refutes them."""
 
 
-def formula_instead(
+def find_better_formula(
     selection: Selection, verdict: Verdict, whiteness: Whiteness, judge: HeldOut
 ) -> Formula | None:
-    """The formula that follows the recordings clearly better than names do; None where none does.
+    """Return the formula that fits the recordings clearly better than the effects; None without one.
 
     Args:
-        selection: the names.
-        verdict: on them.
-        whiteness: of the residuals on the part that is fitted.
-        judge: of the data set aside.
+        selection: chosen effects.
+        verdict: verdict on them.
+        whiteness: whiteness test of the residuals on the fitted data.
+        judge: likelihood on the held-out data.
     """
     fitter, fit = whiteness.fitter, selection.fit
-    if not _doubtful(selection, verdict, whiteness):
+    if not _is_doubtful(selection, verdict, whiteness):
         return None
-    formula = formula_of(whiteness, fitter.null, judge, judge.rows)
+    formula = search_formula(whiteness, fitter.null, judge, judge.rows)
     if formula is None:
         return None
     record = fitter.trial_ship.record
     held = judge(record(fit.effects)) - judge(record(()))
     ahead = formula.gain - formula.threshold - _gain(selection, whiteness)
     ahead += sum(selection.thresholds)
-    if ahead <= TELL_APART or formula.held_out <= held or _beside(formula, selection, whiteness):
+    if (
+        ahead <= INDISTINGUISHABLE
+        or formula.held_out <= held
+        or _adds_to_formula(formula, selection, whiteness)
+    ):
         return None
     return replace(formula, better_than=tuple(p.effect.label for p in fit.effects), ahead=ahead)
 
 
-def refuted(formula: Formula, selection: Selection, whiteness: Whiteness) -> bool:
-    """Whether a formula does so much better than names that these are not near the truth.
+def refutes_effects(formula: Formula, selection: Selection, whiteness: Whiteness) -> bool:
+    """Return whether a formula fits so much better than the effects that these are refuted.
 
-    By a signal from outside, which makes the greater difference; or with less, one piece of physics
-    instead of several; or in another balance than all of them. What does better by the ship's own
-    signals alone is another form of what was named.
+    It refutes them if it depends on an external signal and gains much more, if it has fewer parts than
+    there are effects, or if it acts in another balance. A formula of the ship's own signals in the same
+    balance is another form of the same physics.
     """
     effects = [placed.effect for placed in selection.fit.effects]
     several = len(effects) > len(formula.blocks)
@@ -245,11 +250,11 @@ def refuted(formula: Formula, selection: Selection, whiteness: Whiteness) -> boo
     return several or elsewhere or far
 
 
-def _beside(formula: Formula, selection: Selection, whiteness: Whiteness) -> bool:
-    """Whether names still gain on top of a formula: it then tells of something else."""
+def _adds_to_formula(formula: Formula, selection: Selection, whiteness: Whiteness) -> bool:
+    """Return whether effects still gain beside a formula, which then describes other physics."""
     fitter, effects = whiteness.fitter, selection.fit.effects
     alone, both = (
-        fitter.scored(ship.with_term(formula.term).record()).score
+        fitter.evaluate_record(ship.with_term(formula.term).record()).score
         for ship in (fitter.trial_ship.ship, fitter.trial_ship.corrected(effects))
     )
     return both - alone > NOT_INSTEAD * _gain(selection, whiteness)
@@ -259,13 +264,13 @@ def _gain(selection: Selection, whiteness: Whiteness) -> float:
     return selection.fit.score - whiteness.fitter.null.score
 
 
-def _doubtful(selection: Selection, verdict: Verdict, whiteness: Whiteness) -> bool:
-    """Whether there is any reason to try formulas in place of names."""
+def _is_doubtful(selection: Selection, verdict: Verdict, whiteness: Whiteness) -> bool:
+    """Return whether there is a reason to try formulas in place of effects."""
     fitter = whiteness.fitter
     terms = [placed.effect.term for placed in selection.fit.effects]
-    heard = {name for term in terms if term is not None for name in term.hears}
-    if verdict.left_over is not None or fitter.balances.replay.outside.keys() - heard:
+    used = {name for term in terms if term is not None for name in term.external_signals}
+    if verdict.left_over is not None or fitter.balances.replay.outside.keys() - used:
         return True
-    rows = {fitter.balances.names[row] for row in shown_in(fitter, selection.fit)}
+    rows = {fitter.balances.names[row] for row in balance_rows(fitter, selection.fit)}
     ahead = (s.gain - s.threshold for s in best_shapes(fitter, fitter.null) if s.balance in rows)
     return max(ahead, default=0.0) > _gain(selection, whiteness)

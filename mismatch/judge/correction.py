@@ -1,4 +1,4 @@
-"""The corrected ship: all that holds, and never worse than the nominal one."""
+"""Choose the corrected ship, which fits the held-out data at least as well as the nominal ship."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from numpy.typing import NDArray
 
 from ...plant.columns import HEADING, YAW_RATE
 from ...plant.ship import Ship
-from ..search.selection import TELL_APART
+from ..search.selection import INDISTINGUISHABLE
 from ..simulate.joint_replay import JointReplay
 
 WORSE = 0.02
-"""Share by which the error of a channel may rise, run freely on data set aside, and count as equal."""
+"""Relative increase of a channel's open-loop error on the held-out data that counts as equal."""
 
 OF_NOISE = 0.1
-"""The same in rms of the channel's noise."""
+"""Increase of the error up to which it counts as equal, in rms of the channel's noise."""
 
 
 class FreeRunning:
-    """Errors of ships that run freely under the recorded demands, on data set aside.
+    """Open-loop simulation errors of ships on the held-out data.
 
-    A heading is left out where the rate of turn is measured: it adds up every error of the rate since
-    the start, those of the part that was fitted among them, and comes out right or wrong by chance.
+    The heading is left out where the rate of turn is measured: it integrates the errors of the rate
+    since the start, also those on the fitted data, and is right or wrong by chance.
 
     Args:
-        replay: of the recordings.
-        rows: set aside.
+        replay: replay of the recordings.
+        rows: held-out rows.
     """
 
     def __init__(self, replay: JointReplay, rows: NDArray[np.int64]) -> None:
@@ -36,8 +36,8 @@ class FreeRunning:
         self._rows = rows
 
     def errors(self, ship: Ship) -> dict[str, float]:
-        """Rms error of each channel, in its unit."""
-        simulated = self._replay.channels_of(ship.record())
+        """Return the rms error of each channel, in its unit."""
+        simulated = self._replay.simulate_channels(ship.record())
         return {
             c: float(np.sqrt(np.mean((y[self._rows] - simulated[c][self._rows]) ** 2)))
             for c, y in self._replay.recorded.items()
@@ -45,7 +45,7 @@ class FreeRunning:
         }
 
     def worse(self, errors: Mapping[str, float], than: Mapping[str, float]) -> list[str]:
-        """Channels that are followed worse, or not at all."""
+        """Return the channels with a larger error, or with a simulation that diverges."""
         noise = self._replay.noise_rms
         return [
             c for c, before in than.items()
@@ -56,20 +56,20 @@ class FreeRunning:
 def corrected_ship(
     nominal: Ship, candidates: Iterable[Ship], judge: Callable[[Any], float], free: FreeRunning
 ) -> tuple[Ship, float, list[str]]:
-    """The first of some ships that is likelier than the nominal one and runs no worse in any channel.
+    """Return the first ship that is likelier than the nominal one without a larger error in a channel.
 
     Args:
-        nominal: the ship as the diagnosis began.
-        candidates: corrected ships, the one that carries most first.
-        judge: 2 log L of a ship's record on data set aside.
-        free: runs them freely there.
+        nominal: ship at the start of the diagnosis.
+        candidates: corrected ships, the one with the most corrections first.
+        judge: function that returns 2 log L of a ship's record on the held-out data.
+        free: open-loop simulation errors there.
 
     Returns:
-        The ship, or the nominal one; what it gains in 2 log L; and the channels in which the first
-        candidate was worse.
+        The ship, or the nominal one; its gain in 2 log L; and the channels that the first candidate
+        worsens.
     """
     spoilt: list[str] = []
-    for k, (ship, gain, worse) in enumerate(_compared(nominal, candidates, judge, free)):
+    for k, (ship, gain, worse) in enumerate(_compare(nominal, candidates, judge, free)):
         if k == 0:
             spoilt = worse
         if gain > 0.0 and not worse:
@@ -77,39 +77,43 @@ def corrected_ship(
     return nominal, 0.0, spoilt
 
 
-def not_carried(spoilt: list[str]) -> list[str]:
-    """Return the remark on a corrected ship that does not carry what was named.
+def uncorrected_remarks(spoilt: list[str]) -> list[str]:
+    """Return the remark on a corrected ship without the identified effects.
 
     Args:
-        spoilt: channels that a ship with it follows worse.
+        spoilt: channels that the effects worsen in open loop.
     """
-    why = f"it follows {', '.join(spoilt)} worse" if spoilt else "it gains nothing"
-    return [f"the corrected ship is the nominal one: with what is named, run freely, {why}"]
+    why = f"fits {', '.join(spoilt)} worse" if spoilt else "does not fit better"
+    return [
+        "the corrected ship is the nominal ship, because the ship with the identified effects, "
+        f"simulated open loop, {why}"
+    ]
 
 
-def followed(
+def is_any_confirmed(
     nominal: Ship, candidates: Iterable[Ship], judge: Callable[[Any], float], free: FreeRunning
 ) -> bool:
-    """Whether one of some ships is likelier than the nominal one, or as likely and worse in no channel.
+    """Return whether a ship is likelier than the nominal one, or as likely without a larger error.
 
-    All of what is missing would be; what acts now and then need not gain on data set aside.
+    The complete missing physics would be likelier; an intermittent effect need not gain on the held-out
+    data.
 
     Args:
-        nominal: the ship as the diagnosis began.
+        nominal: ship at the start of the diagnosis.
         candidates: corrected ships.
-        judge: 2 log L of a ship's record on data set aside.
-        free: runs them freely there.
+        judge: function that returns 2 log L of a ship's record on the held-out data.
+        free: open-loop simulation errors there.
     """
     return any(
-        gain > TELL_APART or (gain > -TELL_APART and not worse)
-        for _, gain, worse in _compared(nominal, candidates, judge, free)
+        gain > INDISTINGUISHABLE or (gain > -INDISTINGUISHABLE and not worse)
+        for _, gain, worse in _compare(nominal, candidates, judge, free)
     )
 
 
-def _compared(
+def _compare(
     nominal: Ship, ships: Iterable[Ship], judge: Callable[[Any], float], free: FreeRunning
 ) -> Iterator[tuple[Ship, float, list[str]]]:
-    """Each ship with its gain in 2 log L and the channels in which it runs worse."""
+    """Yield each ship with its gain in 2 log L and the channels that it worsens."""
     before, start = free.errors(nominal), judge(nominal.record())
     for ship in ships:
         yield ship, judge(ship.record()) - start, free.worse(free.errors(ship), before)

@@ -1,7 +1,4 @@
-"""When and under which conditions a mismatch acts: windows of time and regimes of operation.
-
-What was found, with its intervals, windows and regime; and what could not have been found.
-"""
+"""Findings: identified effects with intervals, windows of time and operating regime."""
 
 from __future__ import annotations
 
@@ -14,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..estimate import Estimate
-from ..search.catalogue import Effect, Placed, Window
+from ..search.catalogue import Effect, SizedEffect, Window
 from ..search.fitting import Fit, Fitter
 from ..search.selection import Candidate, Selection
 from ..search.trial_ship import TrialShip
@@ -22,21 +19,24 @@ from ..simulate.balances import Balances
 from .shapes import signals_of
 
 GAP_S = 20.0
-"""Stretches that are less than this apart are one [s]."""
+"""Windows with a smaller gap between them are joined [s]."""
 
 ACTIVE_SHARE = 0.1
-"""An effect acts where its trace is above this share of its largest."""
+"""Share of the largest value of its trace above which an effect counts as active."""
 
 
 def active_windows(
     trace: NDArray[np.float64], interval_s: float, duration_s: float
 ) -> list[Window]:
-    """Stretches in which an effect's trace is felt; the whole recording where they are most of it.
+    """Return the windows in which an effect is active; the whole recording if they are most of it.
 
     Args:
-        trace: what the effect changes in its balance, shape (rows,).
-        interval_s: [s].
+        trace: change of the balance by the effect, shape (rows,).
+        interval_s: sampling interval [s].
         duration_s: length of the recording [s].
+
+    >>> active_windows(np.repeat([0.0, 1.0, 0.0, 0.0], 100), 1.0, 400.0)
+    [(98.0, 202.0)]
     """
     size = max(1, round(5.0 / interval_s))
     strength = np.convolve(np.abs(trace), np.ones(size) / size, mode="same")
@@ -58,11 +58,15 @@ def active_windows(
 
 
 def regime(trace: NDArray[np.float64], signals: dict[str, tuple[Any, str]]) -> str:
-    """The operating regime that holds most of an effect, in words; empty where there is none.
+    """Return the operating regime that contains most of an effect, in words; empty without one.
 
     Args:
-        trace: what the effect changes in its balance, shape (rows,).
-        signals: by name, the simulated signal and its unit; ``time`` is none, windows tell that.
+        trace: change of the balance by the effect, shape (rows,).
+        signals: simulated signals with their units by name; ``time`` is ignored.
+
+    >>> speed = np.linspace(5.0, 12.0, 200)
+    >>> regime(np.where(speed > 10.6, 1.0, 0.0), {"shaft_speed": (speed, "rad/s")})
+    'shaft_speed above 10.6 rad/s'
     """
     energy = np.square(trace)
     total = float(energy.sum())
@@ -86,30 +90,30 @@ def regime(trace: NDArray[np.float64], signals: dict[str, tuple[Any, str]]) -> s
 
 
 FORM_SHARE = 0.15
-"""Share of its size that an effect's interval has on either side whatever the noise: a catalogue's form
-is never quite the truth's. Where concealed effects had other forms, one value in ten was off by more."""
+"""Half-width of an effect's interval without noise, as a share of its size, because the forms of the
+catalogue are approximations. Of concealed effects with other forms, one value in ten was off by more."""
 
 _AT_BOUND = 1e-6
-"""Share of a bound within which a value counts as the bound."""
+"""Relative distance from a bound within which a value counts as at the bound."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """An effect that the recording shows.
+    """Effect that was identified in a recording.
 
     Args:
-        effect: the catalogue's entry.
-        estimates: its parameters, in its order.
-        score: what it brings in 2 log L, the other effects present.
-        threshold: that it had to pass, in 2 log L.
-        rivals: names that the recording cannot tell from it.
-        trace: what it changes in its balance, shape (rows,).
-        row: index of that balance.
-        windows: in which it acts [s].
-        regime: in words; empty where it acts everywhere.
-        unmeasured: what its balance lacks to be measured, or which parameter ended at the bound of its
-            search, so that its size is a guess and has no interval; else empty.
-        implausible: which parameter lies outside the range that physics allows, in words; else empty.
+        effect: entry of the catalogue.
+        estimates: estimates of its parameters, in the entry's order.
+        score: gain in 2 log L beside the other effects.
+        threshold: gain in 2 log L that the effect had to exceed.
+        rivals: effects that the recording cannot distinguish from it.
+        trace: change of its balance by the effect, shape (rows,).
+        row: index of the balance.
+        windows: windows in which it acts [s].
+        regime: operating regime in which it acts, in words; empty if it acts everywhere.
+        unmeasured: why its size has no interval: a missing measurement, or a parameter at the bound of
+            its search; else empty.
+        implausible: parameter outside its plausible range, in words; else empty.
     """
 
     effect: Effect
@@ -127,41 +131,41 @@ class Finding:
 
 @dataclass(frozen=True)
 class Detectable:
-    """The smallest value of an effect that this recording would have shown."""
+    """Smallest size of an effect that a recording would have shown."""
 
     effect: Effect
     value: float  # distance from neutral, in the parameter's unit
     unit: str
 
 
-def _row(balances: Balances, effect: Effect, traces: NDArray[np.float64], scale: Any) -> int:
-    """Balance in which an effect is shown: its own, or the one that feels it most."""
+def _balance_row(
+    balances: Balances, effect: Effect, traces: NDArray[np.float64], scale: Any
+) -> int:
+    """Return the row of an effect's own balance, or of the balance that it changes most."""
     if effect.balance in balances.names:
         return balances.names.index(effect.balance)
-    felt = np.sqrt(np.mean(traces**2, axis=1)) / scale
-    return int(np.argmax(felt))
+    return int(np.argmax(np.sqrt(np.mean(traces**2, axis=1)) / scale))
 
 
-def unmeasured(effect: Effect, balances: Balances) -> str:
-    """What the balance in which an effect acts lacks to be measured; empty where nothing is lacking."""
+def missing_measurement(effect: Effect, balances: Balances) -> str:
+    """Return which measurement the balance of an effect lacks; empty if it lacks none."""
     replay = balances.replay
     if effect.balance == "hull" and not balances.moving:
-        return "without a speed log the hull's balance is not measured"
+        return "without a speed log the hull balance is not measured"
     if effect.balance == "sway" and "sway" not in balances.names:
-        return "without a sway speed the balance across is not measured"
+        return "without a sway speed the sway balance is not measured"
     if effect.balance == "yaw" and "yaw" not in balances.names:
-        return "without a rate of turn or a heading the balance of the turn is not measured"
+        return "without a rate of turn or a heading the yaw balance is not measured"
     one_shaft = replay.ship.has_line_shaft and replay.ship.turns_freely
-    if effect.balance in ("engine", "propeller") and one_shaft and not balances.gauged:
-        return "without a torque gauge the engine's and the propeller's side are one balance"
+    if effect.balance in ("engine", "propeller") and one_shaft and not balances.has_torque:
+        return "without a shaft torque meter the engine and propeller sides are one balance"
     return ""
 
 
-def at_bound(trial_ship: TrialShip, placed: Placed) -> str:
-    """Which parameter of an effect ended at a bound of its search, in words; empty where none did.
+def parameter_at_bound(trial_ship: TrialShip, placed: SizedEffect) -> str:
+    """Return which parameter of an effect is at a bound of its search, in words; empty if none is.
 
-    Such a value is where the search stopped, not an estimate. The value at which the effect is absent
-    may itself be a bound, and is not counted; nor is that at which it is whole.
+    Such a value is no estimate. Bounds at which the effect is absent or complete do not count.
     """
     for parameter, value in placed.pairs:
         absent = trial_ship.origin(parameter)
@@ -169,16 +173,16 @@ def at_bound(trial_ship: TrialShip, placed: Placed) -> str:
         for bound in (low,) if parameter.whole else (low, high):
             if bound != absent and math.isclose(value, bound, rel_tol=_AT_BOUND):
                 name = parameter.key.split(".")[-1]
-                return f"{name} ended at the bound of its search, {bound:.4g}"
+                return f"{name} is at the bound of its search, {bound:.4g}"
     return ""
 
 
-def implausible(trial_ship: TrialShip, placed: Placed) -> str:
+def implausible_parameter(trial_ship: TrialShip, placed: SizedEffect) -> str:
     """Return which parameter of an effect lies outside its plausible range; empty where none does."""
     for parameter, value in placed.pairs:
         low, high = trial_ship.plausible_range(parameter)
         if not low <= value <= high:
-            unit = parameter.number(trial_ship.ship).info.unit
+            unit = parameter.in_ship(trial_ship.ship).info.unit
             unit = "" if unit == "-" else f" {unit}"
             return (
                 f"{parameter.name} lies outside its plausible range, {low:.4g} to {high:.4g}{unit}"
@@ -186,23 +190,25 @@ def implausible(trial_ship: TrialShip, placed: Placed) -> str:
     return ""
 
 
-def shown_in(fitter: Fitter, fit: Fit) -> list[int]:
-    """Balance in which each effect of a model is shown, by index."""
+def balance_rows(fitter: Fitter, fit: Fit) -> list[int]:
+    """Return the row of the balance of each effect of a model."""
     balances = fitter.balances
-    lacking = balances.lacking(balances.nominal)
+    lacking = balances.residuals_against(balances.nominal)
     scale = np.sqrt(np.mean(lacking**2, axis=1)) + 1e-300
     return [
-        _row(balances, placed.effect, traces, scale)
+        _balance_row(balances, placed.effect, traces, scale)
         for placed, traces in zip(fit.effects, _traces(fitter, fit), strict=True)
     ]
 
 
 def _traces(fitter: Fitter, fit: Fit) -> list[NDArray[np.float64]]:
-    """What each effect of a model changes in the balances, the others present, shape (m, rows)."""
+    """Return the change of the balances by each effect beside the others, shape (balances, rows)."""
 
-    def of(effects: tuple[Placed, ...]) -> NDArray[np.float64]:
+    def of(effects: tuple[SizedEffect, ...]) -> NDArray[np.float64]:
         balances = fitter.balances
-        return balances.residuals(balances.replay.channels_of(fitter.trial_ship.record(effects)))
+        return balances.residuals(
+            balances.replay.simulate_channels(fitter.trial_ship.record(effects))
+        )
 
     everything = of(fit.effects)
     return [
@@ -213,7 +219,7 @@ def _traces(fitter: Fitter, fit: Fit) -> list[NDArray[np.float64]]:
 def findings_of(
     fitter: Fitter, selection: Selection, lacking: NDArray[np.float64]
 ) -> list[Finding]:
-    """The chosen effects with intervals, traces, windows and regimes."""
+    """Return the chosen effects with intervals, traces, windows and regimes."""
     balances, replay = fitter.balances, fitter.balances.replay
     fit = selection.fit
     estimates = fitter.estimates(fit, FORM_SHARE)
@@ -222,7 +228,7 @@ def findings_of(
     scale = np.sqrt(np.mean(lacking**2, axis=1)) + 1e-300
     found = []
     for i, (placed, traces) in enumerate(zip(fit.effects, _traces(fitter, fit), strict=True)):
-        row = _row(balances, placed.effect, traces, scale)
+        row = _balance_row(balances, placed.effect, traces, scale)
         windows = (
             [placed.window]
             if placed.window is not None
@@ -231,19 +237,38 @@ def findings_of(
         whole = windows == [(0.0, duration)] or placed.window is not None
         where = "" if whole else regime(traces[row], signals)
         found.append(
-            Finding(placed.effect, estimates[i], selection.gains[i], selection.thresholds[i],
-                    selection.rivals[i], traces[row], row, windows, where,
-                    unmeasured(placed.effect, balances) or at_bound(fitter.trial_ship, placed),
-                    implausible(fitter.trial_ship, placed))
-        )  # fmt: skip
+            Finding(
+                placed.effect,
+                estimates[i],
+                selection.gains[i],
+                selection.thresholds[i],
+                selection.rivals[i],
+                traces[row],
+                row,
+                windows,
+                where,
+                missing_measurement(placed.effect, balances)
+                or parameter_at_bound(fitter.trial_ship, placed),
+                implausible_parameter(fitter.trial_ship, placed),
+            )
+        )
     return found
 
 
 def detectable_effects(
     fitter: Fitter, threshold: Callable[[Effect], float], fit: Fit, effects: list[Effect]
 ) -> list[Detectable]:
-    """From the curvature of the likelihood at the smallest probe of each effect of one parameter."""
-    base = fitter.predicted(fitter.trial_ship.record(fit.effects))
+    """Return the smallest detectable size of each effect with one parameter.
+
+    It follows from the curvature of the likelihood at the smallest probe of the effect.
+
+    Args:
+        fitter: fitter of the fitted data.
+        threshold: function that returns the threshold of an effect in 2 log L.
+        fit: model beside which the effects are tried.
+        effects: the effects.
+    """
+    base = fitter.predict(fitter.trial_ship.record(fit.effects))
     found = []
     for effect in effects:
         if len(effect.parameters) != 1 or effect.windowed:
@@ -254,11 +279,13 @@ def detectable_effects(
         if not probes or not np.isfinite(neutral):
             continue
         probe = min(probes, key=lambda p: abs(p - neutral))
-        moved = fitter.predicted(fitter.trial_ship.record((*fit.effects, Placed(effect, (probe,)))))
-        information = fitter.likelihood.information(fit.weight, (moved - base)[None])
+        probed = fitter.predict(
+            fitter.trial_ship.record((*fit.effects, SizedEffect(effect, (probe,))))
+        )
+        information = fitter.likelihood.information(fit.weight, (probed - base)[None])
         variance = float(np.linalg.pinv(information)[0, 0])
         if variance > 0.0 and information[0, 0] > 1e-9:
             size = abs(probe - neutral) * np.sqrt(threshold(effect) * variance)
-            unit = parameter.number(fitter.trial_ship.ship).info.unit
+            unit = parameter.in_ship(fitter.trial_ship.ship).info.unit
             found.append(Detectable(effect, float(size), unit))
     return found

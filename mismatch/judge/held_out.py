@@ -1,7 +1,4 @@
-"""How closely a simulation follows the channels of a recording.
-
-The part of a recording that is set aside before anything is fitted, and what it says of a model.
-"""
+"""Hold data out before anything is fitted, and evaluate models on them: FitPercent, rms, likelihood."""
 
 from __future__ import annotations
 
@@ -13,28 +10,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...plant.columns import IN_A_TURN, SHAFT_ANGLE
+from ...plant.columns import SHAFT_ANGLE, TURNING_COLUMNS
 from ..search.fitting import Fit, Fitter
-from ..search.spectra import Bands, Complex, Likelihood, make_bands, runs_away
+from ..search.spectra import Bands, Complex, Likelihood, is_divergent, make_bands
 from ..search.whiteness import SLOWER_THAN_SEA_HZ
 from ..simulate.balances import Balances, Channels
 from ..simulate.joint_replay import JointReplay
-from ..simulate.tolerances import tolerance_moves
+from ..simulate.tolerances import tolerance_perturbations
 
 ROUNDING = 1e-12
-"""Share of a channel's size within which it is constant: a mean of equal numbers rounds."""
+"""Share of a channel's size within which it counts as constant, because means of equal values round."""
 
 
 def fit_percent(measured: Any, simulated: Any) -> float:
-    """FitPercent = 100 (1 - ||y - y_sim|| / ||y - mean(y)||).
+    """Return FitPercent = 100 (1 - ||y - y_sim|| / ||y - mean(y)||).
 
     Args:
-        measured: y, shape (n,).
-        simulated: likewise, in the same unit.
+        measured: measured channel y, shape (n,).
+        simulated: simulated channel y_sim, likewise, in the same unit.
 
     Returns:
-        100 is perfect, 0 no better than the mean. NaN of a channel that is constant, which has no
-        spread to measure by.
+        100 is perfect, 0 is no better than the mean. NaN for a constant channel.
+
+    >>> fit_percent([1.0, 2.0, 3.0], [1.0, 2.0, 3.0]), fit_percent([1.0, 2.0, 3.0], [2.0, 2.0, 2.0])
+    (100.0, 0.0)
     """
     measured = np.asarray(measured, dtype=np.float64)
     if np.ptp(measured) <= ROUNDING * np.abs(measured).max():
@@ -43,17 +42,17 @@ def fit_percent(measured: Any, simulated: Any) -> float:
     return 100.0 * (1.0 - float(np.linalg.norm(measured - simulated)) / spread)
 
 
-def fits(
+def fit_percents(
     measured: Mapping[str, NDArray[np.float64]],
     simulated: Mapping[str, NDArray[np.float64]],
     rows: NDArray[np.int64],
 ) -> dict[str, float]:
-    """FitPercent by column, those left out that are constant.
+    """Return FitPercent by column, without constant channels.
 
     Args:
-        measured: channels by column, each of shape (n,).
-        simulated: likewise.
-        rows: that are judged.
+        measured: measured channels by column, each of shape (n,).
+        simulated: simulated channels, likewise.
+        rows: indices of the rows that count.
     """
     found = {c: fit_percent(y[rows], simulated[c][rows]) for c, y in measured.items()}
     return {c: value for c, value in found.items() if not np.isnan(value)}
@@ -64,12 +63,16 @@ def rms_errors(
     simulated: Mapping[str, NDArray[np.float64]],
     rows: NDArray[Any],
 ) -> dict[str, float]:
-    """Rms of measured minus simulated by column, in its unit.
+    """Return the rms of measured minus simulated by column, in the column's unit.
 
     Args:
-        measured: channels by column, each of shape (n,).
-        simulated: likewise.
-        rows: that are judged, as indices or as a mask.
+        measured: measured channels by column, each of shape (n,).
+        simulated: simulated channels, likewise.
+        rows: rows that count, as indices or as a mask.
+
+    >>> measured = {"speed": np.array([3.0, 4.0])}
+    >>> rms_errors(measured, {"speed": np.array([4.0, 5.0])}, slice(None))
+    {'speed': 1.0}
     """
     return {
         c: float(np.sqrt(np.mean((y[rows] - simulated[c][rows]) ** 2))) for c, y in measured.items()
@@ -79,39 +82,40 @@ def rms_errors(
 HELD_OUT_SHARE = 0.25
 
 SEVERAL = 3
-"""Recordings from which on whole ones are set aside: two are then left, and whole ones alone tell
-what a model is worth on another day."""
+"""Number of recordings from which whole recordings are held out. Two then remain for the fit, and only
+whole recordings show how well a model predicts another day."""
 
 MOST_WAYS = 3
-"""Ways to set whole recordings aside."""
+"""Largest number of alternative selections of held-out recordings."""
 
 LOST = 0.25
-"""Share of a channel's size by which a model may be off on data set aside."""
+"""Error of a channel on the held-out data, as a share of its size, above which a model loses it."""
 
 Segments = list[tuple[int, int]]
-"""First row of each stretch, and one past its last."""
+"""First row of each segment, and one past its last."""
 
 
 def bands_of(balances: Balances, segments: Segments, highest_Hz: float = math.inf) -> Bands:
-    """Bands of some segments, up to four fifths of the Nyquist frequency or a lower one."""
+    """Return the frequency bands of segments, up to 80 % of the Nyquist frequency or a lower limit."""
     replay, interval = balances.replay, balances.replay.interval_s
-    free = len(list(tolerance_moves(replay))) if replay.ship.turns else 0
+    free = len(list(tolerance_perturbations(replay))) if replay.ship.turns else 0
     highest = min(0.4 / interval, highest_Hz)
     return make_bands(segments, interval, len(balances.names), highest, free)
 
 
-def set_aside(replay: JointReplay, runs: int) -> list[tuple[Segments, Segments]]:
-    """Ways to part the recordings into what is fitted and what is judged, the best first.
+def split_held_out(replay: JointReplay, runs: int) -> list[tuple[Segments, Segments]]:
+    """Return alternative splits of the recordings into fitted and held-out segments, the best first.
 
-    Whole recordings where the user says so. Of :data:`SEVERAL` or more, a quarter of them in number, one
-    at least: those without which the rest covers most of the demands' range, none of more than half of
-    all rows. Else the longest recording's last quarter, or, if another quarter covers the demands' range
-    clearly better, that one: what comes next is what matters.
+    - The last ``runs`` recordings are held out if the user says so.
+    - Of :data:`SEVERAL` recordings or more, a quarter of them is held out, at least one: those without
+      which the others cover most of the commands' range, and none with more than half of all rows.
+    - Otherwise the last quarter of the longest recording is held out, or another quarter that covers the
+      commands' range clearly better.
     """
     if runs:
         return [(replay.segments[:-runs], replay.segments[-runs:])]
     if len(replay.segments) >= SEVERAL:
-        return _whole(replay)
+        return _split_whole(replay)
     sizes = [b - a for a, b in replay.segments]
     longest = int(np.argmax(sizes))
     first, last = replay.segments[longest]
@@ -128,13 +132,13 @@ def set_aside(replay: JointReplay, runs: int) -> list[tuple[Segments, Segments]]
     return parted
 
 
-def _whole(replay: JointReplay) -> list[tuple[Segments, Segments]]:
-    """Ways to set whole recordings aside, the best first."""
+def _split_whole(replay: JointReplay) -> list[tuple[Segments, Segments]]:
+    """Return alternative splits that hold out whole recordings, the best first."""
     total = sum(b - a for a, b in replay.segments)
     wanted = max(1, round(HELD_OUT_SHARE * len(replay.segments)))
 
     def ranked(rest: Segments) -> Segments:
-        """What may go next, the most dispensable first; of equals the one that covers most itself."""
+        """Return the recordings by how well the others cover the commands' range, the best first."""
 
         def merit(part: tuple[int, int]) -> tuple[float, float, int]:
             others = [s for s in rest if s != part]
@@ -158,7 +162,7 @@ def _whole(replay: JointReplay) -> list[tuple[Segments, Segments]]:
 
 
 def _coverage(replay: JointReplay, whole: Segments, parts: Segments) -> float:
-    """Share of the demands' range in some stretches that others of them cover."""
+    """Return the share of the commands' range in some segments that other segments cover."""
     shares = []
     for signal in (replay.drive_rows, replay.command, replay.rudder_rows):
         full = np.quantile(np.concatenate([signal[a:b] for a, b in whole]), [0.05, 0.95])
@@ -170,11 +174,11 @@ def _coverage(replay: JointReplay, whole: Segments, parts: Segments) -> float:
 
 
 class HeldOut:
-    """What the part set aside says of ships and of models.
+    """Likelihood of ships and models on the held-out data.
 
     Args:
-        fitter: of the part that was fitted.
-        held: the part set aside.
+        fitter: fitter of the fitted data.
+        held: held-out segments.
     """
 
     def __init__(self, fitter: Fitter, held: Segments) -> None:
@@ -189,32 +193,32 @@ class HeldOut:
         return self._bands.transform(self.fitter.balances.residuals(channels))
 
     def _predicted(self, record: Any) -> Complex:
-        return self._transformed(self.fitter.balances.replay.channels_of(record))
+        return self._transformed(self.fitter.balances.replay.simulate_channels(record))
 
     def __call__(self, record: Any) -> float:
-        """2 log L of a ship's record; minus infinity where it runs away."""
+        """Return 2 log L of a ship's record; minus infinity if its simulation diverges."""
         lacking = self._measured - self._predicted(record)
-        return -math.inf if runs_away(lacking) else self._plain(lacking).score
+        return -math.inf if is_divergent(lacking) else self._plain(lacking).score
 
     def covers(self, fit: Fit) -> bool:
-        """Whether all effects of a model act here: an episode may lie elsewhere."""
+        """Return whether all effects of a model act in the held-out data, as an episode may not."""
         time_s = self.fitter.balances.replay.time_s[self.rows]
         windows = [placed.window for placed in fit.effects if placed.window is not None]
         return all(bool(np.any((time_s > a) & (time_s < b))) for a, b in windows)
 
-    def lost(self, fit: Fit) -> list[str]:
-        """Channels that the ship with a model's effects loses when it is simulated freely here.
+    def lost_channels(self, fit: Fit) -> list[str]:
+        """Return the channels that an open-loop simulation with a model's effects loses.
 
-        Averaged over the waves, which no simulation follows, their FitPercent is negative and the error
-        is more than :data:`LOST` of their size. What adds up errors, an angle or a heading, and the
-        speeds across and of the turn, which swing about zero, are not judged.
+        Averaged over the waves, the FitPercent of such a channel is negative and its error is more than
+        :data:`LOST` of its size. Shaft angle and heading integrate errors, and the sway speed and the
+        rate of turn oscillate about zero; these channels do not count.
         """
         replay = self.fitter.balances.replay
-        simulated = replay.channels_of(self.fitter.trial_ship.record(fit.effects))
+        simulated = replay.simulate_channels(self.fitter.trial_ship.record(fit.effects))
         width = max(1, round(1.0 / (SLOWER_THAN_SEA_HZ * replay.interval_s)))
         found = []
         for column, measured in replay.recorded.items():
-            if column == SHAFT_ANGLE or column in IN_A_TURN:
+            if column == SHAFT_ANGLE or column in TURNING_COLUMNS:
                 continue
             means, error = (
                 _means(values[self.rows], width)
@@ -228,37 +232,37 @@ class HeldOut:
 
     @functools.cached_property
     def _nuisance(self) -> Complex:
-        """What each of the fitter's regressors moves here."""
-        moved = self.fitter.regressors(self._transformed)
-        return np.array(moved).reshape(-1, *self._measured.shape)
+        """Change of the held-out balances by each regressor of the fitter."""
+        responses = self.fitter.regressors(self._transformed)
+        return np.array(responses).reshape(-1, *self._measured.shape)
 
     def score(self, fit: Fit) -> float:
-        """2 log L of a model, its values as unsure as the part that was fitted leaves them.
+        """Return 2 log L of a model, with its values as uncertain as the fitted data leave them.
 
-        A value that the fitted part hardly tells may come out otherwise here without speaking against
-        the model: it is free about its own, with the covariance that the fit gives it, and pays for it.
-        Minus infinity where its simulation runs away or loses a channel.
+        A value that the fitted data hardly determine may differ here without refuting the model: it has
+        a normal prior about its estimate with the covariance of the fit. Minus infinity if the
+        simulation diverges or loses a channel.
         """
         fitter = self.fitter
-        if fit.effects and self.lost(fit):
+        if fit.effects and self.lost_channels(fit):
             return -math.inf
         there, columns = fitter.sensitivities(fit, self._transformed)
-        if runs_away(there):
+        if is_divergent(there):
             return -math.inf
         own = fitter.sensitivities(fit)[1]
         information = fitter.likelihood.information(fit.weight, own)
         values, vectors = np.linalg.eigh(information)
-        # directions in which the values and numbers are unsure, each by one standard deviation
+        # Each direction is one standard deviation of the values and parameters.
         axes = vectors / np.sqrt(np.maximum(values, 1e-12 * values.max()))
         everything = np.concatenate([columns, self._nuisance])
-        moved = np.einsum("ik,imf->kmf", axes, everything)
+        responses = np.einsum("ik,imf->kmf", axes, everything)
         lacking = self._measured - there
         lacking = lacking - np.einsum("k,kmf->mf", fit.tolerances, self._nuisance)
-        return Likelihood(self._bands, moved)(lacking).score
+        return Likelihood(self._bands, responses)(lacking).score
 
 
 def _means(values: NDArray[np.float64], width: int) -> NDArray[np.float64]:
-    """Means of so many rows each; the values themselves where they are fewer than two such blocks."""
+    """Return means over blocks of rows; the values themselves if there are fewer than two blocks."""
     count = len(values) // width
     if count < 2:
         return values

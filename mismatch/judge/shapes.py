@@ -1,8 +1,7 @@
-"""What has no name: the shape of a missing torque, force or pitch over a signal that it follows.
+"""Describe a residual of unknown cause as a shape: a piecewise linear function of one signal or of time.
 
-The catalogue cannot hold everything. A piecewise linear function of one signal (or of time), scored in
-the same whitened way as the named effects, tells whether something systematic is missing, in which
-balance, and what it looks like.
+The catalogue cannot contain all physics. The likelihood of a shape under the same whitened noise as that
+of the effects shows whether a torque, force or pitch is missing systematically, and in which balance.
 """
 
 from __future__ import annotations
@@ -16,33 +15,34 @@ from numpy.typing import NDArray
 from ...plant.ship import Ship
 from ...plant.terms import Term
 from ..search.fitting import Fit, Fitter
-from ..search.spectra import chance
+from ..search.spectra import chance_gain
 from ..search.whiteness import Colour
 from ..simulate.balances import Balances
 
 RARE = 1e-3
-"""Probability that chance alone makes a shape pass: nobody would expect one."""
+"""Probability that a shape exceeds its threshold by chance."""
 
 KNOTS = 5
 TIME_KNOTS = 8
 LOOSE = 10.0
-"""Prior standard deviation of a shape's values, in rms of its balance's residual: next to free."""
+"""Prior standard deviation of a shape's values, in rms of its balance's residual: nearly free."""
 
 
 @dataclass(frozen=True)
 class Shape:
-    """A missing quantity over a signal.
+    """Missing quantity of a balance as a piecewise linear function of a signal.
 
     Args:
-        balance: that lacks it.
-        unit: of the values.
-        signal: that it follows: ``shaft_speed``, ``ship_speed``, ``pitch_ratio``, ``drive``, ``time``.
-        signal_unit: of the knots.
-        knots: values of the signal, rising, shape (k,).
-        values: what is missing at each knot, shape (k,).
-        gain: in 2 log L.
-        threshold: that chance alone does not reach.
-        trace: over the recording, shape (rows,).
+        balance: name of the balance.
+        unit: unit of the values.
+        signal: signal that the quantity depends on: ``shaft_speed``, ``ship_speed``, ``pitch_ratio``,
+            ``drive``, ``time``.
+        signal_unit: unit of the knots.
+        knots: rising values of the signal, shape (k,).
+        values: missing quantity at each knot, shape (k,).
+        gain: gain in 2 log L.
+        threshold: gain that chance does not exceed.
+        trace: missing quantity over the recording, shape (rows,).
     """
 
     balance: str
@@ -57,7 +57,7 @@ class Shape:
 
     @property
     def excess(self) -> float:
-        """Gain beyond what chance reaches."""
+        """Gain beyond the threshold."""
         return self.gain - self.threshold
 
 
@@ -72,15 +72,16 @@ _ADDED_TO = {
     "thrust": ("thrust", 1.0),
     "pitch-actuator": ("pitch_rate", 1.0),
 }
-"""Where what a balance lacks is added, and with which sign; a current is what comes of the rest."""
+"""Location in the model at which a balance's missing quantity is added, and its sign; the motor current
+has none, because it follows from the other states."""
 
 
-def term_of(shape: Shape, ship: Ship) -> Term | None:
-    """A shape as a term of a ship; None where it acts on nothing that a ship has.
+def term_from_shape(shape: Shape, ship: Ship) -> Term | None:
+    """Return a shape as a term of the ship file; None where the model has no location for it.
 
     Args:
         shape: the shape.
-        ship: the nominal ship.
+        ship: nominal ship.
     """
     if shape.balance not in _ADDED_TO:
         return None
@@ -100,12 +101,12 @@ def term_of(shape: Shape, ship: Ship) -> Term | None:
 
 
 def _hats(signal: NDArray[np.float64], knots: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Piecewise linear basis, shape (k, rows)."""
+    """Return the piecewise linear basis functions, shape (k, rows)."""
     return np.array([np.interp(signal, knots, row) for row in np.eye(len(knots))])
 
 
 def signals_of(fitter: Fitter, fit: Fit) -> dict[str, tuple[NDArray[np.float64], str]]:
-    """Simulated signals that a missing quantity may follow, with their units."""
+    """Return the simulated signals that a missing quantity may depend on, with their units."""
     replay = fitter.balances.replay
     samples = replay.simulate(fitter.trial_ship.record(fit.effects))
     found = {
@@ -117,13 +118,13 @@ def signals_of(fitter: Fitter, fit: Fit) -> dict[str, tuple[NDArray[np.float64],
     if replay.ship.turns:
         for name, unit in (("sway_speed", "m/s"), ("yaw_rate", "rad/s"), ("rudder_angle", "rad")):
             found[name] = (np.ascontiguousarray(samples[name]), unit)
-    if len(replay.runs) == 1:  # recordings that were joined share no clock
+    if len(replay.runs) == 1:  # several recordings have no common time
         found["time"] = (replay.time_s, "s")
     return found
 
 
 def best_shapes(fitter: Fitter, fit: Fit) -> list[Shape]:
-    """The best shape of each balance on top of a model, the most convincing first."""
+    """Return the best shape of each balance beside a model, the largest excess first."""
     bands, balances = fitter.bands, fitter.balances
     signals = signals_of(fitter, fit)
     tried = len(signals) * len(balances.names)
@@ -138,12 +139,12 @@ def best_shapes(fitter: Fitter, fit: Fit) -> list[Shape]:
             hats = _hats(values, knots)
             columns = np.zeros((len(knots), *fit.difference.shape), np.complex128)
             columns[:, row] = bands.transform(hats) * (LOOSE * rms)
-            marginal = fitter.beside(fit, columns)
-            # the loose prior is no cost of the shape's
+            marginal = fitter.project_residual(fit, columns)
+            # The cost of the loose prior does not count.
             shares = marginal.shares[: len(knots)]
             gain = marginal.score + float(shares @ shares) - fit.score
             coefficients = shares * LOOSE * rms
-            limit = chance(len(knots), tried, RARE)
+            limit = chance_gain(len(knots), tried, RARE)
             shape = Shape(
                 name, unit, signal, signal_unit, knots, coefficients, gain, limit,
                 coefficients @ hats,
@@ -156,7 +157,7 @@ def best_shapes(fitter: Fitter, fit: Fit) -> list[Shape]:
 
 
 def shape_to_show(shapes: list[Shape], balances: Balances, colour: Colour | None) -> Shape | None:
-    """The shape to show: the best that is beyond chance, else that of the coloured balance."""
+    """Return the shape to report: the best beyond its threshold, else that of the coloured balance."""
     if not shapes or shapes[0].excess > 0.0 or colour is None:
         return shapes[0] if shapes else None
     return next((s for s in shapes if s.balance == balances.names[colour.balance]), shapes[0])

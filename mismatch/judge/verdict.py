@@ -1,6 +1,7 @@
-"""The verdict: whether the effects that were chosen hold, and whether more than noise is left.
+"""The verdict: whether the chosen effects hold, and whether the residual is noise.
 
-It is given balance by balance first: what is sure in one is not thrown away for what is left in another.
+Each balance has a verdict of its own, so that a sure effect in one balance is reported although another
+balance has a residual.
 """
 
 from __future__ import annotations
@@ -11,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..search.fitting import Fit
-from ..search.selection import TELL_APART, Selection
+from ..search.selection import INDISTINGUISHABLE, Selection
 from ..search.whiteness import Colour, Whiteness
-from .findings import at_bound, implausible
+from .findings import implausible_parameter, parameter_at_bound
 
 EXPLAINED, PARTLY, NOTHING, UNEXPLAINED = (
     "explained", "partly-explained", "nothing-missing", "unexplained",
@@ -21,38 +22,36 @@ EXPLAINED, PARTLY, NOTHING, UNEXPLAINED = (
 """Verdicts."""
 
 MOST_LEFT = 100.0
-"""Times the noise's power, in the band where most is left, up to which a recording is explained: ten
-times the noise's amplitude. Or else :data:`NEARLY_ALL` of the power beyond noise must be."""
+"""Largest ratio of residual to noise power of an explained recording, in the band where it is largest:
+ten times the noise's amplitude. A larger ratio is allowed if :data:`NEARLY_ALL` is explained."""
 
 NEARLY_ALL = 0.99
-"""Share of the residual's power beyond the noise: a tenth of the difference's amplitude is left."""
+"""Explained share of the power beyond noise at which a tenth of the difference's amplitude remains."""
 
 EXPLAINED_SHARE = 0.8
-"""Named effects must explain this share of the residual's power beyond the noise, where what is left is
-more than noise; else they are not all of the truth."""
+"""Least share of the power beyond noise that effects must explain if the residual is more than noise."""
 
 LOST_SHARE = 0.05
-"""Share of the power beyond noise by which effects may add to it, which is measured no better. Effects
-that add more explain nothing, however likely they make the rest."""
+"""Share by which effects may increase the power beyond noise, which is not measured more accurately.
+Effects that increase it by more explain nothing."""
 
 SURE_SHARE, SURE_GAIN = 0.5, 10.0
-"""Where they do not, an effect still holds that explains this share of its own balance's power, and
-whose gain is so many times its threshold."""
+"""Explained share of its own balance's power, and gain as a multiple of its threshold, from which an
+effect holds although other physics is missing."""
 
 CLOSE_SHARE = 0.6
-"""Share of the best name's gain from which the second comes near it."""
+"""Share of the best effect's gain from which the second best is close to it."""
 
 
 @dataclass(frozen=True)
 class BalanceVerdict:
-    """What was found in one balance.
+    """Verdict on one balance.
 
     Args:
-        name: of the balance.
-        verdict: as of the whole, for this balance alone.
-        explained: share of its residual's power beyond the noise that is explained; 1 where there was
-            none.
-        left: where what is left is more than noise; None where it is noise.
+        name: name of the balance.
+        verdict: verdict on this balance alone.
+        explained: explained share of its residual's power beyond noise; 1 if there was none.
+        left: frequency band in which its residual exceeds noise; None if it is noise.
     """
 
     name: str
@@ -63,14 +62,14 @@ class BalanceVerdict:
 
 @dataclass(frozen=True)
 class Verdict:
-    """A verdict and what speaks for it.
+    """Verdict on recordings with its reasons.
 
     Args:
         name: :data:`EXPLAINED`, :data:`PARTLY`, :data:`NOTHING` or :data:`UNEXPLAINED`.
-        explained: share of the residual's power beyond the noise that the effects explain.
-        colour: where the residual without any effect is more than noise; None where it is noise.
-        left_over: likewise of what the effects leave.
-        balances: each for itself.
+        explained: share of the residual's power beyond noise that the effects explain.
+        colour: frequency band in which the residual without effects exceeds noise; None if it is noise.
+        left_over: frequency band in which the residual with the effects exceeds noise, likewise.
+        balances: verdict on each balance.
     """
 
     name: str
@@ -80,71 +79,80 @@ class Verdict:
     balances: tuple[BalanceVerdict, ...]
 
 
-def too_little(excited: bool, limits: Sequence[str]) -> bool:
-    """Whether recordings are too dull or too short to tell that nothing is missing.
+def is_undecidable(excited: bool, limits: Sequence[str]) -> bool:
+    """Return whether recordings are too short, or excite too little, for the verdict nothing-missing.
 
     Args:
-        excited: whether the demands move enough to tell effects apart.
-        limits: why the recordings may not decide.
+        excited: whether the commands move enough to distinguish effects.
+        limits: limits of the recordings, a sentence each.
+
+    >>> is_undecidable(False, ["the commands are constant"]), is_undecidable(True, [])
+    (True, False)
     """
     return bool(limits) and (not excited or any("too short" in said for said in limits))
 
 
-def limited(name: str, undecidable: bool, biased: bool) -> str:
-    """Return what a verdict comes to where the recordings or the ship file do not allow it.
+def limit_verdict(name: str, undecidable: bool, biased: bool) -> str:
+    """Return the verdict that the recordings and the parameters allow.
 
     Args:
-        name: of the verdict.
-        undecidable: whether the recordings are too dull or too short.
+        name: name of the verdict on the effects.
+        undecidable: whether the recordings are too short or excite too little.
         biased: whether a parameter lies far outside the ship file's tolerance.
+
+    >>> limit_verdict("explained", False, biased=True)
+    'partly-explained'
     """
     if name == NOTHING and (undecidable or biased):
         return UNEXPLAINED
     return PARTLY if name == EXPLAINED and biased else name
 
 
-def verdict_of(
+def judge_selection(
     selection: Selection, whiteness: Whiteness, gain: float, excited: bool, sure: bool = False
 ) -> Verdict:
-    """Judge what a search has chosen.
+    """Return the verdict on the effects that a search has chosen.
 
     Args:
-        selection: what was chosen, confirmed.
-        whiteness: of the residuals.
-        gain: of the chosen effects in 2 log L, on the data set aside; minus infinity where the ship with
-            them loses a channel there.
-        excited: whether the demands move enough to tell effects apart.
-        sure: whether each effect holds for itself, whatever else is left.
+        selection: chosen and confirmed effects.
+        whiteness: whiteness test of the residuals.
+        gain: gain of the effects in 2 log L on the held-out data; minus infinity if the ship with them
+            loses a channel there.
+        excited: whether the commands move enough to distinguish effects.
+        sure: whether each effect holds independently of the residual.
     """
     null, fit = whiteness.fitter.null, selection.fit
     colour, left_over = whiteness.colour(null), whiteness.colour(fit)
     explained = float(explained_shares(whiteness, null, fit)[-1])
-    several = len(fit.effects) > 1 or any(selection.rivals) or close_call(selection)
+    several = len(fit.effects) > 1 or any(selection.rivals) or is_close_call(selection)
     undecided = bool(fit.effects) and not excited and several
-    helps = gain >= -TELL_APART and explained >= -LOST_SHARE
+    helps = gain >= -INDISTINGUISHABLE and explained >= -LOST_SHARE
     holds = bool(fit.effects) and helps and not undecided
     whole = left_over is None or explained >= EXPLAINED_SHARE
-    # a value at the bound of its search, or outside what is plausible: the truth lies elsewhere
+    # A value at a bound or outside its plausible range indicates another cause.
     trial_ship = whiteness.fitter.trial_ship
-    doubted = any(at_bound(trial_ship, p) or implausible(trial_ship, p) for p in fit.effects)
+    doubted = any(
+        parameter_at_bound(trial_ship, p) or implausible_parameter(trial_ship, p)
+        for p in fit.effects
+    )
     if holds and whole and not doubted:
         name = EXPLAINED
     elif holds and (sure or whole):
         name = PARTLY
     else:
-        # what was named does not hold, or nothing was: is there more than noise at all?
+        # No effect holds: nothing is missing only if the residual is noise.
         more = colour is not None or undecided or (holds and not whole)
         name = UNEXPLAINED if more else NOTHING
-    told = fit if name in (EXPLAINED, PARTLY) else null
-    return Verdict(name, explained, colour, left_over, balance_verdicts(whiteness, told))
+    reported = fit if name in (EXPLAINED, PARTLY) else null
+    return Verdict(name, explained, colour, left_over, balance_verdicts(whiteness, reported))
 
 
-def far_from_noise(left_over: Colour | None, explained: float) -> bool:
-    """Whether what effects leave is too far from noise for a recording to be explained.
+def is_far_from_noise(left_over: Colour | None, explained: float) -> bool:
+    """Return whether the residual is too far from noise for the verdict explained.
 
     Args:
-        left_over: where most is left; None where it is noise.
-        explained: share of the power beyond noise that they explain.
+        left_over: frequency band with the largest residual; None if it is noise.
+        explained: explained share of the power beyond noise.
     """
     return left_over is not None and left_over.ratio > MOST_LEFT and explained < NEARLY_ALL
 
@@ -152,12 +160,12 @@ def far_from_noise(left_over: Colour | None, explained: float) -> bool:
 def balance_verdicts(
     whiteness: Whiteness, fit: Fit, file: Whiteness | None = None
 ) -> tuple[BalanceVerdict, ...]:
-    """Each balance for itself, under the model that is told.
+    """Return the verdict on each balance with the reported model.
 
     Args:
-        whiteness: of the residuals.
-        fit: the model.
-        file: whiteness of the ship file's residuals, where the model's other parameters differ from it.
+        whiteness: whiteness test of the residuals.
+        fit: reported model.
+        file: whiteness test of the ship file's residuals, if the model has other parameters.
     """
     file = whiteness if file is None else file
     null = file.fitter.null
@@ -179,20 +187,20 @@ def balance_verdicts(
 
 
 def explained_shares(
-    whiteness: Whiteness, null: Fit, fit: Fit, file: Whiteness | None = None
+    whiteness: Whiteness, without: Fit, fit: Fit, file: Whiteness | None = None
 ) -> np.ndarray:
-    """Share of the residual's power beyond the noise that a model explains, where it is judged.
+    """Return the share of the residual's power beyond noise that a model explains.
 
     Args:
-        whiteness: of the model's residuals.
-        null: what it is compared with.
+        whiteness: whiteness test of the model's residuals.
+        without: model without effects, to which the model is compared.
         fit: the model.
-        file: whiteness of what it is compared with, if it is another.
+        file: whiteness test of the model of comparison, if it has other parameters.
 
     Returns:
-        Of each balance, and of all together last; shape (balances + 1,).
+        Share in each balance, and in all balances together last, shape (balances + 1,).
     """
-    pairs = ((whiteness if file is None else file, null), (whiteness, fit))
+    pairs = ((whiteness if file is None else file, without), (whiteness, fit))
     before, after = (np.maximum(w.ratios(f) - 1.0, 0.0).sum(axis=0) for w, f in pairs)
     before, after = np.append(before, before.sum()), np.append(after, after.sum())
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -201,25 +209,22 @@ def explained_shares(
 
 
 def sure_effects(selection: Selection, rows: list[int], whiteness: Whiteness) -> list[int]:
-    """Effects that hold for themselves, whatever else is left.
+    """Return the indices of effects that hold although other physics is missing.
 
     Args:
-        selection: what was chosen, confirmed.
-        rows: balance in which each effect is shown, by index.
-        whiteness: of the residuals.
-
-    Returns:
-        Their indices.
+        selection: chosen and confirmed effects.
+        rows: row of each effect's balance.
+        whiteness: whiteness test of the residuals.
     """
     shares = explained_shares(whiteness, whiteness.fitter.null, selection.fit)
-    told = zip(rows, selection.gains, selection.thresholds, strict=True)
+    effects = zip(rows, selection.gains, selection.thresholds, strict=True)
     return [
-        i for i, (row, gain, threshold) in enumerate(told)
+        i for i, (row, gain, threshold) in enumerate(effects)
         if shares[row] >= SURE_SHARE and gain >= SURE_GAIN * threshold
     ]  # fmt: skip
 
 
-def close_call(selection: Selection) -> bool:
-    """Whether a second name comes near the first."""
+def is_close_call(selection: Selection) -> bool:
+    """Return whether the gain of the second best effect is close to that of the best."""
     gains = [c.gain for c in selection.ranking[:2]]
     return len(gains) == 2 and gains[1] > CLOSE_SHARE * gains[0]

@@ -1,4 +1,4 @@
-"""Recordings for the diagnosis: read, carried onto canonical columns, checked, described."""
+"""Read recordings, map them to canonical columns, clean them and check them against the ship."""
 
 from .load import Recording, fetch, load_recording
 

@@ -1,6 +1,6 @@
-"""The unit of a column, as its name states it or as its values suggest it.
+"""Draft a column map from the names, units and values of a file.
 
-A column map to begin with, guessed from a file's names, units and cells.
+The unit of a column comes from its name, or else from the size of its values.
 """
 
 from __future__ import annotations
@@ -28,33 +28,33 @@ from ...plant.columns import (
     SHAFT_SPEED,
     TIME,
     YAW_RATE,
-    answered_columns,
+    absent_columns,
     drive_column,
-    foreign_columns,
     input_columns,
+    simulated_columns,
 )
 from .columns import LINEAR, PERCENT, PERCENT_OF_RANGE, Source
-from .logger_names import DUTY, LoggerName, rank, stated_units
-from .unit_errors import HELMS, ranges_of, top_speed
+from .logger_names import DUTY, LoggerName, rank, split_names
+from .unit_errors import HELMS, command_ranges, top_speed
 
 _TURNS = dict.fromkeys(
     ("1/min", "min-1", "min^-1", "r/min", "u/min", "rev/min", "rpm"), "rpm"
 ) | dict.fromkeys(("1/s", "s-1", "s^-1", "hz", "rev/s", "r/s", "rps"), "rps")
-"""How loggers write revolutions; a map has to say that they are counted."""
+"""Unit of revolutions for each spelling of loggers."""
 _PER_SECOND = {"rad/s": 1.0, "rps": 2.0 * math.pi, "rpm": math.pi / 30.0}
-_REACHED = (0.02, 1.3)  # shares of the top speed between which a recording's fastest rows lie
-_USUAL = 0.6  # the likeliest
+_REACHED = (0.02, 1.3)  # shares of the top speed between which the fastest rows of a recording lie
+_USUAL = 0.6  # most likely share
 _CLOCKS = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
-"""Least value of a clock since 1970, and its unit."""
+"""Least value of a clock that counts from 1970, and its unit."""
 _TIMES = ("s", "min", "h", "ms", "us", "ns", "µs")
-_PULSE_US = (700.0, 2300.0)  # pulse widths of servos and motor controllers
+_PULSE_US = (700.0, 2300.0)  # pulse widths [us] of servos and motor controllers
 _NEUTRAL_US, _SPAN_US = 1500.0, 60.0
-_LEAST_OPENING, _SMALL_OPENING = 0.25, 30.0  # share of the end stop; per cent
+_LEAST_OPENING, _SMALL_OPENING = 0.25, 30.0  # share of the end stop; percent
 _A_TURN = 2.0 * math.pi + 0.1
 
 
 class Guess(NamedTuple):
-    """The unit of a column: further keys of its line in the map, and what is not sure of it."""
+    """Guessed unit of a column, further keys of its line in the map, and the reason for a doubt."""
 
     unit: str
     more: tuple[str, ...] = ()
@@ -69,15 +69,15 @@ def guess_unit(
     cells: pd.Series | None = None,
     reverses: bool = False,
 ) -> Guess | None:
-    """Return the unit of a column of the file if it is a canonical one; None if it cannot be.
+    """Return the unit of a column of the file as a canonical column; None if the unit does not fit.
 
     Args:
-        name: of the column, split.
-        column: canonical.
-        ship: the nominal ship, whose ranges tell units apart that no name states.
-        values: its finite numbers, (m,).
-        cells: as read, for a time in text.
-        reverses: whether another column of the file says that the shaft turns either way.
+        name: name of the column, split into words and unit.
+        column: canonical column.
+        ship: the nominal ship, whose ranges distinguish units that the name does not state.
+        values: finite numbers of the column, (m,).
+        cells: cells of the column, for a time as text.
+        reverses: whether another column of the file shows that the shaft turns both ways.
     """
     stated = name.unit_as(column)
     if column == TIME:
@@ -93,20 +93,18 @@ def guess_unit(
     if column == SHAFT_SPEED:
         stated = _TURNS.get(stated.lower(), stated)
     if stated in PERCENT:
-        return Guess(PERCENT_OF_RANGE) if column in ranges_of(ship) else None
+        return Guess(PERCENT_OF_RANGE) if column in command_ranges(ship) else None
     if _is_unit_of(stated, column):
-        doubt = "the path's convention: SI units, revolutions in Hz" if not name.unit else ""
+        doubt = "Signal K convention: SI units, revolutions in Hz" if not name.unit else ""
         if "electrical" in name.words and column == SHAFT_SPEED:
-            doubt = "of the motor controller; the logger must know the number of poles"
+            doubt = "from the motor controller; right only if the logger knows the number of poles"
         if column == "ship_speed_m_s" and {"sog", "ground", "vtg"} & {*name.words}:
-            doubt = "speed over ground: a current is in it"
+            doubt = "speed over ground includes the current"
         return Guess(stated, (), doubt)
     linear = not ship.moves and not ship.has_propeller
     if linear and BOUNDS[column][2] in LINEAR and _is_unit_of(stated, column, 1.0):
-        said = (
-            "a linear axis: set the radius, or keep 1 m and give the ship file masses for inertias"
-        )
-        return Guess(stated, ("radius_m = 1.0",), said)
+        doubt = "a linear axis: set the radius, or keep 1 m and use masses as inertias of the ship"
+        return Guess(stated, ("radius_m = 1.0",), doubt)
     return None
 
 
@@ -124,10 +122,8 @@ def _time(stated: str, values: NDArray[np.float64], cells: pd.Series | None) -> 
         if largest >= least:
             return Guess(unit, (), f"unit not stated; the values are those of a clock in {unit}")
     if len(values) > 2 and np.allclose(np.diff(values), 1.0):
-        return Guess(
-            "s", (), "unit not stated; if it counts rows, add scale = seconds from row to row"
-        )
-    return Guess("s", (), "unit not stated: s taken")
+        return Guess("s", (), "unit not stated; if it counts rows, add scale = seconds per row")
+    return Guess("s", (), "unit not stated: s assumed")
 
 
 def _repeats(values: NDArray[np.float64]) -> bool:
@@ -137,14 +133,14 @@ def _repeats(values: NDArray[np.float64]) -> bool:
 def _opening(
     stated: str, values: NDArray[np.float64], top: float, unit: str, reverses: bool
 ) -> Guess | None:
-    """Return the guess for a command that says how far a drive is opened: pulse, share or per cent.
+    """Return the unit of a command that is a share of its range: a pulse width, a fraction or percent.
 
     Args:
-        stated: unit; empty where none is.
+        stated: stated unit; empty if there is none.
         values: finite numbers, (m,).
-        top: the drive's end stop, in ``unit``.
+        top: end stop of the drive, in ``unit``.
         unit: canonical unit of the drive.
-        reverses: whether another column of the file says that the shaft turns either way.
+        reverses: whether another column of the file shows that the shaft turns both ways.
     """
     if len(values) == 0:
         return None
@@ -156,28 +152,31 @@ def _opening(
     if low >= _PULSE_US[0] and high <= _PULSE_US[1]:
         rests = abs(values[0] - _NEUTRAL_US) < _SPAN_US
         if low < _NEUTRAL_US - _SPAN_US and (reverses or rests):
-            said = "a pulse in us: 1500 taken for rest, 1000 and 2000 for the ends; one way otherwise: "
+            doubt = (
+                "pulse in us: 1500 assumed for 0, 1000 and 2000 for the ends; without reversals: "
+            )
             more = ("scale = 0.2", "offset = -300")
-            return Guess(PERCENT_OF_RANGE, more, f"{said}scale = 0.1, offset = -100")
-        said = "a pulse in us: 1000 taken for rest and 2000 for full; with reversals otherwise: "
+            return Guess(PERCENT_OF_RANGE, more, f"{doubt}scale = 0.1, offset = -100")
+        doubt = "pulse in us: 1000 assumed for 0 and 2000 for the upper limit; with reversals: "
         more = ("scale = 0.1", "offset = -100")
-        return Guess(PERCENT_OF_RANGE, more, f"{said}scale = 0.2, offset = -300")
+        return Guess(PERCENT_OF_RANGE, more, f"{doubt}scale = 0.2, offset = -300")
+    limit = "assumed for the upper limit"
     if max(-low, high) <= 1.0:
-        return Guess(PERCENT_OF_RANGE, ("scale = 100",), "unit not stated; 1 taken for full")
+        return Guess(PERCENT_OF_RANGE, ("scale = 100",), f"unit not stated; 1 {limit}")
     if 1.0 < _LEAST_OPENING * top <= max(-low, high) <= min(top, _SMALL_OPENING):
-        said = f"unit not stated: {unit} taken, in which it fits this ship; per cent otherwise"
-        return Guess(unit, (), said)
+        doubt = f"unit not stated: {unit} assumed, which fits the range of this ship; else percent"
+        return Guess(unit, (), doubt)
     if max(-low, high) <= 100.0:
-        return Guess(PERCENT_OF_RANGE, (), "unit not stated; 100 taken for full")
+        return Guess(PERCENT_OF_RANGE, (), f"unit not stated; 100 {limit}")
     if low >= 0.0 and high <= 255.0:
-        return Guess(PERCENT_OF_RANGE, ("scale = 0.392157",), "unit not stated; 255 taken for full")
+        return Guess(PERCENT_OF_RANGE, ("scale = 0.392157",), f"unit not stated; 255 {limit}")
     return None
 
 
 def _from_size(
     name: LoggerName, column: str, ship: Ship, values: NDArray[np.float64]
 ) -> Guess | None:
-    """Return the unit that the size of the values suggests, with what is not sure of it."""
+    """Return the unit that the size of the values suggests, with the reason for a doubt."""
     unit = {"N m": "N m", "-": "dimensionless"}.get(BOUNDS[column][2], BOUNDS[column][2])
     size = float(np.percentile(np.abs(values), 95)) if len(values) else 0.0
     if column == SHAFT_SPEED:
@@ -188,30 +187,30 @@ def _from_size(
         unit = "deg/min"
     elif column == HEADING:
         unit = "deg" if size > _A_TURN else "rad"
-    elif column in ranges_of(ship) and BOUNDS[column][2] == "-" and size > BOUNDS[column][1]:
+    elif column in command_ranges(ship) and BOUNDS[column][2] == "-" and size > BOUNDS[column][1]:
         unit = PERCENT_OF_RANGE
-    said = f"unit not stated: {unit} taken"
+    doubt = f"unit not stated: {unit} assumed"
     if column == "ship_speed_m_s":
-        said += "; knot is as common"
+        doubt += "; knot is also common"
         if {"sog", "ground", "vtg"} & {*name.words}:
-            said += "; speed over ground: a current is in it"
-    return Guess(unit, (), said)
+            doubt += "; speed over ground includes the current"
+    return Guess(unit, (), doubt)
 
 
 def _speed(name: LoggerName, ship: Ship, size: float) -> Guess:
-    """Return the unit of revolutions in which they are nearest to what this shaft reaches."""
+    """Return the unit of the shaft speed in which the values are closest to the range of this shaft."""
     top = top_speed(ship) / 3.0
     if drive_column(ship) == SHAFT_SPEED:
         top = float(ship.record()["drive_max"])
     units = list(_PER_SECOND)
     fits = [u for u in units if _REACHED[0] * top <= _PER_SECOND[u] * size <= _REACHED[1] * top]
     if "omega" in name.words or not fits:
-        others = "rpm or rps otherwise" if fits else "none of rad/s, rps, rpm fits this ship"
-        return Guess("rad/s", (), f"unit not stated: rad/s taken; {others}")
+        others = "else rpm or rps" if fits else "none of rad/s, rps, rpm fits this ship"
+        return Guess("rad/s", (), f"unit not stated: rad/s assumed; {others}")
     best = min(fits, key=lambda u: abs(math.log(_PER_SECOND[u] * size / (_USUAL * top))))
     others = ", ".join(u for u in fits if u != best)
-    said = f"unit not stated: {best} by the ship's top speed of {top:.4g} rad/s"
-    return Guess(best, (), said + (f"; {others} would fit too" if others else ""))
+    doubt = f"unit not stated: {best} fits the top speed {top:.4g} rad/s of the shaft"
+    return Guess(best, (), doubt + (f"; {others} would fit too" if others else ""))
 
 
 def _is_unit_of(unit: str, column: str, radius_m: float | None = None) -> bool:
@@ -223,37 +222,49 @@ def _is_unit_of(unit: str, column: str, radius_m: float | None = None) -> bool:
     return True
 
 
-_SURELY_MOVES = 0.1  # share of a voltage's size over which one that drives a motor moves
-_EITHER_WAY = 0.1  # share of the greatest value that one which reverses has the other way
+_LEAST_VARIATION = 0.1  # share of its size over which the voltage of a motor varies
+_EITHER_WAY = 0.1  # share of its largest value that a reversing signal reaches with the other sign
 _OPTIONAL = ("inflow_velocity_m_s", "fuel_flow_kg_s", "propeller_submergence_m", RUDDER_COMMAND)
 
 
 @dataclass
 class _Choice:
-    """What was chosen for a canonical column, and what fits it too."""
+    """Column of the file for a canonical column, its unit, and other columns that would fit."""
 
     name: str
     guess: Guess
     rivals: list[str] = field(default_factory=list)
 
 
-def first_map(
+def draft_column_map(
     ship: Ship, left: pd.DataFrame, units: Mapping[str, str], taken: set[str]
 ) -> Iterator[str]:
-    """Yield the lines of a column map; what cannot be guessed is a comment to be filled in.
+    """Yield the lines of a draft of a column map; a column that is not recognised becomes a comment.
 
-    A column is guessed from its name, else from its unit where only one column of the file and one of
-    the ship have that kind of unit, and the time from its stamps. Columns of the file that compete for a
-    canonical column, and units that no name states, are said in comments.
+    A column is recognised by its name, or by its unit if only one column of the file and one of the ship
+    have this unit; the time is also recognised by its stamps. Comments list columns of the file that
+    compete for a canonical column, and units that are assumed.
+
+    Example:
+        >>> from shaftline.plant import load_ship
+        >>> table = pd.DataFrame({"Time (s)": [0.0, 1.0], "Fuel rack (mm)": [20.0, 21.0]})
+        >>> for line in draft_column_map(load_ship("frigate"), table, {}, set()):
+        ...     print(line)
+        # draft of a column map, from names, units and values: check each line
+        [columns]
+        "Time (s)" = { column = "time_s", unit = "s" }
+        "Fuel rack (mm)" = { column = "fuel_rack_mm", unit = "mm" }
 
     Args:
         ship: the nominal ship.
-        left: columns of the file that are not understood.
-        units: that the file states, by name.
+        left: columns of the file that are not mapped.
+        units: units that the file states in a row of units, by name.
         taken: canonical columns that the file has.
     """
-    foreign = foreign_columns(ship)
-    wanted = dict.fromkeys([*input_columns(ship), SHAFT_SPEED, *answered_columns(ship), *_OPTIONAL])
+    foreign = absent_columns(ship)
+    wanted = dict.fromkeys(
+        [*input_columns(ship), SHAFT_SPEED, *simulated_columns(ship), *_OPTIONAL]
+    )
     if not ship.has_variable_pitch:
         foreign |= {"pitch_ratio"}
     if not ship.has_propeller:
@@ -264,17 +275,17 @@ def first_map(
         foreign |= {"ship_speed_m_s"}
     missing = [c for c in wanted if c not in taken and c not in foreign]
     left = left.rename(columns=str)
-    left = left[[name for name in left if name not in ship.hears]]
-    names = stated_units(map(str, left.columns), units)
+    left = left[[name for name in left if name not in ship.external_signals]]
+    names = split_names(map(str, left.columns), units)
     if not names or not missing:
         return
     found = _by_name(ship, left, names, missing)
     _by_cells(ship, left, names, missing, found)
-    if RUDDER in found or RUDDER in taken:  # either may order the rudder
+    if RUDDER in found or RUDDER in taken:  # The rudder angle may be the rudder command as well.
         missing = [c for c in missing if c != RUDDER_COMMAND]
     if taken & {SHAFT_SPEED, SHAFT_ANGLE} or {SHAFT_SPEED, SHAFT_ANGLE} & {*found}:
         missing = [c for c in missing if c not in (SHAFT_SPEED, SHAFT_ANGLE) or c in found]
-    yield "# a column map to begin with, guessed from names, units and cells"
+    yield "# draft of a column map, from names, units and values: check each line"
     yield "[columns]"
     for column in sorted(found, key=[*wanted].index):
         choice = found[column]
@@ -285,7 +296,7 @@ def first_map(
     still = [f"{c} [{BOUNDS[c][2]}]" for c in missing if c not in found and c not in _OPTIONAL]
     others = [name for name in names if name not in chosen]
     if still and others:
-        yield f"# not found yet: {', '.join(still)}"
+        yield f"# still missing: {', '.join(still)}"
         for name in others:
             yield f'# {_quoted(name)} = {{ column = "?", unit = "{names[name].unit or "?"}" }}'
 
@@ -293,7 +304,7 @@ def first_map(
 def _by_name(
     ship: Ship, left: pd.DataFrame, names: Mapping[str, LoggerName], missing: list[str]
 ) -> dict[str, _Choice]:
-    """Choose the columns of the file whose names fit, the surest name for each canonical column."""
+    """Choose for each canonical column the column of the file with the best-fitting name."""
     drive = drive_column(ship)
     ordered = {drive, "pitch_ratio_command", RUDDER_COMMAND}
     reverses = any(
@@ -306,24 +317,25 @@ def _by_name(
         for name, split in names.items():
             place = rank(split, column, ship, column in ordered)
             values = _numbers(left[name])
-            # words, such as the source of a speed
+            # The column holds text, such as the source of a speed.
             if column != TIME and len(values) < len(left) / 2:
                 continue
-            if column in (SHAFT_POWER, ELECTRIC_POWER) and not np.any(values):  # not connected
+            # A power of 0 throughout comes from an instrument that is not connected.
+            if column in (SHAFT_POWER, ELECTRIC_POWER) and not np.any(values):
                 continue
-            guess = (
-                None
-                if place is None
-                else guess_unit(split, column, ship, values, left[name], reverses)
-            )
-            if place is None or guess is None:
+            if place is None:
                 continue
-            # one that an order says of itself comes after what was measured, for a speed that is held
+            guess = guess_unit(split, column, ship, values, left[name], reverses)
+            if guess is None:
+                continue
+            # A measured shaft speed is preferred to a commanded one.
             late = split.is_command and column == SHAFT_SPEED
             still = column == "motor_voltage_V" and not DUTY & {*split.words} and _stands(values)
             fits.setdefault(column, []).append(((late, still, *place), name, guess))
     if SHAFT_SPEED in fits or SHAFT_SPEED not in missing:
-        fits.pop(SHAFT_ANGLE, None)  # a second witness of the speed, whose turns may begin anew
+        fits.pop(
+            SHAFT_ANGLE, None
+        )  # The angle adds nothing to the speed and may restart each turn.
     found: dict[str, _Choice] = {}
     taken: set[str] = set()
     for column in sorted(fits, key=lambda c: (c not in ordered, COLUMNS.index(c))):
@@ -335,7 +347,7 @@ def _by_name(
         rivals = [f"{_quoted(n)} ({names[n].unit or 'no unit'})" for _, n, _ in free if n != name]
         found[column] = _Choice(name, guess, rivals)
         taken.add(name)
-    for column, choice in found.items():  # what became another canonical column competes no more
+    for column, choice in found.items():  # Columns chosen elsewhere are no longer alternatives.
         own = {_quoted(other.name) for key, other in found.items() if key != column}
         choice.rivals = [r for r in choice.rivals if r.rpartition(" (")[0] not in own]
     return found
@@ -346,7 +358,7 @@ def _belongs_elsewhere(
     column: str,
     fits: Mapping[str, list[tuple[tuple[float, ...], str, Guess]]],
 ) -> bool:
-    """Whether another canonical column is nearer to a name, by the words that a phrase leaves."""
+    """Return whether another canonical column leaves fewer words of the name unexplained."""
     return any(
         other[1] == fit[1] and other[0][-1] < fit[0][-1]
         for key, those in fits.items()
@@ -362,10 +374,10 @@ def _by_cells(
     missing: list[str],
     found: dict[str, _Choice],
 ) -> None:
-    """Add what stamps and units say alone."""
+    """Add the columns that are recognised by time stamps or by their unit alone."""
     chosen = {choice.name for choice in found.values()}
     for name in (n for n in names if n not in chosen):
-        if TIME in missing and TIME not in found and is_stamps(left[name]):
+        if TIME in missing and TIME not in found and holds_time_stamps(left[name]):
             found[TIME] = _Choice(name, Guess("datetime"))
             chosen.add(name)
     counted = [n for n in names if n not in chosen and _counts_turns(names[n])]
@@ -394,10 +406,10 @@ def _by_cells(
 
 
 def _line(name: str, column: str, guess: Guess) -> str:
-    """Return the line of a map, with a comment where the unit is not sure."""
+    """Return the line of a map, with a comment if the unit is doubtful."""
     parts = [f'column = "{column}"', f'unit = "{guess.unit}"', *guess.more]
-    said = f"  # {guess.doubt}" if guess.doubt else ""
-    return f"{_quoted(name)} = {{ {', '.join(parts)} }}{said}"
+    comment = f"  # {guess.doubt}" if guess.doubt else ""
+    return f"{_quoted(name)} = {{ {', '.join(parts)} }}{comment}"
 
 
 def _quoted(name: str) -> str:
@@ -406,17 +418,8 @@ def _quoted(name: str) -> str:
 
 
 def _counts_turns(name: LoggerName) -> bool:
-    return name.unit.lower() in (
-        "rpm",
-        "rps",
-        "1/min",
-        "min-1",
-        "min^-1",
-        "r/min",
-        "u/min",
-        "1/s",
-        "hz",
-    )
+    units = ("rpm", "rps", "1/min", "min-1", "min^-1", "r/min", "u/min", "1/s", "hz")
+    return name.unit.lower() in units
 
 
 def _numbers(values: pd.Series) -> NDArray[np.float64]:
@@ -426,23 +429,23 @@ def _numbers(values: pd.Series) -> NDArray[np.float64]:
 
 
 def _stands(values: NDArray[np.float64]) -> bool:
-    """Whether a voltage hardly moves, as that of a supply."""
+    """Return whether a voltage is nearly constant, as that of a supply."""
     if len(values) < 2:
         return False
     size = float(np.abs(values).max())
-    return bool(np.ptp(values) < _SURELY_MOVES * size) or math.isclose(size, 0.0)
+    return bool(np.ptp(values) < _LEAST_VARIATION * size) or math.isclose(size, 0.0)
 
 
 def _reverses(values: NDArray[np.float64]) -> bool:
-    """Whether values reach either side of zero."""
+    """Return whether a signal reaches clearly positive and clearly negative values."""
     if len(values) == 0:
         return False
     low, high = float(values.min()), float(values.max())
     return min(-low, high) > _EITHER_WAY * max(-low, high)
 
 
-def is_stamps(values: pd.Series) -> bool:
-    """Whether most cells are text with a time of day in it."""
+def holds_time_stamps(values: pd.Series) -> bool:
+    """Return whether most cells are text with a time of day."""
     if pd.api.types.is_numeric_dtype(values):
         return False
     return bool(values.astype(str).str.contains(r"\d:\d\d", regex=True).mean() > 0.9)

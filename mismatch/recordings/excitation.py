@@ -1,4 +1,4 @@
-"""Whether something in a recording moves enough to tell one effect from another."""
+"""Measure whether commands, loads and course of a recording vary enough to identify effects."""
 
 from __future__ import annotations
 
@@ -21,30 +21,35 @@ from ...plant.columns import (
 )
 from ...plant.ship import Ship
 
-TURNED = math.radians(30.0)
-"""Change of heading beyond which a recording turns: a current from ahead is a seventh weaker then."""
+COURSE_CHANGE = math.radians(30.0)
+"""Change of heading [rad] from which a recording turns; it weakens a current from ahead by a seventh."""
 
-DULL_SHARE = 0.05
-"""Demands and loads that move over less than this share of their size tell no effect from another."""
+LEAST_VARIATION = 0.05
+"""Share of its size over which a command or a load must vary to identify effects."""
 
 
-def moves(values: NDArray[np.float64]) -> bool:
-    """Whether a signal, shape (rows,), moves enough, its rarest values left out."""
+def varies(values: NDArray[np.float64]) -> bool:
+    """Return whether a signal, shape (rows,), varies enough between its 2nd and 98th percentile."""
     size = float(np.abs(values).max())
-    return bool(np.ptp(np.quantile(values, [0.02, 0.98])) > DULL_SHARE * max(size, 1e-12))
+    return bool(np.ptp(np.quantile(values, [0.02, 0.98])) > LEAST_VARIATION * max(size, 1e-12))
 
 
 def helm_column(ship: Ship, table: pd.DataFrame) -> str | None:
-    """Column that orders the rudder of a ship that turns: the command, or else the angle itself."""
+    """Return the rudder command of a ship that turns: its column, else the rudder angle, else None."""
     helms = (column for column in (RUDDER_COMMAND, RUDDER) if ship.turns and column in table)
     return next(helms, None)
 
 
-def turned(tables: Iterable[pd.DataFrame]) -> bool:
-    """Whether recordings turn, by their headings or else their rates of turn.
+def course_changes(tables: Iterable[pd.DataFrame]) -> bool:
+    """Return whether recordings turn, by their headings or else their rates of turn.
+
+    Example:
+        >>> time = np.arange(5.0)
+        >>> course_changes([pd.DataFrame({"time_s": time, "heading_rad": 0.2 * time})])
+        True
 
     Args:
-        tables: with canonical columns; on a ship that does not turn under the names that terms hear.
+        tables: canonical columns; for a ship without turning, the signals ``heading`` or ``yaw_rate``.
     """
     first: float | None = None
     for table in tables:
@@ -58,40 +63,40 @@ def turned(tables: Iterable[pd.DataFrame]) -> bool:
             apart = np.cumsum(table[rates[0]].to_numpy()) * float(table[TIME].diff().mean())
         else:
             continue
-        if np.abs(np.angle(np.exp(1j * apart))).max() > TURNED:
+        if np.abs(np.angle(np.exp(1j * apart))).max() > COURSE_CHANGE:
             return True
     return False
 
 
-def one_way(ship: Ship, tables: Iterable[pd.DataFrame]) -> bool:
-    """Whether the shaft of recordings turns, and is driven, one way only.
+def shaft_runs_one_way(ship: Ship, tables: Iterable[pd.DataFrame]) -> bool:
+    """Return whether shaft speed and drive command of all recordings keep one sign.
 
     Args:
         ship: the ship.
-        tables: with canonical columns.
+        tables: canonical columns.
     """
     ends = []
     for table in tables:
         for column in {drive_column(ship), SHAFT_SPEED} & set(table):
             values = table[column].to_numpy(dtype=np.float64)
             low, high = float(values.min()), float(values.max())
-            size = DULL_SHARE * max(abs(low), abs(high))
+            size = LEAST_VARIATION * max(abs(low), abs(high))
             ends.append((low < -size, high > size))
     return not (any(low for low, _ in ends) and any(high for _, high in ends))
 
 
-def loaded(ship: Ship, table: pd.DataFrame) -> bool:
-    """Whether what loads the propeller moves, whatever the orders do.
+def load_varies(ship: Ship, table: pd.DataFrame) -> bool:
+    """Return whether the propeller load varies independently of the commands.
 
-    A measured inflow, a surface that comes within a diameter of the propeller's centre, on a shaft whose
-    speed is held the ship's speed, on one that turns her rudder, and any column that is none of the
-    tool's own, such as a wind's.
+    Loads are: a measured inflow; the submergence, if it is less than a diameter; the ship speed, if the
+    shaft speed is prescribed; the rudder of a ship that turns; and every signal that is no canonical
+    column, such as wind.
 
     Args:
         ship: the ship.
         table: canonical columns.
     """
-    return any(moves(table[name].to_numpy(dtype=np.float64)) for name in _loads(ship, table))
+    return any(varies(table[name].to_numpy(dtype=np.float64)) for name in _loads(ship, table))
 
 
 def _loads(ship: Ship, table: pd.DataFrame) -> Iterator[str]:

@@ -1,8 +1,7 @@
-"""Recordings of different sampling rates, brought to the slowest of them.
+"""Read several recordings of one condition of a ship for a joint diagnosis.
 
-Recordings that repeat each other's rows: held-out data must not be among the fitted data.
-
-Recordings of one condition of a ship, read to be diagnosed together.
+The recordings are resampled to the longest of their sampling intervals. Recordings that share rows are
+refused, because held-out data must not be part of the fitted data.
 """
 
 from __future__ import annotations
@@ -23,34 +22,34 @@ from scipy.ndimage import uniform_filter1d
 from ...plant.columns import HEADING, MEASURED, SHAFT_ANGLE, TIME
 from ...plant.recording import RecordingError
 from ...plant.ship import Ship
-from ..estimate import Tick, silent
-from .checks import TOO_SHORT, too_short
+from ..estimate import Tick, ignore_progress
+from .checks import TOO_SHORT, length_limits
 from .load import TABLE, Recording, load_parts
-from .noise import describe
-from .time_base import LEAST_OF_ONE
-from .unit_errors import demands
+from .noise import estimate_noise
+from .time_base import FEWEST_ROWS
+from .unit_errors import command_columns
 
 ALIKE = 0.01
-"""Share by which sampling intervals may differ and still be the same."""
+"""Relative difference up to which two sampling intervals count as equal."""
 
-MOST_APART = 20.0
-"""Ratio of sampling intervals up to which recordings are diagnosed together."""
+MAX_INTERVAL_RATIO = 20.0
+"""Largest ratio of the sampling intervals of recordings in a joint diagnosis."""
 
 
 def at_common_interval(ship: Ship, recordings: Sequence[Recording]) -> list[Recording]:
-    """Bring recordings to the longest of their sampling intervals by linear interpolation.
+    """Resample recordings to the longest of their sampling intervals by linear interpolation.
 
     Measured channels of a recording that is much faster are averaged over one new interval first.
 
     Args:
         ship: the nominal ship.
-        recordings: each on an even time base.
+        recordings: recordings with even time bases.
 
     Returns:
-        The recordings; those that were changed say so in their warnings.
+        The recordings; each that was resampled has a warning.
 
     Raises:
-        RecordingError: the intervals differ by more than a factor of :data:`MOST_APART`.
+        RecordingError: the intervals differ by more than a factor of :data:`MAX_INTERVAL_RATIO`.
     """
     slowest = max(recordings, key=lambda one: one.interval_s, default=None)
     if slowest is None:
@@ -58,11 +57,11 @@ def at_common_interval(ship: Ship, recordings: Sequence[Recording]) -> list[Reco
     result = []
     for one in recordings:
         ratio = slowest.interval_s / one.interval_s
-        if ratio > MOST_APART:
+        if ratio > MAX_INTERVAL_RATIO:
             raise RecordingError(
                 f"{one.source}: a row every {one.interval_s:.4g} s, {slowest.source}: a row every "
-                f"{slowest.interval_s:.4g} s; up to {MOST_APART:g} times apart they can be diagnosed "
-                "together; leave one out or average the faster one"
+                f"{slowest.interval_s:.4g} s; up to {MAX_INTERVAL_RATIO:g} times as many rows are "
+                "allowed in a joint diagnosis; leave one recording out or average the faster one"
             )
         result.append(one if ratio <= 1.0 + ALIKE else _slowed(ship, one, slowest.interval_s))
     return result
@@ -72,69 +71,69 @@ def _slowed(ship: Ship, one: Recording, interval_s: float) -> Recording:
     """Return a recording at a longer sampling interval."""
     time, width = one.time_s, round(interval_s / one.interval_s)
     even = time[0] + interval_s * np.arange(int((time[-1] - time[0]) / interval_s + 1e-9) + 1)
-    ordered = demands(ship, one.table)
+    commands = command_columns(ship, one.table)
 
     def at(column: str) -> NDArray[np.float64]:
         values = one[column]
-        if column not in ordered and width > 1:
+        if column not in commands and width > 1:
             values = uniform_filter1d(values, width, mode="nearest")
         return np.asarray(np.interp(even, time, values))
 
     table = pd.DataFrame({c: even if c == TIME else at(str(c)) for c in one.table})
-    noise = {c: describe(table[c].to_numpy(), interval_s) for c in one.noise}
-    said = (
-        f"its rows, one every {one.interval_s:.4g} s, were brought to one every {interval_s:.4g} s, the "
+    noise = {c: estimate_noise(table[c].to_numpy(), interval_s) for c in one.noise}
+    warning = (
+        f"resampled from one row every {one.interval_s:.4g} s to one row every {interval_s:.4g} s, the "
         "interval of the slowest recording"
     )
     return replace(
-        one, table=table, interval_s=interval_s, noise=noise, warnings=(*one.warnings, said)
+        one, table=table, interval_s=interval_s, noise=noise, warnings=(*one.warnings, warning)
     )
 
 
 LEAST_REPEATED = 10
-"""Rows in a row, no two of them alike, from which on two recordings overlap. Fewer may agree by chance
-where a ship rests and its instruments are coarse."""
+"""Number of consecutive equal rows, all different from each other, from which two recordings overlap.
+Fewer may agree by chance on a ship at rest with coarse instruments."""
 
 
 def refuse_overlap(recordings: Sequence[Recording], why: str) -> None:
-    """Refuse recordings two of which hold the same stretch of a voyage.
+    """Refuse recordings if two of them hold the same part of a voyage.
 
     Args:
-        recordings: any number.
-        why: they must not, as the end of the message.
+        recordings: any number of recordings.
+        why: reason of the refusal, the end of the message.
 
     Raises:
-        RecordingError: names two of them, the rows that are repeated, and the reason.
+        RecordingError: gives the two recordings, the shared rows and the reason.
     """
     for one, other in combinations(recordings, 2):
-        refuse_shared(one, other, why)
+        refuse_common_rows(one, other, why)
 
 
-def refuse_shared(one: Recording, other: Recording, why: str) -> None:
-    """Refuse two recordings that hold the same stretch of a voyage.
+def refuse_common_rows(one: Recording, other: Recording, why: str) -> None:
+    """Refuse two recordings that hold the same part of a voyage.
 
-    Time stamps are not compared: a copy may count from elsewhere.
+    Time stamps are not compared: a copy may count time from another start.
 
     Args:
-        one: a recording.
-        other: another.
-        why: they must not share rows, as the end of the message.
+        one: first recording.
+        other: second recording.
+        why: reason of the refusal, the end of the message.
 
     Raises:
-        RecordingError: as of :func:`refuse_overlap`.
+        RecordingError: as in :func:`refuse_overlap`.
     """
-    # a heading or an angle may have been counted from elsewhere too
+    # A heading or an angle may have another zero in a copy, too.
     columns = [c for c in one.channels if c in other and c not in (SHAFT_ANGLE, HEADING, TIME)]
     if not columns:
         return
     first, length = _repeated(_rows(one, columns), _rows(other, columns))
     if length < LEAST_REPEATED:
         return
-    # a command that is alike while nothing moves is no copy: two runs from rest begin alike
+    # Two runs that start from rest share rows in which no measured channel varies, and are no copies.
     measured = other.table[[c for c in columns if c in MEASURED]].to_numpy(dtype=np.float64)
     if np.any(np.ptp(measured[first : first + length], axis=0) > 0.0):
         raise RecordingError(
-            f"{other.source}: rows {first + 1} to {first + length} stand in {one.source} as well; {why}"
+            f"{other.source}: rows {first + 1} to {first + length} are in {one.source} as well; {why}"
         )
 
 
@@ -144,9 +143,9 @@ def _rows(recording: Recording, columns: Sequence[str]) -> NDArray[np.void]:
 
 
 def _repeated(one: NDArray[np.void], other: NDArray[np.void]) -> tuple[int, int]:
-    """First row and length of the longest stretch of the second that follows the first row by row.
+    """Return first row and length of the longest part of the second that the first also holds.
 
-    Rows that occur more than once in either are no mark of a moment and end a stretch.
+    Rows that occur more than once in either do not identify a moment, and end a part.
     """
     places: dict[bytes, int] = {}
     counts: dict[bytes, int] = {}
@@ -167,25 +166,24 @@ def _repeated(one: NDArray[np.void], other: NDArray[np.void]) -> tuple[int, int]
 
 
 LEAST_ROWS = 40
-"""Of all recordings that are fitted together, so that there is something to fit and to set aside."""
+"""Fewest rows of all fitted recordings together, so that a part of them can be held out."""
 
 Recorded: TypeAlias = str | Path | Recording | pd.DataFrame
-"""A CSV or Parquet file; a table, which passes the same checks; or what :func:`.load_recording` made of
-either."""
+"""Recording as a CSV or Parquet file, a table, or the result of :func:`.load_recording`."""
 
-NOT_TWICE = "held-out rows must not be fitted, and no row counts twice: give each stretch once"
+NO_COMMON_ROWS = "held-out rows must not be fitted, and no row may count twice: give each part once"
 
 
 @dataclass(frozen=True)
 class JointRecordings:
-    """Recordings that are diagnosed together.
+    """Recordings of a joint diagnosis.
 
     Args:
-        tables: canonical columns at an even interval; those set aside come last.
-        held_out: how many are set aside.
-        limits: why they may not decide.
-        warnings: what was noticed about them.
-        signals: units of what terms may hear in all of them, by name.
+        tables: canonical columns at an even interval; held-out recordings come last.
+        held_out: number of held-out recordings.
+        limits: reasons why the recordings may not allow a decision.
+        warnings: warnings on the recordings.
+        signals: units of the signals for terms that all recordings have, by name.
         steady: whether each row is an equilibrium at the inputs of that row.
     """
 
@@ -202,63 +200,68 @@ def load_jointly(
     fitted: Sequence[Recorded],
     held_out: Sequence[Recorded] = (),
     columns: str | Path | None = None,
-    tick: Tick = silent,
+    tick: Tick = ignore_progress,
     signals: Mapping[str, str] = MappingProxyType({}),
 ) -> JointRecordings:
-    """Read and check recordings that are diagnosed together.
+    """Read and check the recordings of a joint diagnosis.
+
+    Example:
+        >>> from shaftline.mismatch.example import COLUMN_MAP, FOLDER, RECORDING, SHIP_FILE
+        >>> from shaftline.plant import load_ship
+        >>> ship = load_ship(FOLDER / SHIP_FILE)
+        >>> joint = load_jointly(ship, [FOLDER / RECORDING], columns=FOLDER / COLUMN_MAP)
+        >>> len(joint.tables), joint.held_out, joint.limits
+        (1, 0, [])
 
     Args:
         ship: the nominal ship.
-        fitted: at least one.
-        held_out: set aside to judge on.
-        columns: column map of the files, or none.
-        tick: told how many are read.
-        signals: units of columns that terms may hear, by name, besides those of the ship and the map.
+        fitted: recordings to be fitted, at least one.
+        held_out: recordings kept for the validation.
+        columns: column map of the files, or None.
+        tick: progress callback.
+        signals: units of columns that are signals for terms, by name, in addition to those of the ship
+            and of the column map.
 
     Raises:
-        RecordingError: a recording or the column map cannot be used; names file, column and row.
-            Or too few rows: of one of them, or of all that is fitted. Or two of them hold the same
-            stretch of a voyage, be it under two names.
-        ValueError: nothing to fit, or a file that is given twice.
+        RecordingError: a recording or the column map cannot be used, with file, column and row; or a
+            recording, or all fitted recordings together, have too few rows; or two recordings hold the
+            same part of a voyage.
+        ValueError: there is no recording to fit, or a file is given twice.
     """
     sources = [*fitted, *held_out]
     if not fitted:
-        raise ValueError("no recording to fit: give at least one that is not set aside")
-    refuse_twice(sources)
+        raise ValueError("no recording to fit: give at least one recording that is not held out")
+    refuse_repeated_sources(sources)
     groups = load_each(ship, sources, columns, tick, signals)
-    count = len(parts_of(groups[: len(fitted)]))
-    loaded = parts_of(groups)
+    count = len(flatten(groups[: len(fitted)]))
+    loaded = flatten(groups)
     _refuse_mixed(loaded)
     if not loaded[0].steady:
         loaded = at_common_interval(ship, loaded)
-    to_fit, aside = loaded[:count], loaded[count:]
-    refuse_few(to_fit)
-    refuse_overlap(loaded, NOT_TWICE)
-    limits, warnings = _said(to_fit, loaded, ship)
-    heard = {n: u for n, u in loaded[0].signals.items() if all(n in r.signals for r in loaded)}
+    refuse_too_few_rows(loaded[:count])
+    refuse_overlap(loaded, NO_COMMON_ROWS)
+    limits, warnings = _limits_and_warnings(loaded[:count], loaded, ship)
+    common = {n: u for n, u in loaded[0].signals.items() if all(n in r.signals for r in loaded)}
     tables = tuple(r.table for r in loaded)
-    return JointRecordings(tables, len(aside), limits, warnings, heard, loaded[0].steady)
+    held_out_count = len(loaded) - count
+    return JointRecordings(tables, held_out_count, limits, warnings, common, loaded[0].steady)
 
 
 def _refuse_mixed(recordings: Sequence[Recording]) -> None:
-    """Refuse recordings of which some have rows that are equilibria and some have not.
-
-    Raises:
-        RecordingError: names one of each.
-    """
+    """Refuse a mixture of recordings with rows that are equilibria and rows that are not."""
     kinds = {recording.steady: recording.source for recording in recordings}
     if len(kinds) > 1:
         raise RecordingError(
-            f"{kinds[True]} has rows that are equilibria, {kinds[False]} has rows that follow the "
-            "ship's motion; diagnose them apart, or say --steady where all rows are equilibria"
+            f"{kinds[True]} has rows that are equilibria, {kinds[False]} has rows in transient motion; "
+            "diagnose them separately, or use --steady if all rows are equilibria"
         )
 
 
-def refuse_few(recordings: Sequence[Recording]) -> None:
-    """Refuse recordings that have too few rows together.
+def refuse_too_few_rows(recordings: Sequence[Recording]) -> None:
+    """Refuse recordings that together have fewer rows than :data:`LEAST_ROWS`.
 
     Raises:
-        RecordingError: says how many are needed.
+        RecordingError: gives the number of rows and the number that is needed.
     """
     rows = sum(map(len, recordings))
     if rows < LEAST_ROWS:
@@ -266,24 +269,24 @@ def refuse_few(recordings: Sequence[Recording]) -> None:
         raise RecordingError(f"{names}: {rows} rows; at least {LEAST_ROWS} are needed")
 
 
-def refuse_twice(
-    sources: Sequence[Recorded], others: Sequence[Recorded] = (), why: str = NOT_TWICE
+def refuse_repeated_sources(
+    sources: Sequence[Recorded], others: Sequence[Recorded] = (), why: str = NO_COMMON_ROWS
 ) -> None:
-    """Refuse a file or a table that is given twice, before any is read.
+    """Refuse a file or a table that is given twice, before any file is read.
 
     Args:
-        sources: none of which may stand among them, or among the others, again.
-        others: any number.
-        why: it must not, as the end of the message.
+        sources: recordings that must differ from each other and from the others.
+        others: further recordings.
+        why: reason of the refusal, the end of the message.
 
     Raises:
-        TypeError: neither a file nor a table.
-        ValueError: names it.
+        TypeError: a source is neither a file nor a table nor a recording.
+        ValueError: gives the source that occurs twice.
     """
     for source in (*sources, *others):
         if not isinstance(source, str | Path | Recording | pd.DataFrame):
             raise TypeError(
-                f"a recording is the path of a file, a pandas.DataFrame or a Recording, not "
+                "a recording is the path of a file, a pandas.DataFrame or a Recording, not "
                 f"{type(source).__name__}"
             )
     known: set[object] = {_identity(source) for source in others}
@@ -303,31 +306,31 @@ def load_each(
     ship: Ship,
     sources: Sequence[Recorded],
     columns: str | Path | None = None,
-    tick: Tick = silent,
+    tick: Tick = ignore_progress,
     signals: Mapping[str, str] = MappingProxyType({}),
     steady: bool = False,
 ) -> list[list[Recording]]:
-    """Read and check recordings, each for itself; one with long gaps is cut there into several.
+    """Read and check recordings separately; a recording with long gaps is cut there into parts.
 
     Args:
         ship: the nominal ship.
         sources: files, tables and recordings that were checked before.
-        columns: column map of the files, or none.
-        tick: told how many are read.
-        signals: as of :func:`load_jointly`.
-        steady: whether each row is an equilibrium, as of :func:`.load.load_recording`.
+        columns: column map of the files, or None.
+        tick: progress callback.
+        signals: as in :func:`load_jointly`.
+        steady: whether each row is an equilibrium, as in :func:`.load.load_recording`.
 
     Returns:
         The parts of each source.
 
     Raises:
-        RecordingError: as of :func:`load_jointly`.
+        RecordingError: a recording or the column map cannot be used, or a part has too few rows.
     """
     tables = sum(isinstance(source, pd.DataFrame) for source in sources)
     loaded: list[list[Recording]] = []
     numbered = 0
     for done, source in enumerate(sources):
-        tick("reading and checking", done, len(sources))
+        tick("loading recordings", done, len(sources))
         if isinstance(source, Recording):
             found = [source]
         else:
@@ -335,39 +338,40 @@ def load_each(
             name = f"{TABLE} {numbered}" if tables > 1 else TABLE
             found = load_parts(source, ship, columns, signals, name, steady)
         for recording in found:
-            if len(recording) < LEAST_OF_ONE:
+            if len(recording) < FEWEST_ROWS:
                 raise RecordingError(
-                    f"{recording.source}: {len(recording)} rows; at least {LEAST_OF_ONE} are needed of "
-                    "each"
+                    f"{recording.source}: {len(recording)} rows; at least {FEWEST_ROWS} are needed in "
+                    "each recording"
                 )
         loaded.append(found)
-    tick("reading and checking", len(sources), len(sources))
+    tick("loading recordings", len(sources), len(sources))
     return loaded
 
 
-def parts_of(groups: Iterable[list[Recording]]) -> list[Recording]:
+def flatten(groups: Iterable[list[Recording]]) -> list[Recording]:
     """Return the parts of several sources in one list, in their order."""
     return [recording for group in groups for recording in group]
 
 
-def _said(
+def _limits_and_warnings(
     fitted: list[Recording], loaded: list[Recording], ship: Ship
 ) -> tuple[list[str], list[str]]:
-    """Limits and warnings of all recordings; several are named, and limit only where all do.
+    """Return the limits and warnings of several recordings, each with the name of its recording.
 
-    Lengths of what is fitted are counted together.
+    The lengths of the fitted recordings are added. Other limits remain limits only if every fitted
+    recording has one; else they become warnings, because another recording may identify the effect.
     """
     if len(loaded) == 1:
         return list(loaded[0].limits), list(loaded[0].warnings)
-    limits = {id(r): [said for said in r.limits if not said.startswith(TOO_SHORT)] for r in loaded}
+    limits = {id(r): [one for one in r.limits if not one.startswith(TOO_SHORT)] for r in loaded}
 
     def named(part: Iterable[Recording]) -> list[str]:
-        return [f"{r.source.name}: {said}" for r in part for said in limits[id(r)]]
+        return [f"{r.source.name}: {limit}" for r in part for limit in limits[id(r)]]
 
-    warnings = [f"{r.source.name}: {said}" for r in loaded for said in r.warnings]
+    warnings = [f"{r.source.name}: {warning}" for r in loaded for warning in r.warnings]
     together = []
-    if any(said.startswith(TOO_SHORT) for r in fitted for said in r.limits):
-        together = too_short([r.table for r in fitted], fitted[0].interval_s, ship)
+    if any(limit.startswith(TOO_SHORT) for r in fitted for limit in r.limits):
+        together = length_limits([r.table for r in fitted], fitted[0].interval_s, ship)
     if all(limits[id(recording)] for recording in fitted):
         return together + named(fitted), warnings
     return together, warnings + named(loaded)

@@ -1,13 +1,11 @@
-"""A recording with long gaps, cut there into several.
-
-A recording read from its file: by its column map, through every check, with its noise.
-"""
+"""Read one recording: read the file, map its columns, clean the values, check them against the ship."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -25,106 +23,57 @@ from ...plant.columns import (
     SHAFT_POWER,
     SHAFT_SPEED,
     TIME,
-    answered_columns,
-    foreign_columns,
+    absent_columns,
     input_columns,
+    simulated_columns,
 )
-from ...plant.recording import RecordingError, as_numbers, check_bounds, read_table
+from ...plant.recording import RecordingError, check_bounds, convert_numbers, read_table
 from ...plant.ship import Ship
-from ...plant.terms import OF_A_TURN
+from ...plant.terms import TURNING_SIGNALS
 from .checks import (
-    at_end_stop,
-    dull,
-    pitch_swapped,
+    constant_channel_warnings,
+    end_stop_warnings,
+    insufficient_excitation,
+    length_limits,
+    pitch_columns_swapped,
     refuse_complex,
-    refuse_wrapped,
-    standing,
-    too_short,
-    without_spikes,
+    remove_spikes,
+    wrapped_angle_errors,
 )
 from .columns import load_map
-from .noise import Noise, describe, describe_command
-from .reference_simulation import Yardstick
+from .noise import Noise, estimate_command_noise, estimate_noise
+from .reference_simulation import ReferenceSimulation
 from .steady_rows import (
     NO_EQUILIBRIUM,
-    complete_rows,
-    noise_of_rows,
+    drop_incomplete_rows,
+    drop_outliers,
+    estimate_row_noise,
+    keep_running_rows,
     refuse_without_drive,
     rows_are_steady,
-    running_rows,
-    why_steady,
-    without_outliers,
+    steady_rows_remark,
 )
-from .time_base import LEAST_OF_ONE, filled, on_even_time, parts, spread, times_of, with_seconds
-from .unit_errors import demands, impossible_demands, ranges_of
+from .time_base import (
+    FEWEST_ROWS,
+    convert_dates,
+    fill_missing,
+    resample_evenly,
+    split_at_gaps,
+    spread_coarse_clock,
+    time_in_seconds,
+)
+from .unit_errors import command_columns, command_ranges, impossible_commands
 
 TABLE = "table"
-"""Name of a recording in messages that is no file."""
+"""Name in messages of a recording that is a table and not a file."""
 
 CUT = "the recording was cut"
-"""How the remark on the gaps begins."""
+"""First words of the warning on a recording that was cut at its gaps."""
 
 MOST_PARTS = 50
-"""Parts into which a recording is cut at most; with more its time base is hardly one."""
+"""Largest number of parts into which a recording is cut at its gaps."""
 
-
-def load_parts(
-    source: str | Path | pd.DataFrame,
-    ship: Ship,
-    columns: str | Path | None = None,
-    signals: Mapping[str, str] = MappingProxyType({}),
-    name: str = TABLE,
-    steady: bool = False,
-) -> list[Recording]:
-    """Read a recording and cut it where more samples are missing than are filled in.
-
-    Each part is checked, and later simulated from its own start. Parts of fewer than
-    :data:`.time_base.LEAST_OF_ONE` rows are left out.
-
-    Args:
-        source: as of :func:`load_recording`, as are the others.
-        ship: the nominal ship.
-        columns: column map, or none.
-        signals: units of further columns for terms.
-        name: of a table, in messages.
-        steady: as of :func:`load_recording`; rows that are equilibria need no cut.
-
-    Returns:
-        The parts in their order; the first one's warnings say where the recording was cut.
-
-    Raises:
-        RecordingError: as of :func:`load_recording`; also where the parts that are long enough hold
-            less than half of the rows, or are too many.
-    """
-    refuse_other_types(source, ship, columns)
-    path = Path(name) if isinstance(source, pd.DataFrame) else Path(source)
-    raw, mapped = read_mapped(source, ship, columns, name)
-    time = times_of(path, raw)
-    if rows_are_steady(ship, raw, time, steady):
-        return [checked(path, raw, mapped, ship, signals, steady)]
-    found = parts(time)
-    kept = [(a, b) for a, b in found if b - a >= LEAST_OF_ONE]
-    rows = sum(b - a for a, b in kept)
-    if len(found) == 1 or len(kept) > MOST_PARTS or 2 * rows < len(raw):
-        return [checked(path, raw, mapped, ship, signals)]  # which refuses gaps
-    cuts = [f"{time[a] - time[a - 1]:.4g} s before row {a + 1}" for a, _ in found[1:]]
-    said = (
-        f"{CUT} at {len(cuts)} gap{'s' * (len(cuts) > 1)} ({', '.join(cuts[:5])}"
-        f"{', ...' if len(cuts) > 5 else ''}) into {len(kept)} parts, each simulated from its own start"
-    )
-    if rows < len(raw):
-        said += f"; {len(raw) - rows} rows in parts of fewer than {LEAST_OF_ONE} rows were left out"
-    result = []
-    for number, (a, b) in enumerate(kept, 1):
-        part = raw.iloc[a:b].reset_index(drop=True)
-        part.attrs = raw.attrs if number == 1 else {}
-        own = path.with_name(f"{path.name} part {number} (from row {a + 1})")
-        result.append(checked(own, part, mapped, ship, signals))
-    result[0] = replace(result[0], warnings=(said, *result[0].warnings))
-    return result
-
-
-OUTSIDE = {
+EXTRA_SIGNALS = {
     "drift_angle": "rad",
     "sway_speed": "m/s",
     "yaw_rate": "rad/s",
@@ -132,21 +81,22 @@ OUTSIDE = {
     "head_wind": "m/s",
     "side_wind": "m/s",
 }
-"""Names under which entries of the catalogue hear what a recording may hold besides, and units."""
+"""Unit of each optional signal of a recording that effects of the catalogue use, by signal name."""
 
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording that has passed the checks.
+    """Recording that has passed the checks.
 
     Args:
-        source: the file it came from.
+        source: the file that was read.
         table: canonical columns as floats, (n,) rows on an even time base.
-        interval_s: spacing of the rows [s].
-        noise: noise of each measured or ordered channel, in the channel's unit.
-        warnings: what was mended or looks odd; sentences for the reader.
-        limits: what the recording cannot show, each beginning with "too short" or "dull".
-        signals: unit of each column that is a signal for terms, by its name.
+        interval_s: sampling interval [s].
+        noise: noise of each measured or commanded channel, in the unit of the channel.
+        warnings: sentences on values that were repaired or look implausible.
+        limits: sentences on effects that the recording cannot identify; each begins with "too short" or
+            "insufficient excitation".
+        signals: unit of each column that is a signal for terms, by name.
         steady: whether each row is an equilibrium at the inputs of that row.
     """
 
@@ -160,18 +110,18 @@ class Recording:
     steady: bool = False
 
     def __len__(self) -> int:
-        """Number of rows."""
+        """Return the number of rows."""
         return len(self.table)
 
     def __contains__(self, column: object) -> bool:
-        """Whether a canonical column is present."""
+        """Return whether the recording has a canonical column."""
         return column in self.table
 
     def __getitem__(self, column: str) -> NDArray[np.float64]:
-        """Values of a canonical column, (n,).
+        """Return the values of a canonical column, (n,).
 
         Raises:
-            KeyError: the recording does not have it.
+            KeyError: the recording does not have the column.
         """
         return np.array(self.table[column], dtype=float)
 
@@ -182,7 +132,7 @@ class Recording:
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Canonical columns that are present, the time left out."""
+        """Canonical columns of the recording without the time."""
         return tuple(c for c in self.table if c != TIME)
 
 
@@ -194,122 +144,110 @@ def load_recording(
     name: str = TABLE,
     steady: bool = False,
 ) -> Recording:
-    """Read a recording and check it against the ship that made it.
+    """Read a recording, map its columns, clean its values and check them against the ship.
+
+    Example:
+        >>> from shaftline.mismatch.example import COLUMN_MAP, FOLDER, RECORDING, SHIP_FILE
+        >>> from shaftline.plant import load_ship
+        >>> ship = load_ship(FOLDER / SHIP_FILE)
+        >>> recording = load_recording(FOLDER / RECORDING, ship, FOLDER / COLUMN_MAP)
+        >>> len(recording), round(recording.interval_s, 3)
+        (1401, 0.5)
+        >>> recording.channels[:3]
+        ('fuel_rack_mm', 'pitch_ratio_command', 'pitch_ratio')
 
     Args:
-        source: CSV or Parquet file, one row a sample; or such a table, which passes the same checks.
-        ship: the nominal ship; its end stops, and what it does under the recording's demands, tell
-            another unit, a turned sign and swapped names from real differences.
-        columns: TOML file that maps foreign names, units and signs (:mod:`.columns`); without it
-            the file has canonical names and units. Columns that are neither canonical nor signals
-            are left out.
-        signals: units of columns that are kept as signals for terms where the file has them, by name,
-            besides those of the ship and of the column map.
-        name: of a table, in messages.
-        steady: whether each row is an equilibrium at the inputs of that row; where rows are slower than
-            the ship they are taken so in any case.
+        source: CSV, spreadsheet or Parquet file with one row per sample; or a table with these columns.
+        ship: the nominal ship. Its end stops and its simulation with the recorded commands distinguish
+            unit errors, sign errors and swapped columns from real differences.
+        columns: TOML file that maps the names, units and signs of the logger (:mod:`.columns`); without
+            it the file has canonical names and units. Other columns are left out.
+        signals: units of columns that are kept as signals for terms if the file has them, by name, in
+            addition to those of the ship and of the column map.
+        name: name of a table in messages.
+        steady: whether each row is an equilibrium. Rows that are far enough apart for the ship to
+            settle between them are treated as equilibria in any case.
 
     Returns:
-        The recording on an even time base. A recording too short or too dull to decide anything is
-        no error; its ``limits`` say so.
+        The recording on an even time base. A recording that is too short or has insufficient excitation
+        raises no error; its ``limits`` say so.
 
     Raises:
-        TypeError: an argument of another type; names it and says what is expected.
-        RecordingError: naming file, column, row (from 1 below the header), unit and what is
-            allowed. Unreadable; a column missing; values out of bounds, no numbers, or more than
-            three missing in a row; time that does not rise, or with a gap of more than three
-            samples; an angle that begins anew with every turn; a channel that is dead, in another unit,
-            of the other sign or under another's name.
+        TypeError: an argument has another type; the message says which type is expected.
+        RecordingError: the message gives file, column, row (counted from 1 below the header), unit and
+            allowed range. The file cannot be read; a column is missing; values are out of bounds, are
+            not numbers, or more than three in a row are missing; time does not rise, or has a gap of
+            more than three samples; the shaft angle restarts at each turn; a channel is constant, has
+            another unit, the opposite sign or the name of another channel.
     """
-    refuse_other_types(source, ship, columns)
+    check_argument_types(source, ship, columns)
     path = Path(name) if isinstance(source, pd.DataFrame) else Path(source)
-    return checked(path, *read_mapped(source, ship, columns, name), ship, signals, steady)
+    table, signal_units = read_canonical(source, ship, columns, name)
+    return clean_and_check(path, table, {**signals, **ship.signals, **signal_units}, ship, steady)
 
 
-def checked(
-    path: Path,
-    raw: pd.DataFrame,
-    mapped: dict[str, str],
+def load_parts(
+    source: str | Path | pd.DataFrame,
     ship: Ship,
-    signals: Mapping[str, str],
+    columns: str | Path | None = None,
+    signals: Mapping[str, str] = MappingProxyType({}),
+    name: str = TABLE,
     steady: bool = False,
-) -> Recording:
-    """A table under canonical names as a recording, through every check.
+) -> list[Recording]:
+    """Read a recording and cut it at each gap that is too long to be interpolated.
+
+    Each part is checked, and is later simulated from its own first row. Parts of fewer than
+    :data:`.time_base.FEWEST_ROWS` rows are left out.
 
     Args:
-        path: for messages.
-        raw: as :func:`read_mapped` gives it.
-        mapped: units of the signals of the column map.
+        source: file or table, as in :func:`load_recording`.
         ship: the nominal ship.
+        columns: column map, or None.
         signals: units of further columns for terms.
-        steady: whether the user says that each row is an equilibrium.
+        name: name of a table in messages.
+        steady: as in :func:`load_recording`; rows that are equilibria are not cut.
+
+    Returns:
+        The parts in order of time; the warnings of the first part say where the recording was cut.
+
+    Raises:
+        RecordingError: as in :func:`load_recording`; also if there are more than :data:`MOST_PARTS`
+            parts, or if the parts that are long enough hold less than half of the rows.
     """
-    layout = raw.attrs.get("layout")
-    warnings = [f"read as a table with {words}"] if layout and (words := layout.words()) else []
-    warnings += raw.attrs.get("remarks", [])
-    if not ship.turns:  # what it does not do itself its terms may hear
-        others = {n: c for n, c in OF_A_TURN.items() if c in raw and n not in raw}
-        raw = raw.assign(**{name: raw[column] for name, column in others.items()})
-    heard = {n: u for n, u in {**signals, **ship.signals, **mapped}.items() if n in raw}
-    turning = SHAFT_ANGLE if SHAFT_ANGLE in raw and SHAFT_SPEED not in raw else SHAFT_SPEED
-    refuse_complex(path, raw, heard)
-    raw, read = with_seconds(path, raw)
-    warnings += read
-    time = times_of(path, raw)
-    asked, steady = steady, rows_are_steady(ship, raw, time, steady)
-    if steady:
-        turning = SHAFT_SPEED
-        warnings.append(why_steady(ship, raw, time, asked))
-        refuse_without_drive(path, raw, ship)
-    foreign = foreign_columns(ship) | (NO_EQUILIBRIUM if steady else set())
-    told = turning in raw or not {SHAFT_POWER, ELECTRIC_POWER} & set(raw) - foreign
-    required = list(dict.fromkeys([*input_columns(ship), *([turning] * told), *ship.hears]))
-    known = [*(c for c in COLUMNS if c in raw and c not in foreign), *sorted(heard)]
-    if steady:
-        raw, mended = complete_rows(path, raw, known, required)
-        known = [column for column in known if column in raw]
-    else:
-        raw, mended = filled(path, raw, known)
-    warnings += mended
-    numbers = as_numbers(path, raw, required, heard)[known]
-    if steady:
-        numbers, mended = running_rows(path, numbers, ship)
-        warnings += mended
-    for even in () if steady else (spread, on_even_time):
-        numbers, mended = even(path, numbers)
-        warnings += mended
-    orders = {*demands(ship, numbers), SHAFT_ANGLE, HEADING}  # an angle may begin anew
-    measured = [c for c in answered_columns(ship) if c in numbers and c not in orders]
-    table = numbers
-    if not steady:
-        table, mended = without_spikes(path, numbers, measured)
-        warnings += mended
-    refuse_wrapped(path, table)
-    interval = (table[TIME].iloc[-1] - table[TIME].iloc[0]) / (len(table) - 1)
-    yardstick = _refuse_slips(path, table, interval, ship, steady)
-    check_bounds(path, table)
-    if steady:
-        table, mended = without_outliers(path, table, yardstick.sailed, measured)
-        warnings += mended
-    commands = demands(ship, table)
-    noise = {
-        c: (describe_command if c in commands else describe)(table[c].to_numpy(), interval)
-        for c in table
-        if c != TIME and c not in heard
-    }
-    if steady:
-        at_rows = None if mended else yardstick.sailed
-        for c in measured:
-            own = noise_of_rows(table, at_rows, c, [*commands, *heard])
-            noise[c] = replace(noise[c], white_rms=own)
-    warnings += [*at_end_stop(table, ship), *standing(table, ship, noise, yardstick.sailed)]
-    short = [] if steady else too_short([table], interval, ship)
-    limits = (*short, *dull(table, ship, noise))
-    return Recording(path, table, float(interval), noise, tuple(warnings), limits, heard, steady)
+    check_argument_types(source, ship, columns)
+    path = Path(name) if isinstance(source, pd.DataFrame) else Path(source)
+    raw, signal_units = read_canonical(source, ship, columns, name)
+    units = {**signals, **ship.signals, **signal_units}
+    time = time_in_seconds(path, raw)
+    if rows_are_steady(ship, raw, time, steady):
+        return [clean_and_check(path, raw, units, ship, steady)]
+    intervals = split_at_gaps(time)
+    kept = [(a, b) for a, b in intervals if b - a >= FEWEST_ROWS]
+    rows = sum(b - a for a, b in kept)
+    if len(intervals) == 1 or len(kept) > MOST_PARTS or 2 * rows < len(raw):
+        return [clean_and_check(path, raw, units, ship)]  # This call reports the gaps as an error.
+    cuts = [f"{time[a] - time[a - 1]:.4g} s before row {a + 1}" for a, _ in intervals[1:]]
+    warning = (
+        f"{CUT} at {len(cuts)} gap{'s' * (len(cuts) > 1)} ({', '.join(cuts[:5])}"
+        f"{', ...' if len(cuts) > 5 else ''}) into {len(kept)} parts; each part is simulated from its "
+        "own first row"
+    )
+    if rows < len(raw):
+        warning += (
+            f"; {len(raw) - rows} rows in parts of fewer than {FEWEST_ROWS} rows were left out"
+        )
+    result = []
+    for number, (a, b) in enumerate(kept, 1):
+        part = raw.iloc[a:b].reset_index(drop=True)
+        part.attrs = raw.attrs if number == 1 else {}
+        part_path = path.with_name(f"{path.name} part {number} (from row {a + 1})")
+        result.append(clean_and_check(part_path, part, units, ship))
+    result[0] = replace(result[0], warnings=(warning, *result[0].warnings))
+    return result
 
 
-def refuse_other_types(source: object, ship: object, columns: object) -> None:
-    """Raise a TypeError that says what is expected where an argument is of another type."""
+def check_argument_types(source: object, ship: object, columns: object) -> None:
+    """Raise a TypeError that names the expected type if an argument has another type."""
     for name, given, types, expected in (
         ("source", source, (str, os.PathLike, pd.DataFrame), "the path of a file or a pandas.DataFrame"),
         ("ship", ship, Ship, 'a Ship, such as load_ship("frigate") returns'),
@@ -319,87 +257,260 @@ def refuse_other_types(source: object, ship: object, columns: object) -> None:
             raise TypeError(f"{name} must be {expected}, not {type(given).__name__}")
 
 
-def read_mapped(
+def read_canonical(
     source: str | Path | pd.DataFrame,
     ship: Ship,
     columns: str | Path | None = None,
     name: str = TABLE,
 ) -> tuple[pd.DataFrame, dict[str, str]]:
-    """A recording's table under canonical names and units, not yet checked; and units of its signals.
+    """Read a recording and map it to canonical names and units; nothing is cleaned or checked yet.
 
     Args:
-        source: text, spreadsheet or Parquet file; or a table, to which the column map applies where it
-            has one of the map's columns.
-        ship: whose limits tell what percent of a range are.
-        columns: column map, or none.
-        name: of a table, in messages.
+        source: text, spreadsheet or Parquet file; or a table. The column map is applied to a table only
+            if the table has one of the columns of the map.
+        ship: the nominal ship, whose ranges define values in percent of range.
+        columns: column map, or None.
+        name: name of a table in messages.
+
+    Returns:
+        The table, and the unit of each signal of the column map by signal name.
 
     Raises:
-        RecordingError: file or map cannot be used.
+        RecordingError: the file or the column map cannot be used.
     """
-    given = None if columns is None else load_map(columns)
+    column_map = None if columns is None else load_map(columns)
     if isinstance(source, pd.DataFrame):
         path, raw = Path(name), source
         if not raw.columns.is_unique:
-            twice = raw.columns[raw.columns.duplicated()][0]
-            raise RecordingError(f"{path}: column {twice!r} stands twice")
-        if given is not None and not given.inputs & set(raw):
-            given = None
+            repeated = raw.columns[raw.columns.duplicated()][0]
+            raise RecordingError(
+                f"{path}: column {repeated!r} occurs twice; rename or drop one of the two columns"
+            )
+        if column_map is not None and not column_map.inputs & set(raw):
+            column_map = None
     else:
         path = Path(source)
-        raw = read_table(path, {} if given is None else given.file.model_dump(exclude_none=True))
-    refuse_complex(path, raw, [*COLUMNS, *ship.signals, *(() if given is None else given.inputs)])
-    if given is None:
+        layout = {} if column_map is None else column_map.file.model_dump(exclude_none=True)
+        raw = read_table(path, layout)
+    inputs = set() if column_map is None else column_map.inputs
+    refuse_complex(path, raw, [*COLUMNS, *ship.signals, *inputs])
+    if column_map is None:
         return raw, {}
-    units = {source.signal: source.unit_in_expressions for source in given.signals.values()}
-    mapped = given.apply(path, raw, ranges_of(ship))
-    mapped.attrs = raw.attrs | {"remarks": list(given.remarks(ranges_of(ship)))}
-    return mapped, units
+    ranges = command_ranges(ship)
+    mapped = column_map.apply(path, raw, ranges)
+    mapped.attrs = raw.attrs | {"remarks": list(column_map.remarks(ranges))}
+    return mapped, {one.signal: one.unit_in_expressions for one in column_map.signals.values()}
 
 
-def _refuse_slips(
-    path: Path, table: pd.DataFrame, interval: float, ship: Ship, steady: bool
-) -> Yardstick:
-    """Return the reference simulation; raise a RecordingError where units, signs or names are wrong."""
-    yardstick = Yardstick(ship, table, interval, steady)
-    pair = yardstick.swapped()
-    impossible = list(impossible_demands(table, ship))
-    if pair is None and not impossible and (reason := yardstick.foreign()):
-        raise RecordingError(f"{path}: {reason}")
-    if dead := list(yardstick.dead()):
-        raise RecordingError("\n".join(f"{path}: {sentence}" for sentence in dead))
-    if pair is None and not steady and pitch_swapped(table, interval, ship):
+@dataclass
+class _Draft:
+    """Recording while it is cleaned and checked; the stages change its table and its warnings."""
+
+    path: Path
+    ship: Ship
+    table: pd.DataFrame
+    signals: dict[str, str]
+    steady: bool
+    known: list[str]
+    required: list[str]
+    warnings: list[str]
+
+    def apply(self, step: tuple[pd.DataFrame, list[str]]) -> bool:
+        """Take over the table and the warnings of a cleaning step; return whether there were any."""
+        self.table, warnings = step
+        self.warnings += warnings
+        return bool(warnings)
+
+    @property
+    def interval_s(self) -> float:
+        """Sampling interval [s]."""
+        time = self.table[TIME]
+        return float((time.iloc[-1] - time.iloc[0]) / (len(time) - 1))
+
+    @property
+    def measured(self) -> list[str]:
+        """Measured channels; without angles, which may jump by a full turn."""
+        others = {*command_columns(self.ship, self.table), SHAFT_ANGLE, HEADING}
+        return [c for c in simulated_columns(self.ship) if c in self.table and c not in others]
+
+    @cached_property
+    def impossible_commands(self) -> list[str]:
+        """Errors on commands outside the range of the ship."""
+        return list(impossible_commands(self.table, self.ship))
+
+    @cached_property
+    def reference(self) -> ReferenceSimulation:
+        """Simulation of the nominal ship with the recorded commands."""
+        return ReferenceSimulation(self.ship, self.table, self.interval_s, self.steady)
+
+
+def clean_and_check(
+    path: Path, table: pd.DataFrame, units: Mapping[str, str], ship: Ship, steady: bool = False
+) -> Recording:
+    """Return the recording of a table with canonical names after all cleaning steps and checks.
+
+    Args:
+        path: file name for messages.
+        table: as returned by :func:`read_canonical`.
+        units: units of signals for terms, by name; signals that the table does not have are ignored.
+        ship: the nominal ship.
+        steady: whether the user declares each row to be an equilibrium.
+
+    Raises:
+        RecordingError: as in :func:`load_recording`.
+    """
+    draft = _prepare(path, table, units, ship, steady)
+    _clean(draft)
+    for check in CHECKS:
+        if errors := list(check(draft)):
+            raise RecordingError("\n".join(f"{path}: {error}" for error in errors))
+    return _finish(draft)
+
+
+def _prepare(
+    path: Path, table: pd.DataFrame, units: Mapping[str, str], ship: Ship, steady: bool
+) -> _Draft:
+    """Convert time stamps to seconds and select the columns that the ship and its terms use."""
+    layout = table.attrs.get("layout")
+    warnings = (
+        [f"read as a table with {words}"] if layout and (words := layout.description()) else []
+    )
+    warnings += table.attrs.get("remarks", [])
+    if not ship.turns:  # Terms of such a ship may depend on a turn that its equations do not have.
+        turn = {n: c for n, c in TURNING_SIGNALS.items() if c in table and n not in table}
+        table = table.assign(**{name: table[column] for name, column in turn.items()})
+    signals = {name: unit for name, unit in units.items() if name in table}
+    speed = SHAFT_ANGLE if SHAFT_ANGLE in table and SHAFT_SPEED not in table else SHAFT_SPEED
+    refuse_complex(path, table, signals)
+    table, converted = convert_dates(path, table)
+    warnings += converted
+    time = time_in_seconds(path, table)
+    requested, steady = steady, rows_are_steady(ship, table, time, steady)
+    if steady:
+        speed = SHAFT_SPEED
+        warnings.append(steady_rows_remark(ship, table, time, requested))
+        refuse_without_drive(path, table, ship)
+    unused = absent_columns(ship) | (NO_EQUILIBRIUM if steady else set())
+    needs_speed = speed in table or not {SHAFT_POWER, ELECTRIC_POWER} & set(table) - unused
+    required = list(
+        dict.fromkeys([*input_columns(ship), *([speed] * needs_speed), *ship.external_signals])
+    )
+    known = [*(c for c in COLUMNS if c in table and c not in unused), *sorted(signals)]
+    return _Draft(path, ship, table, signals, steady, known, required, warnings)
+
+
+def _clean(draft: _Draft) -> None:
+    """Fill in or drop missing values, convert to floats, resample evenly and remove spikes."""
+    path, required, signals = draft.path, draft.required, draft.signals
+    if draft.steady:
+        draft.apply(drop_incomplete_rows(path, draft.table, draft.known, required))
+        known = [column for column in draft.known if column in draft.table]
+        draft.table = convert_numbers(path, draft.table, required, signals)[known]
+        draft.apply(keep_running_rows(path, draft.table, draft.ship))
+        return
+    draft.apply(fill_missing(path, draft.table, draft.known))
+    draft.table = convert_numbers(path, draft.table, required, signals)[draft.known]
+    draft.apply(spread_coarse_clock(path, draft.table))
+    draft.apply(resample_evenly(path, draft.table))
+    draft.apply(remove_spikes(path, draft.table, draft.measured))
+
+
+def _wrong_ship(draft: _Draft) -> Iterable[str]:
+    if draft.reference.swapped_columns is None and not draft.impossible_commands:
+        yield from draft.reference.wrong_ship_errors()
+
+
+def _swapped_columns(draft: _Draft) -> Iterable[str]:
+    pair, table = draft.reference.swapped_columns, draft.table
+    dynamic = pair is None and not draft.steady
+    if dynamic and pitch_columns_swapped(table, draft.interval_s, draft.ship):
         pair = ("pitch_ratio_command", "pitch_ratio")
     if pair is not None:
         a, b = (f"{c} (median {table[c].median():.4g} {BOUNDS[c][2]})" for c in pair)
-        lag = set(pair) == {"pitch_ratio", "pitch_ratio_command"}
-        why = "the order follows" if lag else "exchanged, they come far nearer to this ship"
-        raise RecordingError(f"{path}: {a} and {b} look swapped: {why}")
-    slips = impossible or list(yardstick.slips())
-    if slips:
-        raise RecordingError("\n".join(f"{path}: {sentence}" for sentence in slips))
-    if yardstick.diverges:
-        raise RecordingError(f"{path}: this ship cannot be driven by it: {yardstick.diverges}")
-    return yardstick
+        why = "exchanged, they agree much better with the simulation of this ship"
+        if set(pair) == {"pitch_ratio", "pitch_ratio_command"}:
+            why = "the command follows the measurement"
+        yield f"{a} and {b} look swapped: {why}; exchange the two names in the header or the column map"
+
+
+def _diverging_simulation(draft: _Draft) -> Iterable[str]:
+    if draft.reference.divergence:
+        yield (
+            "the nominal ship cannot be simulated with the recorded commands: "
+            f"{draft.reference.divergence}; check the units of the commands and the ship file"
+        )
+
+
+def _values_out_of_bounds(draft: _Draft) -> Iterable[str]:
+    check_bounds(draft.path, draft.table)
+    return ()
+
+
+CHECKS: tuple[Callable[[_Draft], Iterable[str]], ...] = (
+    lambda draft: wrapped_angle_errors(draft.table),
+    _wrong_ship,
+    lambda draft: draft.reference.dead_channel_errors(),
+    _swapped_columns,
+    lambda draft: draft.impossible_commands or draft.reference.unit_errors(),
+    _diverging_simulation,
+    _values_out_of_bounds,
+)
+"""Checks of a cleaned recording; each yields error sentences, and the first with errors is reported.
+
+The order matters: a wrong ship or a swapped column would also appear as unit errors of other columns.
+"""
+
+
+def _finish(draft: _Draft) -> Recording:
+    """Return the recording with its noise, its warnings and its limits."""
+    ship, signals, interval, measured = draft.ship, draft.signals, draft.interval_s, draft.measured
+    simulated = draft.reference.simulated
+    dropped = False
+    if draft.steady:
+        dropped = draft.apply(drop_outliers(draft.path, draft.table, simulated, measured))
+    table, commands = draft.table, command_columns(ship, draft.table)
+    noise = {
+        c: (estimate_command_noise if c in commands else estimate_noise)(
+            table[c].to_numpy(), interval
+        )
+        for c in table
+        if c != TIME and c not in signals
+    }
+    if draft.steady:
+        at_rows = None if dropped else simulated
+        for c in measured:
+            rms = estimate_row_noise(table, at_rows, c, [*commands, *signals])
+            noise[c] = replace(noise[c], white_rms=rms)
+    warnings = (
+        *draft.warnings,
+        *end_stop_warnings(table, ship),
+        *constant_channel_warnings(table, ship, noise, simulated),
+    )
+    too_short = [] if draft.steady else length_limits([table], interval, ship)
+    limits = (*too_short, *insufficient_excitation(table, ship, noise))
+    return Recording(draft.path, table, interval, noise, warnings, limits, signals, draft.steady)
 
 
 def fetch(
     name: str, base_url: str, checksums: str | Path, folder: str | Path | None = None
 ) -> Path:
-    """Download one file of a public collection, once, and check it.
+    """Download one file of a public collection and verify its checksum.
+
+    A file that is in the folder with the right checksum is not downloaded again.
 
     Args:
         name: file name, as in the list of checksums.
         base_url: address of the folder that holds the files (http or https).
-        checksums: text file, one ``name sha256:...`` or ``name <hex>`` a line; ``#`` begins a comment.
-        folder: where to keep the files; the user's cache folder by default.
+        checksums: text file with one line ``name sha256:...`` or ``name <hex>`` per file; ``#`` begins
+            a comment.
+        folder: folder for downloaded files; the cache folder of the user by default.
 
     Returns:
-        Path of the file; one that is there already with the right checksum is not fetched again.
+        Path of the file.
 
     Raises:
-        RecordingError: the name is not in the list, the address cannot be reached, or what came does
-            not have the checksum.
+        RecordingError: the name is not in the list, the address cannot be reached, or the downloaded
+            file has another checksum.
     """
     import pooch
 

@@ -1,4 +1,4 @@
-"""The names and units that loggers give to the columns of a recording."""
+"""Recognise canonical columns and units in the column names of loggers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ...plant.columns import (
 )
 
 ANY, RIG, MOVING = "any", "rig", "moving"
-"""Ships that a phrase is for: all, those whose hull is held, those that move."""
+"""Ships to which a phrase applies: all ships, those with a fixed hull, those with a moving hull."""
 
 PHRASES: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
     TIME: (
@@ -85,30 +85,30 @@ PHRASES: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
     YAW_RATE: ((ANY, ("yaw rate", "rate of turn", "turn rate", "yaw velocity", "rot", "r")),),
     HEADING: ((ANY, ("heading", "hdt", "hdg", "psi", "yaw")),),
 }  # fmt: skip
-"""Phrases by canonical column, the surest first; all words of a phrase must be in the name."""
+"""Phrases by canonical column, the most reliable first; the name must have all words of a phrase."""
 
 DUTY = frozenset({"pwm", "duty", "esc", "throttle", "lever", "command", "governor"})
-"""Words of a command that says how far a drive is opened, not in which unit."""
+"""Words of a command that is a share of the range of a drive."""
 
 COMMANDS = frozenset((
     "order", "ordered", "set", "setpoint", "cmd", "command", "demand", "demanded", "ref",
     "reference", "target", "goal", "desired",
 ))  # fmt: skip
-"""Words of columns that hold what was ordered."""
+"""Words of columns that hold a command."""
 _ORDERED = {"cmd": "command", "ordered": "order", "demanded": "demand", "setpoint": "set"}
 
 _QUANTITIES = frozenset((
     "torque", "speed", "pitch", "rudder", "heading", "thrust", "rpm", "position", "angle", "force",
     "current", "yaw", "course",
 ))  # fmt: skip
-"""Words of a command that is not a drive's opening."""
+"""Words of a command of another quantity than the drive."""
 
 FOREIGN = frozenset((
     "wind", "power", "temp", "temperature", "pressure", "vibration", "acceleration", "accel",
     "acc", "std", "test", "flag", "valid", "status", "mode", "error", "roll", "lat", "lon",
     "latitude", "longitude", "track", "depth", "energy", "efficiency", "quality", "count",
 ))  # fmt: skip
-"""Words of columns that no canonical column is."""
+"""Words of columns that are no canonical columns."""
 _NOT_WITH = {
     "motor_current_A": {"speed", "velocity", "direction"},
     SHAFT_SPEED: {"air", "airspeed", "water", "ship", "vessel", "boat", "ground", "log", "stw", "sog",
@@ -120,7 +120,7 @@ _NOT_WITH = {
     HEADING: {"rate", "velocity"},
     TIME: {"constant", "zone", "nsecs", "nanosec", "nsec"},
 }  # fmt: skip
-"""Words that tell a column apart from a canonical one whose phrase its name has."""
+"""Words that exclude a canonical column although the name has one of its phrases."""
 
 UNITS = (
     {unit: unit for unit in ("s", "ms", "us", "ns", "min", "h", "A", "mA", "V", "mV", "kV", "N", "kN",
@@ -140,27 +140,27 @@ UNITS = (
     | dict.fromkeys(("pct", "percent", "perc"), "%")
     | {"degrees": "deg", "radians": "rad", "hz": "Hz", "kg_s": "kg/s", "newton": "N"}
 )  # fmt: skip
-"""Units by the suffix of a name."""
+"""Unit for each suffix of a name."""
 _SPELLED = {"kmh": "km/h", "kph": "km/h", "rads": "rad/s", "kts": "knot", "mps": "m/s"}
-"""Units in brackets that are not in the unit registry, or mean something else there."""
+"""Units in brackets that the unit registry does not know, or knows with another meaning."""
 _LONG = 3
-"""Letters from which the case of a unit's suffix does not matter."""
+"""Fewest characters of a unit suffix whose case is ignored."""
 
 _SIGNAL_K = {"navigation", "propulsion", "steering", "environment"}
-"""Roots of Signal K's paths, whose values are in SI units and Hz."""
+"""Roots of Signal K paths, whose values have SI units and Hz."""
 _SIGNAL_K_UNITS = {SHAFT_SPEED: "Hz", "ship_speed_m_s": "m/s", HEADING: "rad", RUDDER: "rad",
                    YAW_RATE: "rad/s", "shaft_torque_N_m": "N m"}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class LoggerName:
-    """The name of one column, split.
+    """Name of one column, split into words and a unit.
 
     Args:
-        name: as in the file.
-        words: all words, in small letters.
+        name: name in the file.
+        words: all words in lower case.
         core: words without those of the unit.
-        unit: stated by the file or by the name; empty where neither does.
+        unit: unit that the file or the name states; else empty.
     """
 
     name: str
@@ -170,25 +170,27 @@ class LoggerName:
 
     @property
     def is_command(self) -> bool:
-        """Whether the name says that the column was ordered."""
+        """Whether the name has a word of a command."""
         return bool(COMMANDS & set(self.words))
 
     def unit_as(self, column: str) -> str:
-        """Return the unit if the column is a canonical one, by Signal K's convention if need be."""
+        """Return the unit of the name for a canonical column; a Signal K path has a standard unit."""
         if not self.unit and self.words[0] in _SIGNAL_K:
             return _SIGNAL_K_UNITS.get(column, "")
         return self.unit
 
 
-def read_name(name: str, stated: str = "") -> LoggerName:
-    """Split a name into words and a unit.
+def split_name(name: str, stated: str = "") -> LoggerName:
+    """Split a name into words and a unit; a number in brackets is an index and no unit.
+
+    Example:
+        >>> name = split_name("PropShaftSpeed_rpm")
+        >>> name.words, name.unit
+        (('prop', 'shaft', 'speed', 'rpm'), 'rpm')
 
     Args:
-        name: as in the file.
-        stated: unit that the file states in a row of units; empty or ``-`` where it states none.
-
-    Returns:
-        The name. A bracket that holds a number is an index, and no unit.
+        name: name in the file.
+        stated: unit in the row of units of the file; empty or ``-`` if the file states none.
     """
     bare, unit = name, stated if stated not in ("", "-") else ""
     bracket = re.search(r"[\[(]([^\])]+)[\])]\s*$", name)
@@ -210,7 +212,7 @@ def read_name(name: str, stated: str = "") -> LoggerName:
 
 
 def _split(name: str) -> tuple[str, ...]:
-    """Return the words of a name: at signs, at digits, and where capitals begin."""
+    """Return the words of a name, split at signs, at digits and at capital letters."""
     spaced = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
     words = re.findall(r"[^\W\d_]+|\d+", spaced.lower())
     return tuple(_ORDERED.get(word, word) for word in words)
@@ -223,17 +225,19 @@ def _unit_of(suffix: str) -> str:
 
 
 def rank(name: LoggerName, column: str, ship: Ship, ordered: bool) -> tuple[int, int] | None:
-    """Return how well a name fits a canonical column; the less, the better; None if it does not.
+    """Return the rank of a name for a canonical column, lower for a better fit; None without a fit.
+
+    A name with the word of a command fits a command only, and the commands of pitch and rudder need such
+    a word.
 
     Args:
-        name: of a column of the file.
-        column: canonical.
-        ship: the nominal ship; some phrases are for a rig only, others for a ship that moves.
+        name: name of a column of the file.
+        column: canonical column.
+        ship: the nominal ship; some phrases apply to a fixed hull only, others to a moving hull.
         ordered: whether the canonical column is a command.
 
     Returns:
-        Place of the phrase in the list of phrases, and the number of words besides it. A name with the
-        word of a command fits a command only, and the commands of pitch and rudder need such a word.
+        Index of the phrase in the list of phrases, and the number of further words in the name.
     """
     words = set(name.words)
     foreign = FOREIGN - {"power"} if column in (SHAFT_POWER, ELECTRIC_POWER) else FOREIGN
@@ -255,7 +259,7 @@ def rank(name: LoggerName, column: str, ship: Ship, ordered: bool) -> tuple[int,
 
 
 def _has(name: LoggerName, phrase: Iterable[str]) -> bool:
-    """Whether a name has all words of a phrase; a single letter counts only where it stands alone."""
+    """Return whether a name has all words of a phrase; a single letter must be the whole name."""
     phrase = list(phrase)
     if phrase == [word for word in phrase if len(word) == 1]:
         rest = [w for w in name.core if w not in phrase and not w.isdigit()]
@@ -268,7 +272,7 @@ def _has(name: LoggerName, phrase: Iterable[str]) -> bool:
 _BESIDES = frozenset(
     ("raw", "measured", "meas", "volt", "velo", "velocity", "angvelo", "filtered", "hat", "state")
 )
-"""Words that may stand beside a letter that is a whole name."""
+"""Words that a name of a single letter may have in addition."""
 
 
 def _is(word: str, found: str) -> bool:
@@ -277,6 +281,6 @@ def _is(word: str, found: str) -> bool:
     return (len(word) > _LONG or word == "rpm") and (found.startswith(word) or found.endswith(word))
 
 
-def stated_units(names: Iterable[str], units: Mapping[str, str]) -> dict[str, LoggerName]:
-    """Return all names of a file, split, by name."""
-    return {name: read_name(name, units.get(name, "")) for name in names}
+def split_names(names: Iterable[str], units: Mapping[str, str]) -> dict[str, LoggerName]:
+    """Return the names of a file, split into words and units, by name."""
+    return {name: split_name(name, units.get(name, "")) for name in names}

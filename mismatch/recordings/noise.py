@@ -1,9 +1,9 @@
-"""The noise of a channel, told from the channel alone: white part, quantisation, update interval.
+"""Estimate the white noise, the quantisation step and the update interval of a channel from its samples.
 
-The white part is read from fourth differences, which pass the top of the spectrum only: of a motion
-at frequency f, the share (2 sin(pi f dt))^4 / sqrt(70). A swell of 8 s sampled at 10 Hz counts for
-5e-6 of its amplitude. Steps and other events of the voyage are outliers among the differences and
-are left out by a robust scale.
+The white noise is estimated from fourth differences, which pass only the top of the spectrum: of a
+motion at frequency f they keep the share (2 sin(pi f dt))^4 / sqrt(70), which is 5e-6 for a swell of 8
+s sampled at 10 Hz. A robust scale leaves out steps and other events, which are outliers among the
+differences.
 """
 
 from __future__ import annotations
@@ -18,26 +18,25 @@ from numpy.typing import NDArray
 
 ORDER = 4
 _GAIN = math.sqrt(math.comb(2 * ORDER, ORDER))  # rms of the ORDER-th difference of unit white noise
-_MAD_TO_RMS = 1.4826  # of a Gaussian
+_MAD_TO_RMS = 1.4826  # ratio of the rms to the median absolute deviation of a Gaussian
 _OUTLIER = 3.5  # standard deviations beyond which a difference is an event
-_KEPT_RMS = 0.9973  # rms of a Gaussian cut there
+_KEPT_RMS = 0.9973  # rms of a Gaussian of unit variance without values beyond _OUTLIER
 _FEWEST = 4 * ORDER
-_ODD_REST = 20  # samples (or updates) without change that noise does not explain
-_ARITHMETIC = 1e-6  # share of a channel's size below which no instrument's noise lies
-_DECIMALS = 12  # digits below which two values are the same
+_UNUSUAL_REST = 20  # equal samples (or updates) in a row that noise does not explain
+_ARITHMETIC = 1e-6  # share of the size of a channel below which no instrument noise lies
+_DECIMALS = 12  # decimals to which values are compared, relative to the largest value
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise of one channel, in the channel's own unit.
+    """Noise of one channel, in the unit of the channel.
 
     Attributes:
-        white_rms: rms of what is uncorrelated from one update to the next, the error of quantisation
-            included. Where the sampling is too slow to leave the top of the spectrum to the noise
-            (slower than about 0.2 s in a sea), it is an upper bound.
-        quantisation: step between neighbouring values; 0 where none can be seen.
-        update_s: interval at which the channel takes new values [s]; longer than the recording's
-            where values are repeated in between.
+        white_rms: rms of the part that is uncorrelated from one update to the next, with the
+            quantisation error. If sampling is too slow (slower than about 0.2 s in waves), motion
+            reaches the top of the spectrum and the value is an upper bound.
+        quantisation: step between neighbouring values; 0 if the channel has no visible step.
+        update_s: interval between new values [s]; longer than the sampling interval if values repeat.
     """
 
     white_rms: float
@@ -45,30 +44,35 @@ class Noise:
     update_s: float
 
 
-def describe(values: NDArray[Any], interval_s: float) -> Noise:
-    """Describe the noise of a channel.
+def estimate_noise(values: NDArray[Any], interval_s: float) -> Noise:
+    """Estimate the noise of a measured channel.
+
+    Example:
+        >>> values = np.sin(0.05 * np.arange(1000)) + np.random.default_rng(1).normal(0.0, 0.1, 1000)
+        >>> round(estimate_noise(values, 0.5).white_rms, 2)
+        0.1
 
     Args:
         values: (n,) samples, evenly spaced and finite.
-        interval_s: spacing [s].
+        interval_s: sampling interval [s].
 
     Raises:
-        ValueError: the values are not one finite row.
+        ValueError: the array is not one-dimensional or not finite.
     """
     values = _checked(values)
     held = _held(values)
     return Noise(white_rms(values[::held]), quantisation(values), held * interval_s)
 
 
-def describe_command(values: NDArray[Any], interval_s: float) -> Noise:
-    """Describe the noise of a command, whose steps are no noise and whose rests are no slow instrument.
+def estimate_command_noise(values: NDArray[Any], interval_s: float) -> Noise:
+    """Estimate the noise of a command: steps are not counted as noise, and constant stretches are usual.
 
     Args:
         values: (n,) samples, evenly spaced and finite.
-        interval_s: spacing [s].
+        interval_s: sampling interval [s].
 
     Raises:
-        ValueError: the values are not one finite row.
+        ValueError: the array is not one-dimensional or not finite.
     """
     values = _checked(values)
     rests = float(np.mean(np.diff(values) == 0.0)) > 0.5 if len(values) > 1 else True
@@ -78,17 +82,20 @@ def describe_command(values: NDArray[Any], interval_s: float) -> Noise:
 def _checked(values: NDArray[Any]) -> NDArray[np.float64]:
     values = np.asarray(values, dtype=np.float64)
     if values.ndim != 1 or not np.isfinite(values).all():
-        raise ValueError("the noise of a channel is described from one row of finite values")
+        raise ValueError(
+            f"a one-dimensional array of finite values is needed, not shape {values.shape} with "
+            f"{int((~np.isfinite(values)).sum())} values that are not finite"
+        )
     return values
 
 
 def white_rms(values: NDArray[Any]) -> float:
-    """Rms of the white part of (n,) samples; 0 with fewer than 16."""
+    """Return the rms of the white noise of (n,) samples; 0 for fewer than 16 samples."""
     if len(values) < _FEWEST:
         return 0.0
     differences = _differences(values)
     scale = _MAD_TO_RMS * float(np.median(np.abs(differences)))
-    if scale == 0.0:  # more than half do not move at all: coarse quantisation
+    if scale == 0.0:  # More than half of the differences are zero: the quantisation is coarse.
         return float(np.sqrt(np.mean(differences**2))) / _GAIN if _toggles(values) else 0.0
     for _ in range(20):
         kept = differences[np.abs(differences) <= _OUTLIER * scale]
@@ -99,11 +106,12 @@ def white_rms(values: NDArray[Any]) -> float:
 
 
 def row_noise(values: NDArray[Any], explaining: Sequence[NDArray[np.float64]]) -> float:
-    """Return the rms noise of a channel whose rows each stand for themselves.
+    """Return the rms noise of a channel whose rows are independent equilibria.
 
-    The inputs may differ from row to row, so differences between neighbouring rows hold more than noise:
-    what they share with the differences of some explaining signals is taken off. Where the rows change
-    slowly, :func:`white_rms` may find less, and the lesser value counts.
+    The inputs may differ from row to row, so differences between neighbouring rows hold more than
+    noise. The part that a linear regression on the differences of the explaining signals gives is
+    subtracted. If the rows change slowly, :func:`white_rms` may be smaller; the smaller value is
+    returned.
 
     Args:
         values: (n,) samples.
@@ -121,16 +129,13 @@ def row_noise(values: NDArray[Any], explaining: Sequence[NDArray[np.float64]]) -
 
 
 def _differences(values: NDArray[Any]) -> NDArray[np.float64]:
-    """Differences of that order, without long rests where a channel toggles outside them.
-
-    A stopped sensor has no noise; an order that moves now and then has none anywhere.
-    """
+    """Return the differences of order ORDER without the rows in which a noisy channel stopped."""
     first, lengths = _rests(values)
-    odd = _odd(lengths)
-    if not odd.any():
+    unusual = _unusual(lengths)
+    if not unusual.any():
         return np.diff(values, ORDER)
-    ends = np.concatenate([[0], (first + lengths)[odd]])
-    begins = np.concatenate([first[odd], [len(values)]])
+    ends = np.concatenate([[0], (first + lengths)[unusual]])
+    begins = np.concatenate([first[unusual], [len(values)]])
     moving = [values[a:b] for a, b in zip(ends, begins, strict=True) if b - a >= _FEWEST]
     if not moving or not _toggles(np.concatenate(moving)):
         return np.diff(values, ORDER)
@@ -138,22 +143,22 @@ def _differences(values: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def _rests(values: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First sample and length of every run of equal values."""
+    """Return the first sample and the length of every run of equal values."""
     edges = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [len(values)]])
     return edges[:-1], np.diff(edges)
 
 
-def _odd(lengths: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Which runs are longer than a channel that moves at all ever rests."""
-    odd: NDArray[np.bool_] = lengths >= _ODD_REST * max(1.0, float(np.median(lengths)))
-    return odd
+def _unusual(lengths: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return which runs are much longer than the usual run of the channel."""
+    unusual: NDArray[np.bool_] = lengths >= _UNUSUAL_REST * max(1.0, float(np.median(lengths)))
+    return unusual
 
 
 def quantisation(values: NDArray[Any]) -> float:
-    """Step q such that every value is a multiple of q apart from every other; 0 if there is none.
+    """Return the step of which all differences between values are multiples; 0 if there is none.
 
-    A channel counts as quantised only where its values recur: a grid on which every sample has a
-    level of its own cannot be told from the digits of the file.
+    A channel counts as quantised only if its values recur: a grid with a separate level for each sample
+    cannot be distinguished from the decimals of the file.
     """
     scale = float(np.max(np.abs(values), initial=0.0))
     if scale == 0.0:
@@ -168,11 +173,11 @@ def quantisation(values: NDArray[Any]) -> float:
     return step if fits.mean() > 0.99 else 0.0
 
 
-def clipped(values: NDArray[Any], noise: Noise) -> list[tuple[float, float, int]]:
-    """Ends at which a noisy channel is cut off: value, share of the samples, first sample.
+def saturated_ends(values: NDArray[Any], noise: Noise) -> list[tuple[float, float, int]]:
+    """Return the extremes at which a noisy channel saturates: value, share of the samples, first sample.
 
-    A channel whose noise moves it by more than its quantisation never rests; one that rests at its
-    extreme, far more often than at the value next to it, is cut off there.
+    Noise larger than the quantisation step changes a channel in every row. A channel that stays at its
+    extreme far more often than at the next value is saturated there.
     """
     if _is_still(values, noise):
         return []
@@ -186,28 +191,28 @@ def clipped(values: NDArray[Any], noise: Noise) -> list[tuple[float, float, int]
     return found
 
 
-def odd_rests(values: NDArray[Any], noise: Noise) -> list[tuple[int, int]]:
-    """Return first sample and length of the rests of a noisy channel that its noise does not explain."""
+def unusual_rests(values: NDArray[Any], noise: Noise) -> list[tuple[int, int]]:
+    """Return first sample and length of the constant stretches that the noise of a channel excludes."""
     if _is_still(values, noise):
         return []
     first, lengths = _rests(values)
-    odd = _odd(lengths)
-    return [(int(a), int(n)) for a, n in zip(first[odd], lengths[odd], strict=True)]
+    unusual = _unusual(lengths)
+    return [(int(a), int(n)) for a, n in zip(first[unusual], lengths[unusual], strict=True)]
 
 
-def frozen(values: NDArray[Any], noise: Noise) -> tuple[int, int]:
-    """First sample and length of the longest rest of a noisy channel; (0, 0) if none is odd."""
-    return max(odd_rests(values, noise), key=lambda rest: rest[1], default=(0, 0))
+def longest_rest(values: NDArray[Any], noise: Noise) -> tuple[int, int]:
+    """Return first sample and length of the longest unusual constant stretch; (0, 0) without one."""
+    return max(unusual_rests(values, noise), key=lambda rest: rest[1], default=(0, 0))
 
 
 def _is_still(values: NDArray[Any], noise: Noise) -> bool:
-    """Whether a channel may rest: no noise moves it, besides that of arithmetic in a simulation."""
+    """Return whether a channel has no noise but quantisation and the rounding of a simulation."""
     arithmetic = _ARITHMETIC * float(np.max(np.abs(values), initial=0.0))
     return noise.white_rms <= max(2.0 * noise.quantisation, arithmetic)
 
 
 def _held(values: NDArray[Any]) -> int:
-    """Samples over which each value is repeated: n of a sample-and-hold, else 1."""
+    """Return the number of samples over which each value is repeated: n of a sample-and-hold, else 1."""
     changes = np.flatnonzero(np.diff(values)) + 1
     if len(changes) < _FEWEST:
         return 1
@@ -218,7 +223,7 @@ def _held(values: NDArray[Any]) -> int:
 
 
 def _toggles(values: NDArray[Any]) -> bool:
-    """Whether a channel goes to and fro between levels, as noise does and an order does not."""
+    """Return whether a channel moves back and forth between levels, unlike a command."""
     steps = np.sign(np.diff(values))
     steps = steps[steps != 0.0]
     return len(steps) >= _FEWEST and float(np.mean(steps[1:] != steps[:-1])) > 0.3

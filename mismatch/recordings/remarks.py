@@ -1,6 +1,7 @@
-"""Leads and lags: of a channel against the simulation, and of a channel against its own derivative.
+"""Report rectified, early, late and coarsely quantised channels of a usable recording.
 
-Remarks on a recording that is usable: rectified channels, leads and lags, and quantisation.
+A lag is estimated against the simulation of the nominal ship, and between an angle and its recorded
+rate.
 """
 
 from __future__ import annotations
@@ -20,41 +21,42 @@ from ...plant.columns import (
     SHAFT_ANGLE,
     SHAFT_SPEED,
     YAW_RATE,
-    answered_columns,
     drive_column,
+    simulated_columns,
 )
 from ...plant.ship import Ship
 from .load import Recording
-from .reference_simulation import Yardstick
-from .unit_errors import demands, rectified_remark
+from .reference_simulation import ReferenceSimulation
+from .unit_errors import command_columns, rectified_remark
 
 Array = NDArray[np.float64]
 
 KINEMATIC = ((SHAFT_ANGLE, SHAFT_SPEED), (HEADING, YAW_RATE))
-"""Columns of an angle and of the rate at which it turns."""
+"""Pairs of an angle and its rate."""
 
 _LEAST_ROWS = 200
-_WIDEST = 0.08  # share of the rows up to which a lag is looked for
-_MOST = 400  # rows, the same
-_SMOOTHED = (
-    3,
-    7,
-    15,
-    31,
-    63,
-)  # rows over which both derivatives are averaged, the least that tells
-_TELLS = 0.8  # correlation from which no more smoothing is tried
-_LEAST = 0.6  # correlation below which no lag is told
-_NEAREST = 0.95  # share of the highest peak from which one nearer to no lag is preferred
-_PARTS = 8
+_WIDEST = 0.08  # largest lag as a share of the rows
+_MOST = 400  # largest lag in rows
+_SMOOTHED = (3, 7, 15, 31, 63)  # rows over which both derivatives are averaged, tried in this order
+_SUFFICIENT = 0.8  # correlation from which no wider average is tried
+_LEAST = 0.6  # correlation below which a lag is not identifiable
+_NEAREST = 0.95  # share of the highest peak from which a peak at a smaller lag is preferred
+_PARTS = 8  # parts of the recording whose lags give the standard error
 _FEWEST_PARTS = 4
-_STANDARD_ERRORS = 4.0  # by which a lag must be off zero
-_ROWS = 0.5  # lag below which nothing is said
-_BETTER = 0.02  # by which the squared correlation must be higher than without a lag
+_STANDARD_ERRORS = 4.0  # least ratio of a significant lag to its standard error
+_ROWS = 0.5  # smallest lag in rows that is reported
+_BETTER = 0.02  # least increase of the squared correlation by a significant lag
 
 
 class Lag(NamedTuple):
-    """A lag: in rows, positive where the first signal is late; its standard error; the correlation."""
+    """Lag between two signals, from the correlation of their derivatives.
+
+    Attributes:
+        rows: lag in rows, positive if the first signal is late.
+        error: standard error of the lag in rows.
+        correlation: correlation of the derivatives at this lag.
+        without: correlation of the derivatives without a lag.
+    """
 
     rows: float
     error: float
@@ -63,22 +65,30 @@ class Lag(NamedTuple):
 
     @property
     def is_significant(self) -> bool:
-        """Whether it is more than half a row, and better than chance."""
+        """Whether the lag exceeds half a row and its standard error, and raises the correlation."""
         return (
             abs(self.rows) > max(_ROWS, _STANDARD_ERRORS * self.error)
             and self.correlation**2 > max(self.without, 0.0) ** 2 + _BETTER
         )
 
 
-def lag_of(signal: Array, reference: Array) -> Lag | None:
-    """Return by how many rows a signal is later than a reference; None where they are too unlike.
+def estimate_lag(signal: Array, reference: Array) -> Lag | None:
+    """Return the lag of a signal behind a reference; None if their shapes differ too much.
 
-    The derivatives of both are averaged over a few rows, and their cross-correlation is read at its peak
-    by a parabola. The standard error is that of the lags of eight parts of the recording.
+    The derivatives of both signals are averaged over a few rows, and a parabola through the peak of
+    their cross-correlation gives the lag. The standard error comes from the lags of up to eight parts
+    of the recording.
+
+    Example:
+        >>> noise = np.random.default_rng(1).normal(size=1010)
+        >>> reference = np.convolve(noise, np.ones(11) / 11, "valid")
+        >>> lag = estimate_lag(reference[:-3], reference[3:])
+        >>> round(lag.rows, 1), lag.is_significant
+        (3.0, True)
 
     Args:
         signal: (n,) evenly spaced.
-        reference: (n,) of the same rows.
+        reference: (n,) samples at the same times.
     """
     rows = len(signal)
     reach = min(_MOST, int(_WIDEST * rows))
@@ -90,7 +100,7 @@ def lag_of(signal: Array, reference: Array) -> Lag | None:
         found = _peak(a, b, reach)
         if found is not None and (best is None or found[1] > best[1]):
             best = (*found, a, b)
-        if best is not None and best[1] >= _TELLS:
+        if best is not None and best[1] >= _SUFFICIENT:
             break
     if best is None or best[1] < _LEAST:
         return None
@@ -113,14 +123,14 @@ def lag_of(signal: Array, reference: Array) -> Lag | None:
 
 
 def _derivative(values: Array, width: int) -> Array:
-    """Return the steps from row to row, averaged over a window that shifts nothing."""
+    """Return the differences from row to row without their mean, averaged over a symmetric window."""
     window = np.hanning(width + 2)[1:-1]
     steps = np.convolve(np.diff(values), window / window.sum(), mode="valid")
     return np.asarray(steps - steps.mean())
 
 
 def _peak(a: Array, b: Array, reach: int) -> tuple[float, float, float] | None:
-    """Return lag of ``a`` behind ``b`` [rows], correlation there and at no lag; None without a peak."""
+    """Return the lag of ``a`` behind ``b`` [rows] and the correlations at this lag and without a lag."""
     size = float(np.sqrt((a @ a) * (b @ b)))
     if not size > 0.0:
         return None
@@ -145,36 +155,38 @@ def _peak(a: Array, b: Array, reach: int) -> tuple[float, float, float] | None:
 def lags_against(
     table: pd.DataFrame, simulated: pd.DataFrame, columns: list[str]
 ) -> dict[str, Lag]:
-    """Return the lag of each measured channel behind its simulation, where it can be told."""
-    found = {}
-    for column in columns:
-        lag = lag_of(table[column].to_numpy(dtype=float), simulated[column].to_numpy(dtype=float))
-        if lag is not None:
-            found[column] = lag
-    return found
+    """Return the lag of each measured channel behind its simulation, if it is identifiable."""
+    lags = {
+        column: estimate_lag(
+            table[column].to_numpy(dtype=float), simulated[column].to_numpy(dtype=float)
+        )
+        for column in columns
+    }
+    return {column: lag for column, lag in lags.items() if lag is not None}
 
 
 def timing_remarks(
     table: pd.DataFrame, simulated: pd.DataFrame | None, columns: list[str], interval_s: float
 ) -> Iterator[str]:
-    """Yield remarks on channels that are early or late by a significant time.
+    """Yield remarks on channels with a significant lead or lag.
 
     Args:
         table: canonical columns on an even time base.
-        simulated: the nominal ship driven by the same commands; None where it cannot be simulated.
+        simulated: simulation of the nominal ship with the same commands; None if it cannot be
+            simulated.
         columns: measured channels.
-        interval_s: from row to row [s].
+        interval_s: sampling interval [s].
     """
     for angle, rate in KINEMATIC:
         if angle in table and rate in table:
             turned = np.diff(np.unwrap(table[angle].to_numpy(dtype=float)))
             between = table[rate].rolling(2).mean().to_numpy(dtype=float)[1:]
-            lag = lag_of(turned, between)
+            lag = estimate_lag(turned, between)
             if lag is not None and lag.is_significant:
                 late = "later" if lag.rows > 0.0 else "earlier"
                 yield (
-                    f"{angle} is {_said(lag, interval_s)} {late} than the integral of {rate}: "
-                    "the two were logged at different times, or one is filtered"
+                    f"{angle} is {_lag_text(lag, interval_s)} {late} than the integral of {rate}: the "
+                    "two channels were logged at different times, or one of them is filtered"
                 )
     if simulated is None:
         return
@@ -186,81 +198,91 @@ def timing_remarks(
             continue
         late = "lags" if lag.rows > 0.0 else "leads"
         if lag.rows < 0.0:
-            why = "the command is logged late, the channel is shifted, or the file's machine is slower"
+            why = (
+                "the command is logged late, the channel is shifted, or the ship model is too slow"
+            )
         else:
-            why = "a delay or a filter in the channel or the drive, or the file's machine is faster"
+            why = "the channel or the drive has a delay or a filter, or the ship model is too fast"
         if alike:
-            why = f"all channels do alike; {why}"
+            why = f"all channels have this shift; {why}"
         elif len(lags) > 1:
-            others = ", ".join(f"{c} by {o.rows:+.1f} rows" for c, o in lags.items() if c != column)
-            why += f"; behind the simulation are {others}"
-        yield f"{column} {late} the simulation by {_said(lag, interval_s)}: {why}"
+            others = ", ".join(f"{c} {o.rows:+.1f} rows" for c, o in lags.items() if c != column)
+            why += f"; lags of the other channels behind the simulation: {others}"
+        yield f"{column} {late} the simulation by {_lag_text(lag, interval_s)}: {why}"
 
 
-def _said(lag: Lag, interval_s: float) -> str:
+def _lag_text(lag: Lag, interval_s: float) -> str:
     return (
         f"{abs(lag.rows) * interval_s:.3g} s ({abs(lag.rows):.1f} rows, standard error {lag.error:.1f}; "
-        f"correlation of the derivatives {lag.correlation:.2f}, {lag.without:.2f} as recorded)"
+        f"correlation of the derivatives {lag.correlation:.2f} at this lag, {lag.without:.2f} without)"
     )
 
 
-_LEVELS = 8
-_RECURS = 1.5  # rows for each level, at least
-_COARSE = 1e-3  # share of a channel's range from which its step is worth a remark
-_OFF_GRID = 0.08  # of a step
-_ON_GRID = 0.98  # share of the levels
+_LEVELS = 8  # fewest levels of a quantised channel
+_RECURS = 1.5  # fewest rows per level
+_COARSE = 1e-3  # smallest step that is reported, as a share of the range of the channel
+_OFF_GRID = 0.08  # largest distance of a level from the grid, in steps
+_ON_GRID = 0.98  # least share of the levels within that distance
 
 
 def remarks(recording: Recording, ship: Ship) -> Iterator[str]:
-    """Yield remarks on what is odd in a recording, with numbers; nothing is changed.
+    """Yield remarks on rectified, shifted and quantised channels; the recording is not changed.
 
     Args:
-        recording: as it would be diagnosed.
-        ship: the nominal ship, which is simulated with the recording's commands.
+        recording: a recording that has passed the checks.
+        ship: the nominal ship, which is simulated with the recorded commands.
     """
     table = recording.table
-    reference = Yardstick(ship, table, recording.interval_s, recording.steady)
-    simulated = reference.sailed
-    orders = demands(ship, table)
-    measured = [c for c in answered_columns(ship) if c in table and c not in orders]
+    reference = ReferenceSimulation(ship, table, recording.interval_s, recording.steady)
+    simulated = reference.simulated
+    commands = command_columns(ship, table)
+    measured = [c for c in simulated_columns(ship) if c in table and c not in commands]
     rectified = []
     for column in measured:
         noise = recording.noise[column].white_rms if column in recording.noise else 0.0
-        if said := rectified_remark(table, simulated, column, drive_column(ship), noise):
+        if remark := rectified_remark(table, simulated, column, drive_column(ship), noise):
             rectified.append(column)
-            yield said
+            yield remark
     compared = [
         c for c in measured if c not in rectified and simulated is not None and c in simulated
     ]
     if not recording.steady:
         yield from timing_remarks(reference.table, simulated, compared, recording.interval_s)
-    for column in (*orders, *measured):
-        if said := quantisation_remark(column, table[column].to_numpy(dtype=float)):
-            yield said
+    for column in (*commands, *measured):
+        if remark := quantisation_remark(column, table[column].to_numpy(dtype=float)):
+            yield remark
 
 
 def quantisation_remark(column: str, values: NDArray[Any]) -> str:
-    """Return a remark on a column whose values lie on a coarse grid; empty where they do not.
+    """Return a remark on a column whose values lie on a coarse grid, else an empty string.
 
     Args:
-        column: canonical.
-        values: (n,) in its unit.
+        column: canonical column.
+        values: (n,) in the unit of the column.
     """
-    step, levels = grid(values)
+    step, levels = quantisation_grid(values)
     span = float(np.ptp(values))
     if not step > _COARSE * span:
         return ""
     return (
-        f"{column} is quantised: it comes in steps of {step:.4g} {BOUNDS[column][2]} "
+        f"{column} is quantised: it changes in steps of {step:.4g} {BOUNDS[column][2]} "
         f"({step / span:.2%} of its range, {levels} levels)"
     )
 
 
-def grid(values: NDArray[Any]) -> tuple[float, int]:
-    """Return the step of a grid on which values lie, and how many levels they take; (0, 0) if none.
+def quantisation_grid(values: NDArray[Any]) -> tuple[float, int]:
+    """Return the step of the grid on which values lie and the number of levels; (0, 0) without a grid.
 
-    The file may have rounded the levels. A column counts only where its levels recur, and where there
-    are enough of them: a command that is switched between three values is not quantised.
+    The file may have rounded the levels. Only a channel with many levels that recur has a grid: a
+    command that is switched between three values is not quantised.
+
+    Example:
+        >>> step, levels = quantisation_grid(np.round(np.sin(0.01 * np.arange(2000)), 1))
+        >>> round(step, 3), levels
+        (0.1, 21)
+
+    Args:
+        values: (n,) samples.
     """
     levels = np.unique(values)
     if not _LEVELS <= len(levels) <= len(values) / _RECURS:

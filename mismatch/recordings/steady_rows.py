@@ -1,12 +1,11 @@
-"""Recordings whose rows are slower than the ship: each row is an equilibrium and stands for itself.
+"""Clean recordings of equilibria: rows so far apart that the ship settles between them.
 
-Nothing is interpolated between such rows. A row that cannot be an equilibrium, or lacks a value, is left
+Nothing is interpolated between such rows. A row that lacks a value or cannot be an equilibrium is left
 out; gaps and missing days do not matter.
 
-A ship whose shaft turns at the recorded speed, for steady rows without the prime mover's command.
-
-Logs of ships in service have the revolutions, seldom the fuel rack. Each row is then the equilibrium of
-hull and propeller at the measured shaft speed; the prime mover is not judged.
+Logs of ships in service have the shaft speed, seldom the fuel rack. A recording without the command of
+the prime mover is compared with a ship whose shaft turns at the recorded speed. Each row is then the
+equilibrium of hull and propeller at this speed, and the prime mover is not diagnosed.
 """
 
 from __future__ import annotations
@@ -19,41 +18,43 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...plant.columns import (
-    IN_A_TURN,
     RUDDER_COMMAND,
     SHAFT_ANGLE,
     SHAFT_SPEED,
     TIME,
+    TURNING_COLUMNS,
     drive_column,
 )
-from ...plant.drives.speed_source import speed_held
+from ...plant.drives.speed_source import held_speed_source
 from ...plant.recording import RecordingError
 from ...plant.ship import Ship
-from .checks import spikes
+from .checks import find_spikes
 from .noise import row_noise
 from .unit_errors import top_speed
 
 SETTLED = 2.0
-"""Surge time constants of the ship between two rows from which on each row is an equilibrium. The thrust
-falls with the ship's speed as well, so that she settles nearly twice as fast as this constant says."""
+"""Interval in surge time constants of the ship from which each row is an equilibrium. The thrust falls
+with the ship speed as well, so that the ship settles nearly twice as fast as the constant indicates."""
 
-NO_EQUILIBRIUM = frozenset({SHAFT_ANGLE, RUDDER_COMMAND, *IN_A_TURN})
+NO_EQUILIBRIUM = frozenset({SHAFT_ANGLE, RUDDER_COMMAND, *TURNING_COLUMNS})
 """Columns that an equilibrium straight ahead does not have."""
 
 _SLOW_ROWS_S = 5.0
 _USUAL_SPEED_M_S = 5.0
-_STANDS = 0.1  # share of the usual speed (90th percentile) below which a shaft or a ship stands
-_MOSTLY = 0.5  # share of the rows without a value from which on a column is left out
-_MOST_OUTLIERS = 0.05
-_EVEN = 0.01  # share of the usual step by which a step may differ and still be even
+_STANDS = (
+    0.1  # share of the 90th percentile of the speed below which a shaft or a ship stands still
+)
+_MOSTLY = 0.5  # share of missing values above which a column is left out
+_MOST_OUTLIERS = 0.05  # largest share of spikes among the rows
+_EVEN = 0.01  # largest deviation of an even step, as a share of the usual step
 
 
 def surge_time_constant(ship: Ship, table: pd.DataFrame) -> float:
-    """Return mass over the slope of the resistance at the median recorded speed [s]; 0 of a fixed hull.
+    """Return mass over the slope of the resistance at the median recorded speed [s]; 0 for a fixed hull.
 
     Args:
         ship: the ship.
-        table: canonical columns, as read.
+        table: canonical columns, before cleaning.
     """
     if not ship.moves:
         return 0.0
@@ -64,8 +65,8 @@ def surge_time_constant(ship: Ship, table: pd.DataFrame) -> float:
     return ship.hull.mass_kg / ship.hull.resistance_slope(max(speed, 1.0))
 
 
-def usual_step(time: NDArray[np.float64]) -> float:
-    """Return the median of the steps of time that are above 0 [s]; 0 where there are none."""
+def median_step(time: NDArray[np.float64]) -> float:
+    """Return the median of the positive steps of time [s]; 0 if there are none."""
     steps = np.diff(time)
     steps = steps[np.isfinite(steps) & (steps > 0.0)]
     return float(np.median(steps)) if len(steps) else 0.0
@@ -74,53 +75,58 @@ def usual_step(time: NDArray[np.float64]) -> float:
 def rows_are_steady(
     ship: Ship, table: pd.DataFrame, time: NDArray[np.float64], asked: bool = False
 ) -> bool:
-    """Return whether each row of a recording is an equilibrium: the user says so, or rows are slow.
+    """Return whether each row of a recording is an equilibrium: on request, or by its sampling interval.
 
     Args:
         ship: the ship.
-        table: canonical columns, as read.
-        time: [s], shape (rows,).
-        asked: whether the user says so.
+        table: canonical columns, before cleaning.
+        time: time of each row [s], shape (rows,).
+        asked: whether the user declares each row to be an equilibrium.
     """
-    usual = usual_step(time)
+    usual = median_step(time)
     return asked or usual >= max(SETTLED * surge_time_constant(ship, table), 1.01 * _SLOW_ROWS_S)
 
 
-def why_steady(ship: Ship, table: pd.DataFrame, time: NDArray[np.float64], asked: bool) -> str:
-    """Return the remark that says how the rows are taken, and why."""
-    surge, usual = surge_time_constant(ship, table), usual_step(time)
-    why = "as asked for"
+def steady_rows_remark(
+    ship: Ship, table: pd.DataFrame, time: NDArray[np.float64], asked: bool
+) -> str:
+    """Return the warning that each row is treated as an equilibrium, with the reason."""
+    surge, usual = surge_time_constant(ship, table), median_step(time)
+    why = "as requested"
     if not asked:
-        why = f"for rows are {usual:.4g} s apart"
+        why = f"because the rows are {usual:.4g} s apart"
         if surge > 0.0:
-            why += f" and the ship's surge time constant is {surge:.2g} s"
+            why += f" and the surge time constant of the ship is {surge:.2g} s"
     return (
-        f"each row is taken as an equilibrium of the ship at the inputs of that row, {why}; inertia, "
+        f"each row is treated as an equilibrium of the ship at the inputs of that row, {why}; inertia, "
         "mass, lags, delays and rate limits cannot be identified from such rows"
     )
 
 
-def complete_rows(
+def drop_incomplete_rows(
     path: Path, table: pd.DataFrame, known: list[str], required: list[str]
 ) -> tuple[pd.DataFrame, list[str]]:
-    """Return the rows that have every value and a time of their own, and remarks on the others.
+    """Drop columns that are mostly empty, rows without a value and rows that repeat a time.
 
     Args:
-        path: for messages.
-        table: under canonical names.
-        known: columns that are understood.
-        required: of these, columns that must be there.
+        path: file name for messages.
+        table: table with canonical names.
+        known: columns that are used.
+        required: those of them that may not be dropped.
+
+    Returns:
+        The remaining rows and columns, and a warning for each kind that was dropped.
 
     Raises:
-        RecordingError: no row is left.
+        RecordingError: no row is complete.
     """
-    said = []
+    warnings = []
     known = [column for column in known if column in table]
     sparse = [
         c for c in known if c not in (TIME, *required) and table[c].isna().mean() > _MOSTLY
     ]  # fmt: skip
     for column in sparse:
-        said.append(
+        warnings.append(
             f"{column} has no value in {table[column].isna().mean():.0%} of the rows; left out"
         )
     known = [column for column in known if column not in sparse]
@@ -128,26 +134,34 @@ def complete_rows(
     again = table[TIME].duplicated() & ~missing if TIME in table else pd.Series(False, table.index)
     for rows, why in ((missing, "a value is missing"), (again, "the time repeats another row's")):
         if rows.any():
-            said.append(
+            warnings.append(
                 f"{int(rows.sum())} of {len(table)} rows were left out, first row "
                 f"{int(np.argmax(rows)) + 1}: {why}"
             )
     kept = table.drop(columns=sparse)[~(missing | again)]
     if kept.empty:
-        raise RecordingError(f"{path}: no row has a value in each of {', '.join(known)}")
-    return kept.reset_index(drop=True), said
+        raise RecordingError(
+            f"{path}: no row has a value in each of {', '.join(known)}; leave out the columns that are "
+            "mostly empty, or fill in their values"
+        )
+    return kept.reset_index(drop=True), warnings
 
 
-def running_rows(path: Path, table: pd.DataFrame, ship: Ship) -> tuple[pd.DataFrame, list[str]]:
-    """Return the rows in which the ship runs ahead, on an even time base of rows, and remarks.
+def keep_running_rows(
+    path: Path, table: pd.DataFrame, ship: Ship
+) -> tuple[pd.DataFrame, list[str]]:
+    """Keep the rows in which the ship runs ahead, and replace their times by an even time base.
 
     Args:
-        path: for messages.
-        table: finite, in canonical columns.
+        path: file name for messages.
+        table: canonical columns with finite values.
         ship: the ship.
 
+    Returns:
+        The rows and a warning for each kind of change.
+
     Raises:
-        RecordingError: time falls, or fewer than two rows are left.
+        RecordingError: time falls, or fewer than two rows remain.
     """
     time = table[TIME].to_numpy()
     if (np.diff(time) < 0.0).any():
@@ -163,65 +177,70 @@ def running_rows(path: Path, table: pd.DataFrame, ship: Ship) -> tuple[pd.DataFr
             if column in table:
                 values = table[column].to_numpy()
                 runs &= values > _STANDS * float(np.quantile(np.abs(values), 0.9))
-    said = []
+    warnings = []
     if not runs.all():
-        said.append(
+        warnings.append(
             f"{int((~runs).sum())} of {len(runs)} rows were left out, first row "
-            f"{int(np.argmin(runs)) + 1}: the shaft or the ship stands, goes astern or is below "
-            f"{_STANDS:.0%} of its usual speed, and the row may be no equilibrium"
+            f"{int(np.argmin(runs)) + 1}: the shaft or the ship stands still, runs astern or is below "
+            f"{_STANDS:.0%} of its usual speed, so that the row may be no equilibrium"
         )
-    table, usual = table[runs].reset_index(drop=True), usual_step(time)
+    table, usual = table[runs].reset_index(drop=True), median_step(time)
     if len(table) < 2 or not usual > 0.0:
-        raise RecordingError(f"{path}: {len(table)} row(s) with a running engine; 2 are needed")
+        raise RecordingError(
+            f"{path}: {len(table)} row(s) in which shaft and ship run ahead; at least 2 are needed"
+        )
     even = float(table[TIME].iloc[0]) + usual * np.arange(len(table))
     if (np.abs(table[TIME].to_numpy() - even) > _EVEN * usual).any():
-        said.append(
-            f"times in the report count rows of {usual:.4g} s: gaps and rows that were left out take "
-            "no time"
+        warnings.append(
+            f"times in the report count rows of {usual:.4g} s; gaps and rows that were left out are not "
+            "counted"
         )
-    return table.assign(**{TIME: np.maximum(even, 0.0) if even[0] < 0.0 else even}), said
+    return table.assign(**{TIME: np.maximum(even, 0.0) if even[0] < 0.0 else even}), warnings
 
 
-def without_outliers(
+def drop_outliers(
     path: Path, table: pd.DataFrame, simulated: pd.DataFrame | None, measured: list[str]
 ) -> tuple[pd.DataFrame, list[str]]:
-    """Return the rows in which no measured channel is a spike against the simulation, and a remark.
+    """Drop the rows in which the residual of a measured channel against the simulation is a spike.
 
     Args:
-        path: for messages.
-        table: finite, at an even interval.
-        simulated: the nominal ship's equilibria at the same rows, or None.
-        measured: columns that are looked at.
+        path: file name for messages.
+        table: finite values at an even interval.
+        simulated: equilibria of the nominal ship at the same rows, or None.
+        measured: channels to be searched for spikes.
+
+    Returns:
+        The remaining rows, and a warning if rows were dropped.
 
     Raises:
-        RecordingError: a channel has too many spikes to be a measurement.
+        RecordingError: more than 5 % of the values of a channel are spikes.
     """
     far = np.zeros(len(table), np.bool_)
     for column in measured:
         if simulated is None or column not in simulated or len(simulated) != len(table):
             continue
-        own = spikes(table[column].to_numpy() - simulated[column].to_numpy())
+        own = find_spikes(table[column].to_numpy() - simulated[column].to_numpy())
         if own.mean() > _MOST_OUTLIERS:
             raise RecordingError(
                 f"{path}: {column}: {own.sum()} of {len(own)} values are spikes, first in row "
-                f"{int(np.argmax(own)) + 1}; more than {_MOST_OUTLIERS:.0%}: mend the channel or leave "
-                "the column out"
+                f"{int(np.argmax(own)) + 1}; at most {_MOST_OUTLIERS:.0%} are allowed: filter the "
+                "column or leave it out"
             )
         far |= own
     if not far.any():
         return table, []
     kept = table[~far].reset_index(drop=True)
-    said = (
+    warning = (
         f"{int(far.sum())} of {len(table)} rows were left out, first row {int(np.argmax(far)) + 1}: a "
-        "measured channel jumps away and back again"
+        "measured channel has a spike there"
     )
-    return kept.assign(**{TIME: table[TIME].to_numpy()[: len(kept)]}), [said]
+    return kept.assign(**{TIME: table[TIME].to_numpy()[: len(kept)]}), [warning]
 
 
-def noise_of_rows(
+def estimate_row_noise(
     table: pd.DataFrame, simulated: pd.DataFrame | None, column: str, inputs: list[str]
 ) -> float:
-    """Return the rms noise of a measured channel whose rows stand for themselves, in its unit.
+    """Return the rms noise of a measured channel whose rows are independent equilibria, in its unit.
 
     Args:
         table: canonical columns.
@@ -229,28 +248,28 @@ def noise_of_rows(
         column: the channel.
         inputs: columns on which the equilibrium depends.
     """
-    beside = [table[name].to_numpy(dtype=np.float64) for name in inputs if name in table]
+    explaining = [table[name].to_numpy(dtype=np.float64) for name in inputs if name in table]
     if simulated is not None and column in simulated and len(simulated) == len(table):
-        beside.append(simulated[column].to_numpy(dtype=np.float64))
-    return row_noise(table[column].to_numpy(dtype=np.float64), beside)
+        explaining.append(simulated[column].to_numpy(dtype=np.float64))
+    return row_noise(table[column].to_numpy(dtype=np.float64), explaining)
 
 
 REMARK = (
-    "the recording has no {column}: the shaft is taken to turn at {speed}, and the prime mover is not "
-    "judged"
+    "the recording has no {column}: the simulated shaft turns at the recorded {speed}, and the prime "
+    "mover is not diagnosed"
 )
-"""Remark on a recording whose shaft speed stands for the command of the prime mover."""
+"""Remark on a recording whose shaft speed replaces the command of the prime mover."""
 
 
 class NoDriveCommandError(RecordingError):
-    """Steady rows with a shaft speed and without the command of the ship's prime mover."""
+    """Steady rows have the shaft speed, but not the command of the prime mover."""
 
 
 def refuse_without_drive(path: Path, table: pd.DataFrame, ship: Ship) -> None:
-    """Refuse steady rows that have the shaft speed and not the command of the prime mover.
+    """Refuse steady rows that have the shaft speed, but not the command of the prime mover.
 
     Raises:
-        NoDriveCommandError: they have; a diagnosis then goes on with :func:`led_by_speed`.
+        NoDriveCommandError: a diagnosis can catch it and use :func:`drive_by_shaft_speed`.
     """
     column = drive_column(ship)
     if column not in table and SHAFT_SPEED in table and ship.turns_freely and ship.has_propeller:
@@ -259,14 +278,14 @@ def refuse_without_drive(path: Path, table: pd.DataFrame, ship: Ship) -> None:
         )
 
 
-def led_by_speed(ship: Ship) -> Ship:
-    """Return a ship whose drive holds the shaft at the speed that it is given.
+def drive_by_shaft_speed(ship: Ship) -> Ship:
+    """Return the ship with a drive that prescribes the shaft speed.
 
     Args:
         ship: the ship; tolerances of its prime mover and terms that act on it are left out.
     """
-    # half as much again as the engine's rated speed: noise on a measured speed must meet no end stop
-    mover = speed_held(min(top_speed(ship) / 2.0, 1e4))
+    # The limit is 1.5 times the rated speed, so that noise on a measured speed meets no end stop.
+    mover = held_speed_source(min(top_speed(ship) / 2.0, 1e4))
     known = ship.tolerances
     numbers = {k: v for k, v in known.numbers.items() if not k.startswith("prime_mover.")}
     terms = tuple(term for term in ship.term if term.acts_on not in ("drive", "drive_torque"))
@@ -279,15 +298,15 @@ def led_by_speed(ship: Ship) -> Ship:
     )
 
 
-def with_drive_of(corrected: Ship, ship: Ship) -> Ship:
-    """Return a corrected ship with the prime mover, the tolerances and all terms of another.
+def restore_drive(corrected: Ship, ship: Ship) -> Ship:
+    """Return a corrected ship with the prime mover, the tolerances and all terms of the original ship.
 
     Args:
-        corrected: of :func:`led_by_speed`, with effects.
-        ship: as its file has it.
+        corrected: ship of :func:`drive_by_shaft_speed` with identified effects.
+        ship: the ship of the ship file.
     """
-    own = {term.id for term in ship.term}
-    terms = [*ship.term, *(term for term in corrected.term if term.id not in own)]
+    original = {term.id for term in ship.term}
+    terms = [*ship.term, *(term for term in corrected.term if term.id not in original)]
     return corrected.model_copy(
         update={
             "prime_mover": ship.prime_mover,
@@ -297,6 +316,6 @@ def with_drive_of(corrected: Ship, ship: Ship) -> Ship:
     )
 
 
-def remark_on(ship: Ship) -> str:
-    """Return the remark for a ship as its file has it."""
+def missing_drive_remark(ship: Ship) -> str:
+    """Return the remark on the missing drive command of a ship."""
     return REMARK.format(column=drive_column(ship), speed=SHAFT_SPEED)

@@ -1,4 +1,4 @@
-"""What of a recording is understood, what is missing, and what that costs: before any diagnosis."""
+"""Survey a recording before a diagnosis: recognised columns, missing columns and what they would add."""
 
 from __future__ import annotations
 
@@ -15,42 +15,42 @@ from ...plant.columns import (
     COLUMNS,
     ELECTRIC_POWER,
     SHAFT_POWER,
-    answered_columns,
     input_columns,
+    simulated_columns,
 )
 from ...plant.recording import RecordingError, read_table
 from ...plant.ship import Ship
-from ...plant.terms import OF_A_TURN
-from .columns import Heard, Source, load_map
-from .draft import first_map
-from .joint import refuse_few
-from .load import CUT, OUTSIDE, Recording, load_parts
+from ...plant.terms import TURNING_SIGNALS
+from .columns import SignalSource, Source, load_map
+from .draft import draft_column_map
+from .joint import refuse_too_few_rows
+from .load import CUT, EXTRA_SIGNALS, Recording, load_parts
 from .remarks import remarks
-from .steady_rows import NoDriveCommandError, led_by_speed, remark_on
+from .steady_rows import NoDriveCommandError, drive_by_shaft_speed, missing_drive_remark
 
 COSTS = {
-    "shaft_torque_N_m": "a loss of the engine and one of the propeller look alike",
-    "ship_speed_m_s": "the hull does not show: neither fouling nor current",
-    "pitch_ratio": "a fault of the pitch actuator looks like one of the propeller",
-    "thrust_N": "the propeller's thrust is judged by torque and ship speed alone",
-    "motor_current_A": "a loss of the motor and one of its load look alike",
-    "sway_speed_m_s": "the side force is not judged",
-    "yaw_rate_rad_s": "the turning moment is judged by the heading alone, or not at all",
+    "shaft_torque_N_m": "losses of the engine and of the propeller are indistinguishable",
+    "ship_speed_m_s": "effects on the hull, such as fouling or a current, are not identifiable",
+    "pitch_ratio": "faults of the pitch actuator and of the propeller are indistinguishable",
+    "thrust_N": "the propeller thrust is inferred from torque and ship speed alone",
+    "motor_current_A": "losses of the motor and of its load are indistinguishable",
+    "sway_speed_m_s": "effects on the side force are not identifiable",
+    "yaw_rate_rad_s": "effects on the yaw moment are identifiable from the heading alone, or not at all",
 }
-"""What cannot be told without a measured column."""
+"""Consequence of each measured column that is missing."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One column of a file.
+    """Column of a file and its meaning.
 
     Args:
-        name: in the file.
-        column: canonical column or signal that it is; empty where it is left out.
-        unit: of that.
-        low: least value there [unit]; NaN where none can be told.
-        high: greatest.
-        missing: how many values are missing.
+        name: name in the file.
+        column: canonical column or signal; empty if the column is left out.
+        unit: unit of the canonical column or signal.
+        low: smallest value in this unit; NaN if there is no number.
+        high: largest value in this unit.
+        missing: number of missing values.
     """
 
     name: str
@@ -63,17 +63,17 @@ class Entry:
 
 @dataclass(frozen=True)
 class Survey:
-    """What a recording's file holds.
+    """Contents of a recording file and its use in a diagnosis.
 
     Args:
-        path: of the file.
-        entries: its columns, in their order.
-        absent: measured columns that the ship could answer and the file does not have, and the cost.
-        recording: as it would be diagnosed; None where it is refused.
-        refused: why, a line each.
-        layout: how the file was read, where that is not plain.
-        begin: lines of a column map to begin with; none where nothing is left to be understood.
-        remarks: what is odd in a recording that can be used; the data are not changed.
+        path: the file.
+        entries: columns of the file in their order.
+        absent: consequence of each missing column that the ship model could use.
+        recording: the checked recording; None if it is refused.
+        refused: reasons for the refusal, one per line.
+        layout: layout of the file if it is not plain CSV.
+        begin: lines of a draft of a column map; empty if every column is recognised.
+        remarks: implausible values of a usable recording; the data are not changed.
     """
 
     path: Path
@@ -86,31 +86,31 @@ class Survey:
     remarks: tuple[str, ...] = ()
 
     def sentences(self) -> Iterator[str]:
-        """Everything besides the table of the columns."""
-        if (found := self.recording) is not None:
+        """Yield all results except the table of the columns."""
+        if (recording := self.recording) is not None:
             yield (
-                f"{len(found)} rows over {found.time_s[-1] - found.time_s[0]:.4g} s, one every "
-                f"{found.interval_s:.4g} s"
+                f"{len(recording)} rows over {recording.time_s[-1] - recording.time_s[0]:.4g} s, one "
+                f"every {recording.interval_s:.4g} s"
             )
-            yield from (f"note: {said}" for said in found.warnings)
-            yield from (f"limit: {said}" for said in found.limits)
-            yield from (f"remark: {said}" for said in self.remarks)
+            yield from (f"note: {warning}" for warning in recording.warnings)
+            yield from (f"limit: {limit}" for limit in recording.limits)
+            yield from (f"remark: {remark}" for remark in self.remarks)
         elif self.layout:
             yield f"note: read as a table with {self.layout}"
         left = [entry.name for entry in self.entries if not entry.column]
         if left:
-            yield f"left out, as neither canonical nor in the column map: {', '.join(left)}"
+            yield f"left out, neither canonical nor in the column map: {', '.join(left)}"
         yield from (f"without {column}: {cost}" for column, cost in self.absent.items())
         if self.recording is None:
             yield from (f"refused: {line}" for line in self.refused.splitlines())
             if self.begin:
-                yield "a column map might begin so (--columns takes it):"
+                yield "save these lines as a TOML file, complete them and use it with --columns:"
             yield from self.begin
         else:
-            yield "usable: `shaftline diagnose` takes it as it is"
+            yield "usable: `shaftline diagnose` accepts this recording"
 
     def table(self) -> list[dict[str, Any]]:
-        """A row a column, for a printed table or JSON."""
+        """Return one row per column of the file, for a printed table or JSON."""
         return [
             {
                 "in the file": entry.name,
@@ -132,37 +132,51 @@ class Survey:
 def survey(
     path: str | Path, ship: Ship, columns: str | Path | None = None, steady: bool = False
 ) -> Survey:
-    """Look at a recording without diagnosing it.
+    """Survey a recording without a diagnosis.
+
+    Example:
+        >>> from shaftline.mismatch.example import COLUMN_MAP, FOLDER, RECORDING, SHIP_FILE
+        >>> from shaftline.plant import load_ship
+        >>> found = survey(FOLDER / RECORDING, load_ship(FOLDER / SHIP_FILE), FOLDER / COLUMN_MAP)
+        >>> list(found.sentences())[0]
+        '1401 rows over 700 s, one every 0.5 s'
+        >>> list(found.absent)
+        ['thrust_N']
 
     Args:
-        path: as of :func:`.load_recording`.
+        path: file of the recording.
         ship: the nominal ship.
-        columns: column map, or none.
-        steady: whether each row is an equilibrium, as of :func:`.load.load_recording`.
+        columns: column map, or None.
+        steady: whether each row is an equilibrium, as in :func:`.load.load_recording`.
 
     Raises:
-        RecordingError: the column map cannot be used, or the file cannot be read at all.
+        RecordingError: the column map cannot be used, or the file cannot be read. A recording that fails
+            a check raises no error; the survey gives the reason.
     """
     path = Path(path)
     given = None if columns is None else load_map(columns)
     raw = read_table(path, {} if given is None else given.file.model_dump(exclude_none=True))
     sources = {} if given is None else given.sources
-    recording, refused, led = None, "", ""
-    odd: tuple[str, ...] = ()
+    recording, refused = None, ""
+    no_drive: list[str] = []
+    implausible: tuple[str, ...] = ()
     try:
         try:
-            found = load_parts(path, ship, columns, OUTSIDE, steady=steady)  # as a diagnosis
+            parts = load_parts(path, ship, columns, EXTRA_SIGNALS, steady=steady)
         except NoDriveCommandError:
-            led = remark_on(ship)
-            ship = led_by_speed(ship)
-            found = load_parts(path, ship, columns, OUTSIDE, steady=steady)
-        refuse_few(found)
+            no_drive = [missing_drive_remark(ship)]
+            ship = drive_by_shaft_speed(ship)
+            parts = load_parts(path, ship, columns, EXTRA_SIGNALS, steady=steady)
+        refuse_too_few_rows(parts)
         recording = replace(
-            found[0], table=pd.concat([part.table for part in found], ignore_index=True),
-            warnings=(*([led] if led else []), *_named(found)),
-            limits=tuple(dict.fromkeys(said for part in found for said in part.limits)),
-        )  # fmt: skip
-        odd = tuple(dict.fromkeys(said for part in found for said in remarks(part, ship)))
+            parts[0],
+            table=pd.concat([part.table for part in parts], ignore_index=True),
+            warnings=(*no_drive, *_numbered_warnings(parts)),
+            limits=tuple(dict.fromkeys(limit for part in parts for limit in part.limits)),
+        )
+        implausible = tuple(
+            dict.fromkeys(remark for part in parts for remark in remarks(part, ship))
+        )
     except RecordingError as error:
         recording = None
         refused = str(error).replace(f"{path}: ", "")
@@ -177,9 +191,9 @@ def survey(
         if source.formula is not None
     )
     have = {entry.column for entry in entries}
-    wanted = [c for c in answered_columns(ship) if c in COSTS and c not in have]
+    wanted = [c for c in simulated_columns(ship) if c in COSTS and c not in have]
     powers = {SHAFT_POWER} if ship.turns_freely else {SHAFT_POWER, ELECTRIC_POWER}
-    if powers & have:  # power over shaft speed is the torque
+    if powers & have:  # Power divided by shaft speed is the torque.
         wanted = [c for c in wanted if c != "shaft_torque_N_m"]
     if not ship.moves:
         wanted = [c for c in wanted if c != "ship_speed_m_s"]
@@ -188,57 +202,61 @@ def survey(
     if not ship.has_variable_pitch:
         wanted = [c for c in wanted if c != "pitch_ratio"]
     absent = {c: COSTS[c] for c in wanted}
-    absent |= {c: "the ship cannot be driven" for c in input_columns(ship) if c not in have}
+    absent |= {c: "the ship cannot be simulated" for c in input_columns(ship) if c not in have}
     layout = raw.attrs.get("layout")
     left = raw[[entry.name for entry in entries if not entry.column]]
-    begin = tuple(first_map(ship, left, raw.attrs.get("units", {}), have))
+    begin = tuple(draft_column_map(ship, left, raw.attrs.get("units", {}), have))
     if recording is not None and not any(line.startswith('"') for line in begin):
         begin = ()
     return Survey(
-        path, entries, absent, recording, refused, layout.words() if layout else "", begin, odd
+        path,
+        entries,
+        absent,
+        recording,
+        refused,
+        layout.description() if layout else "",
+        begin,
+        implausible,
     )
 
 
-def _named(parts: Sequence[Recording]) -> Iterator[str]:
-    """Warnings on the parts of a recording, each with its part where there are several."""
+def _numbered_warnings(parts: Sequence[Recording]) -> Iterator[str]:
+    """Yield the warnings on the parts of a recording, numbered if there are several parts."""
     for number, part in enumerate(parts, 1):
-        for said in part.warnings:
-            several = len(parts) > 1 and not said.startswith(CUT)
-            yield f"part {number}: {said}" if several else said
+        for warning in part.warnings:
+            numbered = len(parts) > 1 and not warning.startswith(CUT)
+            yield f"part {number}: {warning}" if numbered else warning
 
 
 def _entry(
     name: str,
     values: pd.Series,
-    source: Source | Heard | None,
+    source: Source | SignalSource | None,
     recording: Recording | None,
     used: bool = False,
 ) -> Entry:
-    """Return what is understood of a column.
+    """Return the meaning of a column of the file.
 
     Args:
-        name: in the file, or the formula.
-        values: as recorded.
-        source: of the column map, or none.
-        recording: None where it is refused.
-        used: whether the column map uses it, be it in a formula.
+        name: name in the file, or the formula.
+        values: values in the file.
+        source: entry of the column map, or None.
+        recording: the checked recording; None if it is refused.
+        used: whether the column map uses the column, possibly in a formula.
     """
     known = source.column if source is not None else name if name in COLUMNS else ""
     if recording is not None:
-        heard = {
-            column: signal for signal, column in OF_A_TURN.items()
-        }  # by a ship that runs straight
-        names = (known, heard.get(known, ""), name if name in recording.signals else "")
-        column = next(
-            (c for c in names if c and c in recording), ""
-        )  # else the ship has no such thing
+        # On a ship that does not turn, a column of turning is the signal of that name for terms.
+        signals = {column: signal for signal, column in TURNING_SIGNALS.items()}
+        names = (known, signals.get(known, ""), name if name in recording.signals else "")
+        column = next((c for c in names if c and c in recording), "")
         numbers = recording[column] if column else np.array([])
         unit = recording.signals.get(column) or BOUNDS.get(column, ("", "", ""))[2]
     else:
         column, unit = known, "as recorded"
-        numbers = pd.to_numeric(values, errors="coerce").dropna().to_numpy(dtype=float)
     if not column and used:
         column, unit = "in a formula", "as recorded"
+    if unit == "as recorded":
         numbers = pd.to_numeric(values, errors="coerce").dropna().to_numpy(dtype=float)
     low, high = (numbers.min(), numbers.max()) if len(numbers) else (np.nan, np.nan)
     return Entry(name, column, unit, float(low), float(high), int(values.isna().sum()))

@@ -1,4 +1,4 @@
-"""The time base of a recording: what loggers' stamps mean, what is missing, and an even spacing."""
+"""Convert time stamps to seconds, fill in missing samples and resample a recording evenly."""
 
 from __future__ import annotations
 
@@ -17,37 +17,43 @@ from ...plant.columns import TIME
 from ...plant.recording import RecordingError
 
 LONGEST_GAP = 3
-"""Missing samples that are filled in."""
+"""Largest number of missing samples in a row that are interpolated."""
 
-LEAST_OF_ONE = 10
-"""Rows of a recording: parts of a voyage in which the ship sails straight may be as short as this."""
+FEWEST_ROWS = 10
+"""Fewest rows of a recording; a part of a voyage with a constant course may be this short."""
 
-_EVEN = 0.01  # share of the interval by which a step may differ and still be even
-_UNEVEN = 0.05  # share of steps far from the usual above which a recording is called irregular
+_EVEN = 0.01  # largest deviation of an even step, as a share of the interval
+_UNEVEN = 0.05  # share of uneven steps above which a recording is called irregular
 _FASTEST_S, _SLOWEST_S = 1e-4, 5.0
 _DAY_S = 86400.0
-_REGULAR = 0.9  # share of a coarse clock's stamps that stand over as many rows, or one more or less
-_SPARSE = 0.95  # share of a slow channel's values that come at the same spacing
+_REGULAR = (
+    0.9  # share of the stamps of a coarse clock that cover the usual number of rows, within 1
+)
+_SPARSE = 0.95  # share of the values of a slow channel that have the same spacing
 _CLOCK = re.compile(r"\s*(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?\s*")
 _DOTTED = re.compile(r"\s*\d{1,2}\.\d{1,2}\.\d{2,4}\b")
 _STAMP = re.compile(r"\d:\d\d|\d{4}-\d\d?-\d|\d\d?[./]\d\d?[./]\d")
 _COMMA_SECONDS = re.compile(r"(:\d{2}),(\d)")
-_COLON_SECONDS = re.compile(r"(\d:\d{2}:\d{2}):(\d{3}|\d{6})$")  # milliseconds behind a colon
-_REPEATED = 0.1  # share of the rows that may have the time of the row before; more is no time base
+_COLON_SECONDS = re.compile(r"(\d:\d{2}:\d{2}):(\d{3}|\d{6})$")  # milliseconds after a colon
+_REPEATED = 0.1  # largest share of the rows that repeat the time of the row before
 
 
-def seconds_of_stamps(values: pd.Series, form: str | None = None) -> pd.Series:
-    """Seconds since the first of a column of dates with times, or of times of day alone.
+def seconds_since_first(values: pd.Series, form: str | None = None) -> pd.Series:
+    """Return the seconds since the first of a column of dates with times, or of times of day.
 
-    Times of day count on over midnight. Dates with dots have their day first; others that could be
-    read with the day or the month first are refused where it matters.
+    Times of day continue after midnight. A date with dots has its day first. Other dates whose day and
+    month could be exchanged are refused if the elapsed time depends on the order.
+
+    Example:
+        >>> seconds_since_first(pd.Series(["23:59:59,5", "00:00:00,5", "00:00:01,5"])).tolist()
+        [0.0, 1.0, 2.0]
 
     Args:
-        values: texts, or what a spreadsheet holds as dates or times.
-        form: of the stamps, as of ``strptime``; none to find out.
+        values: texts, or dates or times of a spreadsheet.
+        form: format of the stamps as in ``strptime``; None to recognise it.
 
     Raises:
-        ValueError: a stamp cannot be read, or may mean two moments.
+        ValueError: a stamp cannot be read, or its day and month could be exchanged.
     """
     texts = values if pd.api.types.is_datetime64_any_dtype(values) else values.astype(str)
     if (form is None and texts.dtype == object) or pd.api.types.is_string_dtype(texts):
@@ -61,15 +67,15 @@ def seconds_of_stamps(values: pd.Series, form: str | None = None) -> pd.Series:
     return (stamps - stamps.iloc[0]).dt.total_seconds()
 
 
-def with_seconds(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """The table with dates or durations in its time column as seconds, and a remark on it.
+def convert_dates(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """Return the table with dates or durations of its time column as seconds, and a warning on dates.
 
     Args:
-        path: for messages.
-        table: under canonical names.
+        path: file name for messages.
+        table: table with canonical names.
 
     Raises:
-        RecordingError: the time column holds texts of dates or of times of day.
+        RecordingError: the time column holds dates or times of day as text.
     """
     if TIME not in table or not len(table):
         return table, []
@@ -77,32 +83,32 @@ def with_seconds(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[st
     if pd.api.types.is_timedelta64_dtype(values):
         return table.assign(**{TIME: values.dt.total_seconds()}), []
     if pd.api.types.is_datetime64_any_dtype(values):
-        said = f"{TIME} holds dates; it was read as seconds since {first}"
-        return table.assign(**{TIME: seconds_of_stamps(values)}), [said]
+        warning = f"{TIME} holds dates; it was read as seconds since {first}"
+        return table.assign(**{TIME: seconds_since_first(values)}), [warning]
     if isinstance(first, datetime.date) or (isinstance(first, str) and _STAMP.search(first)):
         raise RecordingError(
             f"{path}: {TIME} holds dates or times of day ({str(first)!r}) where seconds are needed; "
-            f'say {TIME} = {{ column = "{TIME}", unit = "datetime" }} in the column map'
+            f'add {TIME} = {{ column = "{TIME}", unit = "datetime" }} to the column map'
         )
     return table, []
 
 
-def times_of(path: Path, table: pd.DataFrame) -> NDArray[np.float64]:
-    """Return the time of each row [s], shape (rows,): NaN where it is no number, empty without a time.
+def time_in_seconds(path: Path, table: pd.DataFrame) -> NDArray[np.float64]:
+    """Return the time of each row [s], shape (rows,): NaN for text, empty without a time column.
 
     Args:
-        path: for messages.
-        table: under canonical names.
+        path: file name for messages.
+        table: table with canonical names.
 
     Raises:
-        RecordingError: as of :func:`with_seconds`.
+        RecordingError: as of :func:`convert_dates`.
     """
-    time = with_seconds(path, table)[0].get(TIME, pd.Series(dtype=float))
+    time = convert_dates(path, table)[0].get(TIME, pd.Series(dtype=float))
     return np.asarray(pd.to_numeric(time, errors="coerce"), dtype=np.float64)
 
 
 def first_day(values: pd.Series, form: str | None = None) -> str | None:
-    """Day of the first stamp, year-month-day; None where stamps are times of day alone or unreadable."""
+    """Return the day of the first stamp as year-month-day; None for a time of day or unreadable text."""
     first = str(values.iloc[0])
     if _CLOCK.fullmatch(first):
         return None
@@ -115,9 +121,10 @@ def first_day(values: pd.Series, form: str | None = None) -> str | None:
 
 
 def _counted_on(clock: NDArray[Any]) -> NDArray[np.float64]:
-    """Seconds of hours, minutes and seconds, a day added at each fall by more than half a day."""
-    seconds = np.array([[float(str(part).replace(",", ".")) if isinstance(part, str) else 0.0
-                         for part in row] for row in clock]) @ [3600.0, 60.0, 1.0]  # fmt: skip
+    """Return the seconds of hours, minutes and seconds; each fall by half a day or more adds a day."""
+    parts = [[float(str(part).replace(",", ".")) if isinstance(part, str) else 0.0
+              for part in row] for row in clock]  # fmt: skip
+    seconds = np.array(parts) @ [3600.0, 60.0, 1.0]
     falls = np.diff(seconds, prepend=seconds[0]) < -0.5 * _DAY_S
     seconds = seconds + _DAY_S * np.cumsum(falls)
     return np.asarray(seconds - seconds[0], dtype=np.float64)
@@ -136,7 +143,7 @@ def _moments(texts: pd.Series, form: str | None) -> pd.Series:
     read = {}
     for day_first in (False, True):
         try:
-            with warnings.catch_warnings():  # that the other order was asked for
+            with warnings.catch_warnings():  # pandas warns if the stamps need the other order.
                 warnings.simplefilter("ignore", UserWarning)
                 read[day_first] = pd.to_datetime(texts, dayfirst=day_first, utc=True)
         except ValueError as error:
@@ -146,24 +153,24 @@ def _moments(texts: pd.Series, form: str | None) -> pd.Series:
     spans = [stamps - stamps.iloc[0] for stamps in read.values()]
     if len(spans) == 2 and not spans[0].equals(spans[1]):
         raise ValueError(
-            f"{first!r} may have its day or its month first, and the date changes; say "
-            'unit = "datetime %d/%m/%Y %H:%M:%S", for example'
+            f"{first!r} may have its day or its month first, and the date changes; set for example "
+            'unit = "datetime %d/%m/%Y %H:%M:%S"'
         )
     return next(iter(read.values()))
 
 
-def spread(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """The table with the rows of a clock that is coarser than they are spread evenly, and a warning.
+def spread_coarse_clock(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """Return the table with the rows between two ticks of a coarse clock spread evenly, and a warning.
 
     Args:
-        path: for messages.
-        table: finite; its time never falls back where it is spread.
+        path: file name for messages.
+        table: finite values; a time that falls is left as it is.
     """
     time = table[TIME].to_numpy()
     stamps, first, counts = np.unique(time, return_index=True, return_counts=True)
     if len(stamps) == len(time) or len(stamps) < 4 or (np.diff(time) < 0.0).any():
         return table, []
-    inner = counts[1:-1]  # the first and the last may be cut off
+    inner = counts[1:-1]  # The first and the last tick may be cut off.
     usual = float(np.median(inner))
     if usual < 2.0 or np.mean(np.abs(inner - usual) <= 1.0) < _REGULAR:
         return table, []
@@ -175,16 +182,21 @@ def spread(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     even = np.where(rows > knots[-1], at[-1] + rate * (rows - knots[-1]), even)
     step = float(np.median(np.diff(stamps)))
     return table.assign(**{TIME: even - even[0] + time[0]}), [
-        f"the clock stands still for {usual:g} rows at a time and then steps by {step:g} s; the rows "
-        f"were spread evenly between its steps, {rate:.4g} s apart"
+        f"the clock repeats each time for {usual:g} rows and then steps by {step:g} s; the rows were "
+        f"spread evenly between its steps, {rate:.4g} s apart"
     ]
 
 
-def parts(time: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """Rows between gaps that are too long to be filled in, as (first, one past the last).
+def split_at_gaps(time: NDArray[np.float64]) -> list[tuple[int, int]]:
+    """Return the parts between gaps that are too long to be interpolated, as (first, one past the last).
+
+    Example:
+        >>> split_at_gaps(np.array([0.0, 1.0, 2.0, 60.0, 61.0]))
+        [(0, 3), (3, 5)]
 
     Args:
-        time: [s], shape (n,); one part where it is not finite or falls, which is refused later.
+        time: time of each row [s], shape (n,). A time that is not finite or falls gives one part; a
+            later check refuses it.
     """
     steps = np.diff(time)
     if not np.isfinite(time).all() or (steps < 0.0).any() or not (steps > 0.0).any():
@@ -195,24 +207,34 @@ def parts(time: NDArray[np.float64]) -> list[tuple[int, int]]:
     return list(itertools.pairwise(edges))
 
 
-def filled(path: Path, table: pd.DataFrame, known: list[str]) -> tuple[pd.DataFrame, list[str]]:
-    """The table with short runs of missing values filled in, and warnings that say how much.
+def fill_missing(
+    path: Path, table: pd.DataFrame, known: list[str]
+) -> tuple[pd.DataFrame, list[str]]:
+    """Interpolate short runs of missing values.
 
-    Up to :data:`LONGEST_GAP` values in a row are filled in along a straight line. A channel that has a
-    value in every so many rows only, as a slow instrument has beside fast ones, keeps each until the
-    next. Text that is no number is left for the check of numbers.
+    Up to :data:`LONGEST_GAP` missing values in a row are interpolated linearly. The channel of a slow
+    instrument, which has a value in every n-th row only, keeps each value until the next one. Text that
+    is no number is left for the check of numbers.
+
+    Args:
+        path: file name for messages.
+        table: table with canonical names.
+        known: columns to be filled in.
+
+    Returns:
+        The table and a warning for each column that was changed.
 
     Raises:
-        RecordingError: more are missing in a row; names column, row and how many.
+        RecordingError: more values are missing in a row; gives the column, the row and the count.
     """
-    said = []
+    messages = []
     for column in (c for c in known if c != TIME and c in table):
         missing = table[column].isna().to_numpy()
         if not missing.any() or missing.all():
             continue
         numbers = pd.to_numeric(table[column], errors="coerce")
         if (numbers.isna().to_numpy() & ~missing).any():
-            continue  # text: refused by name later
+            continue  # A later check refuses the text and names the column.
         present = np.flatnonzero(~missing)
         edges = np.concatenate([[-1], present, [len(table)]])
         runs = np.diff(edges) - 1
@@ -220,31 +242,45 @@ def filled(path: Path, table: pd.DataFrame, known: list[str]) -> tuple[pd.DataFr
         regular = every > 1 and np.mean(np.diff(present) == every) >= _SPARSE
         if regular and runs.max() <= every + LONGEST_GAP:
             table = table.assign(**{column: numbers.ffill().bfill()})
-            said.append(f"{column} has a value in every {every} rows; each was kept until the next")
+            messages.append(
+                f"{column} has a value in every {every} rows; each was kept until the next value"
+            )
             continue
         if runs.max() > LONGEST_GAP:
             row = int(edges[int(np.argmax(runs))]) + 2
             raise RecordingError(
                 f"{path}: {column}, row {row}: {runs.max()} values in a row are missing "
-                f"({missing.sum()} of {len(table)} in all); up to {LONGEST_GAP} are filled in; cut the "
-                "recording there and use the parts, or leave the column out"
+                f"({missing.sum()} of {len(table)} in all); up to {LONGEST_GAP} are interpolated; cut "
+                "the recording there and use the parts, or leave the column out"
             )
         whole = numbers.interpolate(limit_direction="both")
         table = table.assign(**{column: whole})
-        said.append(
+        messages.append(
             f"{column}: {missing.sum()} of {len(table)} values were missing, up to {runs.max()} in a "
             f"row, first in row {int(np.argmax(missing)) + 1}; they were interpolated linearly"
         )
-    return table, said
+    return table, messages
 
 
-def on_even_time(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """The table on an even time base, and warnings on what was interpolated for it."""
-    said = []
+def resample_evenly(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """Average rows with the same time and interpolate the table onto an even time base.
+
+    Args:
+        path: file name for messages.
+        table: canonical columns with finite values.
+
+    Returns:
+        The table and a warning for each kind of change.
+
+    Raises:
+        RecordingError: time falls or is negative, the usual step is outside 0.1 ms to 5 s, or a gap is
+            too long to be interpolated.
+    """
+    messages = []
     steps = np.diff(table[TIME].to_numpy())
     if 0.0 < np.mean(steps == 0.0) <= _REPEATED and (steps >= 0.0).all():
         row = int(np.argmax(steps == 0.0)) + 2
-        said.append(
+        messages.append(
             f"{np.sum(steps == 0.0)} rows have the time of the row before, first row {row}; such rows "
             "were averaged"
         )
@@ -260,18 +296,17 @@ def on_even_time(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[st
     if time[0] < 0.0:
         raise RecordingError(
             f"{path}: {TIME} begins at {time[0]:g} s, and no time may be negative; subtract the first "
-            f"value, or say offset = {-time[0]:g} in the column map"
+            f"value, or set offset = {-time[0]:g} in the column map"
         )
     usual = float(np.median(steps))
     if not _FASTEST_S * (1.0 - _EVEN) <= usual <= _SLOWEST_S:
         slow = usual > _SLOWEST_S
-        steady = (
-            "; if the ship ran steadily at each row, say --steady (steady=True)" if slow else ""
-        )
+        steady = "; if each row is an equilibrium, use --steady (steady=True)" if slow else ""
         raise RecordingError(
             f"{path}: {TIME} steps by {usual:.4g} s from row to row; allowed: {_FASTEST_S:g} to "
-            f"{_SLOWEST_S:g} s, or slower than the ship settles{steady}; if it counts another unit, say "
-            f'so in the column map (unit = "{"ms" if slow else "day"}", for example)'
+            f"{_SLOWEST_S:g} s, or rows so far apart that the ship settles between them{steady}; if "
+            "time counts another unit, set it in the column map (for example "
+            f'unit = "{"ms" if slow else "day"}")'
         )
     gaps = np.flatnonzero(steps > 1.5 * usual)
     long = gaps[steps[gaps] > (LONGEST_GAP + 1.5) * usual]
@@ -280,28 +315,31 @@ def on_even_time(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[st
         raise RecordingError(
             f"{path}: {TIME}, row {row}: a gap of {steps[row - 2]:.4g} s after {time[row - 2]:g} s "
             f"where {usual:.4g} s is usual ({len(long)} such gaps; up to {LONGEST_GAP} missing "
-            "samples are filled in); cut the recording there and use the parts, each of at least "
-            f"{LEAST_OF_ONE} rows"
+            "samples are interpolated); cut the recording there and use the parts, each of at least "
+            f"{FEWEST_ROWS} rows"
         )
     uneven = np.abs(steps - usual) > 0.5 * usual
     if not len(gaps) and (np.abs(steps - usual) <= _EVEN * usual).all():
-        return table, said
+        return table, messages
     onto = "every channel was interpolated linearly onto an even time base"
     if uneven.mean() > _UNEVEN:
-        said.append(
-            f"steps of time run from {steps.min():.3g} to {steps.max():.3g} s, {uneven.mean():.0%} of "
-            f"them more than half off the usual {usual:.4g} s; {onto}, which hides some of its noise"
+        messages.append(
+            f"steps of time range from {steps.min():.3g} to {steps.max():.3g} s, {uneven.mean():.0%} of "
+            f"them differ by more than half from the usual {usual:.4g} s; {onto}, which reduces its "
+            "noise"
         )
     elif len(gaps):
         rows = ", ".join(str(row + 2) for row in gaps[:5]) + (", ..." if len(gaps) > 5 else "")
-        said.append(
+        messages.append(
             f"samples are missing before row {rows}; they were interpolated linearly"
         )  # fmt: skip
     worst = float(np.max(np.abs(steps[steps <= 1.5 * usual] - usual)))
     if worst > _EVEN * usual and uneven.mean() <= _UNEVEN:
-        said.append(
+        messages.append(
             f"steps of time differ by up to {worst:.2g} s from the usual {usual:.4g} s; {onto}"
         )
     count = round((time[-1] - time[0]) / float(np.mean(steps[~uneven]))) + 1
     even = np.linspace(time[0], time[-1], count)
-    return pd.DataFrame({c: np.interp(even, time, table[c]) for c in table} | {TIME: even}), said
+    return pd.DataFrame(
+        {c: np.interp(even, time, table[c]) for c in table} | {TIME: even}
+    ), messages

@@ -1,7 +1,4 @@
-"""Channels that are magnitudes, although what they measure reverses.
-
-Slips that a recording's columns are likely to have, and the demands that a ship can be given.
-"""
+"""Recognise unit and sign errors of a column, commands out of range, and channels without their sign."""
 
 from __future__ import annotations
 
@@ -19,25 +16,27 @@ from .columns import PERCENT_OF_RANGE, PITCHES
 from .excitation import helm_column
 
 _SIGNED = ("shaft_torque_N_m", "thrust_N", "ship_speed_m_s", "motor_current_A", SHAFT_SPEED)
-_BOTH_WAYS = 0.1  # share of a signal's size that it must reach either way to reverse
-_NEVER = 0.02  # share of a channel's size, and
-_NOISES = 4.0  # multiple of its noise, by which a magnitude may lie below zero
-_RECTIFIED = 0.6  # correlation with the magnitude, and
-_CLEARLY = 0.2  # how much larger than that with the signed signal it must be
+_BOTH_WAYS = (
+    0.1  # share of its size that a signal must reach with either sign to count as reversing
+)
+_NEVER = 0.02  # share of its size by which a magnitude may lie below zero
+_NOISES = 4.0  # multiple of its noise by which a magnitude may lie below zero
+_RECTIFIED = 0.6  # least correlation with the magnitude
+_CLEARLY = 0.2  # least excess of that correlation over the correlation with the signed signal
 
 
 def rectified_remark(
     table: pd.DataFrame, simulated: pd.DataFrame | None, column: str, drive: str, noise: float
 ) -> str:
-    """Return a remark on a channel that is a magnitude, though what it measures reverses; else "".
+    """Return a remark on a channel that holds the magnitude of a signal that reverses; else "".
 
     Args:
         table: canonical columns.
-        simulated: the nominal ship with the same commands; None where it cannot be simulated, and the
-            drive's command stands for it.
+        simulated: simulation of the nominal ship with the same commands; if None, the channel is
+            compared with the drive command.
         column: measured channel.
-        drive: column of the drive's command.
-        noise: rms of the channel's white noise.
+        drive: column of the drive command.
+        noise: rms of the white noise of the channel.
     """
     if column not in _SIGNED:
         return ""
@@ -59,8 +58,8 @@ def rectified_remark(
         f"{column} looks rectified: it is never below {values.min():.3g} {BOUNDS[column][2]}, "
         f"although the {source} reverses ({np.mean(expected < 0.0):.0%} of the rows below zero); "
         f"its correlation with the magnitude is {magnitude:.2f}, with the signed values {signed:.2f}. "
-        f"A column map cannot restore the sign: give the column that of {drive} (numpy.copysign), "
-        "turned where the channel passes its minimum, or leave out the rows around reversals"
+        f"A column map cannot restore the sign: give the column the sign of {drive} (numpy.copysign) "
+        "with the change at the minimum of the channel, or leave out the rows around reversals"
     )
 
 
@@ -72,45 +71,57 @@ def _correlation(a: NDArray[Any], b: NDArray[Any]) -> float:
 
 Array = NDArray[np.float64]
 
-_BEYOND = 1.25  # share of a demand's end stop that no ship's demand exceeds
+_BEYOND = 1.25  # multiple of its end stop that no command exceeds
 _RPM = math.pi / 30.0
 HELMS = (RUDDER, RUDDER_COMMAND)
-"""Columns of the rudder's angle, either of which may order it."""
+"""Columns of the rudder angle, either of which may be the rudder command."""
 
 
-class Slip(NamedTuple):
-    """A likely mistake: what the channel looks like, how it is read then, and how to say so."""
+class UnitError(NamedTuple):
+    """Likely unit or sign error: its description, its factor, and the keys that correct it."""
 
     looks_like: str
     factor: float
     advice: str
 
-    def read(self, values: Array) -> Array:
-        """The channel's values in the canonical unit if this is the slip."""
+    def convert(self, values: Array) -> Array:
+        """Return the values of a channel with this error in the canonical unit."""
         if self.looks_like.startswith("a blade angle"):
             return np.asarray(0.7 * math.pi * np.tan(np.radians(np.clip(values, -60.0, 60.0))))
         return values * self.factor
 
 
-def _unit(name: str, factor: float) -> Slip:
-    return Slip(f"{name} (a factor {max(factor, 1.0 / factor):.4g})", factor, f'unit = "{name}"')
+def _unit(name: str, factor: float) -> UnitError:
+    return UnitError(
+        f"{name} (a factor {max(factor, 1.0 / factor):.4g})", factor, f'unit = "{name}"'
+    )
 
 
-def by_a_factor(factor: float, unit: str) -> Slip:
-    """Return the slip of a channel whose values are a number of times too small or too large.
+def power_of_ten_error(factor: float, unit: str) -> UnitError:
+    """Return the error of a channel whose values are too small or too large by a power of ten.
 
     Args:
-        factor: by which the values must be multiplied; its power of ten is named.
-        unit: of the channel.
+        factor: factor by which the values must be multiplied; it is rounded to a power of ten.
+        unit: unit of the channel.
     """
     power = 10.0 ** round(math.log10(factor))
     size = "small" if power > 1.0 else "large"
     looks = f"values that are {max(power, 1.0 / power):g} times too {size} for {unit}"
-    return Slip(looks, power, f"their unit, or else scale = {power:g},")
+    return UnitError(looks, power, f"their unit, or scale = {power:g},")
 
 
-def slips_of(column: str, ship: Ship) -> list[Slip]:
-    """Other units that a channel is likely to come in, each with either sign."""
+def likely_unit_errors(column: str, ship: Ship) -> list[UnitError]:
+    """Return the units in which a channel is likely to be recorded by mistake, each with either sign.
+
+    Example:
+        >>> from shaftline.plant import load_ship
+        >>> [error.advice for error in likely_unit_errors("ship_speed_m_s", load_ship("frigate"))[:2]]
+        ['unit = "knot"', 'unit = "km/h"']
+
+    Args:
+        column: canonical column.
+        ship: the nominal ship; its ranges and its gear ratio give further errors.
+    """
     gear = ship.transmission.gear_ratio
     by_unit = {
         "rad/s": [_unit("rpm", _RPM), _unit("rps", 2.0 * math.pi)],
@@ -124,47 +135,59 @@ def slips_of(column: str, ship: Ship) -> list[Slip]:
         "A": [_unit("mA", 1e-3)],
         "W": [_unit("kW", 1e3), _unit("MW", 1e6), _unit("mW", 1e-3)],
         "mm": [_unit("m", 1e3), _unit("cm", 10.0)],
-        "-": [Slip("a blade angle in degrees", 0.04, 'unit = "deg"')],
+        "-": [UnitError("a blade angle in degrees", 0.04, 'unit = "deg"')],
     }  # fmt: skip
     unit = BOUNDS[column][2]
-    found = list(by_unit.get(f"{unit} of a turn" if column == YAW_RATE else unit, []))
-    if column in (ranges := ranges_of(ship)):
+    errors = list(by_unit.get(f"{unit} of a turn" if column == YAW_RATE else unit, []))
+    if column in (ranges := command_ranges(ship)):
         high = ranges[column][1]
-        found.append(Slip(f"percent of its range to {high:.3g} {unit}", high / 100.0,
-                          f'unit = "{PERCENT_OF_RANGE}"'))  # fmt: skip
+        looks = f"percent of its range to {high:.3g} {unit}"
+        errors.append(UnitError(looks, high / 100.0, f'unit = "{PERCENT_OF_RANGE}"'))
     if unit == "-":
-        found.append(_unit("percent", 0.01))
+        errors.append(_unit("percent", 0.01))
     if column == SHAFT_SPEED and gear != 1.0:
-        found += [
-            Slip(f"the engine's speed (a factor {gear:.4g})", 1.0 / gear, f"scale = {1 / gear:.6g}"),
-            Slip(f"the engine's speed in rpm (a factor {gear / _RPM:.4g})", _RPM / gear,
-                 f'unit = "rpm", scale = {1 / gear:.6g}'),
-        ]  # fmt: skip
+        scale = f"scale = {1 / gear:.6g}"
+        rpm, factor = f'unit = "rpm", {scale}', gear / _RPM
+        errors += [
+            UnitError(f"the engine speed (a factor {gear:.4g})", 1.0 / gear, scale),
+            UnitError(f"the engine speed in rpm (a factor {factor:.4g})", _RPM / gear, rpm),
+        ]
     if column == "shaft_torque_N_m" and gear != 1.0:
-        found.append(Slip(f"the engine's torque (a factor {gear:.4g})", gear, f"scale = {gear:g}"))
-    turned = [Slip(f"{s.looks_like} with the sign turned", -s.factor, f"{s.advice}, sign = -1")
-              for s in found if not s.looks_like.startswith("a blade angle")]  # fmt: skip
-    return [*found, Slip("itself with the sign turned", -1.0, "sign = -1"), *turned]
+        looks = f"the engine torque (a factor {gear:.4g})"
+        errors.append(UnitError(looks, gear, f"scale = {gear:g}"))
+    opposite = [
+        UnitError(f"{e.looks_like} with the opposite sign", -e.factor, f"{e.advice}, sign = -1")
+        for e in errors
+        if not e.looks_like.startswith("a blade angle")
+    ]
+    return [*errors, UnitError("itself with the opposite sign", -1.0, "sign = -1"), *opposite]
 
 
-def demands(ship: Ship, table: pd.DataFrame) -> list[str]:
-    """Columns of a recording that are orders, not measurements."""
+def command_columns(ship: Ship, table: pd.DataFrame) -> list[str]:
+    """Return the columns of a recording that are commands and no measurements."""
     helm = helm_column(ship, table)
     pitch = ["pitch_ratio_command"] if ship.has_variable_pitch else []
-    found = [c for c in (drive_column(ship), *pitch) if c in table]
-    return found if helm is None else [*found, helm]
+    commands = [c for c in (drive_column(ship), *pitch) if c in table]
+    return commands if helm is None else [*commands, helm]
 
 
-def looks_like(column: str, slips: list[Slip], median: float, expected: str) -> str:
-    """A sentence that names the likely slips of a column, and what to say in the column map."""
+def describe_unit_errors(column: str, errors: list[UnitError], median: float, expected: str) -> str:
+    """Return a sentence with the likely errors of a column and the keys that correct them.
+
+    Args:
+        column: canonical column.
+        errors: likely errors, the most likely first.
+        median: median of the recorded values.
+        expected: verb phrase with the value that the ship has instead, such as "takes 0 to 40 mm".
+    """
     return (
-        f"{column} looks like {' or '.join(s.looks_like for s in slips)}: median {median:.4g} where "
-        f"this ship {expected}; say {' or '.join(s.advice for s in slips)} in the column map"
+        f"{column} looks like {' or '.join(e.looks_like for e in errors)}: its median is {median:.4g} "
+        f"where this ship {expected}; set {' or '.join(e.advice for e in errors)} in the column map"
     )
 
 
 def top_speed(ship: Ship) -> float:
-    """Shaft speed [rad/s] that no state of the ship comes near."""
+    """Return a shaft speed [rad/s] far above every operating state, three times the highest speed."""
     plant, gear = ship.record(), ship.transmission.gear_ratio
     if ship.has_diesel:
         return 3.0 * float(plant["engine_speed_max"]) / gear
@@ -175,33 +198,39 @@ def top_speed(ship: Ship) -> float:
     return BOUNDS[SHAFT_SPEED][1]
 
 
-def ranges_of(ship: Ship) -> dict[str, tuple[float, float]]:
-    """Lowest and highest value of each order, and of the positions that follow them."""
+def command_ranges(ship: Ship) -> dict[str, tuple[float, float]]:
+    """Return the lowest and highest value of each command and of the pitch and rudder positions.
+
+    Example:
+        >>> from shaftline.plant import load_ship
+        >>> command_ranges(load_ship("frigate"))["fuel_rack_mm"]
+        (0.0, 40.0)
+    """
     plant = ship.record()
-    found = {drive_column(ship): (float(plant["drive_min"]), float(plant["drive_max"]))}
+    ranges = {drive_column(ship): (float(plant["drive_min"]), float(plant["drive_max"]))}
     if ship.has_variable_pitch:
         pitch = float(plant["pitch_ratio_min"]), float(plant["pitch_ratio_max"])
-        found |= dict.fromkeys(PITCHES, pitch)
+        ranges |= dict.fromkeys(PITCHES, pitch)
     if ship.turns:
-        found |= dict.fromkeys(HELMS, (-float(plant["rudder_max"]), float(plant["rudder_max"])))
-    return found
+        ranges |= dict.fromkeys(HELMS, (-float(plant["rudder_max"]), float(plant["rudder_max"])))
+    return ranges
 
 
-def range_of(column: str, ship: Ship) -> str:
-    """Range of a demand, or of the shaft's speed, in words."""
+def range_text(column: str, ship: Ship) -> str:
+    """Return the range of a command, or of the shaft speed, as text with its unit."""
     if column == SHAFT_SPEED and ship.turns_freely:
         plant, top = ship.record(), top_speed(ship) / 3.0
         slow = float(plant["engine_speed_min"] / plant["gear_ratio"])
         low, high = (slow if ship.has_diesel else -top), top
     else:
-        low, high = ranges_of(ship)[column]
+        low, high = command_ranges(ship)[column]
     return f"{low:.3g} to {high:.3g} {BOUNDS[column][2]}"
 
 
-def impossible_demands(table: pd.DataFrame, ship: Ship) -> Iterator[str]:
-    """Sentences on demands that this ship cannot be given."""
+def impossible_commands(table: pd.DataFrame, ship: Ship) -> Iterator[str]:
+    """Yield errors on commands outside the range of the ship, with the unit errors that explain them."""
     plant = ship.record()
-    for column in demands(ship, table):
+    for column in command_columns(ship, table):
         values = table[column].to_numpy()
         if column == "pitch_ratio_command":
             high = max(abs(plant["pitch_ratio_min"]), abs(plant["pitch_ratio_max"])) + 0.3
@@ -213,20 +242,21 @@ def impossible_demands(table: pd.DataFrame, ship: Ship) -> Iterator[str]:
             high, low = _BEYOND * plant["drive_max"], plant["drive_min"]
         if _possible(values, low, high):
             continue
-        found = [s for s in slips_of(column, ship) if _possible(s.read(values), low, high, 0.1)]
-        takes = f"takes {range_of(column, ship)}"
-        if found:
-            yield looks_like(column, found[:2], float(np.median(values)), takes)
+        likely = likely_unit_errors(column, ship)
+        errors = [e for e in likely if _possible(e.convert(values), low, high, 0.1)]
+        takes = f"takes {range_text(column, ship)}"
+        if errors:
+            yield describe_unit_errors(column, errors[:2], float(np.median(values)), takes)
         else:
-            row = int(np.argmax(np.abs(values) > high if (np.abs(values) > high).any()
-                                else values < low))  # fmt: skip
+            above = np.abs(values) > high
+            row = int(np.argmax(above if above.any() else values < low))
             yield (
                 f"{column}, row {row + 1}: {values[row]:g} {BOUNDS[column][2]} where this ship "
-                f"{takes}; is it another ship, or another unit?"
+                f"{takes}; check the ship file and the unit in the column map"
             )
 
 
 def _possible(values: Array, low: float, high: float, least: float = 0.0) -> bool:
-    """Whether nearly all of a demand lies within limits, and reaches a share of them."""
+    """Return whether nearly all of a command lies within limits and it reaches a share of them."""
     reach = float(np.percentile(np.abs(values), 95))
     return least * high <= reach <= high and float(np.percentile(values, 95)) >= low

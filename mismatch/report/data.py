@@ -1,4 +1,4 @@
-"""A diagnosis as data: what stands in ``report.json``."""
+"""``report.json``: a diagnosis as data."""
 
 from __future__ import annotations
 
@@ -8,9 +8,14 @@ from typing import Any
 from ..judge.held_out import rms_errors
 from ..judge.verdict import EXPLAINED
 from ..outcome import Outcome
-from ..simulate.balances import PART_OF
+from ..simulate.balances import BALANCE_OF_RESIDUAL
 from .text import finding_sentence, headline, sentence
-from .wording import formula_as_dict, numbers_as_dict, wrong_as_dict, wrong_of
+from .wording import (
+    biased_parameter_as_dict,
+    biased_parameter_of,
+    formula_as_dict,
+    parameters_as_dict,
+)
 
 
 def _location(diagnosis: Outcome) -> dict[str, Any]:
@@ -19,11 +24,15 @@ def _location(diagnosis: Outcome) -> dict[str, Any]:
         balances = list(dict.fromkeys(f.effect.balance for f in diagnosis.findings))
         windows = sorted({w for f in diagnosis.findings for w in f.windows})
         words = [f.regime for f in diagnosis.findings if f.regime]
-        return {"balances": balances, "windows_s": merged(windows), "regime": "; ".join(words)}
+        return {
+            "balances": balances,
+            "windows_s": merge_windows(windows),
+            "regime": "; ".join(words),
+        }
     if diagnosis.shape is not None:
         shape = diagnosis.shape
         return {
-            "balances": [PART_OF.get(shape.balance, shape.balance)],
+            "balances": [BALANCE_OF_RESIDUAL.get(shape.balance, shape.balance)],
             "windows_s": [list(w) for w in diagnosis.shape_windows] or [[0.0, duration]],
             "regime": diagnosis.shape_regime,
         }
@@ -31,7 +40,7 @@ def _location(diagnosis: Outcome) -> dict[str, Any]:
 
 
 def _balances(diagnosis: Outcome) -> dict[str, Any]:
-    """Each balance for itself: its verdict, the share of its power that is explained, what is left."""
+    """Return the verdict, the explained share and the residual of each balance."""
     found: dict[str, Any] = {}
     shape = diagnosis.shape
     for balance in diagnosis.balance_verdicts:
@@ -55,8 +64,12 @@ def _balances(diagnosis: Outcome) -> dict[str, Any]:
     return found
 
 
-def merged(windows: list[tuple[float, float]]) -> list[list[float]]:
-    """Windows sorted, those that touch joined."""
+def merge_windows(windows: list[tuple[float, float]]) -> list[list[float]]:
+    """Return sorted windows of time, overlapping and adjacent ones merged.
+
+    >>> merge_windows([(30.0, 40.0), (0.0, 10.0), (10.0, 20.0)])
+    [[0.0, 20.0], [30.0, 40.0]]
+    """
     found: list[list[float]] = []
     for a, b in sorted(windows):
         if found and a <= found[-1][1]:
@@ -66,17 +79,21 @@ def merged(windows: list[tuple[float, float]]) -> list[list[float]]:
     return found
 
 
-def finite(value: Any) -> Any:
-    """The same data with numbers that are not finite as None: an interval may have no end."""
+def replace_non_finite(value: Any) -> Any:
+    """Return data for JSON with infinities and NaN as None: an interval may have no end.
+
+    >>> replace_non_finite({"ci95": [0.5, float("inf")]})
+    {'ci95': [0.5, None]}
+    """
     if isinstance(value, dict):
-        return {key: finite(item) for key, item in value.items()}
+        return {key: replace_non_finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [finite(item) for item in value]
+        return [replace_non_finite(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def as_dict(diagnosis: Outcome) -> dict[str, Any]:
-    """``report.json``; numbers in the units that their names carry."""
+def diagnosis_as_dict(diagnosis: Outcome) -> dict[str, Any]:
+    """Return ``report.json`` of a diagnosis; values in the units that their names state."""
     effects = []
     for place, f in enumerate(diagnosis.findings):
         effect = f.effect
@@ -99,7 +116,7 @@ def as_dict(diagnosis: Outcome) -> dict[str, Any]:
                 "evidence": {"score": f.score, "threshold": f.threshold},
                 "windows_s": [list(w) for w in f.windows],
                 "split_by": effect.split_by,
-                "wrong_number": wrong_as_dict(wrong_of(diagnosis, place)),
+                "wrong_number": biased_parameter_as_dict(biased_parameter_of(diagnosis, place)),
             }
         )
     report: dict[str, Any] = {
@@ -136,7 +153,7 @@ def as_dict(diagnosis: Outcome) -> dict[str, Any]:
              "threshold": threshold}
             for c, threshold in diagnosis.ranking
         ],
-        "numbers": numbers_as_dict(diagnosis),
+        "numbers": parameters_as_dict(diagnosis),
         "demands_between_rows": "lines" if diagnosis.line else "held",
         "highest_Hz": diagnosis.highest_Hz,
         "limits": diagnosis.limits,
@@ -153,5 +170,5 @@ def as_dict(diagnosis: Outcome) -> dict[str, Any]:
             "unit": shape.unit,
             "evidence": {"score": shape.gain, "threshold": shape.threshold},
         }
-    plain: dict[str, Any] = finite(report)
+    plain: dict[str, Any] = replace_non_finite(report)
     return plain

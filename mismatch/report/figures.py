@@ -1,11 +1,7 @@
-"""Small drawings for the report: SVG that stands inside the page, and what they have in common.
+"""Figures of the reports as SVG elements: over time, frequency and operating regime, and by effect.
 
-A report is read on wide and on narrow screens, so a figure is a row of small panels that the page wraps,
-each drawn at the size at which it is read.
-
-Figures over the operating regime: where a balance lacks what, and the shape of what has no name.
-
-Figures of a diagnosis over time, over frequency and by name, each a list of :mod:`.panels`.
+The pages are read on wide and on narrow screens. Each figure is therefore a list of small panels, drawn
+at their final size, that the page wraps into rows.
 """
 
 from __future__ import annotations
@@ -30,12 +26,12 @@ from ..estimate import HALF_95
 from ..outcome import Outcome
 from ..search.catalogue import Window
 from .wording import (
+    axis_label,
     channel_name,
     number,
-    scaled,
+    scale_unit,
     superscript,
     time_unit,
-    with_unit,
 )
 
 Array = NDArray[np.float64]
@@ -43,14 +39,14 @@ Array = NDArray[np.float64]
 MEASURED, BEFORE, AFTER, QUIET, HELD_OUT, WINDOW = (
     "#1f2a44", "#d1495b", "#00798c", "#8d99ae", "#e9ecf1", "#f6e3b4",
 )  # fmt: skip
-"""Colours of recording, nominal ship, corrected ship, what is in the background, and two shadings."""
+"""Colours of the recording, the nominal ship, the corrected ship, the background and two shadings."""
 
 BEFORE_LINE: dict[str, Any] = {"color": BEFORE, "linewidth": 1.25, "linestyle": (0, (3.5, 1.6))}
 AFTER_LINE: dict[str, Any] = {"color": AFTER, "linewidth": 1.5}
-"""Lines of the nominal and of the corrected ship; the dashed is drawn last, so both are seen."""
+"""Line styles of the nominal and the corrected ship; the dashed line is drawn last to show both."""
 
 WIDTH, HEIGHT = 5.4, 2.35
-"""Of a panel [inch]; the page shows it about 550 pixels wide."""
+"""Size of a panel [inch]; the page shows it about 550 pixels wide."""
 
 _SMALL, _NORMAL = 8.0, 8.8
 _POINTS = 420
@@ -68,14 +64,14 @@ _UNKNOWN_TO_MATHTEXT = {
 def panel(
     title: str, x: str, y: str, height: float = HEIGHT, left: float = 0.7
 ) -> tuple[Figure, Axes]:
-    """An empty panel.
+    """Return an empty panel.
 
     Args:
-        title: above it.
+        title: title above the axes.
         x: label of the horizontal axis.
         y: label of the vertical axis.
-        height: [inch].
-        left: margin for the labels of the vertical axis [inch].
+        height: height of the panel [inch].
+        left: left margin for the labels of the vertical axis [inch].
     """
     figure = Figure(figsize=(WIDTH, height))
     above, below = 0.3, 0.46
@@ -98,23 +94,23 @@ def panel(
 
 
 def svg(figure: Figure, label: str, prefix: str) -> str:
-    """A figure as an SVG element.
+    """Return a figure as an SVG element.
 
     Args:
-        figure: to draw.
-        label: read out where the drawing is not seen.
-        prefix: of its ids, which must differ from every other drawing's on the page.
+        figure: the figure.
+        label: text for screen readers.
+        prefix: prefix of the element's ids, unique on the page.
     """
     buffer = io.StringIO()
-    nothing: dict[str, Any] = dict.fromkeys(("Creator", "Date", "Format", "Type"))
-    # the salt makes the ids, and so the page, the same at every run
+    no_metadata: dict[str, Any] = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+    # A fixed salt makes the ids, and thereby the page, reproducible.
     with matplotlib.rc_context({"svg.hashsalt": "shaftline", "svg.fonttype": "path"}):
-        figure.savefig(buffer, format="svg", transparent=True, metadata=nothing)
+        figure.savefig(buffer, format="svg", transparent=True, metadata=no_metadata)
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
     text = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>\s*", "", text, flags=re.S)
     text = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{prefix}-", text)
-    # a hundredth of a point is enough in what is drawn; letters are scaled and keep theirs
+    # Curves need hundredths of a point; glyphs are scaled and keep their digits.
     text = re.sub(r'(?<= d=")[^"]*', lambda d: re.sub(r"(\.\d\d)\d+", r"\1", d[0]), text)
     text = text.replace(' xmlns:xlink="http://www.w3.org/1999/xlink"', "", 1)
     text = text.replace(' xmlns="http://www.w3.org/2000/svg"', "", 1).replace("xlink:href", "href")
@@ -122,12 +118,12 @@ def svg(figure: Figure, label: str, prefix: str) -> str:
 
 
 def equation(latex: str, plain: str, prefix: str) -> str:
-    """An equation as an SVG element, set by matplotlib; its plain text where it cannot be set.
+    """Return an equation as an SVG element, or as plain text where matplotlib cannot typeset it.
 
     Args:
-        latex: without the dollar signs.
-        plain: the same in words and signs.
-        prefix: of the drawing's ids.
+        latex: the equation without dollar signs.
+        plain: the equation as plain text.
+        prefix: prefix of the element's ids.
     """
     spaced = latex + " "
     for unknown, known in _UNKNOWN_TO_MATHTEXT.items():
@@ -136,7 +132,7 @@ def equation(latex: str, plain: str, prefix: str) -> str:
     figure.text(0.0, 0.0, f"${spaced.strip()}$", fontsize=13, color=MEASURED, math_fontfamily="cm")
     buffer = io.BytesIO()
     try:
-        figure.savefig(buffer, format="svg")  # tells whether it can be set
+        figure.savefig(buffer, format="svg")  # raises ValueError if mathtext lacks a command
     except ValueError:
         return f"<code>{escape(plain)}</code>"
     box = figure.get_tightbbox().padded(0.03)  # type: ignore[no-untyped-call]
@@ -146,7 +142,7 @@ def equation(latex: str, plain: str, prefix: str) -> str:
 
 
 def outline(time: Array, values: Array) -> tuple[Array, Array]:
-    """A long trace as the lowest and highest value of each of some hundred stretches, in turn."""
+    """Return the lowest and highest value of each of some hundred sections of a long trace, in turn."""
     size = len(values) // _POINTS
     if size < 3:
         return time, values
@@ -157,19 +153,23 @@ def outline(time: Array, values: Array) -> tuple[Array, Array]:
     return np.column_stack([at[:, 0], at[:, size // 2]]).ravel(), pairs
 
 
-def thinned(time: Array, values: Array) -> tuple[Array, Array]:
-    """Some hundred evenly spaced points of a smooth trace."""
+def thin(time: Array, values: Array) -> tuple[Array, Array]:
+    """Return some hundred evenly spaced points of a smooth trace."""
     step = max(1, len(values) // (3 * _POINTS))
     return time[::step], values[::step]
 
 
 def block_rows(seconds: float, interval_s: float) -> int:
-    """Rows of the blocks over which residuals are averaged: 5 s, less in a short recording."""
+    """Return the rows of a block over which residuals are averaged: 5 s, less in a short recording."""
     return max(1, round(min(5.0, seconds / 60.0) / interval_s))
 
 
-def blocks(values: Array, size: int, take: Callable[..., Any] = np.mean) -> Array:
-    """A statistic of each block of ``size`` rows."""
+def block_statistics(values: Array, size: int, take: Callable[..., Any] = np.mean) -> Array:
+    """Return a statistic of each block of ``size`` rows.
+
+    >>> block_statistics(np.arange(6.0), 3)
+    array([1., 4.])
+    """
     count = len(values) // size
     return np.asarray(take(values[: count * size].reshape(count, size), axis=1))
 
@@ -177,8 +177,8 @@ def blocks(values: Array, size: int, take: Callable[..., Any] = np.mean) -> Arra
 _BINS = 12
 
 
-def located_rows(diagnosis: Outcome) -> list[int]:
-    """Balances that the findings point to; where there are none, the one that wanders most."""
+def balances_to_show(diagnosis: Outcome) -> list[int]:
+    """Return the rows of the balances with findings, else of the one with the largest slow variation."""
     if diagnosis.findings:
         return list(dict.fromkeys(f.row for f in diagnosis.findings))
     names = [name for name, _ in diagnosis.balances]
@@ -186,17 +186,19 @@ def located_rows(diagnosis: Outcome) -> list[int]:
         return [names.index(diagnosis.shape.balance)]
     if diagnosis.left_over is not None:
         return [diagnosis.left_over.balance]
-    size = block_rows(float(diagnosis.time_s[-1]), interval(diagnosis))
-    means = [
-        float(np.std(blocks(r, size)) / (np.std(r) + 1e-300)) for r in diagnosis.residual_before
+    size = block_rows(float(diagnosis.time_s[-1]), sampling_interval(diagnosis))
+    slow = [
+        float(np.std(block_statistics(r, size)) / (np.std(r) + 1e-300))
+        for r in diagnosis.residual_before
     ]
-    return [int(np.argmax(means))]
+    return [int(np.argmax(slow))]
 
 
-def signals_shown(diagnosis: Outcome) -> dict[str, tuple[Array, str, str]]:
-    """Signals over which a residual is shown: values, name and unit.
+def signals_to_show(diagnosis: Outcome) -> dict[str, tuple[Array, str, str]]:
+    """Return the signals over which residuals are drawn: values, name and unit.
 
-    They are simulated, by the corrected ship: measured ones share their noise with the residual.
+    They are simulated with the corrected ship, because the noise of measured signals is also in the
+    residual.
     """
     found = {}
     columns = {
@@ -209,9 +211,9 @@ def signals_shown(diagnosis: Outcome) -> dict[str, tuple[Array, str, str]]:
     return {k: v for k, v in found.items() if np.ptp(v[0]) > 0.02 * np.abs(v[0]).max()}
 
 
-def binned(signal: Array, residual: Array, size: int) -> tuple[Array, Array, Array]:
-    """Means of a residual in bins of equal count, and half their 95 % interval, from block means."""
-    x, y = blocks(signal, size), blocks(residual, size)
+def bin_means(signal: Array, residual: Array, size: int) -> tuple[Array, Array, Array]:
+    """Return bin centres, means and half the 95 % intervals of a residual in bins of equal count."""
+    x, y = block_statistics(signal, size), block_statistics(residual, size)
     order = np.argsort(x)
     parts = [p for p in np.array_split(order, min(_BINS, max(1, len(order) // 5))) if len(p) > 1]
     error = [HALF_95 * np.std(y[p], ddof=1) / np.sqrt(len(p)) for p in parts]
@@ -222,22 +224,22 @@ def binned(signal: Array, residual: Array, size: int) -> tuple[Array, Array, Arr
     )
 
 
-def regimes(diagnosis: Outcome) -> list[str]:
-    """What the located balances lack over the operating regime, before and after."""
+def regime_panels(diagnosis: Outcome) -> list[str]:
+    """Draw the residuals of the located balances over the operating regime, before and after."""
     drawn: list[str] = []
-    size = block_rows(float(diagnosis.time_s[-1]), interval(diagnosis))
+    size = block_rows(float(diagnosis.time_s[-1]), sampling_interval(diagnosis))
     shape = diagnosis.shape
-    for row in located_rows(diagnosis)[:2]:
+    for row in balances_to_show(diagnosis)[:2]:
         name, unit = diagnosis.balances[row]
         lines = [(diagnosis.residual_before[row], BEFORE)]
-        if changed(diagnosis):
+        if is_corrected(diagnosis):
             lines.append((diagnosis.residual_after[row], AFTER))
-        for key, (signal, words, signal_unit) in signals_shown(diagnosis).items():
-            stats = [(*binned(signal, values, size), colour) for values, colour in lines]
-            factor, shown = scaled(max(float(np.abs(s[1]).max()) for s in stats), unit)
+        for key, (signal, words, signal_unit) in signals_to_show(diagnosis).items():
+            stats = [(*bin_means(signal, values, size), colour) for values, colour in lines]
+            factor, shown = scale_unit(max(float(np.abs(s[1]).max()) for s in stats), unit)
             figure, axes = panel(
-                f"{name} balance over {words}", with_unit(words, signal_unit),
-                with_unit(f"missing {QUANTITY.get(name, '')}", shown),
+                f"{name} balance over {words}", axis_label(words, signal_unit),
+                axis_label(f"missing {QUANTITY.get(name, '')}", shown),
             )  # fmt: skip
             axes.axhline(0.0, color=MEASURED, linewidth=0.6)
             if shape is not None and shape.signal == key and shape.balance == name:
@@ -254,40 +256,39 @@ def regimes(diagnosis: Outcome) -> list[str]:
 
 
 def shape_panel(diagnosis: Outcome) -> list[str]:
-    """What has no name, over the signal that it follows."""
+    """Draw a shape over the signal that it depends on."""
     shape = diagnosis.shape
     if shape is None:
         return []
-    factor, unit = scaled(float(np.abs(shape.values).max()), shape.unit)
-    words = {"drive": "drive demand"}.get(shape.signal, shape.signal.replace("_", " "))
-    label = with_unit(f"missing {QUANTITY.get(shape.balance, '')}", unit)
+    factor, unit = scale_unit(float(np.abs(shape.values).max()), shape.unit)
+    words = {"drive": "drive command"}.get(shape.signal, shape.signal.replace("_", " "))
+    label = axis_label(f"missing {QUANTITY.get(shape.balance, '')}", unit)
     figure, axes = panel(
-        f"what the {shape.balance} balance lacks", with_unit(words, shape.signal_unit), label, 3.0
+        f"residual of the {shape.balance} balance", axis_label(words, shape.signal_unit), label, 3.0
     )
     if shape.signal == "time":
         for a, b in diagnosis.held_out:
             axes.axvspan(a, b, color=HELD_OUT, linewidth=0)
     axes.axhline(0.0, color=MEASURED, linewidth=0.6)
     names = [name for name, _ in diagnosis.balances]
-    followed = {"time": (diagnosis.time_s, "", ""), **signals_shown(diagnosis)}
-    if shape.signal in followed and shape.balance in names:
-        size = block_rows(float(diagnosis.time_s[-1]), interval(diagnosis))
+    signals = {"time": (diagnosis.time_s, "", ""), **signals_to_show(diagnosis)}
+    if shape.signal in signals and shape.balance in names:
+        size = block_rows(float(diagnosis.time_s[-1]), sampling_interval(diagnosis))
         residual = diagnosis.residual_before[names.index(shape.balance)]
-        # the nominal simulation's own signal: the shape was found over it
+        # The shape was fitted over the signal of the nominal simulation.
         nominal = {"shaft_speed": "shaft_speed_rad_s", "ship_speed": "ship_speed_m_s"}
-        signal = diagnosis.before.get(nominal.get(shape.signal, ""), followed[shape.signal][0])
-        axes.plot(
-            blocks(signal, size), blocks(residual, size) / factor, ".", color=QUIET, markersize=3.0
-        )
+        signal = diagnosis.before.get(nominal.get(shape.signal, ""), signals[shape.signal][0])
+        x, y = block_statistics(signal, size), block_statistics(residual, size) / factor
+        axes.plot(x, y, ".", color=QUIET, markersize=3.0)
     axes.plot(shape.knots, shape.values / factor, "o-", color=BEFORE, linewidth=1.8, markersize=4.5)
-    return [svg(figure, f"shape of what the {shape.balance} balance lacks", "s0")]
+    return [svg(figure, f"shape of the residual of the {shape.balance} balance", "s0")]
 
 
 LEAST_SPECTRUM = 64
-"""Rows in each piece of a recording whose spectra are averaged, at least."""
+"""Smallest number of rows in each segment whose spectra are averaged."""
 
 RANKED = 12
-"""Candidates that the ranking shows."""
+"""Number of candidates that the ranking shows."""
 
 _SEA_Hz = (0.04, 0.4)
 _HUMP = 3.0
@@ -297,11 +298,11 @@ QUANTITY = {
     "hull": "force", "sway": "force", "yaw": "moment", "thrust": "force",
     "pitch-actuator": "pitch ratio",
 }  # fmt: skip
-"""What a balance lacks."""
+"""Quantity of each balance's residual."""
 
 
-class Replayed(Protocol):
-    """A recording beside two simulations of it: what a diagnosis and an identification both are."""
+class Comparison(Protocol):
+    """A recording with simulations before and after a correction: a diagnosis or an identification."""
 
     @property
     def ship(self) -> Ship: ...  # noqa: D102
@@ -319,39 +320,39 @@ class Replayed(Protocol):
     def after(self) -> dict[str, Array]: ...  # noqa: D102
 
 
-def changed(diagnosis: Replayed) -> bool:
-    """Whether the corrected ship differs from the nominal one."""
+def is_corrected(diagnosis: Comparison) -> bool:
+    """Return whether the corrected ship differs from the nominal one."""
     return diagnosis.corrected != diagnosis.ship
 
 
-def before_line(diagnosis: Replayed) -> dict[str, Any]:
-    """Style of the nominal ship's lines: dashed only where another's lie under them."""
-    return BEFORE_LINE if changed(diagnosis) else {**BEFORE_LINE, "linestyle": "-"}
+def nominal_line(diagnosis: Comparison) -> dict[str, Any]:
+    """Return the line style of the nominal ship: dashed where the corrected ship has a line as well."""
+    return BEFORE_LINE if is_corrected(diagnosis) else {**BEFORE_LINE, "linestyle": "-"}
 
 
-def interval(diagnosis: Outcome) -> float:
-    """Spacing of the rows [s]."""
+def sampling_interval(diagnosis: Outcome) -> float:
+    """Return the sampling interval [s]."""
     time = diagnosis.time_s
     return float(time[-1] - time[0]) / (len(time) - 1)
 
 
-def traces(diagnosis: Replayed) -> list[str]:
-    """Each channel measured and simulated: the whole recording, then the part set aside."""
+def trace_panels(diagnosis: Comparison) -> list[str]:
+    """Draw each channel measured and simulated: the whole recording, then the held-out data."""
     clock, seconds = time_unit(float(diagnosis.time_s[-1]))
     time = diagnosis.time_s / clock
     held_out = [(a / clock, b / clock) for a, b in diagnosis.held_out]
     drawn: list[str] = []
-    rows = [(diagnosis.before, before_line(diagnosis))]
-    if changed(diagnosis):
+    rows = [(diagnosis.before, nominal_line(diagnosis))]
+    if is_corrected(diagnosis):
         rows.insert(0, (diagnosis.after, AFTER_LINE))
     for column, measured in diagnosis.measured.items():
         name, unit = channel_name(column)
-        factor, unit = scaled(float(np.abs(measured).max()), unit)
+        factor, unit = scale_unit(float(np.abs(measured).max()), unit)
         for start, end in [(0.0, float(time[-1])), *held_out[:1]]:
             whole = start == 0.0 and end == time[-1]
             part = (time >= start - 1e-9) & (time <= end + 1e-9)
-            where = "" if whole else ", on the part set aside"
-            figure, axes = panel(f"{name}{where}", f"time [{seconds}]", with_unit(name, unit))
+            where = "" if whole else ", held-out data"
+            figure, axes = panel(f"{name}{where}", f"time [{seconds}]", axis_label(name, unit))
             if whole:
                 for a, b in held_out:
                     axes.axvspan(a, b, color=HELD_OUT, linewidth=0)
@@ -362,41 +363,41 @@ def traces(diagnosis: Replayed) -> list[str]:
                 alpha=0.45,
             )
             for channels, style in rows:
-                axes.plot(*thinned(time[part], channels[column][part] / factor), **style)
+                axes.plot(*thin(time[part], channels[column][part] / factor), **style)
             axes.set_xlim(start, end)
             drawn.append(svg(figure, f"{name} over time{where}", f"t{len(drawn)}"))
     return drawn
 
 
-def residuals(diagnosis: Outcome) -> list[str]:
-    """What each balance lacks over time, before and after."""
+def residual_panels(diagnosis: Outcome) -> list[str]:
+    """Draw the residual of each balance over time, before and after."""
     time = diagnosis.time_s
     drawn: list[str] = []
     clock, seconds = time_unit(float(time[-1]))
-    size = block_rows(float(time[-1]), interval(diagnosis))
-    at = blocks(time, size) / clock
+    size = block_rows(float(time[-1]), sampling_interval(diagnosis))
+    at = block_statistics(time, size) / clock
     for row, (name, unit) in enumerate(diagnosis.balances):
         before, after = diagnosis.residual_before[row], diagnosis.residual_after[row]
-        means = [(blocks(before, size), before_line(diagnosis))]
-        if changed(diagnosis):
-            means.insert(0, (blocks(after, size), AFTER_LINE))
+        means = [(block_statistics(before, size), nominal_line(diagnosis))]
+        if is_corrected(diagnosis):
+            means.insert(0, (block_statistics(after, size), AFTER_LINE))
         largest = max(float(np.abs(m).max()) for m, _ in means)
-        factor, shown = scaled(largest, unit)
-        label = with_unit(f"missing {QUANTITY.get(name, '')}", shown)
+        factor, shown = scale_unit(largest, unit)
+        label = axis_label(f"missing {QUANTITY.get(name, '')}", shown)
         figure, axes = panel(f"{name} balance", f"time [{seconds}]", label)
         for a, b in diagnosis.held_out:
             axes.axvspan(a / clock, b / clock, color=HELD_OUT, linewidth=0)
         for a, b in _windows(diagnosis, row):
             axes.axvspan(a / clock, b / clock, color=WINDOW, alpha=0.6, linewidth=0)
-        spread = blocks(before, size, np.std)
+        spread = block_statistics(before, size, np.std)
         low, high = _range([values for values, _ in means], float(np.median(spread)))
         if float(np.median(spread)) < high - low:
             band = ((means[-1][0] - spread) / factor, (means[-1][0] + spread) / factor)
             axes.fill_between(at, *band, color=QUIET, alpha=0.35, linewidth=0)
         else:
-            prefix, in_unit = scaled(float(np.median(spread)), unit)
+            prefix, in_unit = scale_unit(float(np.median(spread)), unit)
             size_of = number(float(np.median(spread)) / prefix, 2)
-            text = f"samples spread by ±{size_of} {in_unit}".strip()
+            text = f"standard deviation of samples {size_of} {in_unit}".strip()
             axes.text(0.99, 0.96, text, transform=axes.transAxes, ha="right", va="top", fontsize=8)
         axes.axhline(0.0, color=MEASURED, linewidth=0.6)
         for values, style in means:
@@ -408,7 +409,7 @@ def residuals(diagnosis: Outcome) -> list[str]:
 
 
 def _range(means: list[Array], spread: float) -> tuple[float, float]:
-    """Limits that show the means well; of a wide spread about them only what fits."""
+    """Return the limits of an axis that shows the means, and as much of their spread as fits."""
     low = min(0.0, *(float(m.min()) for m in means))
     high = max(0.0, *(float(m.max()) for m in means))
     margin = min(1.3 * spread, 0.6 * (high - low)) + 0.05 * (high - low) + 1e-12
@@ -416,23 +417,23 @@ def _range(means: list[Array], spread: float) -> tuple[float, float]:
 
 
 def _windows(diagnosis: Outcome, row: int) -> list[tuple[float, float]]:
-    """Windows of what was found in a balance, those that hold all of the recording left out."""
+    """Return the windows of the findings in a balance, except those of the whole recording."""
     found = [w for f in diagnosis.findings if f.row == row for w in f.windows]
     if diagnosis.shape is not None and diagnosis.shape.balance == diagnosis.balances[row][0]:
         found += diagnosis.shape_windows
     return [w for w in found if w[1] - w[0] < 0.98 * float(diagnosis.time_s[-1])]
 
 
-def spectra(diagnosis: Outcome) -> list[str]:
-    """Spectrum of what each balance lacks, before and after."""
+def spectrum_panels(diagnosis: Outcome) -> list[str]:
+    """Draw the spectrum of the residual of each balance, before and after."""
     drawn = []
-    rate = 1.0 / interval(diagnosis)
+    rate = 1.0 / sampling_interval(diagnosis)
     least = min(len(diagnosis.time_s) // 4, LEAST_SPECTRUM)
     length = max(least, min(len(diagnosis.time_s) // 4, round(120.0 * rate)))
-    sails = diagnosis.ship.moves
+
     for row, (name, unit) in enumerate(diagnosis.balances):
-        lines = [(diagnosis.residual_before[row], before_line(diagnosis))]
-        if changed(diagnosis):
+        lines = [(diagnosis.residual_before[row], nominal_line(diagnosis))]
+        if is_corrected(diagnosis):
             lines.insert(0, (diagnosis.residual_after[row], AFTER_LINE))
         figure, axes = panel(f"{name} balance", "frequency [Hz]", "")
         lowest, highest = np.inf, 0.0
@@ -443,11 +444,11 @@ def spectra(diagnosis: Outcome) -> list[str]:
         decades = np.floor(0.5 * np.log10(lowest)), np.ceil(0.5 * np.log10(highest))
         axes.set_ylim(10.0 ** decades[0], 10.0 ** decades[1])
         axes.yaxis.set_minor_formatter(NullFormatter())
-        hump = sea_band(frequency, power) if sails else None
-        if hump is not None:
-            axes.axvspan(*hump, color=WINDOW, alpha=0.6, linewidth=0)
+        waves = sea_band(frequency, power) if diagnosis.ship.moves else None
+        if waves is not None:
+            axes.axvspan(*waves, color=WINDOW, alpha=0.6, linewidth=0)
             axes.text(
-                float(np.sqrt(hump[0] * hump[1])), 0.03, "sea", transform=axes.get_xaxis_transform(),
+                float(np.sqrt(waves[0] * waves[1])), 0.03, "waves", transform=axes.get_xaxis_transform(),
                 ha="center", fontsize=8, color=MEASURED,
             )  # fmt: skip
         per_root = f"{superscript(unit)}/√Hz" if superscript(unit) else "1/√Hz"
@@ -458,7 +459,7 @@ def spectra(diagnosis: Outcome) -> list[str]:
 
 
 def smooth_spectrum(values: Array, rate: float, length: int) -> tuple[Array, Array]:
-    """One-sided power density, averaged over 24 bands a decade."""
+    """Return the one-sided power density, averaged over 24 bands in each decade."""
     frequency, power = scipy.signal.welch(values, rate, nperseg=max(8, length), detrend=False)
     frequency, power = frequency[1:], power[1:]
     band = np.floor(24.0 * np.log10(frequency / frequency[0]) + 1e-9).astype(int)
@@ -471,7 +472,7 @@ def smooth_spectrum(values: Array, rate: float, length: int) -> tuple[Array, Arr
 
 
 def sea_band(frequency: Array, power: Array) -> tuple[float, float] | None:
-    """Band in which waves lift a spectrum above the line between its neighbours, if they do."""
+    """Return the band in which waves raise a spectrum above the line between its neighbours, or None."""
     low, high = _SEA_Hz
     sides = [(frequency >= a) & (frequency <= b) for a, b in ((0.4 * low, low), (high, 2.5 * high))]
     inside = (frequency > low) & (frequency < high)
@@ -486,13 +487,13 @@ def sea_band(frequency: Array, power: Array) -> tuple[float, float] | None:
     return float(lifted[0]), float(lifted[-1])
 
 
-def ranking(diagnosis: Outcome) -> list[str]:
-    """The catalogue's best candidates and the threshold of each."""
+def ranking_panels(diagnosis: Outcome) -> list[str]:
+    """Draw the gain and the threshold of the best candidates of the catalogue."""
     best = diagnosis.ranking[:RANKED]
     if not best:
         return []
     height = 0.75 + 0.24 * len(best)
-    label = "gain in 2 log L of each alone (| its threshold)"
+    label = "2 Δ log L of each effect alone (| threshold)"
     figure, axes = panel("", label, "", height, left=2.15)
     chosen = {f.effect.label for f in diagnosis.findings}
     rivals = {c.effect.label for f in diagnosis.findings for c in f.rivals}
@@ -513,7 +514,7 @@ def ranking(diagnosis: Outcome) -> list[str]:
             fontsize=8.0,
         )
     top = max(max(c.gain, limit) for c, limit in best)
-    # linear up to the thresholds, so that what passes and what does not are told apart
+    # The scale is linear up to the thresholds, so that effects above and below them are distinguishable.
     axes.set_xscale("symlog", linthresh=max(limit for _, limit in best))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
     axes.set_xlim(0.0, top * (1.8 if top > 60.0 else 1.15))

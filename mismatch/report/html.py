@@ -1,7 +1,4 @@
-"""What a correction changes in the ship's file, for the page.
-
-``report.html``: a diagnosis as one page that needs nothing else, its figures drawn into it.
-"""
+"""``report.html``: a diagnosis as one self-contained page with embedded figures."""
 
 from __future__ import annotations
 
@@ -18,39 +15,39 @@ from markupsafe import Markup
 from ...plant.ship import Ship, ShipError
 from ..judge.verdict import NOTHING
 from ..outcome import Outcome
-from ..search.catalogue import Placed, catalogue, mistaken_for
+from ..search.catalogue import SizedEffect, catalogue, confusable_ids
 from . import figures
 from .figures import equation
-from .text import CONSTANT, VERDICT_WORDS, headline, remarks, sentence, status
+from .text import CONSTANT, VERDICT_WORDS, headline, lacking_or_excess, remarks, sentence, status
 from .wording import (
     DAY_S,
-    breakable,
-    capital,
+    biased_parameter_of,
+    biased_parameter_sentence,
+    breakable_key,
+    capitalise,
     channel_name,
     effect_words,
     formula_for_page,
-    measure,
     number,
-    page_rows,
+    parameter_rows_for_page,
     parameter_words,
-    scaled,
-    span,
-    spans,
+    scale_unit,
     superscript,
+    time_span,
     time_unit,
-    wrong_of,
-    wrong_words,
+    value_with_unit,
+    windows_in_words,
 )
 
 _ABSENT = "absent"
 
 
 def changed_keys(diagnosis: Outcome) -> list[tuple[Markup, str, str]]:
-    """Keys of the ship's file that differ: key, nominal and corrected value."""
-    old, new = (_numbers_of(ship) for ship in (diagnosis.ship, diagnosis.corrected))
+    """Return the keys of the ship file that the correction changes, with old and new value."""
+    old, new = (_values_by_key(ship) for ship in (diagnosis.ship, diagnosis.corrected))
     return [
         (
-            breakable(key),
+            breakable_key(key),
             _value(old.get(key), key, diagnosis.corrected),
             _value(value, key, diagnosis.corrected),
         )
@@ -59,8 +56,8 @@ def changed_keys(diagnosis: Outcome) -> list[tuple[Markup, str, str]]:
     ]
 
 
-def _numbers_of(ship: Ship) -> dict[str, Any]:
-    """What stands in a ship's file, by dotted key; of a term also what it adds, in a line."""
+def _values_by_key(ship: Ship) -> dict[str, Any]:
+    """Return the values of a ship file by dotted key, and the expressions of its terms by id."""
     tree = ship.model_dump()
     found = _flat({key: value for key, value in tree.items() if key != "term"})
     for term in ship.term:
@@ -85,20 +82,20 @@ def _value(value: Any, key: str, ship: Ship) -> str:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return str(value)
     try:
-        unit = ship.number(key).info.unit if key else "-"
+        unit = ship.parameter(key).info.unit if key else "-"
     except (ShipError, KeyError, ValueError):
         unit = "-"
     return f"{number(float(value), 5)} {superscript(unit)}".strip()
 
 
 def report_html(diagnosis: Outcome) -> str:
-    """The page, self-contained: styles, equations and figures stand in it."""
+    """Return the page with its style sheet, equations and figures."""
     drawn = {
-        "traces": figures.traces(diagnosis),
-        "residuals": figures.residuals(diagnosis),
-        "regimes": figures.regimes(diagnosis),
-        "spectra": figures.spectra(diagnosis),
-        "ranking": figures.ranking(diagnosis),
+        "traces": figures.trace_panels(diagnosis),
+        "residuals": figures.residual_panels(diagnosis),
+        "regimes": figures.regime_panels(diagnosis),
+        "spectra": figures.spectrum_panels(diagnosis),
+        "ranking": figures.ranking_panels(diagnosis),
         "shape": figures.shape_panel(diagnosis),
     }
     return template("report.html.j2").render(
@@ -107,19 +104,19 @@ def report_html(diagnosis: Outcome) -> str:
         verdict=VERDICT_WORDS[status(diagnosis)],
         headline=headline(diagnosis),
         sentence=sentence(diagnosis),
-        changed=figures.changed(diagnosis),
+        changed=figures.is_corrected(diagnosis),
         facts=_facts(diagnosis),
         fits=_fits(diagnosis),
         findings=[_finding(diagnosis, i) for i in range(len(diagnosis.findings))],
         shape=_shape(diagnosis),
         balances=_balances(diagnosis),
         formula=formula_for_page(diagnosis.formula),
-        located=[diagnosis.balances[row][0] for row in figures.located_rows(diagnosis)[:2]],
+        located=[diagnosis.balances[row][0] for row in figures.balances_to_show(diagnosis)[:2]],
         figures={key: [Markup(panel) for panel in panels] for key, panels in drawn.items()},
         shown=min(figures.RANKED, len(diagnosis.ranking)),
-        detectable=_detectable(diagnosis),
-        untold=_untold(diagnosis),
-        numbers=page_rows(diagnosis),
+        detectable=_detectable_rows(diagnosis),
+        without_size=_without_size(diagnosis),
+        parameters=parameter_rows_for_page(diagnosis),
         remarks=remarks(diagnosis),
         keys=changed_keys(diagnosis),
         version=version("shaftline"),
@@ -129,14 +126,14 @@ def report_html(diagnosis: Outcome) -> str:
 
 @functools.cache
 def template(name: str) -> Template:
-    """A page's template, from this folder."""
+    """Return a template of this package by file name."""
     return Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     ).from_string(_text(name))
 
 
 def style() -> Markup:
-    """The style sheet that stands in every page."""
+    """Return the style sheet of the pages."""
     return Markup(_text("style.css"))
 
 
@@ -145,7 +142,7 @@ def _text(name: str) -> str:
 
 
 def _balances(diagnosis: Outcome) -> list[dict[str, str]]:
-    """Each balance for itself, as a row."""
+    """Return one table row for each balance."""
     rows = []
     for balance in diagnosis.balance_verdicts:
         left = balance.left
@@ -155,7 +152,7 @@ def _balances(diagnosis: Outcome) -> list[dict[str, str]]:
                 "verdict": VERDICT_WORDS[balance.verdict],
                 "share": "–" if left is None and balance.verdict == NOTHING
                 else f"{100.0 * max(balance.explained, 0.0):.0f} %",
-                "left": "noise" if left is None
+                "residual": "noise" if left is None
                 else f"{number(left.ratio, 2)} times the noise's power between "
                 f"{number(left.low_Hz, 2)} and {number(left.high_Hz, 2)} Hz",
             }
@@ -163,17 +160,18 @@ def _balances(diagnosis: Outcome) -> list[dict[str, str]]:
     return rows
 
 
-def _finding(diagnosis: Outcome, place: int) -> dict[str, Any]:
-    finding, ship = diagnosis.findings[place], diagnosis.ship
+def _finding(diagnosis: Outcome, index: int) -> dict[str, Any]:
+    """Return the fields of a finding for the page."""
+    finding, ship = diagnosis.findings[index], diagnosis.ship
     effect = finding.effect
     rows = []
     for estimate in finding.estimates:
         low, high = estimate.ci95
-        factor, shown = scaled(abs(estimate.value), estimate.unit)
+        factor, shown = scale_unit(abs(estimate.value), estimate.unit)
         rows.append(
             {
                 "name": parameter_words(estimate.name, estimate.unit),
-                "key": breakable(estimate.key),
+                "key": breakable_key(estimate.key),
                 "value": number(estimate.value / factor),
                 "interval": "not measured"
                 if finding.unmeasured
@@ -181,55 +179,57 @@ def _finding(diagnosis: Outcome, place: int) -> dict[str, Any]:
                 "unit": shown or "–",
             }
         )
-    rivals = [_rival(c.placed, ship) for c in finding.rivals]
-    wrong = wrong_of(diagnosis, place)
+    rivals = [_rival(c.sized_effect, ship) for c in finding.rivals]
+    biased = biased_parameter_of(diagnosis, index)
     return {
-        "name": capital(effect_words(effect)),
+        "name": capitalise(effect_words(effect)),
         "effect": effect,
-        "mistaken_for": mistaken_for(effect, ship),
-        "place": place + 1,
-        "equation": Markup(equation(effect.latex, effect.equation, f"e{place}")),
+        "mistaken_for": confusable_ids(effect, ship),
+        "index": index + 1,
+        "lacks": lacking_or_excess(finding),
+        "equation": Markup(equation(effect.latex, effect.equation, f"e{index}")),
         "parameters": rows,
         "rivals": rivals,
-        "wrong": "" if wrong is None else wrong_words(wrong),
+        "biased": "" if biased is None else biased_parameter_sentence(biased),
         "score": number(finding.score),
         "threshold": number(finding.threshold),
-        "when": spans(finding.windows, float(diagnosis.time_s[-1])),
+        "when": windows_in_words(finding.windows, float(diagnosis.time_s[-1])),
         "regime": finding.regime.replace("_", " "),
     }
 
 
-def _rival(placed: Placed, ship: Ship) -> str:
-    """A name that does as well, with its value."""
+def _rival(placed: SizedEffect, ship: Ship) -> str:
+    """Return an indistinguishable effect with the value of its first parameter."""
     parameter, value = placed.pairs[0]
-    unit = parameter.number(ship).info.unit
+    unit = parameter.in_ship(ship).info.unit
     words = parameter_words(parameter.name, unit)
-    return f"{placed.effect.label} with {words} {measure(value, unit)}"
+    return f"{placed.effect.label} with {words} {value_with_unit(value, unit)}"
 
 
 def _facts(diagnosis: Outcome) -> list[tuple[str, str]]:
     time, held = diagnosis.time_s, diagnosis.held_out
-    duration, step = float(time[-1]), figures.interval(diagnosis)
+    duration, step = float(time[-1]), figures.sampling_interval(diagnosis)
     minutes = f" ({duration / 60.0:.0f} min)" if duration >= 120.0 else ""
     if time_unit(duration)[1] != "s":
         minutes = f" ({duration / DAY_S:.1f} days)"
     facts = [
         ("Ship", diagnosis.ship.name),
         ("Recording", f"{duration:.0f} s{minutes}, {len(time)} rows, one every {step:.3g} s"),
-        ("Set aside, never fitted", ", ".join(span(a, b) for a, b in held)),
+        ("Held-out data, never fitted", ", ".join(time_span(a, b) for a, b in held)),
         ("Balances checked", ", ".join(name for name, _ in diagnosis.balances)),
         ("Effects tried", f"{len(diagnosis.ranking)} of {len(catalogue())} in the catalogue"),
     ]
     if diagnosis.findings:
-        share = f"{100.0 * diagnosis.explained:.0f} % of the slow difference beyond noise"
+        share = (
+            f"{100.0 * diagnosis.explained:.0f} % of the low-frequency residual power beyond noise"
+        )
         facts.append(("Explained", share))
-        gain = f"{number(diagnosis.held_out_gain)} in 2 log L"
-        facts.append(("Gain on what was set aside", gain))
+        facts.append(("2 Δ log L on held-out data", number(diagnosis.held_out_gain)))
     return facts
 
 
 def _fits(diagnosis: Outcome) -> list[dict[str, Any]]:
-    """FitPercent by channel, with the widths of its bars."""
+    """Return FitPercent of each channel, with the widths of its bars."""
 
     def width(value: float) -> str:
         return f"{min(max(value, 0.0), 100.0):.1f}" if math.isfinite(value) else "0"
@@ -262,7 +262,7 @@ def _shape(diagnosis: Outcome) -> dict[str, Any] | None:
     shape = diagnosis.shape
     if shape is None:
         return None
-    factor, unit = scaled(float(np.abs(shape.values).max()), shape.unit)
+    factor, unit = scale_unit(float(np.abs(shape.values).max()), shape.unit)
     return {
         "signal": shape.signal.replace("_", " "),
         "unit": unit,
@@ -272,18 +272,18 @@ def _shape(diagnosis: Outcome) -> dict[str, Any] | None:
         ],
         "gain": number(shape.gain),
         "threshold": number(shape.threshold),
-        "windows": spans(diagnosis.shape_windows, float(diagnosis.time_s[-1])),
+        "windows": windows_in_words(diagnosis.shape_windows, float(diagnosis.time_s[-1])),
         "regime": diagnosis.shape_regime.replace("_", " "),
     }
 
 
-def _detectable(diagnosis: Outcome) -> list[dict[str, str]]:
+def _detectable_rows(diagnosis: Outcome) -> list[dict[str, str]]:
     return [
         {
-            "effect": capital(effect_words(item.effect)),
+            "effect": capitalise(effect_words(item.effect)),
             "balance": item.effect.balance,
             "parameter": parameter_words(item.effect.parameters[0].name, item.unit),
-            "size": measure(item.value, item.unit),
+            "size": value_with_unit(item.value, item.unit),
             "needs": item.effect.excitation,
         }
         for item in sorted(
@@ -292,8 +292,8 @@ def _detectable(diagnosis: Outcome) -> list[dict[str, str]]:
     ]
 
 
-def _untold(diagnosis: Outcome) -> dict[str, list[str]]:
-    """Entries of the catalogue without a smallest size: not tried at all, or not of one number."""
+def _without_size(diagnosis: Outcome) -> dict[str, list[str]]:
+    """Return the effects without a smallest detectable size: untried, or with several parameters."""
     tried = {c.effect.label for c, _ in diagnosis.ranking}
     sized = {item.effect.label for item in diagnosis.detectable}
     labels = [effect.label for effect in catalogue()]

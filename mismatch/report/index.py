@@ -1,7 +1,4 @@
-"""The folder of a result: its report, its page, its ship and its tables.
-
-The index of many diagnoses: what was found where, worst first.
-"""
+"""Write the result folder of a diagnosis or identification, and the index of many diagnoses."""
 
 from __future__ import annotations
 
@@ -17,11 +14,11 @@ import pandas as pd
 from ...core.files import write_atomically, write_json, write_text
 from ...plant.ship import Ship
 from ...plant.ship_files import write_ship
-from .data import finite
-from .text import aligned
+from .data import replace_non_finite
+from .text import align_columns
 
 REPORT, PAGE = "report.json", "report.html"
-"""Names of the files that every result has."""
+"""File names of the report as data and as a page."""
 
 
 def write_result(
@@ -31,14 +28,14 @@ def write_result(
     ships: Mapping[str, Ship],
     tables: Mapping[str, pd.DataFrame] | None = None,
 ) -> Path:
-    """Write a result, of which all has been made; each file is renamed into place.
+    """Write the files of a result; each file is renamed into place when it is complete.
 
     Args:
-        folder: made where needed.
-        report: for :data:`REPORT`.
-        page: for :data:`PAGE`; None where none is wanted.
-        ships: by the names of their files.
-        tables: by the names of theirs, without ``.csv``.
+        folder: created if it does not exist.
+        report: content of :data:`REPORT`.
+        page: content of :data:`PAGE`; None writes no page.
+        ships: ships by file name.
+        tables: tables by file name without ``.csv``.
 
     Returns:
         The folder.
@@ -59,33 +56,33 @@ def write_result(
 
 
 INDEX_PAGE, INDEX_TABLE = "index.html", "index.csv"
-"""Names of the files of an index."""
+"""File names of the index as a page and as a table."""
 
 INDEX_COLUMNS = (
     "recording", "ship", "date", "verdict", "balances", "found", "windows_s", "regime", "channel",
     "fit_before", "fit_after", "sentence", "report", "error",
 )  # fmt: skip
-"""Columns of the index. ``fit_before`` and ``fit_after`` are FitPercent on the data set aside, of the
-channel that gains most by the corrected ship."""
+"""Columns of the index. ``fit_before`` and ``fit_after`` are FitPercent on the held-out data, of the
+channel whose fit the corrected ship improves most."""
 
 _ORDER = {"unexplained": 0, "partly-explained": 0, "explained": 0, "nothing-missing": 1, "": 2}
 
 
-def row_of(
+def index_row(
     recording: str,
     date: str,
     report: Mapping[str, Any] | None = None,
     link: str = "",
     error: str = "",
 ) -> dict[str, Any]:
-    """A row of the index.
+    """Return a row of the index.
 
     Args:
-        recording: file name.
-        date: when it was recorded.
-        report: what stands in ``report.json``; none of a recording that could not be diagnosed.
-        link: where its ``report.html`` is, seen from the index.
-        error: why it could not.
+        recording: file name of the recording.
+        date: date of the recording.
+        report: content of ``report.json``; None if the recording could not be diagnosed.
+        link: path of ``report.html`` relative to the index.
+        error: why the recording could not be diagnosed.
     """
     row: dict[str, Any] = dict.fromkeys(INDEX_COLUMNS, "")
     row |= {"recording": recording, "date": date, "error": error}
@@ -103,7 +100,7 @@ def row_of(
         "ship": report["ship"],
         "verdict": report["verdict"],
         "balances": ", ".join(location["balances"]),
-        "found": _found(report),
+        "found": _effects_in_words(report),
         "windows_s": ", ".join(f"{a:.0f}..{b:.0f}" for a, b in location["windows_s"]),
         "regime": location["regime"],
         "sentence": report["sentence"],
@@ -116,8 +113,8 @@ def row_of(
     return row
 
 
-def _found(report: Mapping[str, Any]) -> str:
-    """Each effect with its main parameter; or what has no name."""
+def _effects_in_words(report: Mapping[str, Any]) -> str:
+    """Return each effect with its first parameter, or the signal that the residual depends on."""
     parts = []
     for effect in report["effects"]:
         name, parameter = next(iter(effect["parameters"].items()))
@@ -125,29 +122,34 @@ def _found(report: Mapping[str, Any]) -> str:
         parts.append(f"{effect['id']}{also} ({name} = {parameter['value']:.4g})")
     if not parts and report["verdict"] == "unexplained":
         shape = report.get("unexplained")
-        return f"no name; follows {shape['signal'].replace('_', ' ')}" if shape else "no name"
+        if shape is None:
+            return "unknown cause"
+        return f"unknown cause; depends on {shape['signal'].replace('_', ' ')}"
     return "; ".join(parts)
 
 
 @dataclass(frozen=True)
 class DiagnosisIndex:
-    """What was found in each of many recordings, worst first.
+    """Diagnoses of many recordings, the largest mismatch first.
 
-    That is by the points of FitPercent that the corrected ship gains on the data set aside; then where
-    nothing is missing; then what could not be diagnosed.
+    The order is by the points of FitPercent that the corrected ship gains on the held-out data.
+    Recordings in which nothing is missing follow, then recordings that could not be diagnosed.
 
     Args:
-        table: one row a recording, columns as in :data:`INDEX_COLUMNS`.
+        table: one row for each recording, columns as in :data:`INDEX_COLUMNS`.
+
+    >>> DiagnosisIndex.of([index_row("a.csv", "2024-05-01", error="a.csv: no column time_s")]).summary()
+    'could not be diagnosed: a.csv: no column time_s'
     """
 
     table: pd.DataFrame
 
     @classmethod
     def of(cls, rows: Iterable[Mapping[str, Any]]) -> DiagnosisIndex:
-        """The index of some rows.
+        """Return the index of some rows.
 
         Args:
-            rows: as of :func:`row_of`, in any order.
+            rows: rows of :func:`index_row`, in any order.
         """
         table = pd.DataFrame(list(rows), columns=list(INDEX_COLUMNS))
         table["order"] = table["verdict"].map(_ORDER)
@@ -159,16 +161,16 @@ class DiagnosisIndex:
 
     @property
     def diagnosed(self) -> pd.DataFrame:
-        """Rows of the recordings that could be diagnosed."""
+        """Rows of the recordings that were diagnosed."""
         return self.table[self.table["error"] == ""]
 
     @property
     def failed(self) -> pd.DataFrame:
-        """Rows of those that could not, with their ``error``."""
+        """Rows of the recordings that could not be diagnosed, with their ``error``."""
         return self.table[self.table["error"] != ""]
 
     def summary(self) -> str:
-        """What was found where, and what could not be diagnosed, as text for a terminal."""
+        """Return the verdicts, the effects and the errors as text for a terminal."""
         parts = []
         if len(self.diagnosed):
             heads = ["recording", "date", "verdict", "balances", "found"]
@@ -177,20 +179,20 @@ class DiagnosisIndex:
                 | {"before": _percent(row["fit_before"]), "after": _percent(row["fit_after"])}
                 for row in self.diagnosed.to_dict("records")
             ]
-            head = "Worst first; FitPercent on what was set aside, 100 is perfect"
-            parts.append(f"{head}\n{aligned(rows, ('before', 'after'))}")
+            head = "Largest mismatch first; FitPercent on the held-out data, 100 is perfect"
+            parts.append(f"{head}\n{align_columns(rows, ('before', 'after'))}")
         parts += [f"could not be diagnosed: {error}" for error in self.failed["error"]]
         return "\n\n".join(parts)
 
     def to_dict(self) -> dict[str, Any]:
-        """``{"recordings": [...]}``, one entry a recording with the columns of the table."""
-        return {"recordings": finite(self.table.to_dict("records"))}
+        """Return ``{"recordings": [...]}``, one entry for each recording with the table's columns."""
+        return {"recordings": replace_non_finite(self.table.to_dict("records"))}
 
     def save(self, folder: str | Path) -> Path:
         """Write ``index.csv`` and ``index.html``.
 
         Args:
-            folder: made where needed.
+            folder: created if it does not exist.
 
         Returns:
             The folder.
@@ -202,7 +204,7 @@ class DiagnosisIndex:
         write_atomically(
             folder / INDEX_TABLE, lambda file: table.to_csv(file, index=False, float_format="%.6g")
         )
-        write_text(folder / INDEX_PAGE, page(self))
+        write_text(folder / INDEX_PAGE, index_html(self))
         return folder
 
 
@@ -226,14 +228,14 @@ small { color: #57636f }
 """
 
 _NOTE = (
-    "Worst first: by the points of FitPercent that the missing physics costs on data set aside, in "
-    "the channel named. FitPercent = 100 (1 − ‖measured − simulated‖ / ‖measured − mean‖), open loop: "
-    "100 is perfect, 0 no better than the mean."
+    "Largest mismatch first: by the points of FitPercent that the corrected ship gains on the held-out "
+    "data in the channel given. FitPercent = 100 (1 − ‖measured − simulated‖ / ‖measured − mean‖), open "
+    "loop: 100 is perfect, 0 is no better than the mean."
 )
 
 
-def page(index: DiagnosisIndex) -> str:
-    """``index.html``, with nothing outside it but the reports that it links to."""
+def index_html(index: DiagnosisIndex) -> str:
+    """Return ``index.html``, self-contained apart from its links to the reports."""
     good, bad = index.diagnosed, index.failed
     counts = good["verdict"].value_counts()
     parts = [f"{counts[v]} {v.replace('-', ' ')}" for v in _ORDER if v in counts]
@@ -241,12 +243,20 @@ def page(index: DiagnosisIndex) -> str:
         parts.append(f"{len(bad)} could not be diagnosed")
     ships = ", ".join(dict.fromkeys(good["ship"]))
     body = [
-        "<h1>Where simulation and recordings differ</h1>",
+        "<h1>Differences between simulation and recordings</h1>",
         f"<p><b>{len(index.table)} recordings{f' of {escape(ships)}' if ships else ''}</b>: "
         f"{', '.join(parts)}.</p>",
     ]
     if len(good):
-        heads = ("Recording", "Ship", "Date", "Verdict", "Where", "What", "FitPercent")
+        heads = (
+            "Recording",
+            "Ship",
+            "Date",
+            "Verdict",
+            "Balance and time",
+            "Effects",
+            "FitPercent",
+        )
         body += [f"<p>{_NOTE}</p>", _table(heads, map(_row, good.to_dict("records")))]
     if len(bad):
         lines = [
@@ -254,7 +264,7 @@ def page(index: DiagnosisIndex) -> str:
             f"<td>{escape(row['error'])}</td>"
             for row in bad.to_dict("records")
         ]
-        body += ["<h2>Could not be diagnosed</h2>", _table(("Recording", "Date", "Why"), lines)]
+        body += ["<h2>Could not be diagnosed</h2>", _table(("Recording", "Date", "Error"), lines)]
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width">'

@@ -1,9 +1,4 @@
-"""What a careful reader is told beside the verdict.
-
-A diagnosis as sentences: the headline of the report, the answer, and one for each finding.
-
-A diagnosis as plain text, for a terminal or a notebook.
-"""
+"""Text of a diagnosis: headline, sentences on the findings, remarks, and the summary for a terminal."""
 
 from __future__ import annotations
 
@@ -16,34 +11,34 @@ from ..judge.findings import Finding
 from ..judge.held_out import rms_errors
 from ..judge.verdict import EXPLAINED, NOTHING, PARTLY, UNEXPLAINED, BalanceVerdict
 from ..outcome import Outcome
-from .figures import block_rows, blocks, interval
+from .figures import block_rows, block_statistics, sampling_interval
 from .wording import (
-    biased_parameters,
+    biased_parameter_of,
+    biased_parameter_sentence,
     channel_name,
+    corrected_far_parameters,
+    corrected_free_parameters,
+    corrected_names,
     effect_words,
     formula_lines,
     formula_sentence,
-    listed,
-    measure,
+    join_words,
     number,
-    numbers_changed,
-    numbers_that_explain,
+    parameter_rows,
     parameter_words,
-    span,
-    table_rows,
-    wrong_of,
-    wrong_words,
+    time_span,
+    value_with_unit,
 )
 
 _WORSE = 1.0
-"""Points of FitPercent that a channel may lose to the correction without a word."""
+"""Points of FitPercent by which the correction may worsen a channel without a remark."""
 
 _ELSEWHERE = 3.0
-"""Ratio of what is missing on the part set aside to elsewhere, from which it is said."""
+"""Ratio of the residual on the held-out rows to that on the other rows above which a remark is given."""
 
 
 def remarks(diagnosis: Outcome) -> list[str]:
-    """Sentences on what the correction worsens, never fitted or leaves over; often none."""
+    """Return remarks on channels that fit worse, on a larger held-out residual, and on model form."""
     said = []
     worse = [
         channel_name(column)[0]
@@ -52,39 +47,40 @@ def remarks(diagnosis: Outcome) -> list[str]:
     ]
     if worse:
         said.append(
-            f"On the part set aside the corrected ship follows {', '.join(worse)} worse than the "
-            "nominal one: take the correction as a description of this recording, not as a model."
+            f"On the held-out data the corrected ship fits {', '.join(worse)} worse than the nominal "
+            "ship does: use the correction as a description of this recording, not as a model."
         )
     inside = np.zeros(len(diagnosis.time_s), bool)
     for a, b in diagnosis.held_out:
         inside |= (diagnosis.time_s >= a) & (diagnosis.time_s < b)
-    size = block_rows(float(diagnosis.time_s[-1]), interval(diagnosis))
-    where = blocks(inside.astype(float), size) > 0.5
+    size = block_rows(float(diagnosis.time_s[-1]), sampling_interval(diagnosis))
+    where = block_statistics(inside.astype(float), size) > 0.5
     for (name, _), residual in zip(diagnosis.balances, diagnosis.residual_after, strict=True):
-        means = blocks(residual, size) - float(np.median(residual[~inside]))
+        means = block_statistics(residual, size) - float(np.median(residual[~inside]))
         here, there = (float(np.sqrt(np.mean(means[part] ** 2))) for part in (where, ~where))
         if not worse and here > _ELSEWHERE * there > 0.0:
             said.append(
-                f"In the {name} balance, {here / there:.0f} times as much is missing on the part set "
-                "aside as elsewhere. What acts only there was never fitted: set another part aside "
-                "and diagnose again."
+                f"In the {name} balance the residual is {here / there:.0f} times as large on the "
+                "held-out data as elsewhere. An effect that acts only there was never fitted: hold out "
+                "another part of the recording and diagnose again."
             )
     colour = diagnosis.left_over
     if colour is not None and diagnosis.findings:
         name = diagnosis.balances[colour.balance][0]
         said.append(
-            f"What is named leaves more than the instruments' noise: in the {name} balance, "
-            f"{number(colour.ratio, 2)} times its power between {number(colour.low_Hz, 2)} and "
-            f"{number(colour.high_Hz, 2)} Hz. The named form is close, not exact."
+            f"The identified effects leave more than the instruments' noise: in the {name} balance the "
+            f"residual has {number(colour.ratio, 2)} times the noise's power between "
+            f"{number(colour.low_Hz, 2)} and {number(colour.high_Hz, 2)} Hz. The form of the model is "
+            "close, not exact."
         )
     return said
 
 
 NEUTRAL = (0.0, 1.0)
-"""Values at which an effect is absent that a reader knows without the ship file."""
+"""Values without an effect that need no mention: 0 of a size and 1 of a factor."""
 
 MOST_WORDS = 15
-"""Words of a headline, at most."""
+"""Largest number of words of a headline."""
 
 VERDICT_WORDS = {
     EXPLAINED: "explained",
@@ -93,157 +89,171 @@ VERDICT_WORDS = {
     UNEXPLAINED: "unexplained",
     "undecided": "cannot be decided",
 }
-"""A verdict, or that there is none, in words."""
+"""Words of each verdict, and of ``undecided``."""
 
 
 def status(diagnosis: Outcome) -> str:
-    """Return the verdict, or ``undecided`` where the recording's limits do not allow one."""
+    """Return the verdict, or ``undecided`` where the recording does not allow a verdict."""
     undecided = diagnosis.limits and (diagnosis.undecidable or not diagnosis.excited)
     return "undecided" if undecided and diagnosis.verdict == UNEXPLAINED else diagnosis.verdict
 
 
 def headline(diagnosis: Outcome) -> str:
-    """Return the answer in at most :data:`MOST_WORDS` words; sizes stand in the table of findings."""
+    """Return the verdict and its cause in at most :data:`MOST_WORDS` words.
+
+    >>> from types import SimpleNamespace
+    >>> headline(SimpleNamespace(verdict="nothing-missing", limits=[], parameters=[]))
+    'Nothing missing: the difference is within noise and the tolerances of the ship file.'
+    """
     verdict = VERDICT_WORDS[status(diagnosis)].capitalize()
     if diagnosis.verdict in (EXPLAINED, PARTLY):
         names = dict.fromkeys(effect_words(f.effect) for f in diagnosis.findings)
         return _shortened(f"{verdict} by", list(names))
-    if wrong := numbers_changed(diagnosis):
-        left = "; more is missing" if differs(diagnosis) else ""
+    if wrong := corrected_names(diagnosis):
+        left = "; a residual remains" if has_residual(diagnosis) else ""
         return _shortened("The ship file is wrong in", wrong, left)
     if diagnosis.verdict == NOTHING:
         return f"{verdict}: the difference is within noise and the tolerances of the ship file."
     if status(diagnosis) != UNEXPLAINED:
         return f"{verdict}: the recording is too short or excites too little."
     if diagnosis.formula is not None:
-        return f"{verdict}: no effect of the catalogue fits; a formula describes what is missing."
+        return f"{verdict}: no effect of the catalogue fits; a formula describes the residual."
     if diagnosis.shape is not None:
-        return f"{verdict}: the {diagnosis.shape.balance} balance lacks something without a name."
+        return f"{verdict}: the {diagnosis.shape.balance} balance has a residual of unknown cause."
     return f"{verdict}: no effect of the catalogue fits."
 
 
 def _shortened(begin: str, names: list[str], end: str = "") -> str:
-    """Return a headline with as many names as it has words for."""
+    """Return a headline with as many names as :data:`MOST_WORDS` allows."""
     for count in range(len(names), 0, -1):
         more = len(names) - count
-        line = f"{begin} {listed([*names[:count], *([f'{more} more'] if more else [])])}{end}."
+        line = f"{begin} {join_words([*names[:count], *([f'{more} more'] if more else [])])}{end}."
         if len(line.split()) <= MOST_WORDS:
             return line
     return f"{begin} {len(names)} places{end}."
 
 
-def between(windows: list[tuple[float, float]]) -> str:
-    """Windows in words."""
+def _between(windows: list[tuple[float, float]]) -> str:
+    """Return windows of time as an adverbial: ``between 10 and 50 s``."""
     if not windows:
         return ""
-    parts = [span(a, b, "and", whole=True) for a, b in windows[:3]]
+    parts = [time_span(a, b, "and", whole=True) for a, b in windows[:3]]
     more = f", and in {len(windows) - 3} more windows" if len(windows) > 3 else ""
     return "between " + ", between ".join(parts) + more
 
 
 def finding_sentence(finding: Finding) -> str:
-    """What an effect means, with its parameters and their intervals."""
+    """Return what a balance lacks, with the parameters of the effect, their units and intervals."""
     effect = finding.effect
     sizes = []
     for estimate in finding.estimates:
         unit = estimate.unit
-        low, high = (measure(end, unit) for end in estimate.ci95)
-        size = f"{measure(estimate.value, unit)} (95 %: {low} to {high})"
+        low, high = (value_with_unit(end, unit) for end in estimate.ci95)
+        size = f"{value_with_unit(estimate.value, unit)} (95 % interval: {low} to {high})"
         if estimate.neutral not in NEUTRAL and math.isfinite(estimate.neutral):
-            size += f", where the ship file has {measure(estimate.neutral, unit)}"
+            size += f", where the ship file has {value_with_unit(estimate.neutral, unit)}"
         if finding.unmeasured:
-            size = f"about {measure(estimate.value, unit)}"
-        alone = len(finding.estimates) == 1
-        sizes.append(size if alone else f"{parameter_words(estimate.name, unit)} {size}")
+            size = f"about {value_with_unit(estimate.value, unit)}"
+        sizes.append(f"{parameter_words(estimate.name, unit)} {size}")
     subject = "instrument" if effect.balance == "sensor" else f"{effect.balance} balance"
-    where = f", {finding.regime}," if finding.regime else ""
-    when = between(finding.windows)
+    where = f", with {finding.regime.replace('_', ' ')}," if finding.regime else ""
+    when = _between(finding.windows)
     guess = f" ({finding.unmeasured}: no interval)" if finding.unmeasured else ""
     if finding.implausible:
         guess += f"; {finding.implausible}, so another cause is likely"
-    said = f"{when[:1].upper()}{when[1:]}{where} the {subject} {what_is_missing(finding)}"
-    return f"{said}, {', '.join(sizes)}{guess}."
+    said = f"{when[:1].upper()}{when[1:]}{where} the {subject} {lacking_or_excess(finding)}"
+    return f"{said}, with {', '.join(sizes)}{guess}."
 
 
-def what_is_missing(finding: Finding) -> str:
-    """Return what a balance lacks, or, of a value below the neutral one, what it has too much of."""
+def lacking_or_excess(finding: Finding) -> str:
+    """Return what a balance lacks or, with a value below the neutral one, has too much of."""
     effect, first = finding.effect, finding.estimates[0]
     if math.isfinite(first.neutral) and first.value < first.neutral:
         return f"has {effect.excess or f'too much of this: {effect.lacks}'}"
     return f"lacks {effect.lacks}"
 
 
-def partly_left(diagnosis: Outcome) -> list[BalanceVerdict]:
-    """Balances in which a partly explained recording leaves more than noise; none of another verdict."""
+def partly_explained_balances(diagnosis: Outcome) -> list[BalanceVerdict]:
+    """Return the balances of a partly explained recording that have a residual beyond noise."""
     if diagnosis.verdict != PARTLY:
         return []
     return [b for b in diagnosis.balance_verdicts if b.left is not None and b.verdict != EXPLAINED]
 
 
-def left_sentence(balance: BalanceVerdict) -> str:
-    """What a balance leaves."""
+def residual_sentence(balance: BalanceVerdict) -> str:
+    """Return how much of the power beyond noise remains in a balance."""
     share = max(1.0 - balance.explained, 0.0)
     if share >= 1.0:
-        return f"In the {balance.name} balance nothing of it is explained."
-    return f"In the {balance.name} balance {100.0 * share:.0f} % of the power beyond noise is left."
+        return f"In the {balance.name} balance none of the difference is explained."
+    return (
+        f"In the {balance.name} balance {100.0 * share:.0f} % of the residual power beyond noise is "
+        "unexplained."
+    )
 
 
-def differs(diagnosis: Outcome) -> bool:
-    """Whether any balance shows more than noise."""
+def has_residual(diagnosis: Outcome) -> bool:
+    """Return whether any balance has a residual beyond noise."""
     return any(b.left is not None for b in diagnosis.balance_verdicts)
 
 
 def sentence(diagnosis: Outcome) -> str:
-    """The answer in one sentence."""
+    """Return the diagnosis in one sentence, or in one sentence for each finding."""
     limits = "; ".join(diagnosis.limits)
     if diagnosis.verdict in (EXPLAINED, PARTLY):
         named = " ".join(finding_sentence(f) for f in diagnosis.findings)
-        return " ".join([named, *(left_sentence(b) for b in partly_left(diagnosis))])
+        return " ".join(
+            [named, *(residual_sentence(b) for b in partly_explained_balances(diagnosis))]
+        )
     if diagnosis.verdict == NOTHING:
-        if right := numbers_that_explain(diagnosis):
+        if right := corrected_free_parameters(diagnosis):
             return (
-                f"Nothing is missing once the numbers are right: {right}. The simulation then differs "
-                "from the recording by no more than noise and tolerances allow."
+                f"No physics is missing once the parameters are corrected: {right}. The simulation then "
+                "differs from the recording by no more than noise and tolerances allow."
             )
         said = (
-            "Nothing is missing: the simulation differs from the recording by no more than noise and "
-            "the tolerances of the ship's numbers allow."
+            "No physics is missing: the simulation differs from the recording by no more than noise and "
+            "the tolerances of the ship's parameters allow."
         )
-        return f"{said} Mind that the recording is limited: {limits}." if limits else said
+        return f"{said} Warning: the recording is limited: {limits}." if limits else said
     shape = diagnosis.shape
-    if diagnosis.undecidable and not differs(diagnosis):
-        return f"Cannot be decided, because {limits}."
+    if diagnosis.undecidable and not has_residual(diagnosis):
+        return f"Whether physics is missing cannot be decided, because {limits}."
     if limits and not diagnosis.excited:
-        return f"Something differs; which effect it is cannot be decided, because {limits}."
+        return (
+            "Simulation and recording differ; which effect is the cause cannot be decided, because "
+            f"{limits}."
+        )
     if diagnosis.formula is not None:
-        return f"Something is missing that has no name. {formula_sentence(diagnosis.formula)}"
+        return f"No effect of the catalogue fits. {formula_sentence(diagnosis.formula)}"
     if shape is None:
-        if biased := biased_parameters(diagnosis):
+        if biased := corrected_far_parameters(diagnosis):
             said = f"Parameters of the ship file are wrong: {biased}."
             left = " The residual is more than noise, and no effect of the catalogue explains it."
-            return said + left if differs(diagnosis) else said
-        return "Something is missing that the catalogue does not name."
+            return said + left if has_residual(diagnosis) else said
+        return "Simulation and recording differ, and no effect of the catalogue fits."
     signal = shape.signal.replace("_", " ")
     low, high = float(np.min(shape.values)), float(np.max(shape.values))
     if high <= 0.0:
-        much = f"has {measure(-high, shape.unit)} to {measure(-low, shape.unit)} too much"
+        least, most = (value_with_unit(-end, shape.unit) for end in (high, low))
+        much = f"has {least} to {most} too much"
     else:
-        much = f"lacks {measure(low, shape.unit)} to {measure(high, shape.unit)}"
-    return (
-        f"Something is missing that has no name: the {shape.balance} balance {much}, depending on "
-        f"{signal}."
-    )
+        much = f"lacks {value_with_unit(low, shape.unit)} to {value_with_unit(high, shape.unit)}"
+    return f"No effect of the catalogue fits: the {shape.balance} balance {much}, depending on {signal}."
 
 
 CONSTANT = "constant: no FitPercent"
 
 
-def aligned(rows: Sequence[Mapping[str, str]], right: Sequence[str] = ()) -> str:
-    """Rows of text under their heads, in columns.
+def align_columns(rows: Sequence[Mapping[str, str]], right: Sequence[str] = ()) -> str:
+    """Return a table as text with aligned columns.
 
     Args:
-        rows: cells by head; every row has the first one's heads.
-        right: heads of the columns that are flush right, as numbers are.
+        rows: cells by column head; every row has the heads of the first row.
+        right: heads of the columns that are aligned to the right.
+
+    >>> print(align_columns([{"channel": "speed", "fit": "9.5"}], ["fit"]))
+    channel  fit
+    speed    9.5
     """
     heads = list(rows[0]) if rows else []
     lines = [heads, *([row[head] for head in heads] for row in rows)]
@@ -258,36 +268,34 @@ def aligned(rows: Sequence[Mapping[str, str]], right: Sequence[str] = ()) -> str
 
 
 def summary(diagnosis: Outcome) -> str:
-    """The answer, the findings with their intervals, and the fit on what was set aside."""
+    """Return headline, findings with intervals, parameters and fit on the held-out data as text."""
     parts = [headline(diagnosis)]
     if diagnosis.findings:
-        numbers = ("value", "95 % from", "to", "evidence", "threshold")
-        parts.append(
-            "What is missing (evidence in 2 log L)\n" + aligned(_findings(diagnosis), numbers)
-        )
+        right = ("value", "95 % from", "to", "evidence", "threshold")
+        head = "Missing physics (evidence: log-likelihood-ratio statistic, 2 Δ log L)"
+        parts.append(f"{head}\n{align_columns(_findings(diagnosis), right)}")
     parts.append("In words\n" + sentence(diagnosis))
-    wrong = [
-        f"{finding.effect.label}: {wrong_words(number)}"
-        for place, finding in enumerate(diagnosis.findings)
-        if (number := wrong_of(diagnosis, place)) is not None
+    biased = [
+        f"{finding.effect.label}: {biased_parameter_sentence(parameter)}"
+        for i, finding in enumerate(diagnosis.findings)
+        if (parameter := biased_parameter_of(diagnosis, i)) is not None
     ]
-    if wrong:
-        parts.append("Or a wrong number\n" + "\n".join(wrong))
+    if biased:
+        parts.append("Alternative: a biased parameter\n" + "\n".join(biased))
     if diagnosis.formula is not None:
-        parts.append("A formula for it\n" + "\n".join(formula_lines(diagnosis.formula)))
-    if diagnosis.numbers:
-        right = ("file", "found", "se", "moved", "corrected")
-        parts.append(
-            "The ship's numbers (moved by this recording: in tolerances)\n"
-            + aligned(table_rows(diagnosis), right)
-        )
+        parts.append("Formula\n" + "\n".join(formula_lines(diagnosis.formula)))
+    if diagnosis.parameters:
+        right = ("ship file", "estimate", "se", "change", "corrected ship")
+        head = "Parameters of the ship (change: by this recording, in tolerances)"
+        parts.append(f"{head}\n{align_columns(parameter_rows(diagnosis), right)}")
     if any(b.verdict != NOTHING for b in diagnosis.balance_verdicts):
-        parts.append("Balance by balance\n" + aligned(_balances(diagnosis), ("explained",)))
-    held = ", ".join(span(a, b, whole=True) for a, b in diagnosis.held_out)
+        parts.append("Verdict by balance\n" + align_columns(_balances(diagnosis), ("explained",)))
+    held = ", ".join(time_span(a, b, whole=True) for a, b in diagnosis.held_out)
     parts.append(
-        "Ship file (before) and corrected ship (after), run freely; FitPercent: 100 is perfect\n"
-        + aligned(_fits(diagnosis), ("before", "after", "rms before", "rms after"))
-        + f"\njudged on {held}, which was set aside before anything was fitted"
+        "Fit of the ship file (before) and of the corrected ship (after), simulated open loop; "
+        "FitPercent: 100 is perfect\n"
+        + align_columns(_fits(diagnosis), ("before", "after", "rms before", "rms after"))
+        + f"\nevaluated on {held}, which was held out before anything was fitted"
     )
     notes = [f"note: {note}" for note in (*diagnosis.limits, *diagnosis.warnings)]
     return "\n\n".join([*parts, "\n".join(notes)] if notes else parts)
@@ -299,7 +307,7 @@ def _balances(diagnosis: Outcome) -> list[dict[str, str]]:
             "balance": b.name,
             "verdict": b.verdict,
             "explained": "" if b.verdict == NOTHING else f"{100.0 * max(b.explained, 0.0):.0f} %",
-            "left": "noise" if b.left is None
+            "residual": "noise" if b.left is None
             else f"{b.left.ratio:.3g} times the noise's power at {b.left.low_Hz:.2g} to "
             f"{b.left.high_Hz:.2g} Hz",
         }
@@ -308,7 +316,7 @@ def _balances(diagnosis: Outcome) -> list[dict[str, str]]:
 
 
 def _findings(diagnosis: Outcome) -> list[dict[str, str]]:
-    """One row a parameter; what belongs to the whole finding stands in its first."""
+    """Return one row for each parameter; the first row of a finding has the finding's own columns."""
     rows = []
     for finding in diagnosis.findings:
         effect = finding.effect
@@ -318,7 +326,7 @@ def _findings(diagnosis: Outcome) -> list[dict[str, str]]:
             "balance": effect.balance,
             "evidence": f"{finding.score:.1f}",
             "threshold": f"{finding.threshold:.1f}",
-            "or equally": ", ".join(others),
+            "indistinguishable from": ", ".join(others),
         }
         for estimate in finding.estimates:
             low, high = estimate.ci95
@@ -332,7 +340,7 @@ def _findings(diagnosis: Outcome) -> list[dict[str, str]]:
                 "unit": estimate.unit,
                 "evidence": "",
                 "threshold": "",
-                "or equally": "",
+                "indistinguishable from": "",
             }
             rows.append(row | of_all)
             of_all = {}

@@ -1,1 +1,1 @@
-"""The catalogue of effects, and the search for those that a recording asks for."""
+"""Catalogue of physical effects, and the search for the effects that explain a recording."""

@@ -1,8 +1,8 @@
-"""Up to which frequency recordings tell of changes of a ship.
+"""Find the highest frequency at which recordings carry information about changes of a ship.
 
-Above it, what is left holds next to nothing of them, but much of what the ship's equations leave out:
-encoders, flexible shafts, the corner of a friction law. Judged there as well, those would speak for one
-change or another; and the more so, the faster the recording was sampled.
+Above this frequency the residual holds hardly any effect of such changes, but much of what the ship
+model leaves out: encoders, flexible shafts, the corner of a friction law. Fitted there as well, these
+errors would bias the choice of effects, and more so with faster sampling.
 """
 
 from __future__ import annotations
@@ -14,44 +14,44 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...plant.columns import HEADING, SHAFT_ANGLE, YAW_RATE
-from ..simulate.balances import Balances, Channels, rate
-from ..simulate.joint_replay import UNMOVED, JointReplay, at_once
+from ..simulate.balances import Balances, Channels, time_derivative
+from ..simulate.joint_replay import NO_SHIFT, JointReplay, map_threaded
 from ..simulate.tolerances import tolerance_records
 from .catalogue import Effect
-from .spectra import fast_length, taper
+from .spectra import cosine_taper, fast_length
 from .trial_ship import TrialShip
 
 Segments = list[tuple[int, int]]
 
-TELLING = 0.95
-"""Share of what the channels tell of a change that lies below the frequency: what is above it would make
-its size a fortieth surer.
-"""
+INFORMATION_SHARE = 0.95
+"""Share of the Fisher information on a change that lies below the frequency; the rest would reduce the
+standard error of its size by a fortieth."""
 
 LEAST_FREQUENCIES = 60
-"""That are judged in any case, however slow a change acts, so that noise can be told from it."""
+"""Fewest frequencies that are fitted, even for slow changes, so that a change is distinguishable from
+noise."""
 
 SAMPLES_A_PERIOD = 5.0
-"""Rows that are left of a period at the highest frequency where rows are averaged: the mean over a row
-then passes 0.94 of it, and what folds back onto it from above is damped to a quarter."""
+"""Averaged rows per period of the highest frequency. The mean over a row then passes 0.94 of it, and
+aliases are damped to a quarter."""
 
 
-def telling_hertz(
+def informative_frequencies(
     replay: JointReplay, here: Channels, moved: Iterable[Channels], segments: Segments
 ) -> list[float]:
-    """Highest frequency that tells of each of some changes.
+    """Return the highest informative frequency of each of several changes.
 
-    What a change does to the simulated channels, over each channel's white noise, squared and summed up
-    to a frequency, is what the recording tells of it up to there. An angle counts by its speed.
+    The information up to a frequency is the squared change of the simulated channels, divided by the
+    variance of their white noise and summed up to this frequency. An angle counts by its derivative.
 
     Args:
-        replay: of the recordings.
+        replay: replay of the recordings.
         here: channels of a simulation, each of shape (rows,).
-        moved: the same after each change.
-        segments: the part that may be fitted.
+        moved: channels after each change.
+        segments: part of the rows that may be fitted.
 
     Returns:
-        Of each change [Hz]; infinite where it does nothing.
+        Frequency of each change [Hz]; infinite for a change without an effect.
     """
     noise = replay.noise_rms
     segments = [(a, a + fast_length(b - a)) for a, b in segments]
@@ -61,49 +61,62 @@ def telling_hertz(
     least = float(rising[: LEAST_FREQUENCIES + 1][-1])
     found = []
     for there in moved:
-        told = np.zeros(len(frequency))
+        information = np.zeros(len(frequency))
         for column in replay.channels:
             shift = there[column] - here[column]
             if column == HEADING and YAW_RATE in replay.channels:
-                continue  # its derivative is measured better, and that is what the balances take
+                continue  # The balances use the yaw rate, which is measured more precisely.
             if column in (SHAFT_ANGLE, HEADING):
-                shift = rate(shift, replay.interval_s)
+                shift = time_derivative(shift, replay.interval_s)
             if noise[column] > 0.0 and np.isfinite(shift).all():
-                told += _power(shift / noise[column], segments)
-        told = np.cumsum(told[order])
-        if told[-1] > 0.0:
-            found.append(max(least, float(rising[np.searchsorted(told, TELLING * told[-1])])))
+                information += _power(shift / noise[column], segments)
+        information = np.cumsum(information[order])
+        if information[-1] > 0.0:
+            found.append(
+                max(
+                    least,
+                    float(
+                        rising[np.searchsorted(information, INFORMATION_SHARE * information[-1])]
+                    ),
+                )
+            )
         else:
             found.append(math.inf)
     return found
 
 
-def catalogue_hertz(balances: Balances, effects: list[Effect], segments: Segments) -> float:
-    """Highest frequency that tells of any effect at its smallest probe, or of a nominal number.
+def highest_informative_frequency(
+    balances: Balances, effects: list[Effect], segments: Segments
+) -> float:
+    """Return the highest informative frequency of all effects and of all uncertain parameters.
 
     Args:
-        balances: of ship and recordings.
-        effects: that will be tried; those that act for a time act slowly.
-        segments: the part that may be fitted.
+        balances: balances of ship and recordings.
+        effects: effects at their smallest probes; windowed effects are slow and left out.
+        segments: part of the rows that may be fitted.
 
     Returns:
-        [Hz]; infinite where nothing does anything.
+        Frequency [Hz]; infinite if no change has an effect.
     """
     replay, trial_ship = balances.replay, TrialShip(balances)
-    trials = (next(trial_ship.smallest(effect, []), None) for effect in effects)
-    records = [(trial_ship.record((placed,)), UNMOVED) for placed in trials if placed]
+    trials = (next(trial_ship.smallest_trials(effect, []), None) for effect in effects)
+    records = [(trial_ship.record((placed,)), NO_SHIFT) for placed in trials if placed]
     changes = (*records, *tolerance_records(replay))
-    moved = at_once(lambda change: replay.channels_of(*change), changes)
-    found = telling_hertz(replay, balances.nominal, moved, segments)
+    moved = map_threaded(lambda change: replay.simulate_channels(*change), changes)
+    found = informative_frequencies(replay, balances.nominal, moved, segments)
     return max((hertz for hertz in found if math.isfinite(hertz)), default=math.inf)
 
 
-def rows_averaged(interval_s: float, highest_Hz: float) -> int:
-    """How many rows may become one where nothing above a frequency is judged.
+def rows_per_average(interval_s: float, highest_Hz: float) -> int:
+    """Return the number of rows that may be averaged if only frequencies up to a limit are fitted.
+
+    Example:
+        >>> rows_per_average(0.01, 2.0)
+        10
 
     Args:
-        interval_s: of the rows [s].
-        highest_Hz: that is judged.
+        interval_s: sampling interval [s].
+        highest_Hz: highest fitted frequency [Hz]; infinite for no averaging.
     """
     if not math.isfinite(highest_Hz):
         return 1
@@ -111,5 +124,5 @@ def rows_averaged(interval_s: float, highest_Hz: float) -> int:
 
 
 def _power(values: NDArray[np.float64], segments: Segments) -> NDArray[np.float64]:
-    parts = [np.fft.rfft(values[a:b] * taper(b - a)) for a, b in segments]
+    parts = [np.fft.rfft(values[a:b] * cosine_taper(b - a)) for a, b in segments]
     return np.asarray(np.abs(np.concatenate(parts)) ** 2)

@@ -1,9 +1,8 @@
-"""Units of products and quotients, in the way that a ship's file writes them: ``N s2/m2``, ``rad/s``.
+"""Build the blocks of formulas: products of simple functions of signals, and their units.
 
-The grammar of formulas: blocks, which are products of simple functions of signals.
-
-A formula is one or two blocks, each with a coefficient of its own: ``(a + b * abs(beta)) * beta`` is
-made of the blocks ``beta`` and ``abs(beta) * beta``.
+A formula is the sum of one or two blocks, each with a coefficient: ``(a + b * abs(beta)) * beta`` has
+the blocks ``beta`` and ``abs(beta) * beta``. Units are written as in the ship file: ``N s2/m2``,
+``rad/s``.
 """
 
 from __future__ import annotations
@@ -18,14 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 Powers = Counter[str]
-"""Exponent of each unit, by its name."""
+"""Exponent of each unit by name."""
 
 
-def powers(unit: str) -> Powers:
-    """Exponents of a unit such as ``N m s/rad``; none of ``-``, and none of what cannot be read.
+def unit_powers(unit: str) -> Powers:
+    """Return the exponents of a unit such as ``N m s/rad``; ``-`` and unreadable factors have none.
+
+    Example:
+        >>> dict(unit_powers("N s2/m2"))
+        {'N': 1, 's': 2, 'm': -2}
 
     Args:
-        unit: factors apart by spaces, each with its exponent; those behind a ``/`` divide.
+        unit: factors with exponents, separated by spaces; factors after a ``/`` divide.
     """
     found: Powers = Counter()
     for place, part in enumerate(unit.split("/")):
@@ -36,24 +39,28 @@ def powers(unit: str) -> Powers:
     return found
 
 
-def quotient(unit: str, by: Powers) -> str:
-    """A unit divided by others, as a ship's file writes it; ``-`` where nothing is left.
+def divide_units(unit: str, by: Powers) -> str:
+    """Return the quotient of two units in the notation of the ship file; ``-`` if it has no unit.
+
+    Example:
+        >>> divide_units("N", unit_powers("m2/s2"))
+        'N s2/m2'
 
     Args:
-        unit: of the dividend.
+        unit: unit of the dividend.
         by: exponents of the divisor.
     """
-    left = powers(unit)
+    left = unit_powers(unit)
     left.subtract(by)
 
-    def joined(sign: int) -> str:
+    def side(sign: int) -> str:
         return " ".join(
             f"{name}{abs(power) if abs(power) > 1 else ''}"
             for name, power in left.items()
             if power * sign > 0
         )
 
-    above, below = joined(1), joined(-1)
+    above, below = side(1), side(-1)
     if not below:
         return above or "-"
     return f"{above or '1'}/{below.replace(' ', '/')}"
@@ -62,35 +69,35 @@ def quotient(unit: str, by: Powers) -> str:
 Values = Mapping[str, NDArray[np.float64]]
 
 ALIKE = 1.0 - 2e-6
-"""Cosine of two blocks' traces from which on they are the same."""
+"""Cosine of the traces of two blocks from which they count as equal."""
 
 STILL = 0.02
-"""Spread of a signal, as a share of its size, below which nothing can be seen to follow it."""
+"""Range of a signal, as a share of its size, below which no dependence on it is identifiable."""
 
 KNEES = (0.25, 0.5, 0.75)
-"""Quantiles of a signal at which a bend is tried."""
+"""Quantiles of a signal at which a kink is tried."""
 
 SIGN_SHARE = 0.05
-"""Width of a smooth sign, as a share of the signal's largest size."""
+"""Width of a smooth sign function, as a share of the largest magnitude of the signal."""
 
 ROWS = 2000
-"""Rows at most over which blocks are compared."""
+"""Largest number of rows over which blocks are compared."""
 
 DERIVED = (
     "advance_velocity", "submergence", "thrust", "propeller_torque", "brake_torque", "resistance",
     "pitch_rate",
 )  # fmt: skip
-"""Signals that follow from others; of two formulas that do as well, the one without them is shorter."""
+"""Signals that are computed from other signals; they make a formula count as longer."""
 
 
 @dataclass(frozen=True, order=True)
 class Factor:
-    """A simple function of one signal.
+    """Simple function of one signal.
 
     Args:
-        signal: its name.
-        kind: ``itself``, ``size``, ``sign`` or ``over``.
-        number: width of the sign, or place of the bend, in the signal's unit.
+        signal: name of the signal.
+        kind: ``itself``, ``size`` (magnitude), ``sign`` (smooth sign) or ``over`` (excess over a kink).
+        number: width of the sign or position of the kink, in the unit of the signal.
     """
 
     signal: str
@@ -98,7 +105,7 @@ class Factor:
     number: float = 0.0
 
     def trace(self, values: Values) -> NDArray[np.float64]:
-        """Along a simulation, shape (rows,)."""
+        """Return the values along a simulation, shape (rows,)."""
         x = values[self.signal]
         if self.kind == "size":
             return np.abs(x)
@@ -108,7 +115,7 @@ class Factor:
 
     @property
     def expression(self) -> str:
-        """As a term has it."""
+        """Expression in the syntax of a term."""
         return {
             "itself": self.signal,
             "size": f"abs({self.signal})",
@@ -118,7 +125,7 @@ class Factor:
 
     @property
     def words(self) -> str:
-        """As an engineer reads it."""
+        """Expression in mathematical notation."""
         name = self.signal.replace("_", " ")
         return {
             "itself": name,
@@ -130,69 +137,74 @@ class Factor:
 
 @dataclass(frozen=True)
 class Block:
-    """A product of factors; of none, it is 1."""
+    """Product of factors; a product of no factors is 1."""
 
     factors: tuple[Factor, ...]
 
     @classmethod
     def of(cls, *factors: Factor) -> Block:
-        """The product, its factors in the order of their names."""
+        """Return the product of factors in the order of their names."""
         return cls(tuple(sorted(factors)))
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """That it follows."""
+        """Signals on which the block depends."""
         return tuple(dict.fromkeys(factor.signal for factor in self.factors))
 
     @property
     def length(self) -> int:
-        """What it costs to say it: factors, numbers in them, and signals beyond the first."""
+        """Description length: factors, numbers in them, and signals beyond the first."""
         own = [1 + (f.kind in ("sign", "over")) + 2 * (f.signal in DERIVED) for f in self.factors]
         return sum(own) + max(len(self.signals) - 1, 0)
 
     def trace(self, values: Values) -> NDArray[np.float64]:
-        """Along a simulation, shape (rows,)."""
+        """Return the values along a simulation, shape (rows,)."""
         found = np.ones(len(next(iter(values.values()))))
         for factor in self.factors:
             found = found * factor.trace(values)
         return found
 
     def unit(self, units: Mapping[str, str]) -> Powers:
-        """Exponents of its unit.
+        """Return the exponents of the unit of the block.
 
         Args:
-            units: of the signals, by name.
+            units: units of the signals, by name.
         """
         found: Powers = Counter()
         for factor in self.factors:
             if factor.kind != "sign":
-                found.update(powers(units[factor.signal]))
+                found.update(unit_powers(units[factor.signal]))
         return found
 
 
 def product(parts: Sequence[str], power: str, times: str) -> str:
-    """Parts multiplied, equal ones as a power: ``x * y ** 2``.
+    """Return the product of expressions as text, equal ones as a power: ``x * y ** 2``.
 
     Args:
         parts: expressions.
-        power: between a part and its exponent.
-        times: between two parts.
+        power: text between an expression and its exponent.
+        times: text between two expressions.
     """
     counted = Counter(parts)
     return times.join(f"{p}{power}{n}" if n > 1 else p for p, n in counted.items())
 
 
-def joined(blocks: Sequence[Block], names: Sequence[str], *, words: bool = False) -> str:
-    """Blocks with their coefficients as one expression, what they share taken out of the sum.
+def join_blocks(blocks: Sequence[Block], names: Sequence[str], *, words: bool = False) -> str:
+    """Return the sum of blocks with coefficients as one expression, common factors outside the sum.
+
+    Example:
+        >>> beta, size = Factor("beta"), Factor("beta", "size")
+        >>> join_blocks([Block.of(beta), Block.of(beta, size)], ["a", "b"])
+        '(a + b * abs(beta)) * beta'
 
     Args:
-        blocks: at least one.
-        names: of the coefficients.
-        words: as an engineer reads it, not as a term has it.
+        blocks: at least one block.
+        names: names of the coefficients.
+        words: whether mathematical notation is used; else the syntax of a term.
     """
     power, times = ("^", " ") if words else (" ** ", " * ")
 
-    def said(factors: Counter[Factor]) -> list[str]:
+    def texts(factors: Counter[Factor]) -> list[str]:
         return [f.words if words else f.expression for f in sorted(factors.elements())]
 
     counted = [Counter(block.factors) for block in blocks]
@@ -200,22 +212,22 @@ def joined(blocks: Sequence[Block], names: Sequence[str], *, words: bool = False
     for one in counted[1:]:
         shared = shared & one
     if len(blocks) == 1:
-        return times.join(filter(None, (names[0], product(said(shared), power, times))))
+        return times.join(filter(None, (names[0], product(texts(shared), power, times))))
     own = [
-        times.join(filter(None, (name, product(said(one - shared), power, times))))
+        times.join(filter(None, (name, product(texts(one - shared), power, times))))
         for name, one in zip(names, counted, strict=True)
     ]
     total = " + ".join(own)
     if not shared:
         return total
-    return f"({total}){times}{product(said(shared), power, times)}"
+    return f"({total}){times}{product(texts(shared), power, times)}"
 
 
-def blocks_of(values: Values) -> list[Block]:
-    """Every block of some signals that moves, the shortest first; of those that are alike, the shortest.
+def make_blocks(values: Values) -> list[Block]:
+    """Return all distinct blocks of the signals that vary, the shortest first.
 
     Args:
-        values: of the signals by name, each of shape (rows,).
+        values: signals by name, each of shape (rows,).
     """
     moving = {
         name: x

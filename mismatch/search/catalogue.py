@@ -1,11 +1,8 @@
-"""What an entry of a catalogue is: an effect and its parameters.
+"""Define the catalogue of physical effects, and read it and the user's own effects from TOML.
 
-An effect at some size: an entry of the catalogue with values.
-
-Entries of a catalogue as they stand in a TOML file: the tool's own, and anybody's.
-
-``[[effect]]`` is some keys of a ship's file whose values are not neutral; ``[[term]]`` is physics that
-no key describes, with an expression (:mod:`shaftline.plant.terms`)::
+An effect ``[[effect]]`` is a set of keys of the ship file with values that are not neutral, so that its
+equation is part of the ship model and a corrected ship is an ordinary ship. An effect ``[[term]]`` is
+physics without such a key, given by an expression (:mod:`shaftline.plant.terms`)::
 
     [[term]]
     id = "wave-making"
@@ -18,16 +15,9 @@ no key describes, with an expression (:mod:`shaftline.plant.terms`)::
     c4 = { unit = "N s4/m4", low = 0.0, high = 1e4, probes = [0.5, 2.0, 8.0] }
 
 The first parameter is the size: at its ``neutral`` value the term must add nothing. A parameter with
-``set`` is not fitted: it is that number, that scale of the recording or that number of the ship's file
-wherever the effect is tried.
-
-Effects and parameters that rows which are equilibria can show.
-
-The catalogue: every physical effect that the tool knows by name.
-
-An effect is some keys of the ship's file with values that are not neutral, so its equation stands where
-the plant's equations live and a corrected ship is an ordinary ship. The entry adds what an engineer must
-be told: equation, balance, what excites it, what it can be mistaken for, what would tell them apart.
+``set`` is not fitted: its value is the given number, a scale of the recording or a parameter of the ship
+file. Each entry also describes the effect for the report: equation, balance, required excitation,
+effects with which it can be confused, and the manoeuvre or sensor that distinguishes them.
 """
 
 from __future__ import annotations
@@ -43,11 +33,18 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
-from ...core.files import read_text, toml_of
+from ...core.files import parse_toml, read_text
 from ...core.models import FileModel
 from ...plant.columns import SHAFT_POWER
-from ...plant.expressions import MAX_SIGNALS, MAX_STATES, Heard, Loaded, added, added_before
-from ...plant.keys import Number
+from ...plant.expressions import (
+    MAX_SIGNALS,
+    MAX_STATES,
+    InputSignals,
+    LoadSignals,
+    sum_input_terms,
+    sum_load_terms,
+)
+from ...plant.keys import ShipParameter
 from ...plant.record import PLANT
 from ...plant.ship import Ship, ShipError
 from ...plant.terms import NO_BOUND, TERM_SIGNALS, Term, add_term
@@ -56,22 +53,24 @@ from ..simulate.tolerances import is_transient
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of an effect.
+    """Parameter of an effect.
 
     Args:
-        key: dotted key of the ship's file.
-        probes: values at which the effect is first tried, in ``of``.
-        of: what a probe of 1 is worth: ``unit`` (one of the key's own unit), or a name among those of
-            :func:`.trial_ship.scales`, such as ``torque`` or ``torque/shaft_speed``.
+        key: dotted key of the ship file.
+        probes: values at which the effect is first tried, in multiples of ``of``.
+        of: scale of the probes: ``unit`` (the unit of the key), or a name of
+            :func:`.trial_ship.probe_scales`, such as ``torque`` or ``torque/shaft_speed``.
         signed: whether the negative probes are tried too.
-        absolute: the probes are values of the key, not deviations from its neutral value.
-        whole: its upper bound is all of it, as of a switch that is open, and no end of a search.
-        term: of which it is a number, where the effect is a term of the ship and not a key of its own.
-        least: distance from the neutral value below which something else looks the same, and the
-            effect is not named; in the key's own unit.
-        plausible: lowest and highest value that physics allows, in ``plausible_of``; an effect outside
-            is reported, but explains a recording partly at most. None where physics sets no limit.
-        plausible_of: unit of ``plausible``: ``unit`` or a scale, as ``of``.
+        absolute: whether the probes are values of the key; else they are deviations from its neutral
+            value.
+        whole: whether the upper bound is the complete effect, as of an open switch, and no limit of the
+            search.
+        term: term of the ship to which the parameter belongs; None for a key of the ship file.
+        least: distance from the neutral value, in the unit of the key, below which another cause has the
+            same signature and the effect is not identified.
+        plausible: lowest and highest physically plausible value, in multiples of ``plausible_of``. An
+            effect outside this range explains a recording at most partly. None without a limit.
+        plausible_of: scale of ``plausible``, as ``of``.
     """
 
     key: str
@@ -85,16 +84,16 @@ class Parameter:
     plausible: tuple[float, float] | None = None
     plausible_of: str = "unit"
 
-    def number(self, ship: Ship) -> Number:
-        """The number of a ship that it is: unit, range, neutral value and place in the record.
+    def in_ship(self, ship: Ship) -> ShipParameter:
+        """Return this parameter of a ship: unit, range, neutral value and position in the record.
 
         Args:
-            ship: carries the parameter's term or not.
+            ship: ship with or without the term of the parameter.
 
         Raises:
-            ShipError: the ship has no such key, or no room for the term.
+            ShipError: the ship has no such key, or the largest number of terms already.
         """
-        return _carrying(ship, self.term).number(self.key)
+        return _with_term(ship, self.term).parameter(self.key)
 
     @property
     def name(self) -> str:
@@ -104,35 +103,34 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Effect:
-    """An entry of the catalogue.
+    """Entry of the catalogue.
 
     Args:
-        id: name of the physics.
-        balance: in which it acts.
-        parameters: that the tool fits; more than one are tried in all combinations.
-        equation: in plain text.
-        latex: the same.
-        lacks: what the balance lacks, in words: the end of the report's sentence.
-        excess: what the balance has instead where the first value lies below its neutral one.
-        excitation: what the recording must do for the effect to show.
-        confused_with: ids that a recording may not be able to tell from it.
-        split_by: manoeuvre or sensor that would.
-        fixed: keys that are set with it: to a number, by a scale of the nominal simulation (as ``of``)
-            or to another key's number.
-        ties: keys that follow a parameter: (key, parameter's key, factor).
-        needs: columns without which it cannot be tried.
-        windowed: acts for a time, whose start and end are fitted too.
-        form: what tells it from the other forms of the same physics, which have the same id and
-            balance; the first of them in the catalogue is tried first.
-        term: that the effect is, with its numbers at values that change nothing; None where the
-            parameters are keys of the ship's file.
-        applies_to: what a ship must be, as its properties say: ``has_diesel``, ``has_voltage``,
-            ``has_propeller``, ``has_line_shaft``, ``has_variable_pitch``, ``reverses``; beside having
-            the balance and the keys. ``not moves`` is a ship without that property.
-        together: it is tried only where effects and parameters are estimated together: beside parameters
-            that are held it imitates others.
-        both_ways: it shows only where the shaft turns, or is driven, both ways.
-        straight: a ship that does not turn has it only where the recording does not turn either.
+        id: name of the physical effect.
+        balance: balance in which the effect acts.
+        parameters: fitted parameters; several parameters are tried in all combinations.
+        equation: equation in plain text.
+        latex: equation in LaTeX.
+        lacks: what the balance lacks, in words: the end of a sentence of the report.
+        excess: what the balance has in excess if the first value lies below its neutral value.
+        excitation: excitation that makes the effect identifiable.
+        confused_with: ids of effects that a recording may not distinguish from this one.
+        split_by: manoeuvre or sensor that distinguishes them.
+        fixed: keys with fixed values: a number, a scale of the nominal simulation (as ``of``) or the
+            value of another key.
+        ties: keys that depend on a parameter: (key, key of the parameter, factor).
+        needs: columns without which the effect cannot be tried.
+        windowed: whether the effect acts in a time window, whose start and end are fitted too.
+        form: name of this form of the effect; forms have the same id and balance, and the first form in
+            the catalogue is tried first.
+        term: term of the ship with neutral parameters; None if the parameters are keys of the ship file.
+        applies_to: required properties of the ship: ``has_diesel``, ``has_voltage``, ``has_propeller``,
+            ``has_line_shaft``, ``has_variable_pitch``, ``reverses``; ``not moves`` requires that a
+            property is absent.
+        together: whether the effect is tried only when effects and parameters are estimated together;
+            with fixed parameters it would imitate other effects.
+        both_ways: whether the effect is identifiable only if the shaft turns, or is driven, both ways.
+        straight: whether a ship that does not turn has the effect only in recordings without turns.
     """
 
     id: str
@@ -157,18 +155,18 @@ class Effect:
     excess: str = ""
 
     def on(self, ship: Ship) -> Ship:
-        """A ship with the effect's term on it, at values that change nothing; else the ship itself.
+        """Return the ship with the term of the effect at neutral values, or the ship if there is none.
 
         Args:
             ship: the ship.
 
         Raises:
-            ShipError: the ship carries as many terms as it can.
+            ShipError: the ship has the largest number of terms already.
         """
-        return _carrying(ship, self.term)
+        return _with_term(ship, self.term)
 
     def acts_on(self, ship: Ship) -> bool:
-        """Whether a ship can have the effect."""
+        """Return whether a ship can have the effect."""
         if self.balance not in ship.balances:
             return False
         if not all(_has(ship, what) for what in self.applies_to):
@@ -183,23 +181,23 @@ class Effect:
 
     @property
     def kind(self) -> tuple[str, str]:
-        """What forms of one piece of physics have in common: id and balance."""
+        """Id and balance, which are common to all forms of an effect."""
         return self.id, self.balance
 
     @property
     def label(self) -> str:
-        """Id and balance, for friction may act in several; and the form where there are some."""
+        """Id with balance, because one id may act in several balances, and the form if there is one."""
         return f"{self.id} ({self.balance}{', ' + self.form if self.form else ''})"
 
 
 def _has(ship: Ship, what: str) -> bool:
-    """Return whether a ship has a property, or lacks one that ``not`` stands before."""
+    """Return whether a ship has a property, or does not have a property that follows ``not``."""
     wanted = not what.startswith("not ")
     return bool(getattr(ship, what.removeprefix("not "))) == wanted
 
 
 @functools.lru_cache(maxsize=256)
-def _carrying(ship: Ship, term: Term | None) -> Ship:
+def _with_term(ship: Ship, term: Term | None) -> Ship:
     if term is None or any(own.id == term.id for own in ship.term):
         return ship
     return ship.with_term(term)
@@ -210,13 +208,13 @@ Window = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Placed:
-    """An effect with values.
+class SizedEffect:
+    """Effect with values of its parameters.
 
     Args:
-        effect: the catalogue's entry.
-        values: of its parameters, in its order, in the ship file's units.
-        window: in which it acts, where it acts for a time.
+        effect: entry of the catalogue.
+        values: values of its parameters in order, in the units of the ship file.
+        window: time window in which a windowed effect acts.
     """
 
     effect: Effect
@@ -225,25 +223,25 @@ class Placed:
 
     @property
     def pairs(self) -> tuple[tuple[Parameter, float], ...]:
-        """Each parameter with its value."""
+        """Parameters with their values."""
         return tuple(zip(self.effect.parameters, self.values, strict=True))
 
-    def in_place_of(self, effects: tuple[Placed, ...], which: int) -> tuple[Placed, ...]:
-        """Some effects with this one where another stood."""
+    def replace_in(self, effects: tuple[SizedEffect, ...], which: int) -> tuple[SizedEffect, ...]:
+        """Return effects with one of them replaced by this effect."""
         return (*effects[:which], self, *effects[which + 1 :])
 
-    def with_values(self, values: Any) -> Placed:
-        """The same effect with other values."""
-        return Placed(self.effect, tuple(float(v) for v in values), self.window)
+    def with_values(self, values: Any) -> SizedEffect:
+        """Return this effect with other values."""
+        return SizedEffect(self.effect, tuple(float(v) for v in values), self.window)
 
 
-_EARLY = len(Heard._fields)
-_TRIED = 16  # states at which a term is looked at, of either sign
+_EARLY = len(InputSignals._fields)
+_TRIED = 16  # random states at which a term is evaluated
 _NOTHING = 1e-9
 
 
 class _Trial(FileModel):
-    """How a parameter is first tried; as of :class:`.effect.Parameter`."""
+    """Probes and limits of a parameter, as in :class:`Parameter`."""
 
     probes: tuple[float, ...] = ()
     of: str = "unit"
@@ -261,7 +259,7 @@ class _Trial(FileModel):
         return self
 
     def of_key(self, key: str, term: Term | None = None) -> Parameter:
-        """The parameter of an effect that it states."""
+        """Return the parameter of an effect for a key."""
         return Parameter(
             key, self.probes, self.of, self.signed, self.absolute, self.least, term, self.whole,
             self.plausible, self.plausible_of,
@@ -282,12 +280,14 @@ class _OfTerm(_Trial):
     @model_validator(mode="after")
     def _tried(self) -> _OfTerm:
         if not self.probes and self.set is None:
-            raise ValueError("probes are needed, values at which it is first tried; or set")
+            raise ValueError(
+                "probes (values at which the parameter is first tried) or set (a fixed value) is needed"
+            )
         return self
 
 
 class _Entry(FileModel):
-    """What an engineer is told of an effect, and where it can be; as of :class:`.effect.Effect`."""
+    """Description of an effect and the ships to which it applies, as in :class:`Effect`."""
 
     id: str = Field(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$", max_length=40)
     balance: Literal[
@@ -307,13 +307,13 @@ class _Entry(FileModel):
     both_ways: bool = False
     together: bool = False
 
-    def told(self) -> dict[str, Any]:
-        """What is handed on as it stands."""
+    def common_fields(self) -> dict[str, Any]:
+        """Return the fields that an effect takes over unchanged."""
         return {name: getattr(self, name) for name in _Entry.model_fields}
 
 
 class _OfKeys(_Entry):
-    """An ``[[effect]]``."""
+    """Entry ``[[effect]]``."""
 
     parameters: tuple[_OfKey, ...] = Field(min_length=1)
     fixed: dict[str, float | str] = Field(default={})
@@ -322,13 +322,13 @@ class _OfKeys(_Entry):
 
     def effect(self) -> Effect:
         return Effect(
-            **self.told(), parameters=tuple(p.of_key(p.key) for p in self.parameters),
+            **self.common_fields(), parameters=tuple(p.of_key(p.key) for p in self.parameters),
             fixed=tuple(self.fixed.items()), ties=self.ties, windowed=self.windowed,
         )  # fmt: skip
 
 
 class _AsTerm(_Entry):
-    """A ``[[term]]``."""
+    """Entry ``[[term]]``."""
 
     acts_on: str
     expression: str
@@ -340,12 +340,14 @@ class _AsTerm(_Entry):
     @model_validator(mode="after")
     def _of_a_size(self) -> _AsTerm:
         if next(iter(self.parameters.values())).set is not None:
-            raise ValueError("parameters: the first is the effect's size, which is not set")
+            raise ValueError(
+                "parameters: the first parameter is the size of the effect and needs probes, not set"
+            )
         return self
 
     @property
     def term(self) -> Term:
-        """The term, at values that change nothing."""
+        """Term with neutral parameters."""
         numbers = {
             name: {"value": p.neutral, "unit": p.unit, "low": p.low, "high": p.high}
             for name, p in self.parameters.items()
@@ -359,13 +361,13 @@ class _AsTerm(_Entry):
 
     def effect(self) -> Effect:
         term = self.term
-        told = self.told()
+        fields = self.common_fields()
         adds = "; ".join(f"{where} + ({what})" for where, what in term.expressions)
-        told["equation"] = self.equation or adds
-        told["lacks"] = self.lacks or f"what {self.id.replace('-', ' ')} would give"
+        fields["equation"] = self.equation or adds
+        fields["lacks"] = self.lacks or f"the contribution of {self.id.replace('-', ' ')}"
         keys = {name: f"term.{term.id}.{name}" for name in self.parameters}
         return Effect(
-            **told, term=term,
+            **fields, term=term,
             parameters=tuple(
                 p.of_key(keys[n], term) for n, p in self.parameters.items() if p.set is None
             ),
@@ -380,82 +382,105 @@ class _File(FileModel):
     term: tuple[_AsTerm, ...] = ()
 
 
-def entries_of(text: str, source: str = "catalogue") -> tuple[Effect, ...]:
-    """Entries from the text of a catalogue.
+def parse_entries(text: str, source: str = "catalogue") -> tuple[Effect, ...]:
+    """Return the effects of a catalogue.
+
+    Example:
+        >>> text = '''
+        ... [[term]]
+        ... id = "wave-making"
+        ... balance = "hull"
+        ... acts_on = "resistance"
+        ... expression = "c4 * ship_speed ** 4"
+        ... [term.parameters]
+        ... c4 = { unit = "N s4/m4", low = 0.0, high = 1e4, probes = [0.5, 2.0, 8.0] }
+        ... '''
+        >>> [effect.label for effect in parse_entries(text)]
+        ['wave-making (hull)']
 
     Args:
-        text: TOML; see the module.
-        source: named in errors.
+        text: TOML, as described in this module.
+        source: name of the catalogue in errors.
 
     Raises:
-        ValueError: what is wrong, with the entry's id and the key.
+        ValueError: the message gives the entry, the key and the error.
     """
-    tree = toml_of(text, source)
+    tree = parse_toml(text, source)
     try:
         given = _File.model_validate(tree)
     except ValidationError as error:
-        raise ValueError("\n".join(_said(source, tree, dict(e)) for e in error.errors())) from None
+        raise ValueError(
+            "\n".join(_error_text(source, tree, dict(e)) for e in error.errors())
+        ) from None
     found = [entry.effect() for entry in given.effect]
     for entry in given.term:
         try:
             found.append(entry.effect())
-        except ValidationError as error:  # of the term itself, which a ship would carry
+        except ValidationError as error:  # The term itself is invalid.
             whole = {"term": [entry.model_dump()]}
             parts = [dict(e) | {"loc": ("term", 0, *e["loc"])} for e in error.errors()]
-            lines = [_said(source, whole, part) for part in parts]
+            lines = [_error_text(source, whole, part) for part in parts]
             raise ValueError("\n".join(lines)) from None
     labels = [effect.label for effect in found]
     if twice := [label for label in labels if labels.count(label) > 1]:
-        raise ValueError(f'{source}: {twice[0]} stands twice; a second form has a form = "..."')
+        raise ValueError(f'{source}: {twice[0]} occurs twice; name a second form with form = "..."')
     return tuple(found)
 
 
 def read_entries(path: Path) -> tuple[Effect, ...]:
-    """Entries of a file of one's own.
+    """Return the effects of a user's own catalogue file.
+
+    Args:
+        path: TOML file, as described in this module.
 
     Raises:
-        ValueError: it cannot be read or used; names file, entry and key.
+        ValueError: the file cannot be read or used; the message gives file, entry and key.
     """
-    found = entries_of(read_text(path), str(path))
+    found = parse_entries(read_text(path), str(path))
     if not found:
-        raise ValueError(f"{path}: no [[term]] and no [[effect]] in it")
+        raise ValueError(
+            f"{path}: the file has no [[term]] and no [[effect]]; at least one is needed"
+        )
     for effect in found:
         if effect.term is not None:
-            _refuse_never_nothing(path, effect.label, effect.term)
+            _refuse_non_neutral(path, effect.label, effect.term)
     return found
 
 
-def _refuse_never_nothing(path: Path, label: str, term: Term) -> None:
-    """Refuse a term without a state that adds something where its size is neutral, or no number at all.
-
-    Raises:
-        ValueError: names it.
-    """
-    if term.state is not None:  # what it adds then hangs on what went before
+def _refuse_non_neutral(path: Path, label: str, term: Term) -> None:
+    """Refuse a term without a state that is not 0 at its neutral size, or is never finite."""
+    if term.state is not None:  # The value of a term with a state depends on its history.
         return
     plant = np.zeros(1, PLANT)[0]
-    add_term(plant, term, term.hears)
+    add_term(plant, term, term.external_signals)
     sizes = np.random.default_rng(0).uniform(-20.0, 20.0, (_TRIED, len(TERM_SIGNALS) + MAX_SIGNALS))
     adds = []
     for signals in [*sizes.tolist(), *np.abs(sizes).tolist()]:
-        heard, loaded = Heard(*signals[:_EARLY]), Loaded(*signals[_EARLY : len(TERM_SIGNALS)])
-        given = (plant, heard), ((0.0,) * MAX_STATES, tuple(signals[len(TERM_SIGNALS) :]))
-        found = [*added_before(*given[0], *given[1]), *added(*given[0], loaded, *given[1])]
+        inputs, loads = (
+            InputSignals(*signals[:_EARLY]),
+            LoadSignals(*signals[_EARLY : len(TERM_SIGNALS)]),
+        )
+        given = (plant, inputs), ((0.0,) * MAX_STATES, tuple(signals[len(TERM_SIGNALS) :]))
+        found = [
+            *sum_input_terms(*given[0], *given[1]),
+            *sum_load_terms(*given[0], loads, *given[1]),
+        ]
         adds.append(max(map(abs, found)) if np.isfinite(found).all() else math.nan)
     if np.isnan(adds).all():
         raise ValueError(
-            f"{path}: {label}: its expression is no finite number, whatever the ship does"
+            f"{path}: {label}: the expression gives no finite number in any state of the ship; check it "
+            "for a division by 0"
         )
     if (most := float(np.nanmax(adds))) > _NOTHING:
         size, neutral = next((name, p.value) for name, p in term.parameters.items())
         raise ValueError(
             f"{path}: {label}: at {size} = {neutral:g}, its neutral value, the term adds up to "
-            f"{most:.3g}; it must add nothing there, for that is the ship without it"
+            f"{most:.3g}; it must add 0 there, because the neutral value is the ship without the effect"
         )
 
 
-def _said(source: str, tree: dict[str, Any], item: dict[str, Any]) -> str:
-    """One error of pydantic as a sentence that names the entry."""
+def _error_text(source: str, tree: dict[str, Any], item: dict[str, Any]) -> str:
+    """Return an error of pydantic as a sentence with the entry and the key."""
     place = list(item["loc"])
     name = source
     if len(place) > 1 and isinstance(place[1], int):
@@ -473,15 +498,15 @@ def _said(source: str, tree: dict[str, Any], item: dict[str, Any]) -> str:
     return f"{name}: {key}: {what}" if key else f"{name}: {what}"
 
 
-_OF_A_TURN = ("sway", "yaw")
+_TURNING_BALANCES = ("sway", "yaw")
 
 
-def acts_at_rest(ship: Ship, effect: Effect) -> bool:
+def acts_at_equilibrium(ship: Ship, effect: Effect) -> bool:
     """Return whether an effect changes equilibria of a ship that runs straight ahead.
 
-    An effect with a state of its own, or on the rate of the pitch actuator, acts in transients.
+    An effect with a state, or on the rate of the pitch actuator, acts in transients only.
     """
-    if effect.balance in _OF_A_TURN:
+    if effect.balance in _TURNING_BALANCES:
         return False
     if effect.term is not None:
         return effect.term.state is None and effect.term.acts_on != "pitch_rate"
@@ -491,57 +516,68 @@ def acts_at_rest(ship: Ship, effect: Effect) -> bool:
 
 
 def refuse_transient(ship: Ship, keys: Collection[str]) -> None:
-    """Refuse parameters that equilibria do not depend on.
+    """Refuse parameters on which equilibria do not depend.
 
     Raises:
-        ValueError: names the parameter.
+        ValueError: gives the parameter.
     """
     for key in keys:
         if is_transient(ship, key):
             raise ValueError(
-                f"{key} acts in transients only, and each row of the recording is taken as an "
-                "equilibrium; leave it out of --free, or give a recording of 1 row a second or faster"
+                f"{key} acts in transients only, and each row of the recording is treated as an "
+                "equilibrium; leave it out of --free, or use a recording with at least 1 row per second"
             )
 
 
 @functools.cache
 def catalogue() -> tuple[Effect, ...]:
-    """Every entry, as ``catalogue.toml`` states them."""
+    """Return all effects of ``catalogue.toml``.
+
+    Example:
+        >>> [effect.label for effect in catalogue() if effect.id == "hull-fouling"]
+        ['hull-fouling (hull)']
+    """
     folder = importlib.resources.files("shaftline.mismatch.search")
-    return entries_of(folder.joinpath("catalogue.toml").read_text("utf-8"))
+    return parse_entries(folder.joinpath("catalogue.toml").read_text("utf-8"))
 
 
-def mistaken_for(effect: Effect, ship: Ship) -> tuple[str, ...]:
-    """Ids that a recording of a ship may not be able to tell from an effect; only what it can have."""
+def confusable_ids(effect: Effect, ship: Ship) -> tuple[str, ...]:
+    """Return the ids that may be confused with an effect, among those that a ship can have."""
     own = {entry.id for entry in catalogue() if entry.acts_on(ship)}
     return tuple(name for name in effect.confused_with if name in own)
 
 
-def applicable(
+def applicable_effects(
     ship: Ship,
     columns: Iterable[str],
     exclude: Iterable[str] = (),
     own: Iterable[Effect] = (),
-    turned: bool = False,
+    turning: bool = False,
     one_way: bool = False,
     steady: bool = False,
 ) -> list[Effect]:
-    """Entries that a ship can have and a recording could show.
+    """Return the effects that a ship can have and that a recording may identify.
+
+    Example:
+        >>> from shaftline.plant import load_ship
+        >>> columns = ("time_s", "fuel_rack_mm", "ship_speed_m_s")
+        >>> "current" in {effect.id for effect in applicable_effects(load_ship("frigate"), columns)}
+        True
 
     Args:
-        ship: the nominal ship; a term is heard where the ship hears its signals.
-        columns: of the recording.
+        ship: the nominal ship; an effect with external signals needs a ship with these signals.
+        columns: columns of the recording.
         exclude: ids to leave out.
-        own: entries besides the catalogue's.
-        turned: whether the recording turns.
+        own: effects in addition to the catalogue.
+        turning: whether the recording turns.
         one_way: whether the shaft turns and is driven one way only.
-        steady: whether each row is an equilibrium, where effects of transients do not show.
+        steady: whether each row is an equilibrium, so that effects in transients are not identifiable.
 
     Raises:
         ValueError: an id to leave out is unknown.
     """
     known, left_out = set(columns), set(exclude)
-    if SHAFT_POWER in known:  # it is measured torque times shaft speed
+    if SHAFT_POWER in known:  # Shaft power is measured torque times shaft speed.
         known.add("shaft_torque_N_m")
     everything = [*catalogue(), *own]
     unknown = left_out - {effect.id for effect in everything}
@@ -554,7 +590,7 @@ def applicable(
         if effect.id not in left_out
         and set(effect.needs) <= known
         and effect.acts_on(ship)
-        and not (effect.straight and turned and not ship.turns)
+        and not (effect.straight and turning and not ship.turns)
         and not (effect.both_ways and one_way)
-        and (acts_at_rest(ship, effect) or not steady)
+        and (acts_at_equilibrium(ship, effect) or not steady)
     ]

@@ -1,9 +1,8 @@
-"""Fitting effects by output error in the simulator, under noise of unknown colour.
+"""Fit effects by output error in the simulator, with noise of unknown spectrum.
 
-Whatever is fitted, the model is the plant's own simulation; its difference from the recording, in the
-coordinates of the balances, is whitened by :mod:`.spectra`. Nominal numbers are free inside their
-tolerances throughout, as normal variables, so that a number that is a little wrong is not called missing
-physics.
+The model is always the simulation of the ship. Its difference from the recording, as residuals of the
+balances, is whitened by :mod:`.spectra`. Nominal parameters are free within their tolerances as normal
+variables, so that a small bias of a parameter is not reported as a missing effect.
 """
 
 from __future__ import annotations
@@ -20,46 +19,46 @@ from numpy.typing import NDArray
 
 from ..estimate import Estimate
 from ..simulate.balances import Balances, Channels
-from ..simulate.joint_replay import at_once
-from ..simulate.tolerances import NEAR, Moved, tolerance_moves
-from .catalogue import Placed
-from .spectra import Bands, Complex, Likelihood, Marginal, runs_away
+from ..simulate.joint_replay import map_threaded
+from ..simulate.tolerances import LARGEST_STEP, Perturbation, tolerance_perturbations
+from .catalogue import SizedEffect
+from .spectra import Bands, Complex, Likelihood, Marginal, is_divergent
 from .trial_ship import JointSearch, TrialShip
 
 REMEMBERED, REMEMBERED_BYTES = 64, 64e6
-"""Simulations that a fitter remembers: so many, of so much memory at most, but four in any case."""
+"""Largest number of simulations in the cache of a fitter and its memory [B]; at least four are kept."""
 
 MISTIMED = 2.0 / math.sqrt(12.0)
-"""Standard deviation of the time at which a demand moves between two rows, in what holding it up to the
-next row does beside a line: evenly likely over the interval, of which that is half."""
+"""Standard deviation of the time of a command step between two rows, uniform over the interval, in units
+of the half interval by which a held command differs from a line."""
 
 MOST_STEPS, SETTLED = 6, 0.05
-"""Of Gauss and Newton; and the gain in 2 log L below which they end."""
+"""Largest number of Gauss-Newton steps, and the gain in 2 log L below which they end."""
 
 LEAST_STEP, REACH = 1e-3, 0.5
-"""Over which a derivative is taken, and what a step is given beforehand, in a search's coordinates."""
+"""Finite difference and prior standard deviation of a Gauss-Newton step, in search coordinates."""
 
 LOUDER = 4.0
-"""Times the power in a balance without a model that no model may leave."""
+"""Largest ratio of the residual power of a balance with a model to that without effects."""
 
 Transformed: TypeAlias = Callable[[Channels], Complex]
-"""Makes what is compared of simulated channels."""
+"""Function that transforms simulated channels to the quantities that are compared."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A model fitted to the recording.
+    """Model fitted to the recording.
 
     Args:
-        effects: with their fitted values.
-        score: 2 log L with the tolerances' prior [-]; only differences mean anything.
-        difference: recording minus simulation in the balances, transformed, with the nominal numbers
-            as the ship's file has them; shape (balances, frequencies).
-        tolerances: fitted share of each nominal number's tolerance, in standard deviations.
-        weight: inverse covariance of what is left, by band, shape (bands, balances, balances).
+        effects: effects with fitted values.
+        score: 2 log L with the prior of the tolerances [-]; only differences have a meaning.
+        difference: transformed residuals of the recording minus those of the simulation with the
+            parameters of the ship file, shape (balances, frequencies).
+        tolerances: fitted deviation of each nominal parameter, in standard deviations.
+        weight: inverse covariance of the residual by band, shape (bands, balances, balances).
     """
 
-    effects: tuple[Placed, ...]
+    effects: tuple[SizedEffect, ...]
     score: float
     difference: Complex
     tolerances: NDArray[np.float64]
@@ -67,17 +66,18 @@ class Fit:
 
 
 class Fitter:
-    """Scores and fits effects on one recording.
+    """Evaluation and fit of effects on one set of recordings.
 
     Args:
-        balances: of ship and recording.
+        balances: balances of ship and recordings.
         bands: frequencies of the part that may be fitted.
-        scale: factor on all tolerances of the nominal numbers.
-        free: dotted keys of numbers that are fitted, whatever their tolerances.
-        doubt: whether the times at which demands move between two rows are doubted too.
+        scale: factor on all tolerances of the nominal parameters.
+        free: dotted keys of parameters that are fitted and have no tolerance here.
+        doubt: whether the times of command steps between two rows are uncertain too.
 
     Attributes:
-        moves: what each of a fit's tolerances moves, the first of them.
+        moves: perturbation of the parameters for each of the first tolerances of a fit.
+        null: fit without effects.
     """
 
     def __init__(
@@ -95,35 +95,39 @@ class Fitter:
         replay = balances.replay
         self.measured = bands.transform(balances.residuals(replay.measured))
         self._cache: dict[bytes, Complex] = {}
-        self._room = int(np.clip(REMEMBERED_BYTES / self.measured.nbytes, 4, REMEMBERED))
-        self.moves = tuple(tolerance_moves(replay, scale, free, NEAR))
+        self._capacity = int(np.clip(REMEMBERED_BYTES / self.measured.nbytes, 4, REMEMBERED))
+        self.moves = tuple(tolerance_perturbations(replay, scale, free, LARGEST_STEP))
         self._doubt = doubt
         self.nuisance = np.array(self.regressors(self._transformed))
         self.likelihood = Likelihood(bands, self.nuisance)
         self._shares = np.zeros(len(self.nuisance))
-        self.null = self.fitted(())
+        self.null = self.evaluate(())
         self._shares = self.null.tolerances
 
     def _transformed(self, channels: Channels) -> Complex:
-        with np.errstate(invalid="ignore", over="ignore"):  # a trial may run away; it is refused
+        with np.errstate(
+            invalid="ignore", over="ignore"
+        ):  # A trial may diverge; its score is then -inf.
             return self.bands.transform(self.balances.residuals(channels))
 
     def regressors(self, transformed: Transformed) -> list[Complex]:
-        """What each number off by its tolerance moves, and each demand that moved at another time.
+        """Return the changes by each perturbed parameter and by each change of the command times.
 
         Args:
-            transformed: makes what is compared of simulated channels.
+            transformed: function that transforms simulated channels.
         """
         replay, plain = self.balances.replay, self.trial_ship.nominal
-        nominal = transformed(replay.channels_of(plain))
+        nominal = transformed(replay.simulate_channels(plain))
 
-        def moved(move: Moved) -> Complex:
-            return (transformed(replay.channels_of(move.record, move.start)) - nominal) / move.share
+        def moved(move: Perturbation) -> Complex:
+            return (
+                transformed(replay.simulate_channels(move.record, move.start)) - nominal
+            ) / move.share
 
-        found = list(at_once(moved, self.moves))
+        found = list(map_threaded(moved, self.moves))
         if self._doubt:
-            for other in replay.mistimed():
-                found.append(MISTIMED * (transformed(other.channels_of(plain)) - nominal))
+            for other in replay.with_held_commands():
+                found.append(MISTIMED * (transformed(other.simulate_channels(plain)) - nominal))
         return found
 
     def sensitivities(
@@ -132,126 +136,131 @@ class Fitter:
         transformed: Transformed | None = None,
         steps: NDArray[np.float64] | None = None,
     ) -> tuple[Complex, NDArray[np.complex128]]:
-        """What a model predicts, and its derivative by each value of its effects.
+        """Return the prediction of a model and its derivative by each value of its effects.
 
         Args:
             fit: the model.
-            transformed: makes what is compared of simulated channels; the fitted part's by default.
-            steps: over which the derivatives are taken, shape (values,); a hundredth of each by default.
+            transformed: function that transforms simulated channels; by default to the fitted balances.
+            steps: steps of the finite differences, shape (values,); a hundredth of each value by
+                default.
 
         Returns:
             Shapes (balances, frequencies) and (values, balances, frequencies).
         """
         replay, record = self.balances.replay, self.trial_ship.record
 
-        def predicted(plant: Any) -> Complex:
+        def predict(plant: Any) -> Complex:
             if transformed is None:
-                return self.predicted(plant)
-            return transformed(replay.channels_of(plant))
+                return self.predict(plant)
+            return transformed(replay.simulate_channels(plant))
 
-        here = predicted(record(fit.effects))
+        here = predict(record(fit.effects))
         columns: list[Complex] = []
         for i, placed in enumerate(fit.effects):
             for j, value in enumerate(placed.values):
                 step = 1e-2 * abs(value) + 1e-9 if steps is None else steps[len(columns)]
                 values = [*placed.values]
                 values[j] += step
-                trial = placed.with_values(values).in_place_of(fit.effects, i)
-                moved = predicted(record(trial)) - here
+                trial = placed.with_values(values).replace_in(fit.effects, i)
+                moved = predict(record(trial)) - here
                 columns.append(moved / step if np.isfinite(moved).all() else np.zeros_like(here))
         return here, np.array(columns, np.complex128).reshape(-1, *here.shape)
 
     def _predict(self, record: Any) -> Complex:
         self.simulations += 1
-        return self._transformed(self.balances.replay.channels_of(record))
+        return self._transformed(self.balances.replay.simulate_channels(record))
 
-    def predicted(self, record: Any) -> Complex:
-        """Transformed balance residuals of a simulation; remembers the last ones."""
+    def predict(self, record: Any) -> Complex:
+        """Return the transformed balance residuals of a simulation, from a cache if possible."""
         key = record.tobytes()
         if key not in self._cache:
             self._remember(key, self._predict(record))
         return self._cache[key]
 
-    def ahead(self, models: Iterable[tuple[Placed, ...]]) -> None:
-        """Simulate effects that are asked for next, several at once; no more than are remembered."""
+    def simulate_ahead(self, models: Iterable[tuple[SizedEffect, ...]]) -> None:
+        """Simulate models that will be evaluated next on several threads, as many as the cache holds."""
         records = map(self.trial_ship.record, models)
         pending = {key: r for r in records if (key := r.tobytes()) not in self._cache}
-        chosen = dict(itertools.islice(pending.items(), self._room // 2))
-        for key, found in zip(chosen, at_once(self._predict, chosen.values()), strict=True):
+        chosen = dict(itertools.islice(pending.items(), self._capacity // 2))
+        for key, found in zip(chosen, map_threaded(self._predict, chosen.values()), strict=True):
             self._remember(key, found)
 
     def _remember(self, key: bytes, found: Complex) -> None:
-        if len(self._cache) >= self._room:
+        if len(self._cache) >= self._capacity:
             self._cache.pop(next(iter(self._cache)))
         self._cache[key] = found
 
-    def fitted(self, effects: tuple[Placed, ...]) -> Fit:
-        """Score of effects at their values, the nominal numbers adjusted inside their tolerances."""
-        return self.scored(self.trial_ship.record(effects), effects)
+    def evaluate(self, effects: tuple[SizedEffect, ...]) -> Fit:
+        """Return the fit of effects at their values, with free nominal parameters."""
+        return self.evaluate_record(self.trial_ship.record(effects), effects)
 
-    def scored(self, record: Any, effects: tuple[Placed, ...] = ()) -> Fit:
-        """Score of a ship's record, the nominal numbers adjusted inside their tolerances.
+    def evaluate_record(self, record: Any, effects: tuple[SizedEffect, ...] = ()) -> Fit:
+        """Return the fit of a ship record, with free nominal parameters.
 
         Args:
-            record: of a ship, with or without effects.
-            effects: that stand in it.
+            record: record of a ship with or without effects.
+            effects: effects in the record.
         """
-        difference = self.measured - self.predicted(record)
-        if runs_away(difference):
+        difference = self.measured - self.predict(record)
+        if is_divergent(difference):
             empty = np.zeros(len(self.nuisance))
             return Fit(effects, -math.inf, difference, empty, self.null.weight)
         found = self.likelihood(difference, self._shares)
         return Fit(effects, found.score, difference, found.shares, found.weight)
 
-    def scaled(self, base: Fit, placed: Placed) -> Placed | None:
-        """An effect at the size that a straight line through a small one asks for, on top of a model.
+    def scale_effect(self, base: Fit, placed: SizedEffect) -> SizedEffect | None:
+        """Return an effect at the size that a linear extrapolation gives in addition to a model.
 
-        Probes are spaced widely; what a recording shows may be far smaller than the smallest of them.
+        Probes are widely spaced, and the size in a recording may be far smaller than the smallest probe.
+
+        Args:
+            base: the model.
+            placed: the effect at a small size.
 
         Returns:
-            None where no size in the parameter's range helps.
+            The effect; None if no size in the range of the parameter helps.
         """
         parameter = placed.effect.parameters[0]
         neutral = self.trial_ship.neutral(parameter)
         if math.isinf(neutral):
             return None
-        moved = self.predicted(self.trial_ship.record((*base.effects, placed)))
-        column = moved - self.predicted(self.trial_ship.record(base.effects))
+        moved = self.predict(self.trial_ship.record((*base.effects, placed)))
+        column = moved - self.predict(self.trial_ship.record(base.effects))
         if not np.isfinite(column).all():
             return None
         share, _ = self.likelihood.amount(base.weight, base.difference, column)
         low, high = self.trial_ship.range_of(parameter)
         value = float(np.clip(neutral + share * (placed.values[0] - neutral), low, high))
-        if abs(value - neutral) <= self.trial_ship.least(parameter) or (
+        if abs(value - neutral) <= self.trial_ship.smallest_size(parameter) or (
             value < neutral and not parameter.signed
         ):
             return None
         return placed.with_values((value, *placed.values[1:]))
 
-    def refined(self, fit: Fit, which: int) -> Fit:
-        """Refit one of the effects, the others held."""
-        return self._searched(fit, [which], evaluations=40, spread=0.35)
+    def refine_effect(self, fit: Fit, which: int) -> Fit:
+        """Refit one effect with the others fixed."""
+        return self._search(fit, [which], evaluations=40, spread=0.35)
 
-    def joint(self, fit: Fit, evaluations: int = 90) -> Fit:
+    def refine_effects(self, fit: Fit, evaluations: int = 90) -> Fit:
         """Refit all effects together."""
-        return self.polished(self._searched(fit, None, evaluations, spread=0.1))
+        return self.polish(self._search(fit, None, evaluations, spread=0.1))
 
-    def polished(self, fit: Fit) -> Fit:
-        """Refit all effects together by Gauss-Newton steps, from values that are near."""
+    def polish(self, fit: Fit) -> Fit:
+        """Refit all effects together by Gauss-Newton steps from nearby values."""
         search = JointSearch(self.trial_ship, fit.effects)
         point = search.start
         for _ in range(MOST_STEPS):
-            here = self.predicted(self.trial_ship.record(fit.effects))
-            moved = [search.placed(point + row) for row in LEAST_STEP * np.eye(len(point))]
-            self.ahead(moved)
-            columns = np.array(
-                [self.predicted(self.trial_ship.record(m)) - here for m in moved]
-            ) * (REACH / LEAST_STEP)
+            here = self.predict(self.trial_ship.record(fit.effects))
+            moved = [search.effects_at(point + row) for row in LEAST_STEP * np.eye(len(point))]
+            self.simulate_ahead(moved)
+            columns = np.array([self.predict(self.trial_ship.record(m)) - here for m in moved]) * (
+                REACH / LEAST_STEP
+            )
             if not np.isfinite(columns).all():
                 break
-            step, better = REACH * self.beside(fit, columns).shares[: len(point)], None
+            step, better = REACH * self.project_residual(fit, columns).shares[: len(point)], None
             for share in (1.0, 0.3, 0.1):
-                found = self.fitted(search.placed(point + share * step))
+                found = self.evaluate(search.effects_at(point + share * step))
                 if found.score > fit.score:
                     better = found
                     break
@@ -263,33 +272,35 @@ class Fitter:
                 break
         return fit
 
-    def beside(self, fit: Fit, columns: Any) -> Marginal:
-        """How much of some columns, shape (c, balances, frequencies), is in what a model lacks.
+    def project_residual(self, fit: Fit, columns: Any) -> Marginal:
+        """Fit columns, shape (c, balances, frequencies), to the residual of a model.
 
-        Their shares are standard normal beforehand, and the nominal numbers are free beside them.
+        Their shares have a standard normal prior, and the nominal parameters are free too.
         """
         start = np.concatenate([np.zeros(len(columns)), fit.tolerances])
         regressors = np.concatenate([columns, self.nuisance])
         return Likelihood(self.bands, regressors)(fit.difference, start)
 
-    def left(self, fit: Fit) -> Complex:
-        """What a model leaves, the nominal numbers where it has them; shape (balances, frequencies)."""
+    def residual(self, fit: Fit) -> Complex:
+        """Return the residual of a model with fitted nominal parameters, (balances, frequencies)."""
         return np.asarray(fit.difference - np.einsum("k,kmf->mf", fit.tolerances, self.nuisance))
 
-    def louder(self, fit: Fit) -> bool:
-        """Whether a model leaves far more in a balance than there was without it.
+    def increases_residual(self, fit: Fit) -> bool:
+        """Return whether a model increases the residual of a balance far above that without effects.
 
-        Balances that err together have a covariance of small determinant, which looks as good as little
-        error where the covariance is free.
+        Residuals that are nearly proportional have a covariance with a small determinant, and so a high
+        likelihood although they are large.
         """
-        before, after = (np.abs(self.left(f)) ** 2 @ self.bands.weights for f in (self.null, fit))
+        before, after = (
+            np.abs(self.residual(f)) ** 2 @ self.bands.weights for f in (self.null, fit)
+        )
         return bool(np.any(after > LOUDER * before))
 
-    def _searched(self, fit: Fit, which: list[int] | None, evaluations: int, spread: float) -> Fit:
+    def _search(self, fit: Fit, which: list[int] | None, evaluations: int, spread: float) -> Fit:
         search, best = JointSearch(self.trial_ship, fit.effects, which), [fit]
 
         def loss(point: Any) -> float:
-            found = self.fitted(search.placed(point))
+            found = self.evaluate(search.effects_at(point))
             if found.score > best[0].score:
                 best[0] = found
             return -found.score if math.isfinite(found.score) else 1e12
@@ -310,14 +321,14 @@ class Fitter:
         return best[0]
 
     def estimates(self, fit: Fit, form: float = 0.0) -> list[tuple[Estimate, ...]]:
-        """Every effect's values with their errors, the nominal numbers free in their tolerances.
+        """Return the values of every effect with standard errors, with free nominal parameters.
 
-        From the curvature of the whitened likelihood over steps of one standard error, so that bends
-        inside the interval are felt.
+        The errors come from the curvature of the whitened likelihood over steps of one standard error,
+        so that nonlinearity within the interval is included.
 
         Args:
             fit: the model.
-            form: share of an effect's size by which a form that is not the truth's widens its interval.
+            form: additional error of an inexact form, as a share of the size of an effect.
         """
         flat = [(i, j) for i, placed in enumerate(fit.effects) for j in range(len(placed.values))]
         if not flat:
@@ -329,7 +340,7 @@ class Fitter:
             covariance = np.linalg.pinv(self.likelihood.information(fit.weight, columns))
             errors = np.sqrt(np.maximum(np.diag(covariance)[: len(flat)], 1e-300))
             steps = np.clip(errors, 1e-4 * sizes + 1e-12, 0.5 * sizes + 1e-9)
-        host = self.trial_ship.host(fit.effects)
+        host = self.trial_ship.with_terms(fit.effects)
         found: list[list[Estimate]] = [[] for _ in fit.effects]
         for (i, j), error in zip(flat, errors, strict=True):
             parameter, value = fit.effects[i].pairs[j]

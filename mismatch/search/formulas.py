@@ -1,15 +1,13 @@
-"""Formulas in the simulator: what straight lines recommend, tried as terms and fitted.
+"""Search a formula for a residual that no effect of the catalogue explains.
 
-Blocks (:mod:`.blocks`) at each place where a balance may lack something are screened by straight lines
-(:mod:`.formula_screen`); the best, and pairs of them, are tried as a term *in the simulator* under the
-same whitened likelihood, their coefficients fitted by Gauss-Newton steps. Lines are then drawn anew
-about the best formula, under the covariance of what it leaves, until no better one turns up.
+Blocks (:mod:`.blocks`) at each location of the model are screened by linear regression
+(:mod:`.formula_screen`). The best blocks and pairs of blocks are tried as a term *in the simulator*
+under the same whitened likelihood, with coefficients fitted by Gauss-Newton steps. The regression is
+repeated about the best formula, with the covariance of its residual, until no better formula is found.
 
-Where no name fits: a formula, the shortest of a grammar that holds.
-
-What :mod:`.formula_search` has tried is judged here. A formula pays for its coefficients and for the
-size of the search, p ln N + 2 ln K; and each block must bring a gain on the data set aside, where no
-channel may be simulated worse.
+A formula must gain more than its coefficients and the number of tried formulas give by chance, p ln N +
+2 ln K. Each of its blocks must also increase the likelihood of the held-out data, and no channel may be
+simulated worse there. The shortest formula with these properties is reported.
 """
 
 from __future__ import annotations
@@ -26,118 +24,118 @@ from numpy.typing import NDArray
 from ...plant.ship import ShipError
 from ...plant.terms import PLACES, TERM_SIGNALS, Term
 from ..estimate import Estimate
-from .blocks import Block, joined, quotient
-from .catalogue import Effect, Parameter, Placed
+from .blocks import Block, divide_units, join_blocks
+from .catalogue import Effect, Parameter, SizedEffect
 from .fitting import Fit, Fitter
-from .formula_screen import Screen, Screened, home_of, places_of
-from .selection import TELL_APART
-from .spectra import SMALL_SAMPLE, Likelihood, runs_away
+from .formula_screen import Screen, Screened, balance_of_location, locations_of
+from .selection import INDISTINGUISHABLE
+from .spectra import SMALL_SAMPLE, Likelihood, is_divergent
 from .whiteness import Whiteness
 
 INDIRECT = ("drive", "inflow_velocity")
-"""Places that say less plainly what a balance lacks, where another does as well."""
+"""Locations that are harder to interpret, used only if no other location fits equally well."""
 
 ROUNDS = 4
-"""Times that lines are drawn anew."""
+"""Largest number of linear regressions."""
 
 SINGLES, PAIRS = 8, 6
-"""Formulas of one block and of two that a round tries in the simulator."""
+"""Number of formulas with one block and with two blocks that each round tries in the simulator."""
 
 STEPS, SETTLED = 3, 0.5
-"""Gauss-Newton steps of a formula's coefficients at most, and the gain in 2 log L that ends them."""
+"""Largest number of Gauss-Newton steps of the coefficients, and the gain in 2 log L that ends them."""
 
 STEP = 0.02
-"""Share of a coefficient over which its column is taken."""
+"""Step of the finite difference for a coefficient, as a share of it."""
 
 REACH = 10.0
-"""Prior standard deviation of a step, as a share of a coefficient: next to free."""
+"""Prior standard deviation of a Gauss-Newton step, as a multiple of a coefficient: nearly free."""
 
 WIDE = 4.0
-"""Factor on the tolerances of the ship's numbers under which a formula must hold too: what a number that
-is wrong explains as well is none."""
+"""Factor on the parameter tolerances with which a formula must be significant too; a residual that a
+biased parameter explains as well needs no formula."""
 
 NEWLY = 10
-"""Times that the ship is simulated anew with such numbers."""
+"""Largest number of simulations with changed parameters."""
 
 ALIKE = 0.999
-"""Cosine of what two places do to the balances from which on they are one."""
+"""Cosine of the responses of two locations from which they are indistinguishable."""
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A formula in the simulator, fitted.
+    """Formula that was fitted in the simulator.
 
     Args:
-        place: where it acts.
-        blocks: one or two.
-        fit: with the formula as its last effect.
-        gain: in 2 log L on top of the model.
-        sure: likewise where the ship's numbers may be :data:`WIDE` times as far off.
+        location: location in the model.
+        blocks: one or two blocks.
+        fit: fit with the formula as the last effect.
+        gain: gain in 2 log L over the model without the formula.
+        sure: gain with parameter tolerances that are :data:`WIDE` times as large.
     """
 
-    place: str
+    location: str
     blocks: tuple[Block, ...]
     fit: Fit
     gain: float
     sure: float
 
     @property
-    def placed(self) -> Placed:
-        """The formula with its coefficients."""
+    def sized_effect(self) -> SizedEffect:
+        """Formula with its coefficients, as an effect."""
         return self.fit.effects[-1]
 
     @property
     def length(self) -> int:
-        """What it costs to say it."""
-        return sum(1 + block.length for block in self.blocks) + (self.place in INDIRECT)
+        """Description length."""
+        return sum(1 + block.length for block in self.blocks) + (self.location in INDIRECT)
 
 
 class FormulaSearch:
-    """The search on one fitter.
+    """Search of a formula for the residual of a model.
 
     Args:
-        fitter: of the recordings.
-        base: effects that hold already, fitted.
-        names: of the balances that lack something.
+        fitter: fitter of the recordings.
+        base: fit of the effects that are known to be missing.
+        names: names of the balances with a significant residual.
     """
 
     def __init__(self, fitter: Fitter, base: Fit, names: Sequence[str]) -> None:
         self.fitter, self.base = fitter, base
         self.screen = Screen(fitter, base)
         balances = fitter.balances
-        self.places = self._apart(places_of(balances, names))
-        self.count = sum(len(self.screen.blocks(place)) for place in self.places)
+        self.locations = self._distinguishable(locations_of(balances, names))
+        self.count = sum(len(self.screen.blocks(location)) for location in self.locations)
         self.samples = sum(
             b - a for a, b in zip(fitter.bands.starts, fitter.bands.ends, strict=True)
         )
         self._wide = Likelihood(fitter.bands, WIDE * fitter.nuisance)
         self._base_wide = self._by_numbers()
-        ship = fitter.trial_ship.host(base.effects)
+        ship = fitter.trial_ship.with_terms(base.effects)
         outside = {**ship.signals}
-        told = {
+        units = {
             n: text.split("[")[-1].rstrip("]") for n, text in TERM_SIGNALS.items() if "[" in text
         }
-        self.units = told | {"drive": ship.prime_mover.demand.unit} | outside
+        self.units = units | {"drive": ship.prime_mover.demand.unit} | outside
         taken = {term.id for term in ship.term}
         self._id = next(n for n in _ids() if n not in taken)
         self._names = [n for n in ("a", "b", "c", "d", "e", "f", "g", "h", "k") if n not in outside]
 
-    def _apart(self, places: list[str]) -> list[str]:
-        """Places that can be felt and told from each other; of those that cannot, the plainer."""
+    def _distinguishable(self, locations: list[str]) -> list[str]:
+        """Return the locations with distinguishable responses; direct locations come first."""
         kept: dict[str, NDArray[np.float64]] = {}
-        for place in sorted(places, key=lambda place: place in INDIRECT):
-            answer = self.screen.answer(place)
-            if not answer.any():
+        for location in sorted(locations, key=lambda location: location in INDIRECT):
+            response = self.screen.unit_response(location)
+            if not response.any():
                 continue
-            answer = answer / np.linalg.norm(answer)
-            if all(abs(float(np.sum(answer * other))) < ALIKE for other in kept.values()):
-                kept[place] = answer
+            response = response / np.linalg.norm(response)
+            if all(abs(float(np.sum(response * other))) < ALIKE for other in kept.values()):
+                kept[location] = response
         return list(kept)
 
     def _by_numbers(self) -> float:
-        """2 log L of the model where the ship's numbers are farther off than the file says.
+        """Return 2 log L of the model with wider parameter tolerances.
 
-        What a straight line says of them is simulated, and lines are drawn anew there.
+        The linear estimate of the parameters is simulated, and the model is linearised there again.
         """
         fitter, base = self.fitter, self.base
         found = self._wide(base.difference, base.tolerances / WIDE)
@@ -149,76 +147,76 @@ class FormulaSearch:
             values: dict[str, float] = {}
             for share, move in zip(WIDE * moved, fitter.moves, strict=False):
                 for key, change in move.numbers.items():
-                    own = values.get(key, ship.number(key).value)
+                    own = values.get(key, ship.parameter(key).value)
                     values[key] = own + share * change / move.share
-            told = [bool(move.numbers) for move in fitter.moves]
-            moved[: len(told)] *= told
-            moved[len(told) :] = 0.0
+            is_parameter = [bool(move.numbers) for move in fitter.moves]
+            moved[: len(is_parameter)] *= is_parameter
+            moved[len(is_parameter) :] = 0.0
             try:
                 record = ship.with_values(values).record()
             except ShipError:
                 break
-            difference = fitter.measured - fitter.predicted(record)
-            if runs_away(difference):
+            difference = fitter.measured - fitter.predict(record)
+            if is_divergent(difference):
                 break
             found = self._wide(difference)
-            # the prior is about the file's numbers, not those of the line before
+            # The prior refers to the parameters of the ship file, not to the previous linearisation.
             whole = moved + found.shares
             best = max(best, float(found.score + found.shares @ found.shares - whole @ whole))
         return best
 
     def threshold(self, blocks: int) -> float:
-        """Gain that chance does not reach: p ln N + 2 ln K, of K formulas of so many blocks."""
+        """Return the gain that chance does not reach: p ln N + 2 ln K for K formulas with p blocks."""
         tried = math.comb(max(self.count, blocks), blocks)
         return SMALL_SAMPLE * (blocks * math.log(self.samples) + 2.0 * math.log(max(tried, 2)))
 
-    def term(self, place: str, blocks: Sequence[Block]) -> Term:
-        """A formula as a term, at coefficients that change nothing."""
+    def term(self, location: str, blocks: Sequence[Block]) -> Term:
+        """Return a formula as a term with coefficients of 0."""
         names = self._names[: len(blocks)]
-        own = PLACES[place].split("[")[-1].rstrip("]")
-        if place == "drive":
+        own = PLACES[location].split("[")[-1].rstrip("]")
+        if location == "drive":
             own = self.units["drive"]
         return Term.model_validate(
             {
                 "id": self._id,
-                "acts_on": place,
-                "expression": joined(blocks, names),
+                "acts_on": location,
+                "expression": join_blocks(blocks, names),
                 "parameters": {
-                    name: {"value": 0.0, "unit": quotient(own, block.unit(self.units))}
+                    name: {"value": 0.0, "unit": divide_units(own, block.unit(self.units))}
                     for name, block in zip(names, blocks, strict=True)
                 },
             }
         )
 
-    def refined(
-        self, place: str, blocks: tuple[Block, ...], start: Sequence[float]
+    def fit_formula(
+        self, location: str, blocks: tuple[Block, ...], start: Sequence[float]
     ) -> Trial | None:
-        """A formula in the simulator, its coefficients fitted; None where it runs away.
+        """Fit the coefficients of a formula in the simulator; return None if the simulation diverges.
 
         Args:
-            place: where it acts.
-            blocks: one or two.
-            start: coefficients to begin with.
+            location: location in the model.
+            blocks: one or two blocks.
+            start: initial coefficients.
         """
-        return self.of_term(self.term(place, blocks), blocks, start)
+        return self.fit_term(self.term(location, blocks), blocks, start)
 
-    def of_term(
+    def fit_term(
         self, term: Term, blocks: tuple[Block, ...], start: Sequence[float]
     ) -> Trial | None:
-        """A term in the simulator, its parameters fitted; None where it runs away.
+        """Fit the parameters of a term in the simulator; return None if the simulation diverges.
 
         Args:
-            term: that changes nothing where its parameters are 0.
-            blocks: of which it is made; none of what is not of the grammar.
-            start: parameters to begin with.
+            term: term that is 0 if its parameters are 0.
+            blocks: blocks of the term; empty for a term that is not made of blocks.
+            start: initial parameters.
         """
-        place = term.acts_on
+        location = term.acts_on
         parameters = tuple(
             Parameter(f"term.{term.id}.{name}", (), term=term) for name in term.parameters
         )
         effect = Effect(
-            term.id, home_of(place, self.fitter.balances), parameters, term.expression, "", "", "",
-            term=term,
+            term.id, balance_of_location(location, self.fitter.balances), parameters,
+            term.expression, "", "", "", term=term,
         )  # fmt: skip
         sizes = np.asarray(start, dtype=np.float64)
         for _ in range(4):
@@ -229,7 +227,7 @@ class FormulaSearch:
         else:
             return None
         for _ in range(STEPS):
-            better = self._stepped(effect, sizes, fit)
+            better = self._step(effect, sizes, fit)
             if better is None:
                 break
             gain = better[1].score - fit.score
@@ -237,26 +235,28 @@ class FormulaSearch:
             if gain < SETTLED:
                 break
         sure = self._wide(fit.difference, fit.tolerances / WIDE).score - self._base_wide
-        return Trial(place, blocks, fit, fit.score - self.base.score, sure)
+        return Trial(location, blocks, fit, fit.score - self.base.score, sure)
 
     def _at(self, effect: Effect, sizes: Any) -> Fit:
-        return self.fitter.fitted((*self.base.effects, Placed(effect, tuple(map(float, sizes)))))
+        return self.fitter.evaluate(
+            (*self.base.effects, SizedEffect(effect, tuple(map(float, sizes))))
+        )
 
-    def _stepped(self, effect: Effect, sizes: Any, fit: Fit) -> tuple[Any, Fit] | None:
-        """One Gauss-Newton step, shortened until it helps; None where none does."""
+    def _step(self, effect: Effect, sizes: Any, fit: Fit) -> tuple[Any, Fit] | None:
+        """Make a Gauss-Newton step that increases the score; return None if no step does."""
         fitter, record = self.fitter, self.fitter.trial_ship.record
-        here = fitter.predicted(record(fit.effects))
+        here = fitter.predict(record(fit.effects))
         columns = []
         for i, size in enumerate(sizes):
             moved = sizes.copy()
             moved[i] += STEP * (size or 1.0)
-            placed = Placed(effect, tuple(map(float, moved)))
-            there = fitter.predicted(record((*self.base.effects, placed)))
+            placed = SizedEffect(effect, tuple(map(float, moved)))
+            there = fitter.predict(record((*self.base.effects, placed)))
             columns.append((there - here) / (STEP * (size or 1.0)))
         if not np.isfinite(columns).all():
             return None
         reach = REACH * np.where(sizes == 0.0, 1.0, np.abs(sizes))
-        found = fitter.beside(fit, np.array(columns) * reach[:, None, None])
+        found = fitter.project_residual(fit, np.array(columns) * reach[:, None, None])
         step = found.shares[: len(sizes)] * reach
         for share in (1.0, 0.3, 0.09):
             trial = sizes + share * step
@@ -266,42 +266,44 @@ class FormulaSearch:
         return None
 
     def errors(self, fit: Fit, rows: NDArray[np.int64]) -> dict[str, float]:
-        """Free-running error of each channel, rms, the nominal numbers where a fit has them.
+        """Return the rms error of each simulated channel, with the fitted nominal parameters.
 
         Args:
-            fit: a model.
-            rows: that are judged.
+            fit: the model.
+            rows: indices of the rows that are compared.
         """
         replay = self.fitter.balances.replay
-        found = replay.channels_of(self.fitter.trial_ship.record(fit.effects))
+        found = replay.simulate_channels(self.fitter.trial_ship.record(fit.effects))
         off = {c: (replay.measured[c] - x)[rows] for c, x in found.items()}
         for share, moved in zip(fit.tolerances, self._moved, strict=False):
             for column, change in moved.items():
                 off[column] = off[column] - share * change[rows]
-        with np.errstate(over="ignore"):  # a formula that runs away is infinitely wrong
+        with np.errstate(
+            over="ignore"
+        ):  # The error of a diverging formula may overflow to infinity.
             return {c: float(np.sqrt(np.mean(np.square(x)))) for c, x in off.items()}
 
     @functools.cached_property
     def _moved(self) -> list[dict[str, NDArray[np.float64]]]:
-        """What each nominal number does to the channels, by one standard deviation."""
+        """Change of the channels by one standard deviation of each nominal parameter."""
         fitter, replay = self.fitter, self.fitter.balances.replay
-        here = replay.channels_of(fitter.trial_ship.nominal)
+        here = replay.simulate_channels(fitter.trial_ship.nominal)
         found = []
         for move in fitter.moves:
-            there = replay.channels_of(move.record, move.start)
+            there = replay.simulate_channels(move.record, move.start)
             found.append({c: (there[c] - x) / move.share for c, x in here.items()})
         return found
 
     @functools.cached_property
     def trials(self) -> list[Trial]:
-        """Formulas that were tried in the simulator, by what they gain beyond chance, best first."""
+        """Formulas that were fitted in the simulator, by their gain over the threshold, best first."""
         tried: dict[tuple[str, frozenset[Block]], Trial] = {}
         about: Trial | None = None
         for _ in range(ROUNDS):
             for one in self._screened(about):
-                key = (one.place, frozenset(one.blocks))
+                key = (one.location, frozenset(one.blocks))
                 if key not in tried:
-                    found = self.refined(one.place, one.blocks, one.coefficients)
+                    found = self.fit_formula(one.location, one.blocks, one.coefficients)
                     if found is not None:
                         tried[key] = found
             if not tried:
@@ -313,21 +315,21 @@ class FormulaSearch:
         return sorted(tried.values(), key=self.merit, reverse=True)
 
     def merit(self, trial: Trial) -> float:
-        """Gain beyond what chance reaches."""
+        """Return the gain over the threshold."""
         return min(trial.gain, trial.sure) - self.threshold(len(trial.blocks))
 
     def _screened(self, about: Trial | None) -> Iterator[Screened]:
-        """What straight lines about a formula recommend, pairs only once there is one."""
+        """Yield the best formulas by linear regression; pairs only after the first formula is found."""
         screen = self.screen
         fit = self.base if about is None else about.fit
         values = screen.values(fit.effects)
         residual = fit.difference
         if about is not None:
-            own = screen.columns(about.place, about.blocks, values)
-            residual = residual + np.einsum("k,kmf->mf", np.array(about.placed.values), own)
+            own = screen.columns(about.location, about.blocks, values)
+            residual = residual + np.einsum("k,kmf->mf", np.array(about.sized_effect.values), own)
         singles, pairs = [], []
-        for place in self.places:
-            ones, twos = screen.singles_and_pairs(place, residual, fit.weight, values)
+        for location in self.locations:
+            ones, twos = screen.singles_and_pairs(location, residual, fit.weight, values)
             singles += ones
             pairs += twos
         yield from screen.likeliest(singles, residual, fit.tolerances, values)[:SINGLES]
@@ -335,8 +337,8 @@ class FormulaSearch:
             yield from screen.likeliest(pairs, residual, fit.tolerances, values)[:PAIRS]
 
     def single(self, trial: Trial, block: Block, coefficient: float) -> Trial | None:
-        """One block of a formula alone, fitted anew."""
-        return self.refined(trial.place, (block,), (coefficient,))
+        """Refit a formula with only one of its blocks."""
+        return self.fit_formula(trial.location, (block,), (coefficient,))
 
 
 def _ids() -> Iterator[str]:
@@ -345,29 +347,28 @@ def _ids() -> Iterator[str]:
         yield f"formula-{number}"
 
 
-AS_WELL = 0.95
-"""Share of a shape's gain on the data set aside from which on a formula takes its place."""
+AS_GOOD = 0.95
+"""Share of the held-out gain of a shape from which a formula replaces it."""
 
 WORSE = 1.05
-"""Factor by which the free-running error of a channel may grow on the data set aside."""
+"""Factor by which the simulation error of a channel may grow on the held-out data."""
 
 
 @dataclass(frozen=True)
 class Formula:
-    """What a balance lacks, as a formula.
+    """Formula of the missing torque, force or power of a balance.
 
     Args:
-        balance: that lacks it.
-        term: that a corrected ship carries.
-        blocks: one or two.
-        estimates: of the coefficients, in the order of the blocks.
-        gain: in 2 log L, where it was fitted.
-        threshold: that it had to pass.
-        held_out: gain on the data set aside.
-        rivals: expressions as short that do as well.
-        better_than: labels of named effects that it follows the recordings better than, if it was tried
-            in their place.
-        ahead: by how much, in 2 log L beyond their thresholds.
+        balance: balance with the residual.
+        term: term of the corrected ship.
+        blocks: one or two blocks.
+        estimates: coefficients in the order of the blocks.
+        gain: gain in 2 log L on the fitted data.
+        threshold: threshold of the gain.
+        held_out: gain in 2 log L on the held-out data.
+        rivals: indistinguishable expressions.
+        better_than: labels of identified effects that the formula replaced because it fits better.
+        ahead: excess of its gain over the threshold above that of these effects, in 2 log L.
     """
 
     balance: str
@@ -383,77 +384,77 @@ class Formula:
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """That it follows."""
+        """Signals on which the formula depends."""
         return tuple(dict.fromkeys(name for block in self.blocks for name in block.signals))
 
     @property
     def words(self) -> str:
-        """The expression as an engineer reads it."""
-        return joined(self.blocks, [e.name for e in self.estimates], words=True)
+        """Expression in mathematical notation."""
+        return join_blocks(self.blocks, [e.name for e in self.estimates], words=True)
 
 
-def formula_of(
+def search_formula(
     whiteness: Whiteness, base: Fit, judge: Callable[[Any], float], rows: NDArray[np.int64]
 ) -> Formula | None:
-    """The formula of what a model leaves, in the balances in which that is more than noise.
+    """Return the formula of the residual of a model, for the balances whose residual exceeds the noise.
 
     Args:
-        whiteness: of the residuals on the part that is fitted.
-        base: the model: effects that hold already, fitted; the null where none does.
-        judge: 2 log L of a ship's record on the data set aside.
-        rows: of the data set aside.
+        whiteness: test of the residuals on the fitted data.
+        base: fit of the effects that are known to be missing; of no effects by default.
+        judge: function that returns 2 log L of a ship record on the held-out data.
+        rows: indices of the held-out rows.
 
     Returns:
-        None where no formula holds, and for demands that do not move, which tell nothing apart.
+        The formula; None if no formula is significant, or if the recording has too little excitation.
     """
-    names = whiteness.coloured(base)
+    names = whiteness.coloured_balances(base)
     if not names or not whiteness.fitter.balances.replay.excited:
         return None
-    return found_formula(FormulaSearch(whiteness.fitter, base, names), SetAside(judge, rows))
+    return choose_formula(FormulaSearch(whiteness.fitter, base, names), HeldOutData(judge, rows))
 
 
-def as_well(brought: float, other: float) -> bool:
-    """Whether a formula does as well as a shape, by their gains on the data set aside."""
-    return brought > 0.0 and brought >= AS_WELL * other
+def is_as_good(brought: float, other: float) -> bool:
+    """Return whether a formula explains as much as a shape, by their gains on the held-out data."""
+    return brought > 0.0 and brought >= AS_GOOD * other
 
 
 @dataclass(frozen=True)
-class SetAside:
-    """The data set aside, and how they judge.
+class HeldOutData:
+    """Held-out data.
 
     Args:
-        judge: 2 log L of a ship's record on them.
-        rows: theirs.
+        judge: function that returns 2 log L of a ship record on the data.
+        rows: indices of the rows.
     """
 
     judge: Callable[[Any], float]
     rows: NDArray[np.int64]
 
 
-def found_formula(search: FormulaSearch, aside: SetAside) -> Formula | None:
-    """The shortest formula that holds; None where none does.
+def choose_formula(search: FormulaSearch, held_out: HeldOutData) -> Formula | None:
+    """Return the shortest significant formula; None if there is none.
 
     Args:
-        search: on the part that is fitted.
-        aside: the data set aside.
+        search: search on the fitted data.
+        held_out: held-out data.
     """
     trials = [t for t in search.trials if search.merit(t) > 0.0]
     judged: dict[int, float] = {}
 
-    def held(trial: Trial) -> float:
+    def gain_of(trial: Trial) -> float:
         if id(trial) not in judged:
-            judged[id(trial)] = _held(search, aside, trial)
+            judged[id(trial)] = _held_out_gain(search, held_out, trial)
         return judged[id(trial)]
 
-    ones = [t for t in trials if len(t.blocks) == 1 and held(t) > 0.0]
+    ones = [t for t in trials if len(t.blocks) == 1 and gain_of(t) > 0.0]
     best = _shortest(ones)
     price = search.threshold(2) - search.threshold(1)
     twos = []
     for trial in (t for t in trials if len(t.blocks) == 2):
-        if best is not None and _more(trial, best) < price:
+        if best is not None and _gain_over(trial, best) < price:
             continue
-        if held(trial) > max(0.0, 0.0 if best is None else held(best)) and _each(
-            search, trial, held, price
+        if gain_of(trial) > max(0.0, 0.0 if best is None else gain_of(best)) and _both_needed(
+            search, trial, gain_of, price
         ):
             twos.append(trial)
     longer = _shortest(twos)
@@ -461,57 +462,61 @@ def found_formula(search: FormulaSearch, aside: SetAside) -> Formula | None:
     if chosen is None:
         return None
     rivals = _near(twos if longer else ones, chosen)
-    return _told(search, chosen, held(chosen), rivals)
+    return _formula(search, chosen, gain_of(chosen), rivals)
 
 
-def _more(trial: Trial, other: Trial) -> float:
-    """What a formula gains beyond another, also where the ship's numbers may be farther off."""
+def _gain_over(trial: Trial, other: Trial) -> float:
+    """Return the smaller difference of the gains of two formulas, with normal and wide tolerances."""
     return min(trial.gain - other.gain, trial.sure - other.sure)
 
 
 def _shortest(trials: list[Trial]) -> Trial | None:
-    """Of those that cannot be told apart, the shortest; of these, the best."""
+    """Return the shortest of the formulas that are indistinguishable from the best."""
     if not trials:
         return None
     most = max(trial.gain for trial in trials)
-    near = [trial for trial in trials if trial.gain > most - TELL_APART]
+    near = [trial for trial in trials if trial.gain > most - INDISTINGUISHABLE]
     return min(near, key=lambda trial: (trial.length, -trial.gain))
 
 
 def _near(trials: list[Trial], chosen: Trial) -> list[Trial]:
-    return [t for t in trials if t is not chosen and abs(t.gain - chosen.gain) < TELL_APART][:3]
+    return [t for t in trials if t is not chosen and abs(t.gain - chosen.gain) < INDISTINGUISHABLE][
+        :3
+    ]
 
 
-def _each(
-    search: FormulaSearch, trial: Trial, held: Callable[[Trial], float], price: float
+def _both_needed(
+    search: FormulaSearch, trial: Trial, gain_of: Callable[[Trial], float], price: float
 ) -> bool:
-    """Whether each of two blocks brings what it costs, and a gain on the data set aside."""
-    for block, coefficient in zip(trial.blocks, trial.placed.values, strict=True):
+    """Return whether each of two blocks is significant and increases the held-out gain."""
+    for block, coefficient in zip(trial.blocks, trial.sized_effect.values, strict=True):
         alone = search.single(trial, block, coefficient)
-        if alone is not None and (_more(trial, alone) < price or held(trial) <= held(alone)):
+        if alone is not None and (
+            _gain_over(trial, alone) < price or gain_of(trial) <= gain_of(alone)
+        ):
             return False
     return True
 
 
-def _held(search: FormulaSearch, aside: SetAside, trial: Trial) -> float:
-    """Gain on the data set aside; minus infinity where a channel is simulated worse there."""
+def _held_out_gain(search: FormulaSearch, held_out: HeldOutData, trial: Trial) -> float:
+    """Return the gain on the held-out data; minus infinity if a channel is simulated worse there."""
     record = search.fitter.trial_ship.record
-    before, after = (search.errors(fit, aside.rows) for fit in (search.base, trial.fit))
-    # a run that is not finite compares as worse
+    before, after = (search.errors(fit, held_out.rows) for fit in (search.base, trial.fit))
+    # The comparison is false for a simulation that is not finite.
     if not all(after[column] <= WORSE * before[column] for column in before):
         return -math.inf
-    return aside.judge(record(trial.fit.effects)) - aside.judge(record(search.base.effects))
+    return held_out.judge(record(trial.fit.effects)) - held_out.judge(record(search.base.effects))
 
 
-def _told(search: FormulaSearch, trial: Trial, held: float, rivals: list[Trial]) -> Formula:
-    fitter, place = search.fitter, trial.place
+def _formula(search: FormulaSearch, trial: Trial, held: float, rivals: list[Trial]) -> Formula:
+    fitter, location = search.fitter, trial.location
     estimates = fitter.estimates(trial.fit)[-1]
-    term = search.term(place, trial.blocks)
+    term = search.term(location, trial.blocks)
     tree = term.model_dump(exclude_unset=True)
     for name, estimate in zip(term.parameters, estimates, strict=True):
         tree["parameters"][name]["value"] = estimate.value
     return Formula(
-        home_of(place, fitter.balances), Term.model_validate(tree), trial.blocks, estimates,
-        trial.gain, search.threshold(len(trial.blocks)), held,
-        tuple(f"{t.place}: {t.placed.effect.equation}" for t in rivals),
+        balance_of_location(location, fitter.balances), Term.model_validate(tree), trial.blocks,
+        estimates, trial.gain, search.threshold(len(trial.blocks)), held,
+        tuple(f"{t.location}: {t.sized_effect.effect.equation}" for t in rivals),
     )  # fmt: skip

@@ -1,6 +1,6 @@
-"""When an episode of resistance may have been: stretches that a straight line gives a chance.
+"""Select effects of the catalogue: screen all, fit the best, add forward and drop backward.
 
-Which effects a recording asks for: screen the catalogue, fit the best, add forward, drop backward.
+The time windows of an effect that acts for a time are proposed by linear least squares.
 """
 
 from __future__ import annotations
@@ -13,33 +13,34 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..estimate import Tick
-from .catalogue import Effect, Placed, Window
+from .catalogue import Effect, SizedEffect, Window
 from .fitting import Fit, Fitter
-from .spectra import Complex, Likelihood, chance
+from .spectra import Complex, Likelihood, chance_gain
 
 PIECES = 24
-"""Equal pieces of a recording; a stretch begins and ends between two of them."""
+"""Number of equal pieces of a recording; windows begin and end at their edges."""
 
 STRETCHES = PIECES * (PIECES + 1) // 2 - 1
-"""That are scanned: all but the whole."""
+"""Number of windows that are scanned: all except the whole recording."""
 
 MOST_WINDOWS = 4
 ALIKE = 0.6
-"""Share of two stretches together that they have in common, from which on the better stands for both."""
+"""Overlap of two windows, as a share of their union, from which only the better one is kept."""
 
 LEAST_GAIN = 9.0
-"""In 2 log L, below which a stretch is not tried: chance reaches it."""
+"""Smallest gain in 2 log L of a window that is tried; chance reaches smaller gains."""
 
 
-def episodes(fitter: Fitter, fit: Fit) -> list[Window]:
-    """The stretches [s] in which the hull lacks a share of its resistance most clearly, best first.
+def find_episodes(fitter: Fitter, fit: Fit) -> list[Window]:
+    """Return the windows [s] in which a changed resistance explains most of the hull residual.
 
-    All stretches of :data:`PIECES`, by generalised least squares: a change of the resistance shows in
-    the hull's balance alone, as much of it as there is.
+    All windows of :data:`PIECES` pieces are compared by generalised least squares; a change of the
+    resistance acts in the hull balance only.
 
     Args:
-        fitter: of one recording; of several, or without a speed log, nothing is told.
-        fit: what is known to be missing beside.
+        fitter: fitter of one recording; for several recordings, or without ship speed, there are no
+            windows.
+        fit: model with the effects that are known to be missing.
     """
     balances, bands = fitter.balances, fitter.bands
     replay, names = balances.replay, balances.names
@@ -59,9 +60,9 @@ def episodes(fitter: Fitter, fit: Fit) -> list[Window]:
     times = replay.interval_s * edges
     gains: dict[Window, float] = {}
     for a, b in itertools.combinations(range(PIECES + 1), 2):
-        told = float(own[a:b, a:b].sum())
-        if told > 0.0 and b - a < PIECES:
-            gain = float(own[a:b, -1].sum()) ** 2 / told
+        power = float(own[a:b, a:b].sum())
+        if power > 0.0 and b - a < PIECES:
+            gain = float(own[a:b, -1].sum()) ** 2 / power
             if gain > LEAST_GAIN:
                 gains[(float(times[a]), float(times[b]))] = gain
     found: list[Window] = []
@@ -72,61 +73,62 @@ def episodes(fitter: Fitter, fit: Fit) -> list[Window]:
 
 
 def _common(one: Window, other: Window) -> float:
-    """Share of two stretches together that they have in common."""
+    """Return the overlap of two windows as a share of their union."""
     shared = max(0.0, min(one[1], other[1]) - max(one[0], other[0]))
     return shared / (one[1] - one[0] + other[1] - other[0] - shared)
 
 
 MOST_EFFECTS, MORE_TURNING = 3, 2
-"""How many effects a search finds at most; and how many more on a ship that turns, which has two
-balances more in which something may be missing."""
+"""Largest number of effects in a search, and the additional number for a ship that turns, which has two
+more balances."""
 
 REFINED, FORMS = 5, 2
-"""How many of a screen's best pieces of physics are refined by output error, and forms of each."""
+"""Number of the best effects of a screen that are refined by output error, and of forms of each."""
 
 RISK = 0.01
-"""Probability that chance alone makes one of the catalogue's effects pass."""
+"""Probability that one of the effects of the catalogue passes its threshold by chance."""
 
-HOPE, AGAIN = 0.3, 0.1
-"""Shares of its threshold, and of the best gain, that an effect must reach by a straight line through
-what its probes moved alone, to be tried on top of others; and of its threshold there, to be refined."""
+LEAST_PROMISE, AGAIN = 0.3, 0.1
+"""Shares of its threshold and of the best gain that an effect must reach by linear prediction to be
+tried in addition to other effects; LEAST_PROMISE times its threshold is also needed for a refinement."""
 
 FREE = 10.0
-"""Times its value by which a value of the others may give way beside one that is tried."""
+"""Prior standard deviation of the values of other effects, as a multiple of each value, while a further
+effect is tried."""
 
 NEAR_GAIN = 0.25
-"""Share of the best gain that is worth refining."""
+"""Share of the best gain from which a candidate is refined."""
 
-TELL_APART = 6.0
-"""Difference of 2 log L below which two names cannot be told apart (odds of about 20 to 1)."""
+INDISTINGUISHABLE = 6.0
+"""Difference of 2 log L below which two effects are indistinguishable (odds of about 20 to 1)."""
 
 NEAR_SHARE = 0.01
-"""Share of a gain by which the form of a right name may be worse than that of a wrong one."""
+"""Share of a gain by which the true effect may fit worse than another because its form is inexact."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect tried on top of a model."""
+    """Effect that was tried in addition to a model."""
 
     effect: Effect
-    fit: Fit  # with the effect in the last place
-    gain: float  # in 2 log L
+    fit: Fit  # model with this effect as the last one
+    gain: float  # gain in 2 log L
 
     @property
-    def placed(self) -> Placed:
-        """The effect with its values."""
+    def sized_effect(self) -> SizedEffect:
+        """Effect with its fitted values."""
         return self.fit.effects[-1]
 
 
 @dataclass(frozen=True)
 class Selection:
-    """What the search found.
+    """Result of the search.
 
     Args:
-        fit: the model, with the chosen effects in the order of their discovery.
-        gains: in 2 log L that each chosen effect brings, the others present.
-        thresholds: that each had to pass.
-        rivals: of each chosen effect: others that came near it, best first.
+        fit: the model with the selected effects, in the order of their selection.
+        gains: gain in 2 log L of each selected effect with all other effects present.
+        thresholds: threshold of each gain.
+        rivals: alternatives of each selected effect with similar gains, best first.
         ranking: the first screen of the whole catalogue, best first.
     """
 
@@ -138,37 +140,37 @@ class Selection:
 
 
 def threshold(effect: Effect, tried: int) -> float:
-    """Gain that an effect must pass; a window is two parameters more, of all that were scanned.
+    """Return the gain that an effect must exceed; a window counts as two more parameters.
 
     Args:
         effect: the effect.
-        tried: how many effects were.
+        tried: number of effects that were tried.
     """
     count = len(effect.parameters) + 2 * effect.windowed
-    return chance(count, tried + STRETCHES * effect.windowed, RISK)
+    return chance_gain(count, tried + STRETCHES * effect.windowed, RISK)
 
 
-def confusable(one: Effect, other: Effect) -> bool:
-    """Whether one effect may be taken for the other, as the catalogue says of either."""
+def are_confusable(one: Effect, other: Effect) -> bool:
+    """Return whether the catalogue lists one of two effects as confusable with the other."""
     return one.id in other.confused_with or other.id in one.confused_with
 
 
-def giving_way(fitter: Fitter, fit: Fit) -> Likelihood:
-    """A likelihood in which the values of a model's effects are free as well, by straight lines."""
+def likelihood_with_free_effects(fitter: Fitter, fit: Fit) -> Likelihood:
+    """Return a likelihood in which the values of the effects of a model are free too, linearised."""
     values = [abs(v) for placed in fit.effects for v in placed.values]
     own = FREE * np.reshape(values, (-1, 1, 1)) * fitter.sensitivities(fit)[1]
     return Likelihood(fitter.bands, np.concatenate([own, fitter.nuisance]))
 
 
 class Selector:
-    """Searches the catalogue.
+    """Forward and backward selection of effects.
 
     Args:
-        fitter: of the recording.
-        effects: candidates.
-        tick: told the stage, how much is done, and how much there is.
-        most: how many effects are found at most; by default :data:`MOST_EFFECTS`, and
-            :data:`MORE_TURNING` more on a ship that turns.
+        fitter: fitter of the recording.
+        effects: candidate effects.
+        tick: progress callback with stage, completed and total number of steps.
+        most: largest number of effects; by default :data:`MOST_EFFECTS`, and :data:`MORE_TURNING` more
+            for a ship that turns.
     """
 
     def __init__(
@@ -176,64 +178,68 @@ class Selector:
     ) -> None:
         self.fitter = fitter
         self.effects = effects
-        self.windows: list[Window] = []  # in which an effect that acts for a time may do so [s]
+        self.windows: list[Window] = []  # time windows [s] that are tried for windowed effects
         self.tick = tick
         usual = MOST_EFFECTS + MORE_TURNING * fitter.trial_ship.ship.turns
         self.most = usual if most is None else most
         self._moved: dict[str, list[Complex]] = {}
 
     def threshold(self, effect: Effect) -> float:
-        """Gain that an effect must pass."""
+        """Return the gain that an effect must exceed."""
         return threshold(effect, len(self.effects))
 
     def screen(self, base: Fit, stage: str) -> list[Candidate]:
-        """Effects at the best of their probes on top of a model, best first.
+        """Return the effects at their best probes in addition to a model, best first.
 
-        All of them on top of none; then those that what their probes moved there gives a chance.
+        Without effects in the model all candidates are simulated; else those with a sufficient linear
+        prediction of their gain.
         """
         if any(effect.windowed for effect in self.effects):
-            self.windows = episodes(self.fitter, base)
-        foretold = self._foretold(base) if base.effects else {}
-        pending = [e for e in self.effects if not base.effects or e.label in foretold]
+            self.windows = find_episodes(self.fitter, base)
+        predicted = self._predicted_gains(base) if base.effects else {}
+        pending = [e for e in self.effects if not base.effects or e.label in predicted]
         found = []
         for done, effect in enumerate(pending):
             self.tick(stage, done, len(pending))
             best: Fit | None = None
             trials = self.fitter.trial_ship.trials(effect, self.windows)
-            self.fitter.ahead((*base.effects, placed) for placed in trials)
+            self.fitter.simulate_ahead((*base.effects, placed) for placed in trials)
             for placed in self._trials(base, effect):
-                fit = self.fitter.fitted((*base.effects, placed))
+                fit = self.fitter.evaluate((*base.effects, placed))
                 if best is None or fit.score > best.score:
                     best = fit
             if not base.effects:
-                self._alone(effect)  # while what it asks for is remembered
+                self._alone(effect)  # The simulations that it needs are still in the cache.
             if best is None or not math.isfinite(best.score):
                 continue
-            if base.effects and best.score - base.score < foretold[effect.label] - TELL_APART:
-                best = self.fitter.polished(best)  # the others must give way first
+            if (
+                base.effects
+                and best.score - base.score < predicted[effect.label] - INDISTINGUISHABLE
+            ):
+                best = self.fitter.polish(best)  # The other effects must be refitted first.
             found.append(Candidate(effect, best, best.score - base.score))
         self.tick(stage, len(pending), len(pending))
         return sorted(found, key=self._merit, reverse=True)
 
     def _alone(self, effect: Effect) -> list[Complex]:
-        """What an effect's smallest probes move where nothing else is missing."""
+        """Return the changes by the smallest probes of an effect without other effects, transformed."""
         if effect.label not in self._moved or effect.windowed:
-            trial_ship, predicted = self.fitter.trial_ship, self.fitter.predicted
+            trial_ship, predicted = self.fitter.trial_ship, self.fitter.predict
             nothing = predicted(trial_ship.nominal)
-            trials = trial_ship.smallest(effect, self.windows)
+            trials = trial_ship.smallest_trials(effect, self.windows)
             moved = [predicted(trial_ship.record((placed,))) - nothing for placed in trials]
             self._moved[effect.label] = [
                 m.astype(np.complex64) for m in moved if np.isfinite(m).all()
             ]
         return self._moved[effect.label]
 
-    def _foretold(self, base: Fit) -> dict[str, float]:
-        """Gains of effects of other kinds than a model has, by label, of those that have a chance on it.
+    def _predicted_gains(self, base: Fit) -> dict[str, float]:
+        """Return the predicted gains of effects that the model does not have, by label, if sufficient.
 
-        What an effect moved alone is taken to be what it moves there, at any size, and the values of the
-        model's own effects may give way.
+        The change by an effect is assumed to be linear in its size and independent of the effects of the
+        model, whose values are free.
         """
-        beside = giving_way(self.fitter, base)
+        beside = likelihood_with_free_effects(self.fitter, base)
         taken = {placed.effect.kind for placed in base.effects}
         found: dict[str, float] = {}
         limits = {}
@@ -241,28 +247,28 @@ class Selector:
             moved = self._alone(effect)
             gains = [beside.amount(base.weight, base.difference, m)[1] for m in moved]
             found[effect.label] = max(gains, default=0.0)
-            limits[effect.label] = HOPE * self.threshold(effect)
+            limits[effect.label] = LEAST_PROMISE * self.threshold(effect)
         least = AGAIN * max(found.values(), default=0.0)
         return {label: gain for label, gain in found.items() if gain > max(least, limits[label])}
 
-    def _worth(self, screened: list[Candidate]) -> list[Candidate]:
-        """The best of a screen, and what may be taken for it: the best forms of each."""
+    def _to_refine(self, screened: list[Candidate]) -> list[Candidate]:
+        """Return the best candidates of a screen and those confusable with the best one."""
         if not screened:
             return []
         best = screened[0]
         found: dict[tuple[str, str], list[Candidate]] = {}
         for candidate in screened:
             near = candidate.gain > NEAR_GAIN * best.gain
-            if candidate.gain > 1.0 and (near or confusable(candidate.effect, best.effect)):
+            if candidate.gain > 1.0 and (near or are_confusable(candidate.effect, best.effect)):
                 found.setdefault(candidate.effect.kind, []).append(candidate)
         return [c for forms in list(found.values())[:REFINED] for c in forms[:FORMS]]
 
-    def _trials(self, base: Fit, effect: Effect) -> Iterator[Placed]:
-        """An effect at its probes, and at the sizes to which the smallest of them point."""
+    def _trials(self, base: Fit, effect: Effect) -> Iterator[SizedEffect]:
+        """Yield an effect at its probes and at the sizes that a linear extrapolation gives."""
         trial_ship = self.fitter.trial_ship
         yield from trial_ship.trials(effect, self.windows)
-        for small in trial_ship.smallest(effect, self.windows):
-            placed = self.fitter.scaled(base, small)
+        for small in trial_ship.smallest_trials(effect, self.windows):
+            placed = self.fitter.scale_effect(base, small)
             if placed is not None:
                 yield placed
 
@@ -270,20 +276,22 @@ class Selector:
         return candidate.gain - self.threshold(candidate.effect)
 
     def refine(self, base: Fit, candidates: list[Candidate]) -> list[Candidate]:
-        """The best of a screen, their values fitted; best first."""
+        """Return the best candidates of a screen with fitted values, best first."""
         found = []
         if base.effects:
-            candidates = [c for c in candidates if c.gain > HOPE * self.threshold(c.effect)]
-        for candidate in self._worth(candidates):
-            fit = self.fitter.refined(candidate.fit, len(candidate.fit.effects) - 1)
+            candidates = [
+                c for c in candidates if c.gain > LEAST_PROMISE * self.threshold(c.effect)
+            ]
+        for candidate in self._to_refine(candidates):
+            fit = self.fitter.refine_effect(candidate.fit, len(candidate.fit.effects) - 1)
             if len(candidate.effect.parameters) > 1:
-                fit = self.fitter.polished(fit)
-            if not self.fitter.louder(fit):
+                fit = self.fitter.polish(fit)
+            if not self.fitter.increases_residual(fit):
                 found.append(Candidate(candidate.effect, fit, fit.score - base.score))
         return sorted(found, key=self._merit, reverse=True)
 
     def search(self) -> Selection:
-        """Forward selection of effects, up to so many, each checked backward."""
+        """Add effects up to the largest number, and drop superfluous effects after each step."""
         base = self.fitter.null
         ranking: tuple[Candidate, ...] = ()
         rivals: dict[str, tuple[Candidate, ...]] = {}
@@ -297,9 +305,9 @@ class Selector:
             if not refined or self._merit(refined[0]) <= 0.0:
                 break
             best = refined[0]
-            fit = self.fitter.joint(best.fit)
+            fit = self.fitter.refine_effects(best.fit)
             rivals[best.effect.label] = tuple(refined[1:])
-            base = self._without_the_idle(fit)
+            base = self._drop_superfluous(fit)
         gains = tuple(base.score - self._without(base, i).score for i in range(len(base.effects)))
         return Selection(
             base,
@@ -310,16 +318,16 @@ class Selector:
         )
 
     def _without(self, fit: Fit, index: int) -> Fit:
-        """The model without one effect, the others fitted again."""
+        """Return the model without one effect, with the others refitted."""
         rest = fit.effects[:index] + fit.effects[index + 1 :]
-        reduced = self.fitter.fitted(rest)
+        reduced = self.fitter.evaluate(rest)
         if not rest:
             return reduced
         if len(rest) == 1:
-            return self.fitter.refined(reduced, 0)
-        return self.fitter.joint(reduced, 60)
+            return self.fitter.refine_effect(reduced, 0)
+        return self.fitter.refine_effects(reduced, 60)
 
-    def _without_the_idle(self, fit: Fit) -> Fit:
+    def _drop_superfluous(self, fit: Fit) -> Fit:
         """Drop effects that a later one has made superfluous."""
         index = 0
         while len(fit.effects) > 1 and index < len(fit.effects) - 1:

@@ -1,23 +1,19 @@
-"""The best shares of some regressors where every band's covariance is whatever they leave.
+"""Compute likelihoods of residuals with coloured noise of unknown spectrum (Whittle likelihood).
 
-With S_b the covariance of band b, f = -2 sum of n_b log det S_b - s^T s is climbed over the shares s.
-For fixed covariances the best shares are those of least squares; but what they take out of a band
-lowers its covariance, which makes the band tell more. Going from one to the other in turn climbs always
-and may creep, for the shares of what is hardly told; so each step is one of Newton's, with the curvature
-of the log det, held back where no maximum lies ahead (Levenberg 1944; Marquardt 1963).
-
-Whitened scoring: how likely coloured residuals are, without being told their colour.
-
-The residuals of the balances are noise of unknown spectrum: white instruments, their derivatives, a sea
-band, drift. In the frequency domain such noise is independent from one frequency to the next, with a
+The residuals of the balances are noise of unknown spectrum: white instrument noise and its derivatives,
+waves, drift. In the frequency domain such noise is independent from one frequency to the next, with a
 covariance between the balances that varies slowly with frequency (Whittle 1953; Brillinger 1981,
-chapter 7). Bands of neighbouring frequencies each have a covariance of their own, free to be whatever
-the residual makes it, so a model's likelihood is
+chapter 7). Each band of neighbouring frequencies has a free covariance, so that the likelihood is
 
     2 log L = -2 sum over bands of n_b log det S_b,   S_b = mean over the band of r r^H.
 
-A ratio of two such likelihoods says what a model explains without an assumed colour; the coloured noise
-that fools F, AICc and BIC on raw samples is inside S_b.
+A ratio of two likelihoods measures the explained power without an assumed spectrum. The coloured noise
+that misleads F tests, AICc and BIC on raw samples is part of S_b.
+
+Regressors have shares s with a standard normal prior, and f = -2 sum of n_b log det S_b - s^T s is
+maximised over s. Alternating between least squares and new covariances always increases f, but converges
+slowly for shares with little information. Each step is therefore a Newton step with the curvature of the
+log det, damped where the maximum does not lie ahead (Levenberg 1944; Marquardt 1963).
 """
 
 from __future__ import annotations
@@ -38,19 +34,19 @@ Complex = NDArray[np.complex128]
 MOST_STEPS = 60
 
 LEAST_CURVATURE = 0.02
-"""Of the information's, that a step takes for granted."""
+"""Smallest curvature of a step, as a share of that of the information."""
 
 TRUSTED, DISTRUSTED = 0.7, 0.25
-"""Share of the gain that was foretold, above which steps grow and below which they shrink."""
+"""Ratio of actual to predicted gain above which steps grow and below which they shrink."""
 
 
 class Sums(NamedTuple):
-    """Products over each band, which is all that the climb needs.
+    """Sums of products over each band, from which the maximisation is computed.
 
     Args:
-        own: of the residual with itself, shape (bands, m, m).
-        crossed: of the residual with each regressor, shape (k, bands, m, m).
-        pairs: of the regressors with each other, real and imaginary parts side by side, shape
+        own: products of the residual with itself, shape (bands, m, m).
+        crossed: products of the residual with each regressor, shape (k, bands, m, m).
+        pairs: products of the regressors with each other, real and imaginary parts side by side, shape
             (k * k, bands * m * m * 2).
         counts: weight of each band.
     """
@@ -63,13 +59,13 @@ class Sums(NamedTuple):
 
 @compiled_apart
 def gram(pairs: NDArray[np.float64], weight: Complex) -> NDArray[np.float64]:
-    """Information on the regressors, their prior included, shape (k, k).
+    """Return the information on the regressors with their prior, shape (k, k).
 
-    The weight is Hermitian: its transpose, which the trace of weight times products asks for, is its
-    conjugate, and that is what the real part of a product of complex numbers asks for.
+    The trace of weight times products needs the transpose of the weight. For a Hermitian weight this is
+    its conjugate, which the real part of the complex product gives.
 
     Args:
-        pairs: as of :class:`Sums`.
+        pairs: as in :class:`Sums`.
         weight: inverse covariances, shape (bands, m, m).
     """
     k = int(len(pairs) ** 0.5 + 0.5)
@@ -77,16 +73,16 @@ def gram(pairs: NDArray[np.float64], weight: Complex) -> NDArray[np.float64]:
 
 
 @compiled_apart
-def inverted(matrices: Complex, counts: NDArray[np.float64]) -> float:
-    """Invert a Hermitian matrix a band in place (Gauss and Jordan, without exchange of rows).
+def invert_in_place(matrices: Complex, counts: NDArray[np.float64]) -> float:
+    """Invert one Hermitian matrix per band in place (Gauss-Jordan without pivoting).
 
     Args:
         matrices: positive definite, shape (bands, m, m).
         counts: weight of each band.
 
     Returns:
-        Sum over the bands of their weight times log |det|; nan where one is not positive definite, be it
-        by rounding alone.
+        Sum over the bands of weight times log |det|; NaN if a matrix is not positive definite, possibly
+        by rounding.
     """
     total = 0.0
     for band in range(len(matrices)):
@@ -103,7 +99,9 @@ def inverted(matrices: Complex, counts: NDArray[np.float64]) -> float:
                     share = a[i, p]
                     a[i, p] = 0.0
                     a[i] -= share * a[p]
-        for p in range(len(a)):  # rounding leaves the halves of a nearly singular one apart
+        for p in range(
+            len(a)
+        ):  # Rounding makes the inverse of a nearly singular matrix asymmetric.
             for q in range(p + 1):
                 mean = 0.5 * (a[p, q] + np.conj(a[q, p]))
                 a[p, q], a[q, p] = mean, np.conj(mean)
@@ -112,7 +110,7 @@ def inverted(matrices: Complex, counts: NDArray[np.float64]) -> float:
 
 @compiled_apart
 def _at(sums: Sums, shares: NDArray[np.float64]) -> tuple[float, Complex, Complex]:
-    """The score at some shares, the inverse covariances, and the derivatives of the bands' sums."""
+    """Return the score at given shares, the inverse covariances and the derivatives of the band sums."""
     k, bands, m, _ = sums.crossed.shape
     moved = shares @ sums.pairs.reshape(k, k * bands * m * m * 2)
     half = moved.view(np.complex128).reshape(k, bands, m, m) - sums.crossed
@@ -128,7 +126,7 @@ def _at(sums: Sums, shares: NDArray[np.float64]) -> tuple[float, Complex, Comple
                     )
     for b in range(bands):
         covariance[b] /= sums.counts[b]
-    determinant = inverted(covariance, sums.counts)
+    determinant = invert_in_place(covariance, sums.counts)
     return -2.0 * determinant - float(np.sum(shares**2)), covariance, slopes
 
 
@@ -139,7 +137,7 @@ def _steepness(
     counts: NDArray[np.float64],
     shares: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Half the derivative of the score, and what the bands' own change takes from its curvature."""
+    """Return half the derivative of the score, and the curvature due to the changing covariances."""
     k, bands, m, _ = slopes.shape
     rise, bent = -shares.copy(), np.zeros((k, k))
     weighed = np.empty((k, m, m), np.complex128)
@@ -169,12 +167,12 @@ def _steepness(
 def best_shares(
     sums: Sums, start: NDArray[np.float64], tolerance: float
 ) -> tuple[float, NDArray[np.float64], Complex]:
-    """Climb f from some shares on.
+    """Maximise f over the shares.
 
     Args:
-        sums: over each band.
-        start: shares, shape (k,).
-        tolerance: gain in f below which a step is the last.
+        sums: sums of products over each band.
+        start: initial shares, shape (k,).
+        tolerance: gain in f below which the maximisation ends.
 
     Returns:
         f, the shares, and the inverse covariances, shape (bands, m, m).
@@ -184,12 +182,14 @@ def best_shares(
     held = 0.0
     for _ in range(MOST_STEPS if np.isfinite(score) else 0):
         rise, bent = _steepness(weight, slopes, sums.counts, shares)
-        told = True
+        definite = True
         try:
             root = np.linalg.cholesky(gram(sums.pairs, weight))
-        except Exception:  # compiled code knows no other; rounding has left no way on
-            told = False
-        if not told:
+        except (
+            Exception
+        ):  # Compiled code can catch no narrower class; rounding has ended the search.
+            definite = False
+        if not definite:
             break
         inner = np.linalg.solve(root, bent)
         bends, axes = np.linalg.eigh(np.linalg.solve(root, inner.T.copy()))
@@ -199,19 +199,19 @@ def best_shares(
         gain = -1.0
         while True:
             step = along / (curvature + held)
-            foretold = 2.0 * (along @ step) - np.sum((1.0 - bends) * step**2)
+            predicted = 2.0 * (along @ step) - np.sum((1.0 - bends) * step**2)
             trial = shares + np.linalg.solve(root.T.copy(), axes @ step)
             found, heavier, steeper = _at(sums, trial)
-            if found > score or not abs(foretold) > 1e-3 * tolerance:
+            if found > score or not abs(predicted) > 1e-3 * tolerance:
                 break
             held = max(4.0 * held, 0.3)
         if found > score:
             gain = found - score
             score, shares, weight, slopes = found, trial, heavier, steeper
-        # a small step that was held back tells nothing
+        # A small damped step does not show convergence.
         if gain <= 0.0 or (gain < tolerance and held == 0.0):
             break
-        sure = gain / abs(foretold)
+        sure = gain / abs(predicted)
         if sure > TRUSTED:
             held = 0.0 if held < 0.1 else held / 5.0
         elif sure < DISTRUSTED:
@@ -220,45 +220,51 @@ def best_shares(
 
 
 TAPER_SHARE = 0.05
-"""Share of a segment at either end over which the cosine bell fades it in and out."""
+"""Share of a segment at each end over which the cosine window rises and falls."""
 
 LONG = 30_000
-"""Rows from which on a segment gives up its last few for a length that is transformed fast: 108001 rows
+"""Number of rows from which a segment drops its last rows for a fast transform length: 108001 rows
 take 25 times as long as 108000."""
 
 BAND_RATIO = 1.25
-"""Ratio of a band's upper to its lower edge, where it holds enough frequencies."""
+"""Ratio of the upper to the lower edge of a band that holds enough frequencies."""
 
 
 SMALL_SAMPLE = 1.5
-"""Factor by which a likelihood ratio of few frequencies a band is larger than its limit, chi-squared;
-measured on simulated nulls."""
+"""Factor by which a likelihood ratio with few frequencies per band exceeds its chi-squared limit, from
+simulated null cases."""
 
 
-def chance(freedom: int, tried: int, risk: float) -> float:
-    """Gain in 2 log L that the best of some trials exceeds by chance alone with a small probability.
+def chance_gain(freedom: int, tried: int, risk: float) -> float:
+    """Return the gain in 2 log L that the best of several trials exceeds by chance with a given risk.
+
+    Example:
+        >>> round(chance_gain(1, 30, 0.01), 1)
+        19.3
 
     Args:
-        freedom: numbers that each trial fits.
-        tried: how many.
-        risk: the probability, that one of all of them does.
+        freedom: number of fitted parameters of each trial.
+        tried: number of trials.
+        risk: probability that at least one trial exceeds the gain.
     """
     return SMALL_SAMPLE * float(scipy.stats.chi2.isf(risk / tried, freedom))
 
 
 @dataclass(frozen=True)
 class Bands:
-    """Frequencies of the segments of a recording, and the bands that pool them.
+    """Frequencies of the segments of a recording, pooled in bands.
 
     Args:
         starts: first sample of each segment.
-        ends: one past its last.
+        ends: one past the last sample of each segment.
         interval_s: sampling interval [s].
-        edges: index of each band's first frequency among the pooled, sorted ones; shape (bands + 1,).
-        order: that sorts the pooled frequencies; shape (frequencies,).
-        weights: of each sorted frequency in the likelihood: 1, and 1/2 where the transform is real.
-        tapers: of each segment.
-        highest_Hz: above which frequencies are left out.
+        edges: index of the first frequency of each band among the sorted frequencies, shape (bands +
+            1,).
+        order: indices that sort the pooled frequencies, shape (frequencies,).
+        frequency_Hz: sorted frequencies [Hz], shape (frequencies,).
+        weights: weight of each sorted frequency in the likelihood: 1, or 1/2 for a real transform.
+        tapers: window of each segment.
+        highest_Hz: highest frequency that is used [Hz].
     """
 
     starts: tuple[int, ...]
@@ -272,24 +278,25 @@ class Bands:
     highest_Hz: float = math.inf
 
     def transform(self, residual: NDArray[np.float64]) -> Complex:
-        """Tapered Fourier transform of residuals.
+        """Return the windowed Fourier transform of residuals.
 
         Args:
             residual: shape (..., n) over the whole recording; the last axis is time.
 
         Returns:
-            Shape (..., frequencies), sorted by frequency, scaled to keep the variance.
+            Shape (..., frequencies), sorted by frequency and scaled to keep the variance.
         """
         parts = [
-            np.fft.rfft(residual[..., a:b] * taper, axis=-1) / np.sqrt(np.sum(taper**2))
-            for a, b, taper in zip(self.starts, self.ends, self.tapers, strict=True)
+            np.fft.rfft(residual[..., a:b] * cosine_taper, axis=-1)
+            / np.sqrt(np.sum(cosine_taper**2))
+            for a, b, cosine_taper in zip(self.starts, self.ends, self.tapers, strict=True)
         ]
         pooled = np.concatenate(parts, axis=-1)
         return np.asarray(pooled[..., self.order])
 
 
-def taper(n: int) -> NDArray[np.float64]:
-    """Split cosine bell (Tukey window) of n samples."""
+def cosine_taper(n: int) -> NDArray[np.float64]:
+    """Return a Tukey window (split cosine bell) of n samples."""
     edge = max(1, round(TAPER_SHARE * n))
     window = np.ones(n)
     ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / edge)
@@ -298,7 +305,12 @@ def taper(n: int) -> NDArray[np.float64]:
 
 
 def fast_length(rows: int) -> int:
-    """Rows of a long segment that are transformed: the most of which no prime factor is above 7."""
+    """Return the number of rows of a segment to be transformed: without prime factors above 7 if long.
+
+    Example:
+        >>> fast_length(108001)
+        108000
+    """
     if rows < LONG:
         return rows
     for length in range(rows, 0, -1):
@@ -318,17 +330,17 @@ def make_bands(
     highest_Hz: float,
     regressors: int = 0,
 ) -> Bands:
-    """Bands for residuals of some balances over segments of a recording.
+    """Return frequency bands for residuals of several balances over segments of a recording.
 
     Args:
-        segments: (first sample, one past the last) of each.
-        interval_s: [s].
-        balances: how many residuals are judged together; a band holds three times as many frequencies
-            at least, so that its covariance is well determined.
-        highest_Hz: frequencies above are left out.
-        regressors: how many are free where they are many. So many and two for each further balance can
-            make a combination of the balances vanish at half as many frequencies, and a band of no more
-            would be explained perfectly by chance: a band holds as many again.
+        segments: (first sample, one past the last) of each segment.
+        interval_s: sampling interval [s].
+        balances: number of residuals with a joint covariance; a band holds at least three times as many
+            frequencies, so that the covariance is well determined.
+        highest_Hz: highest frequency that is used [Hz].
+        regressors: number of free regressors, if there are many. With two more for each further balance,
+            they can make a combination of the balances vanish at half as many frequencies; a band holds
+            at least twice that number, so that it is not fitted perfectly by chance.
     """
     frequency, weight = [], []
     segments = [(a, a + fast_length(b - a)) for a, b in segments]
@@ -348,7 +360,7 @@ def make_bands(
         last = int(np.searchsorted(ordered, ordered[first] * BAND_RATIO, side="right"))
         last = max(last, first + least)
         edges.append(len(ordered) if len(ordered) - last < least else last)
-    tapers = tuple(taper(b - a) for a, b in segments)
+    tapers = tuple(cosine_taper(b - a) for a, b in segments)
     return Bands(
         tuple(a for a, _ in segments), tuple(b for _, b in segments), interval_s,
         np.array(edges), order, ordered, np.concatenate(weight)[order], tapers,
@@ -356,41 +368,41 @@ def make_bands(
     )  # fmt: skip
 
 
-def moments(bands: Bands, left: Complex, right: Complex) -> Complex:
-    """Sums of products over each band, left times right conjugate; shape (bands, p, q).
+def band_products(bands: Bands, left: Complex, right: Complex) -> Complex:
+    """Return the sums of left times conjugate right over each band, shape (bands, p, q).
 
     Args:
         bands: the bands.
         left: shape (p, frequencies).
         right: shape (q, frequencies).
     """
-    turned = np.conj(left * bands.weights)  # the left, so that the long right is not copied
+    # The shorter left factor is conjugated, so that the long right factor is not copied.
+    conjugate = np.conj(left * bands.weights)
     sums = np.empty((len(bands.edges) - 1, len(left), len(right)), np.complex128)
     for band, (first, end) in enumerate(itertools.pairwise(bands.edges)):
-        np.matmul(turned[:, first:end], right[:, first:end].T, out=sums[band])
+        np.matmul(conjugate[:, first:end], right[:, first:end].T, out=sums[band])
     return np.conj(sums, out=sums)
 
 
 @dataclass(frozen=True)
 class Marginal:
-    """A residual with nuisance regressors fitted to it."""
+    """Fit of nuisance regressors to a residual."""
 
     score: float  # 2 log L with the prior of the shares
-    shares: NDArray[np.float64]  # of the regressors, in prior standard deviations
+    shares: NDArray[np.float64]  # shares of the regressors in prior standard deviations
     weight: Complex  # inverse covariance by band, shape (bands, m, m)
 
 
-def runs_away(residual: Complex) -> bool:
-    """Whether a residual comes from a simulation whose numbers have left what a power is formed of."""
+def is_divergent(residual: Complex) -> bool:
+    """Return whether a residual is so large, or not finite, that its simulation has diverged."""
     with np.errstate(over="ignore", invalid="ignore"):
         return not math.isfinite(float(np.square(np.abs(residual)).sum()))
 
 
 class Likelihood:
-    """2 log L of residuals with some regressors free under a standard normal prior.
+    """Likelihood 2 log L of residuals, with regressors that are free under a standard normal prior.
 
-    Everything is reduced to sums over bands once, so that the climb over the regressors' shares costs
-    little.
+    The regressors are reduced to sums over bands once, so that each maximisation is cheap.
 
     Args:
         bands: the bands.
@@ -403,8 +415,8 @@ class Likelihood:
         self.shape = (k, m)
         self._flat = regressors.reshape(k * m, f)
         count = len(bands.edges) - 1
-        products = moments(bands, self._flat, self._flat).reshape(count, k, m, k, m)
-        # rows: pairs (l, k) of regressors; columns: bands and pairs (q, p) of balances
+        products = band_products(bands, self._flat, self._flat).reshape(count, k, m, k, m)
+        # Rows are pairs (l, k) of regressors; columns are bands and pairs (q, p) of balances.
         in_order = np.ascontiguousarray(products.transpose(1, 3, 0, 2, 4))
         self._pairs = in_order.reshape(k * k, -1).view(np.float64)
         self._counts = np.add.reduceat(bands.weights, bands.edges[:-1])
@@ -412,42 +424,53 @@ class Likelihood:
     def __call__(
         self, residual: Complex, start: NDArray[np.float64] | None = None, tolerance: float = 0.05
     ) -> Marginal:
-        """Best shares and score of a residual of shape (m, frequencies), from some shares on."""
+        """Return the best shares and the score of a residual.
+
+        Args:
+            residual: shape (m, frequencies).
+            start: initial shares, shape (k,); 0 by default.
+            tolerance: gain in 2 log L below which the maximisation ends.
+
+        Raises:
+            numpy.linalg.LinAlgError: the covariance of the residual is singular.
+        """
         k, m = self.shape
-        own = moments(self.bands, residual, residual)
-        products = moments(self.bands, residual, self._flat).reshape(-1, m, k, m)
+        own = band_products(self.bands, residual, residual)
+        products = band_products(self.bands, residual, self._flat).reshape(-1, m, k, m)
         crossed = np.ascontiguousarray(products.transpose(2, 0, 1, 3))
         first = np.zeros(k) if start is None else np.asarray(start, np.float64)
         sums = Sums(own, crossed, self._pairs, self._counts)
         score, shares, weight = best_shares(sums, first, tolerance)
         if not math.isfinite(score):
-            raise np.linalg.LinAlgError("singular: a balance's residual is 0 or another's multiple")
+            raise np.linalg.LinAlgError(
+                "singular covariance: the residual of a balance is 0 or a multiple of another residual"
+            )
         return Marginal(score, shares, weight)
 
     def amount(self, weight: Complex, residual: Complex, column: Complex) -> tuple[float, float]:
-        """Generalised least squares: how much of a column is in a residual, the regressors free.
+        """Return the amount of a column in a residual by generalised least squares with free regressors.
 
         Args:
             weight: inverse covariance by band.
             residual: shape (m, frequencies).
-            column: likewise.
+            column: shape (m, frequencies).
 
         Returns:
-            The amount, and what it gains in 2 log L; both 0 where the column moves nothing.
+            The amount and its gain in 2 log L; both 0 for a column without independent power.
         """
         k, m = self.shape
         both = np.concatenate([residual, column])
-        crossed = moments(self.bands, both, self._flat).reshape(-1, 2, m, k, m)
+        crossed = band_products(self.bands, both, self._flat).reshape(-1, 2, m, k, m)
         with_regressors = 2.0 * np.einsum("bpq,baqkp->ak", weight, crossed).real
-        own = moments(self.bands, both, column).reshape(-1, 2, m, m)
+        own = band_products(self.bands, both, column).reshape(-1, 2, m, m)
         with_column = 2.0 * np.einsum("bpq,baqp->a", weight, own).real
         taken = np.linalg.solve(gram(self._pairs, weight), with_regressors[1])
         rest = with_column[1] - taken @ with_regressors[1]
-        told = with_column[0] - taken @ with_regressors[0]
-        return (float(told / rest), float(told**2 / rest)) if rest > 0.0 else (0.0, 0.0)
+        along = with_column[0] - taken @ with_regressors[0]
+        return (float(along / rest), float(along**2 / rest)) if rest > 0.0 else (0.0, 0.0)
 
     def information(self, weight: Complex, columns: Complex) -> NDArray[np.float64]:
-        """Fisher information of columns and regressors together, the prior included.
+        """Return the Fisher information of columns and regressors together, with the prior.
 
         Args:
             weight: inverse covariance by band.
@@ -460,7 +483,7 @@ class Likelihood:
         return np.asarray(self.information_by_band(weight, columns).sum(axis=0) + prior)
 
     def information_by_band(self, weight: Complex, columns: Complex) -> NDArray[np.float64]:
-        """Return what each band adds to the information, without the prior.
+        """Return the contribution of each band to the information, without the prior.
 
         Args:
             weight: inverse covariance by band.
@@ -472,5 +495,5 @@ class Likelihood:
         c = len(columns)
         k, m = self.shape
         flat = np.concatenate([columns.reshape(c * m, self._flat.shape[1]), self._flat])
-        products = moments(self.bands, flat, flat).reshape(-1, c + k, m, c + k, m)
+        products = band_products(self.bands, flat, flat).reshape(-1, c + k, m, c + k, m)
         return np.asarray(2.0 * np.einsum("bpq,blqkp->bkl", weight, products).real)

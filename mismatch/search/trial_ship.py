@@ -1,7 +1,4 @@
-"""Coordinates in which the values of effects are searched.
-
-The ship on which effects are tried: where each is first tried, how its values reach the record.
-"""
+"""Put effects on a ship: probes, search coordinates and records with the values of effects."""
 
 from __future__ import annotations
 
@@ -15,47 +12,52 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...plant.columns import SHAFT_ANGLE
-from ...plant.keys import Number
+from ...plant.keys import ShipParameter
 from ...plant.memory import HISTORY
 from ...plant.propeller import NO_PROPELLER, cavitation_number
 from ...plant.shaft import shaft_inertia
 from ...plant.ship import Ship, ShipError
-from ...plant.terms import OF_A_TURN
+from ...plant.terms import TURNING_SIGNALS
 from ..simulate.balances import Balances
-from .catalogue import Effect, Parameter, Placed, Window
+from .catalogue import Effect, Parameter, SizedEffect, Window
 
 EDGE_S = 30.0
-"""Unit of a window's edges in the search [s]."""
+"""Unit of the edges of a time window in the search [s]."""
 
 
 class JointSearch:
-    """Coordinates of some effects of a model, the others held."""
+    """Search coordinates of some effects of a model, with the others fixed."""
 
     def __init__(
-        self, trial_ship: TrialShip, effects: tuple[Placed, ...], which: list[int] | None = None
+        self,
+        trial_ship: TrialShip,
+        effects: tuple[SizedEffect, ...],
+        which: list[int] | None = None,
     ) -> None:
         self._effects = effects
         self._which = list(range(len(effects))) if which is None else which
-        self._searches = [Search(trial_ship, effects[i]) for i in self._which]
+        self._searches = [EffectSearch(trial_ship, effects[i]) for i in self._which]
         points = [search.point() for search in self._searches]
         self._cuts = np.cumsum([len(point) for point in points])[:-1]
         self.start = np.concatenate(points)
 
-    def placed(self, point: Any) -> tuple[Placed, ...]:
-        """All effects of the model, those that are searched at coordinates."""
+    def effects_at(self, point: Any) -> tuple[SizedEffect, ...]:
+        """Return all effects of the model, with the searched ones at given coordinates."""
         trial = list(self._effects)
         parts = np.split(np.atleast_1d(point), self._cuts)
         for i, search, part in zip(self._which, self._searches, parts, strict=True):
-            trial[i] = search.placed(part)
+            trial[i] = search.effects_at(part)
         return tuple(trial)
 
 
-class Search:
-    """Coordinates in which an effect is searched: logarithms of its values' distances from neutral,
-    and its window's edges in units of :data:`EDGE_S`.
+class EffectSearch:
+    """Search coordinates of an effect.
+
+    They are the logarithms of the distances of its values from neutral, and the edges of its time window
+    in units of :data:`EDGE_S`.
     """
 
-    def __init__(self, trial_ship: TrialShip, placed: Placed) -> None:
+    def __init__(self, trial_ship: TrialShip, placed: SizedEffect) -> None:
         self._placed = placed
         self._neutral, self._sign, self._least, self._ranges = [], [], [], []
         for parameter, value in placed.pairs:
@@ -63,16 +65,16 @@ class Search:
             base = trial_ship.origin(parameter)
             self._neutral.append(base)
             self._sign.append(1.0 if value >= base else -1.0)
-            self._least.append(trial_ship.least(parameter))
+            self._least.append(trial_ship.smallest_size(parameter))
 
     def point(self) -> NDArray[np.float64]:
-        """Coordinates of the effect as it was placed."""
+        """Return the coordinates of the effect at its given values."""
         distance = [abs(v - n) for v, n in zip(self._placed.values, self._neutral, strict=True)]
         edges = [t / EDGE_S for t in self._placed.window or ()]
         return np.concatenate([np.log(np.maximum(distance, 1e-12)), edges])
 
-    def placed(self, point: Any) -> Placed:
-        """The effect at coordinates."""
+    def effects_at(self, point: Any) -> SizedEffect:
+        """Return the effect at given coordinates."""
         point = np.atleast_1d(point)
         count = len(self._neutral)
         values = [
@@ -85,37 +87,37 @@ class Search:
         if window is not None:
             start, end = sorted(float(x) * EDGE_S for x in point[count:])
             window = (max(start, 0.0), max(end, 0.0))
-        return Placed(self._placed.effect, tuple(values), window)
+        return SizedEffect(self._placed.effect, tuple(values), window)
 
 
 PITCH_GAPS = ("pitch_actuator.dead_band", "pitch_actuator.backlash")
-"""Numbers that hide in the steps of a coarse reading of the pitch."""
+"""Keys of parameters that are not identifiable below the quantisation step of the pitch."""
 
 PITCH_OFFSETS = ("sensors.pitch_offset", "pitch_actuator.offset")
-"""Keys of numbers by which all readings of the pitch are shifted."""
+"""Keys of constant offsets of the measured pitch."""
 
 
 class TrialShip:
-    """One ship as it sails in one recording, with any effects put onto it.
+    """Ship of a set of recordings, to which effects can be added.
 
     Args:
-        balances: of the ship and the recording; their nominal simulation scales the probes.
+        balances: balances of ship and recordings; their nominal simulation scales the probes.
 
     Attributes:
-        ship: nominal.
-        nominal: its record.
+        ship: the nominal ship.
+        nominal: record of the nominal ship.
     """
 
     def __init__(self, balances: Balances) -> None:
         self.ship: Ship = balances.replay.ship
         self._replay = balances.replay
         self.nominal = self.ship.record()
-        self._scales = scales(balances)
+        self._scales = probe_scales(balances)
         self._longest_s = (HISTORY - 2) * min(run.dt for run in balances.replay.runs)
-        self._numbers: dict[tuple[str, ...], Number] = {}
+        self._numbers: dict[tuple[str, ...], ShipParameter] = {}
 
-    def settings(self, placed: Placed) -> dict[str, float]:
-        """Dotted keys of the ship's file and their values."""
+    def settings(self, placed: SizedEffect) -> dict[str, float]:
+        """Return the values of an effect by dotted key of the ship file."""
         found = {parameter.key: value for parameter, value in placed.pairs}
         for key, of in placed.effect.fixed:
             found[key] = self._fixed(of)
@@ -130,34 +132,34 @@ class TrialShip:
             key: self._inside(self._number((placed,), key), value) for key, value in found.items()
         }
 
-    def _number(self, effects: tuple[Placed, ...], key: str) -> Number:
-        """Return a number of the ship with the terms of some effects on it; worked out once."""
+    def _number(self, effects: tuple[SizedEffect, ...], key: str) -> ShipParameter:
+        """Return a parameter of the ship with the terms of some effects, from a cache if possible."""
         place = (*(placed.effect.label for placed in effects), key)
         if place not in self._numbers:
-            self._numbers[place] = self.host(effects).number(key)
+            self._numbers[place] = self.with_terms(effects).parameter(key)
         return self._numbers[place]
 
-    def _inside(self, number: Number, value: float) -> float:
-        """Return the nearest value that a number can have on this ship and in this recording."""
+    def _inside(self, number: ShipParameter, value: float) -> float:
+        """Return the nearest value that a parameter can have on this ship and in this recording."""
         return float(number.info.inside(np.clip(value, *self._range(number))))
 
     def _scale(self, of: str) -> float:
-        """What a probe of 1 is worth: a scale by name, or the size of a number of the ship's file."""
+        """Return the value of a probe of 1: a scale by name, or the magnitude of a ship parameter."""
         return self._scales[of] if of in self._scales else abs(self._number((), of).value)
 
     def _fixed(self, of: float | str) -> float:
-        """A number as it stands, by a scale, or another key's."""
+        """Return a fixed value: a number, a scale by name, or the value of another key."""
         if isinstance(of, str):
             return self._scales[of] if of in self._scales else self._number((), of).value
         return of
 
     def range_of(self, parameter: Parameter) -> tuple[float, float]:
-        """Return the lowest and the highest value of a parameter that a ship's file allows."""
-        return self._range(parameter.number(self.ship))
+        """Return the lowest and the highest value of a parameter that the ship file allows."""
+        return self._range(parameter.in_ship(self.ship))
 
-    def _range(self, number: Number) -> tuple[float, float]:
-        """A delay is no longer than the plant looks back at the recording's time step."""
-        low, high = number.searched
+    def _range(self, number: ShipParameter) -> tuple[float, float]:
+        """Return the range of a parameter; the memory of the simulation limits a delay."""
+        low, high = number.search_range
         late = number.key in self.ship.sensors.delays | self.ship.prime_mover.delays
         return low, min(high, self._longest_s) if late else high
 
@@ -168,46 +170,46 @@ class TrialShip:
         low, high = (end * self._scale(parameter.plausible_of) for end in parameter.plausible)
         return low, high
 
-    def host(self, effects: tuple[Placed, ...]) -> Ship:
-        """The ship with the terms of some effects on it, at values that change nothing."""
+    def with_terms(self, effects: tuple[SizedEffect, ...]) -> Ship:
+        """Return the ship with the terms of some effects at neutral values."""
         ship = self.ship
         for placed in effects:
             ship = placed.effect.on(ship)
         return ship
 
-    def record(self, effects: tuple[Placed, ...]) -> Any:
-        """The kernels' record of the ship with some effects on it."""
-        host = self.host(effects)
+    def record(self, effects: tuple[SizedEffect, ...]) -> Any:
+        """Return the record of the ship with some effects."""
+        host = self.with_terms(effects)
         plant = self.nominal.copy() if host is self.ship else host.record()
         self.write(plant, effects)
         return plant
 
-    def write(self, plant: Any, effects: tuple[Placed, ...]) -> None:
-        """Put the values of some effects into the record of a ship that carries their terms."""
+    def write(self, plant: Any, effects: tuple[SizedEffect, ...]) -> None:
+        """Write the values of some effects to the record of a ship that has their terms."""
         for placed in effects:
             for key, value in self.settings(placed).items():
                 self._number(effects, key).write(plant, value)
 
-    def corrected(self, effects: tuple[Placed, ...]) -> Ship:
-        """The ship with some effects on it, and a shorter time step where they ask for one."""
+    def corrected(self, effects: tuple[SizedEffect, ...]) -> Ship:
+        """Return the ship with some effects, and with a shorter time step if they need one."""
         values: dict[str, Any] = {}
         for placed in effects:
             values |= self.settings(placed)
-        host, step_s = self.host(effects), self.ship.time_step_s
+        host, step_s = self.with_terms(effects), self.ship.time_step_s
         try:
             return host.with_values(values)
-        except ShipError:  # physics together that is faster than the ship's time step
+        except ShipError:  # The effects together are faster than the time step resolves.
             for parts in (2, 4, 8):
                 with contextlib.suppress(ShipError):
                     return host.with_values({**values, "integration.time_step_s": step_s / parts})
             raise
 
-    def least(self, parameter: Parameter) -> float:
-        """Distance from the neutral value below which something else looks the same.
+    def smallest_size(self, parameter: Parameter) -> float:
+        """Return the distance from the neutral value below which a parameter is not identifiable.
 
-        Of a delay that is half an interval of the recording, and a whole one where nobody knows when
-        between two rows a demand moved; of a play or a dead band of the pitch, the steps in which it is
-        read, where they are coarse, and of an offset half of them.
+        It is half a sampling interval for a delay, and a whole one if the times of command steps
+        between rows are uncertain. For a coarsely quantised pitch it is the quantisation step for
+        backlash or dead band, and half the step for an offset.
         """
         least = parameter.least
         if self._in_seconds(parameter):
@@ -224,38 +226,40 @@ class TrialShip:
         return self._replay.interval_s / self._replay.every
 
     def resolution(self, parameter: Parameter) -> float:
-        """Size that an effect must exceed to have been measured: the least one, and of a delay an
-        interval, by which a demand and what answers to it may be shifted in the log.
+        """Return the size that an identified effect must exceed.
+
+        It is the smallest size, and for a delay at least a sampling interval, by which a command and the
+        response may be shifted in the log.
         """
-        least = self.least(parameter)
+        least = self.smallest_size(parameter)
         return max(least, self._interval_s) if self._in_seconds(parameter) else least
 
     def _in_seconds(self, parameter: Parameter) -> bool:
-        return parameter.number(self.ship).info.unit == "s"
+        return parameter.in_ship(self.ship).info.unit == "s"
 
     def neutral(self, parameter: Parameter) -> float:
-        """Value at which the effect is absent: the ship file's own."""
+        """Return the value at which the effect is absent: that of the ship file."""
         if parameter.absolute:
             return 0.0
-        return parameter.number(self.ship).value
+        return parameter.in_ship(self.ship).value
 
     def origin(self, parameter: Parameter) -> float:
-        """Value from which a size is measured: the neutral one; 0 for limits, absent at infinity."""
+        """Return the value from which a size counts: the neutral one, or 0 for an infinite limit."""
         neutral = self.neutral(parameter)
         return 0.0 if math.isinf(neutral) else neutral
 
     def probes(self, parameter: Parameter) -> list[float]:
-        """Values at which a parameter is first tried, inside its bounds."""
+        """Return the values at which a parameter is first tried, within its bounds."""
         low, high = self.range_of(parameter)
         start = self.origin(parameter)
         steps = [p * self._scale(parameter.of) for p in parameter.probes]
         if parameter.signed:
             steps = [-s for s in reversed(steps)] + steps
-        least = self.least(parameter)
+        least = self.smallest_size(parameter)
         return [start + s for s in steps if low <= start + s <= high and abs(s) >= least and s]
 
-    def smallest(self, effect: Effect, windows: list[Window]) -> Iterator[Placed]:
-        """The trials in which the effect's first value is as near to neutral as it is probed."""
+    def smallest_trials(self, effect: Effect, windows: list[Window]) -> Iterator[SizedEffect]:
+        """Yield the trials with the probe of the first value that is closest to neutral."""
         start = self.origin(effect.parameters[0])
         probes = self.probes(effect.parameters[0])
         nearest = min(probes, key=lambda value: (abs(value - start), -value), default=None)
@@ -263,24 +267,24 @@ class TrialShip:
             if placed.values[0] == nearest:
                 yield placed
 
-    def trials(self, effect: Effect, windows: list[Window]) -> Iterator[Placed]:
-        """The effect at every combination of its probes, and of windows where it acts for a time."""
+    def trials(self, effect: Effect, windows: list[Window]) -> Iterator[SizedEffect]:
+        """Yield the effect at every combination of its probes and, if windowed, of time windows."""
         grids = [self.probes(p) for p in effect.parameters]
         whole: list[Window | None] = [None]
         for window in windows if effect.windowed else whole:
             for values in itertools.product(*grids):
-                yield Placed(effect, values, window)
+                yield SizedEffect(effect, values, window)
 
 
-def scales(balances: Balances) -> Mapping[str, float]:
-    """What the catalogue's probes are counted in, by name: rms, mean or top of a nominal simulation.
+def probe_scales(balances: Balances) -> Mapping[str, float]:
+    """Return the scales of the probes by name: rms, mean or largest values of the nominal simulation.
 
-    Torque [N m] is that of the propeller, or of the drive where there is none, force [N] the resistance,
-    side force [N] of a ship that turns the centripetal one. ``drive`` is in the unit of the prime
-    mover's demand. ``interval`` [s] is that from one recorded row to the next. ``sigma_top`` is the
-    cavitation number at the highest shaft speed. ``shaft_time`` [s] is how long that torque takes to
-    bring the shaft to its speed. ``torque_top`` [N m] is the drive's largest torque under these
-    commands, at the propeller shaft, and ``record`` [s] the length of the shortest recording.
+    ``torque`` [N m] is the propeller torque, or the drive torque without a propeller; ``force`` [N] the
+    resistance; ``side_force`` [N] the centripetal force of a ship that turns. ``drive`` has the unit of
+    the drive command. ``interval`` [s] is the sampling interval of the recording. ``sigma_top`` [-] is
+    the cavitation number at the highest shaft speed. ``shaft_time`` [s] is the time in which the torque
+    accelerates the shaft to its speed. ``torque_top`` [N m] is the largest torque of the drive with the
+    recorded commands, at the propeller shaft. ``record`` [s] is the duration of the shortest recording.
     """
     samples, plant = balances.nominal_samples, balances.plant
     omega = np.abs(samples["shaft_speed"])
@@ -296,18 +300,18 @@ def scales(balances: Balances) -> Mapping[str, float]:
     angle = typical(balances.replay.recorded.get(SHAFT_ANGLE, 1.0))
     number = cavitation_number(plant, float(omega.max()) / (2.0 * math.pi), float(plant["depth"]))
     outside = {
-        f"force/{name}/{name}": typical(samples["resistance"]) / typical(heard) ** 2
-        for name, heard in balances.replay.outside.items()
+        f"force/{name}/{name}": typical(samples["resistance"]) / typical(signals) ** 2
+        for name, signals in balances.replay.outside.items()
     }
-    heard: Mapping[str, Any] = balances.replay.outside
+    signals: Mapping[str, Any] = balances.replay.outside
     if plant["turns"]:
-        heard = {**heard, **{name: samples[name] for name in OF_A_TURN}}
+        signals = {**signals, **{name: samples[name] for name in TURNING_SIGNALS}}
         across = float(plant["mass"]) * typical(samples["ship_speed"] * samples["yaw_rate"])
-        outside |= {f"side_force/{n}/{n}": across / typical(heard[n]) ** 2 for n in heard}
-        rudder = typical(heard["rudder_angle"])
+        outside |= {f"side_force/{n}/{n}": across / typical(signals[n]) ** 2 for n in signals}
+        rudder = typical(signals["rudder_angle"])
         outside["force/rudder_angle/rudder_angle"] = typical(samples["resistance"]) / rudder**2
-    if "sway_speed" in heard and "yaw_rate" in heard:
-        turning = typical(heard["sway_speed"]) * typical(heard["yaw_rate"])
+    if "sway_speed" in signals and "yaw_rate" in signals:
+        turning = typical(signals["sway_speed"]) * typical(signals["yaw_rate"])
         outside["force/sway_speed/yaw_rate"] = typical(samples["resistance"]) / turning
     return outside | {
         "unit": 1.0,
@@ -341,9 +345,10 @@ def scales(balances: Balances) -> Mapping[str, float]:
 
 
 def _largest_torque(balances: Balances) -> float:
-    """Return the largest torque [N m] of the drive under the recorded commands, at the propeller shaft.
+    """Return the largest torque [N m] of the drive with the recorded commands, at the propeller shaft.
 
-    A motor under a voltage gives its largest torque at rest, whether the nominal ship rests or not.
+    A motor with a voltage command has its largest torque at standstill, which the nominal simulation may
+    not reach.
     """
     plant, gear = balances.plant, float(balances.plant["gear_ratio"])
     torque = float(np.abs(balances.nominal_samples["brake_torque"]).max())

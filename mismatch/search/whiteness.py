@@ -1,8 +1,8 @@
-"""Is what is left more than the instruments' noise?
+"""Test whether a residual is larger than the noise of the instruments.
 
-The noise of each channel is known from the recording itself; carried through the balances it says how
-large a residual must be at each frequency. From some frequency on the sea disturbs every balance of a
-ship that moves, which is no fault of the model: there only what is slower is judged.
+The noise of each channel is estimated from the recording. The balances give the residual that this noise
+causes at each frequency. Above a certain frequency waves disturb every balance of a ship that moves,
+which is no error of the model; there the residual is not tested.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from numpy.typing import NDArray
 
 from ...plant.ship import Ship
 from .fitting import Fit, Fitter
-from .spectra import moments
+from .spectra import band_products
 
 SLOWER_THAN_SEA_HZ = 0.03
-"""What a ship does more slowly than this, no sea of any length does."""
+"""Frequency [Hz] below which no waves excite a ship."""
 
 MODEL_M, FULL_M = 12.0, 320.0
-"""Length below which a hull is a model, sailed in a basin or on a pond: waves that move it are as much
-shorter as it is than a ship, and by Froude's law as much quicker as the root of that."""
+"""Length [m] below which a hull is a scale model in a basin, and length of the ship to which the limit
+belongs. By Froude's law the frequency of waves scales with the inverse square root of the length."""
 
 EXCESS = 2.0
-"""Power over that of the instruments' noise that counts; their rms is known within a tenth."""
+"""Ratio of power to noise power from which a residual is significant; the rms noise has 10 % error."""
 
 CHANCE = 1e-6
 DRAWS = 6
@@ -34,14 +34,14 @@ DRAWS = 6
 
 @dataclass(frozen=True)
 class Colour:
-    """A residual that is more than noise.
+    """Residual that exceeds the noise of the instruments.
 
     Args:
-        band: index of the band in which it stands out most.
+        band: index of the band with the largest excess.
         balance: index of the balance.
         low_Hz: lower edge of the band.
-        high_Hz: its upper edge.
-        ratio: power over that of the instruments' noise.
+        high_Hz: upper edge of the band.
+        ratio: power of the residual over that of the noise.
     """
 
     band: int
@@ -52,13 +52,13 @@ class Colour:
 
 
 class Whiteness:
-    """Residuals judged against the instruments' noise.
+    """Comparison of residuals with the noise of the instruments.
 
     Args:
-        fitter: of the recording.
+        fitter: fitter of the recording.
         noise_rms: white noise of each measured column, in its unit.
-        quantisation: steps of the columns that are coarser than their noise: what is lost between steps
-            is then no white noise, but as slow as the channel itself.
+        quantisation: quantisation steps that are larger than the noise; their error is no white noise,
+            but as slow as the channel itself.
     """
 
     def __init__(
@@ -75,21 +75,21 @@ class Whiteness:
         power = []
         for _ in range(DRAWS):
             noisy = {
-                c: _read(
+                c: _measure(
                     x, noise_rms.get(c, 0.0) * rng.standard_normal(len(x)), rng.random(),
                     (quantisation or {}).get(c, 0.0),
                 )
                 for c, x in channels.items()
             }  # fmt: skip
             drawn = bands.transform(balances.residuals(noisy) - base)
-            power.append(moments(bands, drawn, drawn).real)
+            power.append(band_products(bands, drawn, drawn).real)
         self._expected = np.mean(power, axis=0)
 
     def ratios(self, fit: Fit) -> NDArray[np.float64]:
-        """Power of a model's residual over the noise's, shape (bands, balances); 0 where not judged."""
+        """Return residual power over noise power, (bands, balances); 0 for bands without a test."""
         bands, balances = self.fitter.bands, self.fitter.balances
-        residual = self.fitter.left(fit)
-        found = moments(bands, residual, residual).real
+        residual = self.fitter.residual(fit)
+        found = band_products(bands, residual, residual).real
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.nan_to_num(
                 np.diagonal(found, axis1=1, axis2=2)
@@ -103,23 +103,23 @@ class Whiteness:
 
     @property
     def _limit(self) -> NDArray[np.float64]:
-        """Power over the noise's from which on a band is coloured, shape (bands,)."""
+        """Power ratio from which a band is significant, shape (bands,)."""
         bands = self.fitter.bands
         freedom = 2.0 * np.add.reduceat(bands.weights, bands.edges[:-1])
         return np.asarray(EXCESS * scipy.stats.chi2.isf(CHANCE, freedom) / freedom)
 
-    def coloured(self, fit: Fit) -> list[str]:
-        """Names of the balances in which a model leaves more than noise."""
+    def coloured_balances(self, fit: Fit) -> list[str]:
+        """Return the names of the balances whose residual exceeds the noise."""
         excess = (self.ratios(fit) / self._limit[:, None]).max(axis=0)
         names = self.fitter.balances.names
         return [name for name, most in zip(names, excess, strict=True) if most > 1.0]
 
     def colour(self, fit: Fit, balance: int | None = None) -> Colour | None:
-        """Where a model's residual exceeds the noise most; None where it is noise.
+        """Return the band and balance with the largest excess over the noise; None without an excess.
 
         Args:
             fit: the model.
-            balance: index of the one that is looked at; all by default.
+            balance: index of the balance to be tested; all balances by default.
         """
         bands = self.fitter.bands
         ratios = self.ratios(fit)
@@ -135,23 +135,23 @@ class Whiteness:
 
 
 def slower_than_waves_hertz(ship: Ship) -> float:
-    """Frequency [Hz] below which no wave moves a ship; without a length that of a large one."""
+    """Return the frequency [Hz] below which no waves excite a ship, from its length if it is known."""
     length = ship.manoeuvring.length_m
     if not 0.0 < length < MODEL_M:
         return SLOWER_THAN_SEA_HZ
     return float(SLOWER_THAN_SEA_HZ * np.sqrt(FULL_M / length))
 
 
-def _read(
+def _measure(
     values: NDArray[np.float64], noise: NDArray[np.float64], phase: float, step: float
 ) -> NDArray[np.float64]:
-    """A channel as an instrument reads it; where its steps are coarse, they are its noise.
+    """Return measured values: with noise, or with quantisation if the step is larger than 0.
 
     Args:
-        values: true, shape (n,).
-        noise: likewise.
-        phase: of the steps, 0 to 1, for a simulation lies a little beside the truth.
-        step: 0 of an instrument without any.
+        values: true values, shape (n,).
+        noise: noise, shape (n,).
+        phase: position of the grid of steps, 0 to 1; it is random, as a simulation is not exact.
+        step: quantisation step; 0 for an instrument without one.
     """
     if step <= 0.0:
         return values + noise

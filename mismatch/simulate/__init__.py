@@ -1,1 +1,1 @@
-"""The recording's inputs through the ship, again and again, balance by balance."""
+"""Replay recordings through the ship model and compute the residuals of its balances."""

@@ -1,34 +1,35 @@
-"""The balances of a plant that measured signals can check in isolation.
+"""Compute the residual of each torque, force and power balance from measured signals.
 
-Each residual is what its balance lacks: the torque, force or pitch that must be added to the nominal
-model's so that the measured signals of its neighbours and its own agree. A fault in one balance does not
-smear over the others, as it does in the channels of an open-loop simulation.
+The residual of a balance is the torque, force or pitch that must be added to the nominal model so that
+it agrees with the measured signals of this balance and of its neighbours. A fault in one balance does
+not affect the others, as it does in the channels of an open-loop simulation.
 
     engine      I_L dw/dt + M_m - M_drive(X, w)            [N m]
     propeller   I_R dw/dt + M_p(w, P/D, v_a) + M_f - M_m   [N m]
-    load        the same on a shaft without a propeller    [N m]
+    load        the propeller balance of a shaft without a propeller    [N m]
     hull        m dv/dt - k_p (1 - t) T + R(v)             [N]
-    sway, yaw   of a ship that turns, see below            [N, N m]
-    pitch       P/D - its answer to the command            [-]
-    thrust      T - T(w, P/D, v_a), where it is measured   [N]
-    current     i - (U - K w) / R, where it is measured    [A]
-    electric-power   P - P(U, w, load), where it is measured, of a drive whose torque is known; load is
-                     the measured torque where the drive holds its speed [W]
-    shaft-power      P - (I_R dw/dt + M_p + M_f) w, where it is measured without a shaft speed [W]
+    sway, yaw   see below, for a ship that turns           [N, N m]
+    pitch       P/D - simulated P/D                        [-]
+    thrust      T - T(w, P/D, v_a), with measured T        [N]
+    current     i - (U - K w) / R, with measured i         [A]
+    electric-power   P - P(U, w, load) with measured P, for a drive with known torque; for a drive that
+                     prescribes its speed, the load is the measured torque [W]
+    shaft-power      P - (I_R dw/dt + M_p + M_f) w with measured P, without a shaft speed [W]
 
-Where a recording has the shaft's angle and not its speed, the speed is the angle's derivative at the
-recording's interval. The residual is a coordinate, not the model: it is formed alike from measured and
-from simulated signals, and what is compared is their difference; so lags and Coulomb friction may be
-left out of it. Without a torque gauge, engine and propeller are one balance. A drive that holds its
-speed has no balance.
+If a recording has the shaft angle and not the shaft speed, the derivative of the angle at the sampling
+interval replaces the speed. The residual is computed from measured and from simulated signals in the
+same way, and the two are compared; lags and Coulomb friction may therefore be left out of it. Without a
+shaft torque meter, engine and propeller form one balance. A drive that prescribes its speed has no
+balance.
 
-Where a power is measured and no torque, power over shaft speed stands for the torque: the shaft's power,
-or of a drive that holds its speed what its electric power delivers by its nominal efficiency. About
-standstill both sides of the balance fade by w^2 / (w^2 + w_0^2), for a power tells no torque there.
+If a power is measured and no torque, power over shaft speed replaces the torque: the shaft power, or,
+for a drive that prescribes its speed, the electric power times the nominal efficiency. Near standstill
+the power does not determine the torque, so both sides of the balance are weighted by w^2 / (w^2 +
+w_0^2).
 
-On a ship that turns, hull, sway and yaw are her mass matrix times what the measured accelerations have
-more than the plant's own at the measured velocities: centripetal forces, drift and rudder are in it. The
-rate of turn is the measured one, or the heading's derivative.
+For a ship that turns, hull, sway and yaw are the mass matrix times the difference of the measured
+accelerations and the accelerations of the model at the measured velocities, with centripetal forces,
+drift and rudder. The yaw rate is the measured one, or the derivative of the heading.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ from ...plant.drives.prime_mover import delivered_power, supplied_power
 from ...plant.dynamics import loads
 from ...plant.expressions import NO_SIGNALS
 from ...plant.manoeuvring import planar_acceleration, planar_inertia
-from ...plant.shaft import inertia_behind_gauge
+from ...plant.shaft import inertia_behind_meter
 from ...plant.state import STATE, Inputs, get_state, without_lags
 from .joint_replay import JointReplay
 
@@ -61,12 +62,12 @@ Channels = dict[str, NDArray[np.float64]]
 
 
 RATES = ("surge_rate", "sway_rate", "yaw_rate_rate")
-ACTING = np.dtype(
+LOADS = np.dtype(
     [(name, np.float64) for name in (
         "drive", "load", "thrust", "push", "drag", "current", "electric", *RATES
     )]
 )  # fmt: skip
-"""The plant's loads at a sample [N m, N, A, W]; of a ship that turns, its accelerations
+"""Loads of the model at a sample [N m, N, A, W]; also the accelerations of a ship that turns
 [m/s2, rad/s2]."""
 
 
@@ -80,7 +81,7 @@ def _loads_at(
     elevation: NDArray[np.float64],
     found: Any,
 ) -> None:
-    """The plant's loads at each sample of STATE records; ``found``, ACTING records, is filled."""
+    """Write the loads of the model at each sample of STATE records to ``found``, LOADS records."""
     for k in range(len(demand)):
         rack = min(max(demand[k], plant.drive_min), plant.drive_max)
         state = get_state(states[k])
@@ -105,20 +106,20 @@ def _loads_at(
             found[k].surge_rate, found[k].sway_rate, found[k].yaw_rate_rate = surge, sway, yaw
 
 
-PART_OF = {
+BALANCE_OF_RESIDUAL = {
     "thrust": "propeller", "current": "motor", "load": "motor", "electric-power": "motor",
     "shaft-power": "propeller",
 }  # fmt: skip
-"""The plant's balance to which a residual belongs that has a name of its own."""
+"""Balance of the model for each residual with another name."""
 
 
 STANDSTILL = 0.05
-"""Share of the shaft speed's rms at which a power tells half of the torque."""
+"""Share of the rms shaft speed at which a torque from power has half weight."""
 
 
 @compiled
 def _delivered(plant: Record, electric: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Mechanical power [W] of a drive at each electric power [W]."""
+    """Return the mechanical power [W] of a drive at each electric power [W]."""
     found = np.empty_like(electric)
     for k in range(len(electric)):
         found[k] = delivered_power(plant, electric[k])
@@ -134,45 +135,52 @@ def _supplied(plant: Record, mechanical: NDArray[np.float64]) -> NDArray[np.floa
     return found
 
 
-def rate(values: NDArray[np.float64], interval_s: float) -> NDArray[np.float64]:
-    """Time derivative by central differences; alike for measured and simulated signals."""
+def time_derivative(values: NDArray[np.float64], interval_s: float) -> NDArray[np.float64]:
+    """Return the time derivative by central differences, for measured and simulated signals.
+
+    Example:
+        >>> time_derivative(np.array([0.0, 1.0, 4.0, 9.0]), 0.5).tolist()
+        [2.0, 4.0, 8.0, 10.0]
+    """
     return np.asarray(np.gradient(values, interval_s))
 
 
 class Balances:
-    """The balances that a ship and the channels of a recording allow.
+    """Balances whose residuals the channels of a recording determine.
 
     Args:
-        replay: the recording.
+        replay: the recordings and the nominal ship.
 
     Raises:
-        ValueError: the nominal ship runs away under the recorded demands.
+        ValueError: the simulation of the nominal ship with the recorded commands diverges.
 
     Attributes:
-        names: of the residuals' rows: ``engine``, ``propeller`` and so on.
-        units: of each.
+        names: balances in the order of the residuals: ``engine``, ``propeller`` and so on.
+        units: unit of each residual.
+        torque_column: column from which the shaft torque is taken; empty if there is none.
+        nominal: channels of the nominal simulation.
     """
 
     def __init__(self, replay: JointReplay) -> None:
         self.replay = replay
         self.plant = replay.ship.record()
         self._prompt = without_lags(self.plant)
-        # a jump at standstill makes a torque of one sign of a noisy speed's wander about 0
+        # The jump of Coulomb friction at standstill would turn noise of a speed near 0 into torque.
         self._prompt["coulomb_engine_side"] = self._prompt["coulomb_propeller_side"] = 0.0
         self.moving = replay.ship.moves and "ship_speed_m_s" in replay.channels
         held = not replay.ship.turns_freely
         turning = held or SHAFT_SPEED in replay.channels or SHAFT_ANGLE in replay.channels
-        self.gauge = self._gauge_of(turning, held)
-        self.gauged = bool(self.gauge)
+        self.torque_column = self._torque_column_of(turning, held)
+        self.has_torque = bool(self.torque_column)
         self.prime_mover = replay.ship.drive_balance
         rows = []
-        # what never moves is known no better than its unknown resolution
+        # A channel that is constant throughout may have a coarse resolution, so it gives no balance.
         if replay.controllable and self._moved("pitch_ratio"):
             rows.append(("pitch-actuator", "-"))
         if turning:
             if not held:
                 rows.append((self.prime_mover, "N m"))
-            if self.gauged:
+            if self.has_torque:
                 rows.append(("propeller" if replay.ship.has_propeller else "load", "N m"))
         if self.moving:
             rows.append(("hull", "N"))
@@ -185,7 +193,7 @@ class Balances:
             rows.append(("thrust", "N"))
         if self._moved("motor_current_A") and replay.ship.has_voltage:
             rows.append(("current", "A"))
-        if self._moved(ELECTRIC_POWER) and self.gauge != ELECTRIC_POWER:
+        if self._moved(ELECTRIC_POWER) and self.torque_column != ELECTRIC_POWER:
             rows.append(("electric-power", "W"))
         if self._moved(SHAFT_POWER) and not turning:
             rows.append(("shaft-power", "W"))
@@ -195,16 +203,16 @@ class Balances:
         self.nominal = replay.simulated(nominal)
         self._refuse_runaway()
         self.nominal_samples = nominal
-        # where a neighbour is not measured, its nominal simulation stands in
+        # The nominal simulation replaces a pitch or a ship speed that is not measured.
         self._pitch = np.ascontiguousarray(nominal["pitch_ratio"])
         self._speed = np.ascontiguousarray(nominal["ship_speed"])
 
-    def _gauge_of(self, turning: bool, held: bool) -> str:
-        """Return the column that tells the torque at the gauge; empty where none does.
+    def _torque_column_of(self, turning: bool, held: bool) -> str:
+        """Return the column that gives the shaft torque; empty if there is none.
 
         Args:
-            turning: whether the shaft's speed is known.
-            held: whether the drive holds it.
+            turning: whether the shaft speed is known.
+            held: whether the drive prescribes the shaft speed.
         """
         known = ["shaft_torque_N_m"]
         if turning:
@@ -212,7 +220,7 @@ class Balances:
         return next((c for c in known if c in self.replay.channels and self._moved(c)), "")
 
     def _moved(self, *columns: str) -> bool:
-        """Whether any of these was recorded and did not stand still."""
+        """Return whether any of these columns was recorded and varies."""
         return any(np.ptp(self.replay.recorded.get(column, 0.0)) > 0.0 for column in columns)
 
     def _refuse_runaway(self) -> None:
@@ -220,31 +228,31 @@ class Balances:
             if not np.isfinite(values).all():
                 when = float(self.replay.time_s[np.argmin(np.isfinite(values))])
                 raise ValueError(
-                    f"{self.replay.ship.name}: its simulated {column} is not finite from {when:g} s "
-                    "on, under the recorded demands; is it this ship's recording?"
+                    f"{self.replay.ship.name}: the simulated {column} is not finite from {when:g} s on "
+                    "with the recorded commands; check that the recording is of this ship"
                 )
 
     def residuals(self, channels: Channels) -> NDArray[np.float64]:
-        """What each balance lacks, of measured or simulated channels; shape (balances, rows)."""
+        """Return the residual of each balance for measured or simulated channels, (balances, rows)."""
         replay, plant, dt = self.replay, self.plant, self.replay.rate_interval_s
         omega = self._shaft_speed(channels)
-        acting = np.zeros(replay.rows, ACTING)
+        acting = np.zeros(replay.rows, LOADS)
         states = self._states(channels, omega)
         _loads_at(
             self._prompt, replay.drive_rows, states, self._rudder(channels), replay.inflow_rows,
             replay.elevation_rows, acting,
         )  # fmt: skip
-        acceleration, speed = rate(omega, dt), states["ship_speed"]
-        gauge, share = self._gauge_torque(channels, omega)
+        acceleration, speed = time_derivative(omega, dt), states["ship_speed"]
+        gauge, share = self._meter_torque(channels, omega)
         planar = self._planar_forces(states, acting) if self.turning else {}
         left = float(plant["inertia_engine_side"])
-        right = inertia_behind_gauge(plant)
+        right = inertia_behind_meter(plant)
         found = []
         for name in self.names:
             if name == "pitch-actuator":
                 found.append(channels["pitch_ratio"] - self.nominal["pitch_ratio"])
             elif name == self.prime_mover:
-                if self.gauged:
+                if self.has_torque:
                     found.append(share * (left * acceleration - acting["drive"]) + gauge)
                 else:
                     found.append((left + right) * acceleration + acting["load"] - acting["drive"])
@@ -254,13 +262,15 @@ class Balances:
                 found.append(planar[name])
             elif name == "hull":
                 found.append(
-                    float(plant["mass"]) * rate(speed, dt) - acting["push"] + acting["drag"]
+                    float(plant["mass"]) * time_derivative(speed, dt)
+                    - acting["push"]
+                    + acting["drag"]
                 )
             elif name == "thrust":
                 found.append(channels["thrust_N"] - acting["thrust"])
             elif name == "electric-power":
                 taken = acting["electric"]
-                # where the speed is held the torque is measured, whatever the propeller does
+                # With a prescribed speed the torque is measured, and no propeller model is needed.
                 if not replay.ship.turns_freely:
                     taken = _supplied(self.plant, (gauge + left * acceleration) * omega)
                 found.append(channels[ELECTRIC_POWER] - taken)
@@ -272,14 +282,14 @@ class Balances:
                 found.append(channels["motor_current_A"] - acting["current"])
         return np.array(found)
 
-    def _gauge_torque(
+    def _meter_torque(
         self, channels: Channels, omega: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], Any]:
-        """Torque [N m] at the gauge, shape (rows,), and the share of it that its instrument tells."""
-        if self.gauge in ("", "shaft_torque_N_m"):
-            return channels.get(self.gauge, np.zeros_like(omega)), 1.0
-        power = channels[self.gauge]
-        if self.gauge == ELECTRIC_POWER:
+        """Return the measured shaft torque [N m], shape (rows,), and its weight near standstill."""
+        if self.torque_column in ("", "shaft_torque_N_m"):
+            return channels.get(self.torque_column, np.zeros_like(omega)), 1.0
+        power = channels[self.torque_column]
+        if self.torque_column == ELECTRIC_POWER:
             power = _delivered(self.plant, power)
         usual = float(np.sqrt(np.mean(np.square(self.nominal_samples["shaft_speed"]))))
         slow = STANDSTILL * max(usual, 1e-9)
@@ -287,7 +297,7 @@ class Balances:
         return power * omega / below, omega**2 / below
 
     def _states(self, channels: Channels, omega: NDArray[np.float64]) -> Any:
-        """Measured states, the nominal ones where a channel is not there; STATE records (rows,)."""
+        """Return the measured states, or nominal ones for channels that are missing, (rows,) STATE."""
         states = np.zeros(self.replay.rows, STATE)
         offset = float(self.plant["pitch_sensor_offset"])
         states["pitch_ratio"] = channels.get("pitch_ratio", self._pitch) - offset
@@ -304,16 +314,16 @@ class Balances:
         return states
 
     def _rudder(self, channels: Channels) -> NDArray[np.float64]:
-        """The rudder's angle [rad]: the measured one, or what the nominal ship's gear makes of it."""
+        """Return the rudder angle [rad]: the measured one, or that of the nominal simulation."""
         return np.ascontiguousarray(channels.get(RUDDER, self.nominal_samples["rudder_angle"]))
 
     def _run_rate(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Time derivative of each recording for itself: they begin on headings of their own."""
+        """Return the time derivative within each recording, because recordings start independently."""
         dt, segments = self.replay.rate_interval_s, self.replay.segments
-        return np.concatenate([rate(values[a:b], dt) for a, b in segments])
+        return np.concatenate([time_derivative(values[a:b], dt) for a, b in segments])
 
     def _planar_forces(self, states: Any, acting: Any) -> Channels:
-        """Forces [N] and moment [N m] that hull, sway and yaw lack, each of shape (rows,)."""
+        """Return the residuals of hull and sway [N] and of yaw [N m], each of shape (rows,)."""
         sway, sway_yaw, yaw_sway, yaw = map(float, planar_inertia(self.plant))
         ahead, across, turn = (
             self._run_rate(states[name]) - acting[own]
@@ -327,10 +337,10 @@ class Balances:
 
     def _shaft_speed(self, channels: Channels) -> NDArray[np.float64]:
         if SHAFT_SPEED not in channels and SHAFT_ANGLE in channels:
-            return rate(channels[SHAFT_ANGLE], self.replay.interval_s)
+            return time_derivative(channels[SHAFT_ANGLE], self.replay.interval_s)
         nominal: NDArray[np.float64] = self.nominal_samples["shaft_speed"]
         return channels.get(SHAFT_SPEED, nominal)
 
-    def lacking(self, simulated: Channels) -> NDArray[np.float64]:
-        """What a simulation lacks of the recording in each balance; shape (balances, rows)."""
+    def residuals_against(self, simulated: Channels) -> NDArray[np.float64]:
+        """Return the residuals of the recording minus those of a simulation, (balances, rows)."""
         return self.residuals(self.replay.measured) - self.residuals(simulated)

@@ -1,10 +1,8 @@
-"""Simulations that do not wait for each other, on two threads: kernels let other threads run.
+"""Replay recordings of one ship together, with the recorded commands.
 
-Recordings of one ship replayed together, again and again.
-
-An effect leaves its trace in what the *simulation* does under the recorded demands, which are free of
-instrument noise. Regressors made from measured signals would share their noise with the residual and
-make inertia look added where none is (errors in variables).
+The regressor of an effect is a change of the simulation with the recorded commands, which have no
+instrument noise. Regressors from measured signals would share their noise with the residual and bias the
+estimates, for example towards an added inertia (errors in variables).
 """
 
 from __future__ import annotations
@@ -27,8 +25,8 @@ from ...plant.equilibria import SteadyReplay
 from ...plant.replay import Replay
 from ...plant.ship import Ship
 from ...plant.signals import SAMPLE
-from ..recordings.excitation import loaded, moves
-from ..recordings.noise import describe, row_noise
+from ..recordings.excitation import load_varies, varies
+from ..recordings.noise import estimate_noise, row_noise
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -38,16 +36,20 @@ THREADS = min(2, os.cpu_count() or 1)
 
 @functools.cache
 def _pool(_process: int) -> ThreadPoolExecutor:
-    """A process's own: the threads of the one that it was forked from are not there."""
+    """Return the thread pool of a process; a forked process does not have the threads of its parent."""
     return ThreadPoolExecutor(THREADS)
 
 
-def at_once(work: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
-    """``map(work, items)``, in its order.
+def map_threaded(work: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
+    """Yield the results of ``map(work, items)`` in order, computed on :data:`THREADS` threads.
+
+    Example:
+        >>> list(map_threaded(abs, [-1, 2, -3]))
+        [1, 2, 3]
 
     Args:
-        work: whose inner loops let other threads run.
-        items: of which twice as many as there are threads are under way at a time.
+        work: function whose compiled kernels release the interpreter lock.
+        items: arguments; at most twice as many as there are threads are in progress at a time.
     """
     pool, waiting = _pool(os.getpid()), iter(items)
     running = [pool.submit(work, item) for item in itertools.islice(waiting, 2 * THREADS)]
@@ -57,27 +59,26 @@ def at_once(work: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
 
 
 START_STEPS = 40
-"""Time steps of the ship over which the first state is averaged."""
+"""Number of time steps of the ship over which the first state is averaged."""
 
-MOVES_APART = 12
-"""Moves of the demands whose times between two rows are doubted one by one."""
+SEPARATE_STEPS = 12
+"""Number of the largest command steps whose unknown times between two rows are treated separately."""
 
 
-UNMOVED = (0.0, 0.0, 0.0)
-"""Shift of the first state by nothing."""
+NO_SHIFT = (0.0, 0.0, 0.0)
+"""Zero shift of the first state."""
 
 RESOLUTION = 1e-5
-"""Share of its largest value that a channel is read to at best: one that was simulated, not measured,
-would be infinitely sure of itself. Of an angle, which has no largest value, the largest step counts.
-"""
+"""Finest resolution of a channel, as a share of its largest value, or of the largest step of an angle. A
+simulated channel without noise would otherwise have unlimited weight."""
 
 
 def blocks(rows: NDArray[np.float64], every: int) -> NDArray[np.float64]:
-    """Means over so many rows each; what is left over at the end is dropped.
+    """Return the means over consecutive groups of rows; incomplete groups at the end are dropped.
 
     Args:
         rows: shape (n, ...).
-        every: at least 1.
+        every: number of rows in a group, at least 1.
     """
     if every == 1:
         return rows
@@ -87,29 +88,29 @@ def blocks(rows: NDArray[np.float64], every: int) -> NDArray[np.float64]:
 
 
 def _shifted(run: Replay, shift: tuple[float, ...]) -> tuple[float, ...]:
-    """A recording's first state, shifted; what follows the first three is a shift itself."""
+    """Return the shifted first state of a recording; entries after the first three are shifts."""
     return (*(a + b for a, b in zip(run.start, shift[:3], strict=True)), *shift[3:])
 
 
 def _finest(column: str, values: NDArray[np.float64]) -> float:
-    """What a channel is read to at best, in its unit."""
+    """Return the finest resolution of a channel in its unit."""
     sized = np.diff(values) if column in (SHAFT_ANGLE, HEADING) else values
     return RESOLUTION * float(np.abs(sized).max())
 
 
 class JointReplay:
-    """One or more recordings of a ship, each simulated from its own start, end to end in the arrays.
+    """One or more recordings of a ship, each simulated from its own first row and concatenated.
 
     Args:
         ship: the nominal ship.
         tables: canonical columns at an even interval, all finite; equal columns and intervals.
-        line: whether demands are straight lines between rows instead of held.
-        every: rows that are averaged into one, of what was recorded and simulated alike; the simulation
-            goes from row to row all the same. Rows left over at a recording's end are dropped.
+        line: whether commands are interpolated linearly between rows; else they are held.
+        every: number of rows that are averaged into one, of measured and simulated channels; the
+            simulation still uses every row. Incomplete groups at the end of a recording are dropped.
         steady: whether each row is an equilibrium at the inputs of that row.
 
     Raises:
-        ValueError: recordings that do not go together.
+        ValueError: the recordings have different columns or intervals.
     """
 
     def __init__(
@@ -151,7 +152,7 @@ class JointReplay:
         self.drive_rows, self.command = joined("drive_rows"), joined("command")
         self.rudder_rows = joined("rudder_rows")
         self.excited = any(
-            moves(run.drive_rows) or moves(run.command) or loaded(ship, run.table)
+            varies(run.drive_rows) or varies(run.command) or load_varies(ship, run.table)
             for run in self.runs
         )
         self.elevation_rows = joined("elevation_rows")
@@ -163,70 +164,70 @@ class JointReplay:
         self.inflow_rows = self._averaged([run.inflow_rows(ship.record()) for run in self.runs])
 
     def with_ship(self, ship: Ship, *tables: pd.DataFrame) -> JointReplay:
-        """Return a replay of the same recordings, or of others alike, by another ship."""
+        """Return a replay by another ship, of the same recordings or of other tables."""
         own = tables or [run.table for run in self.runs]
         return JointReplay(ship, *own, line=self.line, every=self.every, steady=self.steady)
 
     @property
     def rate_interval_s(self) -> float:
-        """Interval over which rates of change are formed [s]; infinite between equilibria."""
+        """Interval for time derivatives [s]; infinite between equilibria."""
         return math.inf if self.steady else self.interval_s
 
     def _averaged(self, parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-        """A signal of every run, shape (rows of the run,) or (rows, signals), end to end."""
+        """Average a signal of each run, (rows,) or (rows, signals), and concatenate the results."""
         return np.concatenate([blocks(part, self.every) for part in parts])
 
-    def simulate(self, plant: Any, shift: tuple[float, ...] = UNMOVED) -> Any:
-        """Samples at the recordings' rows under a ship record; SAMPLE array of shape (rows,).
+    def simulate(self, plant: Any, shift: tuple[float, ...] = NO_SHIFT) -> Any:
+        """Simulate all recordings with a ship record; return a SAMPLE array of shape (rows,).
 
         Args:
             plant: ship record.
-            shift: of the first pitch ratio [-], shaft speed [rad/s] and ship speed [m/s], and of a
-                ship that turns sway speed [m/s], yaw rate [rad/s] and heading [rad].
+            shift: shift of the first pitch ratio [-], shaft speed [rad/s] and ship speed [m/s], and for
+                a ship that turns of sway speed [m/s], yaw rate [rad/s] and heading [rad].
         """
-        found = list(self._sailed(plant, shift, self.simulate_run))
+        parts = [self.simulate_run(run, plant, _shifted(run, shift)) for run in self.runs]
         if self.every == 1:
-            return found[0] if len(found) == 1 else np.concatenate(found)
+            return parts[0] if len(parts) == 1 else np.concatenate(parts)
         width = len(SAMPLE.names or ())
-        plain = self._averaged([part.view(np.float64).reshape(-1, width) for part in found])
+        plain = self._averaged([part.view(np.float64).reshape(-1, width) for part in parts])
         return np.ascontiguousarray(plain).view(SAMPLE).ravel()
 
-    def channels_of(
+    def simulate_channels(
         self,
         plant: Any,
-        shift: tuple[float, ...] = UNMOVED,
+        shift: tuple[float, ...] = NO_SHIFT,
         each: Sequence[tuple[float, ...]] = (),
     ) -> dict[str, NDArray[np.float64]]:
-        """The measured channels of a simulation alone, as :meth:`simulated` gives them.
+        """Simulate all recordings and return the measured channels only, each of shape (rows,).
 
         Args:
             plant: ship record.
-            shift: as of :meth:`simulate`.
-            each: the shift of each recording instead.
+            shift: shift of the first states, as in :meth:`simulate`.
+            each: separate shift for each recording, instead of ``shift``.
         """
         shifts = each or [shift] * len(self.runs)
-        parts = [self.channels_of_run(k, plant, own) for k, own in enumerate(shifts)]
+        parts = [self.simulate_run_channels(k, plant, own) for k, own in enumerate(shifts)]
         return {c: np.concatenate([part[c] for part in parts]) for c in self.channels}
 
-    def channels_of_run(
-        self, which: int, plant: Any, shift: tuple[float, ...] = UNMOVED
+    def simulate_run_channels(
+        self, which: int, plant: Any, shift: tuple[float, ...] = NO_SHIFT
     ) -> dict[str, NDArray[np.float64]]:
-        """The same of one recording, its rows alone.
+        """Simulate one recording and return its measured channels, each of shape (rows of the run,).
 
         Args:
-            which: recording.
+            which: index of the recording.
             plant: ship record.
-            shift: as of :meth:`simulate`.
+            shift: shift of the first state, as in :meth:`simulate`.
         """
         run = self.runs[which]
         samples = self.simulate_into(run, plant, _shifted(run, shift))
         return {c: blocks(samples[MEASURED[c]].copy(), self.every) for c in self.channels}
 
-    def mistimed(self) -> Iterator[JointReplay]:
-        """The same with some moves of the demands held up to the next row instead of drawn as a line.
+    def with_held_commands(self) -> Iterator[JointReplay]:
+        """Yield replays in which some command steps occur at the next row instead of along a line.
 
-        When between two rows a demand moved is not recorded. The :data:`MOVES_APART` largest moves may
-        each have come at a time of its own, all others at one.
+        The time of a command step between two rows is not recorded. Each of the :data:`SEPARATE_STEPS`
+        largest steps gives one replay, and all smaller steps together give one more.
         """
         sizes = []
         for run in self.runs:
@@ -238,8 +239,8 @@ class JointReplay:
         ranks = np.empty(len(every), np.int64)
         ranks[np.argsort(-every, kind="stable")] = np.arange(len(every))
         cuts = np.cumsum([len(size) for size in sizes])[:-1]
-        for group in range(MOVES_APART + 1):
-            chosen = ranks == group if group < MOVES_APART else ranks >= MOVES_APART
+        for group in range(SEPARATE_STEPS + 1):
+            chosen = ranks == group if group < SEPARATE_STEPS else ranks >= SEPARATE_STEPS
             if every[chosen].any():
                 other = copy.copy(self)
                 parts = np.split(chosen, cuts)
@@ -248,30 +249,24 @@ class JointReplay:
                 ]
                 yield other
 
-    def _sailed(
-        self, plant: Any, shift: tuple[float, ...], simulate: Callable[..., NDArray[Any]]
-    ) -> Iterator[NDArray[Any]]:
-        for run in self.runs:
-            yield simulate(run, plant, _shifted(run, shift))
-
     def simulate_run(self, run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:
-        """Samples at one recording's rows.
+        """Simulate one recording; return its samples.
 
         Args:
             run: one of ``runs``.
             plant: ship record.
-            start: pitch ratio [-], shaft speed [rad/s] and ship speed [m/s] at its first row; what
-                follows them shifts :data:`shaftline.plant.replay.IN_THE_PLANE`.
+            start: pitch ratio [-], shaft speed [rad/s] and ship speed [m/s] at the first row; further
+                entries shift :data:`shaftline.plant.replay.PLANAR_STATES`.
         """
         return run.simulate(plant, start)
 
     def simulate_into(self, run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:
-        """The same, in memory that the thread's next simulation fills anew."""
+        """Simulate one recording in memory that the next simulation of the thread overwrites."""
         return run.simulate_into(plant, start)
 
     @functools.cached_property
     def recorded(self) -> dict[str, NDArray[np.float64]]:
-        """Measured channels by column as they were recorded, each of shape (rows,)."""
+        """Measured channels by column, each of shape (rows,)."""
         return {
             c: self._averaged([run.table[c].to_numpy(dtype=np.float64) for run in self.runs])
             for c in self.channels
@@ -279,27 +274,27 @@ class JointReplay:
 
     @functools.cached_property
     def measured(self) -> dict[str, NDArray[np.float64]]:
-        """The same with the noise of :data:`RESOLUTION` on those that have next to none."""
+        """Measured channels with noise of :data:`RESOLUTION` added to those with less noise."""
         rng = np.random.default_rng(0)
         found = dict(self.recorded)
         for column, values in self.recorded.items():
             least = _finest(column, values)
-            if describe(values[slice(*self.segments[0])], self.interval_s).white_rms < least:
+            if estimate_noise(values[slice(*self.segments[0])], self.interval_s).white_rms < least:
                 found[column] = values + least * rng.standard_normal(len(values))
         return found
 
     @functools.cached_property
     def noise_rms(self) -> dict[str, float]:
-        """White noise of the measured channels, by column, in their units; told from the first run."""
+        """White noise of the first recording by column, in the unit of the column."""
         first = slice(*self.segments[0])
         noise = {
-            column: describe(values[first], self.interval_s).white_rms
+            column: estimate_noise(values[first], self.interval_s).white_rms
             for column, values in self.measured.items()
         }
         if not self.steady:
             return noise
         inputs = [self.drive_rows, self.command, *self.outside.values()]
-        nominal = self.channels_of(self.ship.record())
+        nominal = self.simulate_channels(self.ship.record())
         return {
             column: row_noise(values[first], [one[first] for one in (*inputs, nominal[column])])
             for column, values in self.measured.items()
@@ -307,16 +302,16 @@ class JointReplay:
 
     @functools.cached_property
     def quantisation(self) -> dict[str, float]:
-        """Steps of the channels in which they are coarser than the noise, by column, in their units."""
+        """Quantisation steps that are larger than the noise, by column, in the unit of the column."""
         found = {}
         for column in self.channels:
             values = self.runs[0].table[column].to_numpy()
-            own = describe(values, self.runs[0].interval_s)
-            # steps below the resolution are a simulation's last digits
+            own = estimate_noise(values, self.runs[0].interval_s)
+            # Steps below the resolution are rounding errors of a simulated channel.
             if max(own.white_rms, _finest(column, values)) < 0.5 * own.quantisation:
                 found[column] = own.quantisation
         return found
 
     def simulated(self, samples: Any) -> dict[str, NDArray[np.float64]]:
-        """The same channels of a simulation."""
+        """Return the measured channels of simulated samples, by column."""
         return {c: np.ascontiguousarray(samples[MEASURED[c]]) for c in self.channels}

@@ -1,9 +1,10 @@
-"""Recordings of one ship replayed by its linear model about their mean (Vrijdag & Martelli 2021, eq. 9).
+"""Replay recordings of one ship by its linear model about their mean (Vrijdag & Martelli 2021, eq. 9).
 
     x' = f(x0, u0) + A (x - x0) + B (u - u0),    y = y0 + C (x - x0) + D (u - u0)
 
-about the mean of what was measured, which need not be a steady state. Of the inputs, demand, pitch
-command and inflow act. Instruments that delay or misread are left out, as is what the surface does.
+The model is linearised about the mean of the measured channels, which need not be a steady state. Its
+inputs are drive command, pitch command and inflow. Delays and errors of instruments and the water
+surface are left out.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...core.compiled import compiled
 from ...plant.columns import MEASURED
-from ...plant.dynamics import settled
+from ...plant.dynamics import settle_lags
 from ...plant.linear import INPUTS, tangent
 from ...plant.replay import Replay
 from ...plant.signals import SAMPLE
@@ -28,7 +29,7 @@ Floats = NDArray[np.float64]
 
 @compiled
 def _march(carry: Floats, forced: Floats, states: Floats) -> None:
-    """x[k + 1] = carry x[k] + forced[k]; ``states`` filled from its first row on."""
+    """Write x[k + 1] = carry x[k] + forced[k] to ``states``, from its first row."""
     for k in range(len(forced)):
         for i in range(len(carry)):
             total = forced[k, i]
@@ -38,10 +39,11 @@ def _march(carry: Floats, forced: Floats, states: Floats) -> None:
 
 
 class LinearReplay(JointReplay):
-    """As :class:`.joint_replay.JointReplay`, the ship's equations replaced by their tangent.
+    """Replay as :class:`.joint_replay.JointReplay` with the linearised equations of the ship.
 
     Raises:
-        ValueError: recordings that do not go together, or a speed that is held.
+        ValueError: the recordings have different columns or intervals, their rows are equilibria, the
+            ship turns, or its drive prescribes the shaft speed.
     """
 
     def __init__(
@@ -49,30 +51,34 @@ class LinearReplay(JointReplay):
     ) -> None:
         if steady:
             raise ValueError(
-                f"{ship.name}: rows that are equilibria are not replayed by a linear model"
+                f"{ship.name}: rows that are equilibria have no linear dynamic model; use the nonlinear "
+                "replay"
             )
         if ship.turns:
             raise ValueError(
-                f"{ship.name}: a ship that turns has no linear model to be fitted here"
+                f"{ship.name}: the linear replay has no equations of turning; use the nonlinear replay"
             )
         if not ship.turns_freely:
-            raise ValueError(f"{ship.name}: a speed that is held has no linear model to be fitted")
+            raise ValueError(
+                f"{ship.name}: the drive prescribes the shaft speed, which the linear replay does not "
+                "model; use the nonlinear replay"
+            )
         super().__init__(ship, *tables, line=line, every=every)
 
     def simulate_run(self, run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:
-        """Samples at one recording's rows by the linear model of a ship record.
+        """Return the samples at the rows of one recording by the linear model of a ship record.
 
         Args:
             run: one of ``runs``.
             plant: ship record.
-            start: pitch ratio [-], shaft speed [rad/s] and ship speed [m/s] at its first row.
+            start: pitch ratio [-], shaft speed [rad/s] and ship speed [m/s] at the first row.
         """
-        return _simulated(run, plant, start)
+        return _simulate(run, plant, start)
 
     simulate_into = simulate_run
 
 
-def _simulated(run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:
+def _simulate(run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:
     inflow = run.inflow(plant)
     at_middles = inflow[1::2]
     acting = np.column_stack([run.pitch, run.drive, np.ones(len(run.drive)), at_middles])
@@ -81,13 +87,13 @@ def _simulated(run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any
         mean["drive"], mean["pitch_command"], mean["inflow"],
         resistance_factor=mean["resistance_factor"],
     )  # fmt: skip
-    middle = settled(plant, State(*_means(run)), inputs)
-    first = settled(plant, run.first_state(start), run.first_inputs(inflow))
+    middle = settle_lags(plant, State(*_means(run)), inputs)
+    first = settle_lags(plant, run.first_state(start), run.first_inputs(inflow))
     states = [*active_states(plant), "shaft_angle"]
     outputs = [name.removeprefix("measured_") for name in MEASURED.values()]
     model = tangent(plant, middle, inputs, middle.pitch_ratio, states, outputs)
     n = len(states)
-    # x' = A x + B u + f as one system, carried exactly over a step
+    # The system x' = A x + B u + f is integrated exactly over a step by a matrix exponential.
     whole = np.zeros((n + 5, n + 5))
     whole[:n] = np.column_stack([model.a, model.b, model.rates])
     step = scipy.linalg.expm(whole * run.dt)
@@ -105,7 +111,7 @@ def _simulated(run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any
 
 
 def _means(run: Replay) -> tuple[float, float, float]:
-    """Mean pitch ratio, shaft speed and ship speed; where not measured, where the run starts."""
+    """Return the mean pitch ratio, shaft speed and ship speed; the first value of a missing channel."""
     columns = ("pitch_ratio", "shaft_speed_rad_s", "ship_speed_m_s")
     pitch, shaft, speed = (
         float(np.mean(run.table[c])) if c in run.table else start

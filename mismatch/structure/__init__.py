@@ -1,1 +1,1 @@
-"""Parameters and physics found together: every candidate model is refitted as a whole, in simulation."""
+"""Estimate parameters and effects together: each candidate model is refitted as a whole."""

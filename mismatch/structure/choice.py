@@ -1,4 +1,4 @@
-"""Choice among fitted models: the likeliest on all data whose effects all pay, and its alternatives."""
+"""Choose the likeliest fitted model whose effects all improve the fit enough, and its alternatives."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ TIED = 10.0
 decides which of them is reported first."""
 
 FINALISTS = 24
-"""Models that are compared, the best first."""
+"""Number of models that are compared, the best first."""
 
 VETO = 1.5
 """Times the least held-out rms error from which on a model is not chosen, however likely it is."""
 
 NO_WORSE = 1.05
-"""Times the ship file's held-out rms error that a channel may have, at most; and times the chosen
-model's that an alternative may have."""
+"""Largest held-out rms error of a channel, as a multiple of that of the ship file; and of an
+alternative, as a multiple of that of the chosen model."""
 
 NEARLY = 0.95
 """Share of the best model's gain in 2 log L from which a model that is as close to the held-out data is
-an alternative: what a model's form leaves makes differences of log L look surer than they are."""
+an alternative, because approximate forms of models make differences of log L appear too certain."""
 
 
 @dataclass(frozen=True)
 class Ranked:
-    """A model of the search, and how good it is.
+    """Fitted model with the measures by which it is ranked.
 
     Args:
-        model: fitted.
-        merit: its 2 log L on the fitted data less the price of its effects and of the search for them.
-        held: its rms error on the held-out data by channel, in the channels' units.
-        compared: the same with outliers clipped.
-        likelihood: 2 log L of the held-out data by the noise model.
-        place: sum of its effects' places in the catalogue.
-        at_bound: whether a value of an effect ended at the bound of its search.
+        model: fitted model.
+        merit: 2 log L on the fitted data less the price of its effects and of the search for them.
+        held: rms error on the held-out data by channel, in the channels' units.
+        compared: rms error on the held-out data with clipped outliers, likewise.
+        likelihood: 2 log L of the held-out data with the noise model.
+        place: sum of the positions of its effects in the catalogue.
+        at_bound: whether a value of an effect is at the bound of its search.
     """
 
     model: Model
@@ -60,9 +60,9 @@ class Ranked:
 def _pays(one: Ranked, ranked: list[Ranked]) -> bool:
     """Return whether all effects of a model pay: no part of them is nearly as good as the whole.
 
-    A part is a model with some of the effects, or with the same ones in forms of fewer values. What its
-    effects leave because their forms are approximations, :data:`FORM_SHARE` squared of what they gain,
-    is no evidence of a further effect.
+    A part is a model with some of the effects, or with the same effects in forms of fewer values. The
+    approximate forms of its effects leave :data:`FORM_SHARE` squared of their gain, which is no evidence
+    of a further effect.
     """
     plain = min((o for o in ranked if not o.model.labels), key=lambda o: o.merit, default=None)
     for other in ranked:
@@ -76,21 +76,21 @@ def _pays(one: Ranked, ranked: list[Ranked]) -> bool:
 
 
 def total(held: Floats, best: Floats) -> float:
-    """Return a held-out error over a best one, the geometric mean of the channels."""
+    """Return the geometric mean over the channels of held-out errors relative to the best errors."""
     return float(np.exp(np.mean(np.log(held / best)))) if np.isfinite(held).all() else math.inf
 
 
 def choose(
     ranked: list[Ranked], before: Floats, noise: Floats | float = math.inf
 ) -> tuple[Ranked, list[Ranked]]:
-    """Return the likeliest model whose effects pay, and those that are as good.
+    """Return the likeliest model whose effects all pay, and the models that are as good.
 
-    Models with a value at the bound of its search are chosen only where there are no others.
+    Models with a value at the bound of its search are chosen only if there are no others.
 
     Args:
         ranked: models by merit, the best first.
-        before: held-out rms error of the file's ship by channel, in the channels' units. A model that
-            is worse in a channel is not chosen.
+        before: held-out rms error of the ship file by channel, in the channels' units. A model with a
+            larger error in a channel is not chosen.
         noise: held-out rms error by channel up to which it is noise. Where the chosen model leaves more,
             a model that is nearly as likely is an alternative.
 

@@ -1,7 +1,4 @@
-"""The verdict on a model of the structure search, and why a recording is explained in part only.
-
-Diagnosis by the structure search: the chosen model, judged on held-out data.
-"""
+"""Diagnose recordings by the structure search, and judge the chosen model on the held-out data."""
 
 from __future__ import annotations
 
@@ -15,8 +12,13 @@ import pandas as pd
 from ...plant.ship import Ship, ShipError
 from ..diagnosis import Diagnosis
 from ..estimate import Tick
-from ..judge.findings import at_bound, detectable_effects, findings_of, implausible
-from ..judge.held_out import HeldOut, Segments, bands_of, fits
+from ..judge.findings import (
+    detectable_effects,
+    findings_of,
+    implausible_parameter,
+    parameter_at_bound,
+)
+from ..judge.held_out import HeldOut, Segments, bands_of, fit_percents
 from ..judge.shapes import best_shapes, shape_to_show
 from ..judge.verdict import (
     EXPLAINED,
@@ -25,10 +27,10 @@ from ..judge.verdict import (
     UNEXPLAINED,
     balance_verdicts,
     explained_shares,
-    too_little,
+    is_undecidable,
 )
 from ..recordings.joint import JointRecordings
-from ..search.catalogue import Effect, Placed
+from ..search.catalogue import Effect, SizedEffect
 from ..search.fitting import Fit, Fitter
 from ..search.selection import Candidate, Selection
 from ..search.whiteness import Whiteness
@@ -40,17 +42,17 @@ from .estimates import (
     biased_parameter,
     effect_estimates,
     parameter_estimates,
-    plain_errors,
+    plain_error_remarks,
     remarks,
     replace_far_parameters,
 )
 from .model import Floats, Model
-from .noise_model import MOST_ROWS, coarser, left_out
+from .noise_model import MOST_ROWS, coarser, reason_to_skip
 from .output_error import OutputError
 from .search import StructureSearch
 
 OF_NOISE = 2.0
-"""Times the noise of every channel up to which a held-out error is noise."""
+"""Multiple of a channel's noise up to which its held-out error counts as noise."""
 
 
 def noise_limit(problem: OutputError) -> Floats:
@@ -69,21 +71,25 @@ def verdict_on(
     """Return the verdict on a chosen model, and remarks on why it is explained in part only.
 
     Args:
-        best: the model.
-        problem: that fitted it.
-        whiteness: of its residuals.
-        fit: its effects as the balances have them.
-        gain: of the corrected ship, without clock skews, on the held-out data in 2 log L.
+        best: chosen model.
+        problem: output-error problem that fitted it.
+        whiteness: whiteness test of its residuals.
+        fit: its effects fitted in the balances.
+        gain: gain of the corrected ship without clock skews on the held-out data, in 2 log L.
     """
     quiet = within_noise(problem, best.held) or whiteness.colour(fit) is None
-    far = problem.moved_far(best.model)
+    far = problem.far_parameters(best.model)
     if not best.model.effects:
         return (NOTHING if quiet and not far else UNEXPLAINED), []
     ship = problem.trial_ship
-    limits = (limit(ship, placed) for placed in fit.effects for limit in (at_bound, implausible))
+    limits = (
+        limit(ship, placed)
+        for placed in fit.effects
+        for limit in (parameter_at_bound, implausible_parameter)
+    )
     reasons = [said for said in limits if said]
     if not quiet:
-        reasons.append("more than noise is left on the held-out data")
+        reasons.append("the residual on the held-out data is more than noise")
     if far:
         reasons.append(
             f"{', '.join(problem.priors[k].key for k in far)} moved far from the ship file"
@@ -99,28 +105,26 @@ def verdict_on(
 
 
 CLOSER = 0.8
-"""Share of the first diagnosis's held-out error that the model of this search must come below, as the
-channels' geometric mean. Otherwise the first diagnosis stands: it knows effects that act for a time."""
+"""Largest held-out error of a model as a share of that of the first diagnosis (geometric mean of the
+channels). Otherwise the first diagnosis stands, which includes effects that act for a limited time."""
 
 AS_CLOSE = 1.05
-"""The same where the first diagnosis does not explain the recording, of a model without effects; and of
-any model where the first one is close by a shape or a formula beside its effects. Wrong parameters and
-effects that come as close are preferred to what has no name."""
+"""The same share for a model without effects where the first diagnosis does not explain the recording,
+and for any model where the first diagnosis uses a shape or a formula: parameters and effects that fit as
+well are preferred to a shape or formula."""
 
-NO_CLOSER = (
-    "effects and parameters were also estimated together, which came no closer to the held-out data"
-)
+NO_CLOSER = "effects and parameters were also estimated together; the held-out data fit no better"
 """Remark where the first diagnosis stands."""
 
 NO_MODEL = (
-    "effects and parameters were also estimated together: models of many values come closer to the "
-    "held-out data, but no model whose effects all pay does"
+    "effects and parameters were also estimated together: models with many values fit the held-out data "
+    "better, but no model all of whose effects are significant does"
 )
-"""Remark where the first diagnosis stands and is not the whole truth."""
+"""Remark where the first diagnosis stands although it is incomplete."""
 
 BETTER = 0.95
-"""Share of the held-out error of the ship without effects, its parameters refitted, that effects must
-come below; otherwise the parameters alone are reported."""
+"""Largest held-out error of a model with effects as a share of that with refitted parameters alone;
+otherwise the parameters alone are reported."""
 
 
 def diagnose_structure(
@@ -136,26 +140,26 @@ def diagnose_structure(
 
     Args:
         first: diagnosis by the search that holds the parameters within their tolerances.
-        setting: how the recordings are looked at.
-        together: the recordings.
-        effects: candidates.
-        tick: called with the stage, how much is done, and how much there is.
-        tolerance: factor on the tolerances of the ship's parameters.
-        most: effects that are reported, at most.
+        setting: interpolation, frequency range and split of the recordings.
+        together: recordings.
+        effects: candidate effects.
+        tick: progress callback ``tick(stage, done, total)``.
+        tolerance: factor on the tolerances of the ship's parameters [-].
+        most: largest number of reported effects; None for the default.
 
     Returns:
-        The diagnosis; the first one, with a remark, where it leaves noise or is as close to the held-out
-        data.
+        The diagnosis; the first one, with a remark, if it leaves noise or fits the held-out data as
+        well.
     """
-    if first.left_over is None and not any(n.is_biased for n in first.numbers):
+    if first.left_over is None and not any(n.is_biased for n in first.parameters):
         return first
     replay = coarser(setting.balances.replay, MOST_ROWS)
-    if why := left_out(replay):
-        return _with_remark(first, f"effects and parameters were not estimated together: {why}")
+    if why := reason_to_skip(replay):
+        return _add_remark(first, f"effects and parameters were not estimated together: {why}")
     fitted, held_out, highest = setting.segments, setting.held, setting.fitter.bands.highest_Hz
     problem = OutputError(Balances(replay), fitted, held_out, tolerance, highest)
     residual = min(
-        (held_residual(ship, replay, fitted, held_out) for ship in _corrected(first)),
+        (held_residual(ship, replay, fitted, held_out) for ship in _corrected_ships(first)),
         key=lambda one: float(np.sum(np.log(problem.likelihood.rms(one)))),
     )
     before = problem.likelihood.rms(residual)
@@ -168,7 +172,7 @@ def diagnose_structure(
         total(problem.held_error(quick), before) > (named if quick.effects else alone)
         for quick in search.quick_pass()
     ):
-        return _with_remark(first, NO_CLOSER)
+        return _add_remark(first, NO_CLOSER)
     ranked = search.search()
     clipped = problem.likelihood.rms(residual, search.limit)
 
@@ -178,23 +182,23 @@ def diagnose_structure(
         return error <= (named if one.model.effects else alone)
 
     best, alike = choose(ranked, problem.held_error(problem.file_model()), noise_limit(problem))
-    if (pruned := search.pruned(best)) is not best:
+    if (pruned := search.prune(best)) is not best:
         best, alike = pruned, []
     plain = next(one for one in ranked if not one.model.effects)
     if best.model.effects and total(best.held, plain.held) > BETTER:
         best, alike = plain, []
     if not closer(best):
-        return _doubted(first)
+        return _downgrade(first)
     model, replaced = replace_far_parameters(search, best.model)
     if replaced:
-        best, alike = search.ranked(model), []
-    found = _diagnosed(first, search, setting, together, best, alike, ranked)
-    wrong = [biased_parameter(first.ship, replaced, finding) for finding in found.findings]
-    return replace(found, wrong=wrong)
+        best, alike = search.rank(model), []
+    found = _update_diagnosis(first, search, setting, together, best, alike, ranked)
+    biased = [biased_parameter(first.ship, replaced, finding) for finding in found.findings]
+    return replace(found, biased=biased)
 
 
-def _corrected(first: Diagnosis) -> list[Ship]:
-    """Return the corrected ship of a diagnosis, and the ship with a formula in place of its effects."""
+def _corrected_ships(first: Diagnosis) -> list[Ship]:
+    """Return the corrected ship of a diagnosis and, with a formula, the ship with the formula alone."""
     if first.formula is None:
         return [first.corrected]
     return [first.corrected, first.ship.with_term(first.formula.term)]
@@ -206,27 +210,27 @@ def held_residual(ship: Ship, replay: JointReplay, fitted: Segments, held: Segme
     return problem.held_residual(problem.file_model())
 
 
-def _doubted(first: Diagnosis) -> Diagnosis:
-    """Return a diagnosis that stands although richer models are closer: explained in part at most."""
+def _downgrade(first: Diagnosis) -> Diagnosis:
+    """Return a diagnosis that stands although richer models fit better: explained in part at most."""
     verdict = PARTLY if first.verdict == EXPLAINED else first.verdict
-    return _with_remark(replace(first, verdict=verdict), NO_MODEL)
+    return _add_remark(replace(first, verdict=verdict), NO_MODEL)
 
 
-def _with_remark(first: Diagnosis, remark: str) -> Diagnosis:
+def _add_remark(first: Diagnosis, remark: str) -> Diagnosis:
     """Return a diagnosis with one more remark."""
     return replace(first, warnings=[*first.warnings, remark])
 
 
-def _effects_of(first: Diagnosis) -> tuple[Placed, ...]:
+def _effects_of(first: Diagnosis) -> tuple[SizedEffect, ...]:
     """Return the effects of a diagnosis with their values, except those that act for a time."""
     return tuple(
-        Placed(finding.effect, tuple(estimate.value for estimate in finding.estimates))
+        SizedEffect(finding.effect, tuple(estimate.value for estimate in finding.estimates))
         for finding in first.findings
         if not finding.effect.windowed
     )
 
 
-def _diagnosed(
+def _update_diagnosis(
     first: Diagnosis,
     search: StructureSearch,
     setting: Setting,
@@ -235,37 +239,37 @@ def _diagnosed(
     alike: list[Ranked],
     ranked: list[Ranked],
 ) -> Diagnosis:
-    """Return the first diagnosis with what a chosen model changes in it.
+    """Return the first diagnosis with the results of a chosen model.
 
     Args:
-        first: diagnosis by the other search.
-        search: search that found the model.
-        setting: how the recordings are looked at.
-        together: the recordings.
-        best: the chosen model.
+        first: diagnosis by the first search.
+        search: structure search that found the model.
+        setting: interpolation, frequency range and split of the recordings.
+        together: recordings.
+        best: chosen model.
         alike: models that the recordings cannot distinguish from it.
         ranked: all models.
     """
     problem, model, replay = search.problem, best.model, setting.balances.replay
     ship = _with_parameters(first.ship, problem, model)
-    tables = _in_time(together.tables, problem, model)
+    tables = _correct_clocks(together.tables, problem, model)
     balances = Balances(replay.with_ship(ship, *tables))
     bands = bands_of(balances, setting.segments, setting.fitter.bands.highest_Hz)
     fitter = Fitter(balances, bands, problem.tolerance)
-    fit = fitter.fitted(model.effects)
+    fit = fitter.evaluate(model.effects)
     whiteness = Whiteness(fitter, replay.noise_rms, replay.quantisation)
     corrected = fitter.trial_ship.corrected(fit.effects)
     judge = HeldOut(setting.fitter, setting.held)
     gain = float(judge(corrected.record()) - judge(first.ship.record()))
     verdict, why = verdict_on(best, problem, whiteness, fit, gain)
-    if verdict == NOTHING and too_little(replay.excited, together.limits):
+    if verdict == NOTHING and is_undecidable(replay.excited, together.limits):
         verdict = UNEXPLAINED
     colour = whiteness.colour(fit)
     shape = None
     if verdict == UNEXPLAINED and colour is not None:
         shape = shape_to_show(best_shapes(fitter, fit), balances, colour)
     selection = _selection(fitter, fit, best, alike, ranked, search)
-    findings = findings_of(fitter, selection, balances.lacking(balances.nominal))
+    findings = findings_of(fitter, selection, balances.residuals_against(balances.nominal))
     findings = [
         replace(finding, estimates=estimates)
         for finding, estimates in zip(
@@ -279,7 +283,7 @@ def _diagnosed(
         verdict=verdict,
         corrected=corrected,
         after=after,
-        residual_after=setting.balances.lacking(after),
+        residual_after=setting.balances.residuals_against(after),
         findings=findings,
         shape=shape,
         shape_windows=[],
@@ -292,30 +296,30 @@ def _diagnosed(
         detectable=detectable_effects(
             fitter, search.threshold, fit, [c.effect for c in selection.ranking]
         ),
-        fit_after=fits(first.measured, after, problem.held_rows),
+        fit_after=fit_percents(first.measured, after, problem.held_rows),
         held_out_gain=gain,
         warnings=[
             *together.warnings,
             *why,
             *remarks(best, problem),
-            *plain_errors(problem, best, corrected),
+            *plain_error_remarks(problem, best, corrected),
         ],
-        numbers=parameter_estimates(first.ship, problem, model, corrected),
+        parameters=parameter_estimates(first.ship, problem, model, corrected),
     )
 
 
-def _in_time(
+def _correct_clocks(
     tables: Sequence[pd.DataFrame], problem: OutputError, model: Model
 ) -> list[pd.DataFrame]:
-    """Return recordings with the measured channels moved onto the commands' clock."""
+    """Return recordings with the measured channels shifted onto the commands' clock."""
     skews = model.nuisance[len(problem.starts) :] * problem.replay.every  # rows as recorded
-    moved = []
+    shifted = []
     for table in tables:
         rows = np.arange(len(table))
         pairs = zip(problem.names, skews, strict=True)
         on_time = {c: np.interp(rows - skew, rows, table[c]) for c, skew in pairs if c in table}
-        moved.append(table.assign(**on_time))
-    return moved
+        shifted.append(table.assign(**on_time))
+    return shifted
 
 
 def _with_parameters(file: Ship, problem: OutputError, model: Model) -> Ship:
@@ -323,8 +327,8 @@ def _with_parameters(file: Ship, problem: OutputError, model: Model) -> Ship:
     values = {}
     for prior, shift in zip(problem.priors, model.shifts, strict=True):
         if abs(shift) > 0.1 * prior.near:
-            number = file.number(prior.key)
-            value = float(np.clip(prior.value_at(float(shift)), *number.searched))
+            number = file.parameter(prior.key)
+            value = float(np.clip(prior.value_at(float(shift)), *number.search_range))
             values[prior.key] = number.info.inside(value)
     with contextlib.suppress(ShipError):  # two parameters that do not go together
         return file.with_values(values) if values else file
@@ -339,19 +343,19 @@ def _selection(
     ranked: list[Ranked],
     search: StructureSearch,
 ) -> Selection:
-    """Return a model as the other search has it: each effect's gain, threshold and rivals."""
+    """Return a model as a selection of the first search: gain, threshold and rivals of each effect."""
     labels = best.model.labels
     gains, rivals = [], []
     for placed in best.model.effects:
         rest = tuple(p for p in best.model.effects if p is not placed)
         gains.append(best.model.score - search.problem.fit(rest, best.model).score)
-        instead = []
+        others = []
         for one in alike:
             other = [p for p in one.model.effects if p.effect.label not in labels]
             shared = labels & one.model.labels
             if len(other) == 1 and shared == labels - {placed.effect.label}:
-                instead.append(_candidate(fitter, other[0].effect, one))
-        rivals.append(tuple(instead))
+                others.append(_candidate(fitter, other[0].effect, one))
+        rivals.append(tuple(others))
     singles = [one for one in ranked if len(one.model.effects) == 1]
     return Selection(
         fit,

@@ -1,13 +1,9 @@
-"""A ship fitted to recordings: effects, shifts of parameters, and nuisance values.
+"""Models of the structure search: effects, parameter shifts and nuisance values, with their priors.
 
-All free values of a model on one scale, inside their bounds.
-
-Prior distributions of a ship's parameters: within the file's tolerance, or far from the file.
-
-A parameter of a ship file lies within its tolerance, or the tolerance is not to be trusted: it was
-guessed, or measured on another machine. The prior is a mixture of both normal distributions. Close to
-the file it costs what a normal variable does; far from it no more than the small probability that the
-file is wrong, so that data which clearly speak of another value are heard, and noise is not.
+The prior of a parameter is a mixture of two normal distributions: the parameter lies within the
+tolerance of the ship file, or, with a small probability, the file is wrong (a guess, or the value of
+another machine). Near the file the cost is that of a normal variable. Far from the file it is limited,
+so that recordings with clear evidence of another value overrule the file, and noise does not.
 """
 
 from __future__ import annotations
@@ -20,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...plant.keys import Number
+from ...plant.keys import ShipParameter
 from ...plant.ship import Ship
-from ..search.catalogue import Placed
+from ..search.catalogue import SizedEffect
 from ..simulate.joint_replay import JointReplay
-from ..simulate.tolerances import tolerance_moves
+from ..simulate.tolerances import tolerance_perturbations
 
 if TYPE_CHECKING:
     from .output_error import OutputError
@@ -35,17 +31,18 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Model:
-    """A fitted ship.
+    """Ship with effects and shifted parameters, fitted to recordings.
 
     Args:
-        effects: with their values.
-        shifts: distance of each parameter from the ship file, as its prior counts it, shape (priors,).
+        effects: effects with their values.
+        shifts: distance of each parameter from the ship file, in the scale of its prior, shape
+            (priors,).
         nuisance: shift of the first pitch ratio, shaft speed and ship speed of each recording, in
             deviations, and then of each channel's clock, in rows; shape (3 recordings + channels,).
         score: 2 log L with the priors [-]; only differences mean anything.
     """
 
-    effects: tuple[Placed, ...]
+    effects: tuple[SizedEffect, ...]
     shifts: Floats
     nuisance: Floats
     score: float
@@ -57,7 +54,7 @@ class Model:
 
     @property
     def kinds(self) -> frozenset[tuple[str, str]]:
-        """Kinds of the effects, whatever their form."""
+        """Kinds of the effects, without their forms."""
         return frozenset(placed.effect.kind for placed in self.effects)
 
     @property
@@ -73,7 +70,7 @@ STEP_NEAR = 0.3
 """Finite difference of a first state, and of a parameter that moves by a difference, in deviations."""
 
 MOST_SKEW = 0.5
-"""Recorded rows by which a channel's clock may be off."""
+"""Largest clock skew of a channel, in recorded rows."""
 
 FIXED = 1e12
 """Precision of a coordinate that does not move."""
@@ -83,19 +80,19 @@ class Coordinates:
     """Free values of a model: shifts of parameters, nuisance values, values of effects.
 
     Args:
-        owner: the fit; its priors, first states and channels come first in every point.
-        effects: at the values from which they start; their scale is their distance from absence.
+        owner: output-error problem; its priors, first states and channels are the first coordinates.
+        effects: effects at their starting values; their scale is the distance from absence.
         begin: model whose shifts and nuisance values are the start.
 
     Attributes:
-        start: the first point, shape (free values,).
+        start: first point, shape (free values,).
         units: size of 1 in each coordinate in its own unit, likewise.
-        steps: finite differences, 0 where a coordinate does not move; likewise.
+        steps: finite differences, 0 where a coordinate is fixed; likewise.
         edge: index of the first value of an effect.
         clocks: index of the first channel's clock.
     """
 
-    def __init__(self, owner: OutputError, effects: tuple[Placed, ...], begin: Model) -> None:
+    def __init__(self, owner: OutputError, effects: tuple[SizedEffect, ...], begin: Model) -> None:
         self._owner, self._effects = owner, effects
         self._count = len(owner.priors)
         self.clocks = self._count + len(owner.starts)
@@ -150,7 +147,7 @@ class Coordinates:
         found[self.edge :] = np.clip(found[self.edge :], self._low, self._high)
         return found
 
-    def stepped(self, point: Floats, lhs: Floats, rhs: Floats) -> Floats:
+    def step(self, point: Floats, lhs: Floats, rhs: Floats) -> Floats:
         """Return the point after the step that solves ``lhs x = rhs``, stopped at the bounds."""
         step, free = np.zeros(len(point)), self.steps > 0.0
         free[self.clocks : self.edge] = True
@@ -167,7 +164,7 @@ class Coordinates:
             free &= ~over
         return self.inside(point + step)
 
-    def split(self, point: Floats) -> tuple[tuple[Placed, ...], Floats, Floats]:
+    def split(self, point: Floats) -> tuple[tuple[SizedEffect, ...], Floats, Floats]:
         """Return effects with their values, shifts of parameters, and nuisance values."""
         values = np.array(self._origins) + np.array(self._scales) * point[self.edge :]
         placed, begin = [], 0
@@ -182,10 +179,11 @@ WRONG = 0.01
 """Probability that a parameter lies outside what its tolerance says."""
 
 WIDE = 0.7
-"""Standard deviation of the logarithm of such a parameter: one in three is off by a factor 2 or more."""
+"""Standard deviation of the logarithm of a parameter in a wrong file: one in three is off by a factor of
+2 or more."""
 
 WIDE_SHIFT = 30.0
-"""The same of a parameter whose tolerance is a difference and no ratio, in units of that tolerance."""
+"""Standard deviation of a parameter in a wrong file, in tolerances, if its tolerance is a difference."""
 
 LARGEST_LOG_FACTOR = 5.0
 """Largest logarithm of a factor by which a parameter may move."""
@@ -224,7 +222,7 @@ class Prior:
 
         Args:
             shift: distance from the file's value.
-            guessed: whether the file's tolerance is ignored and only the wide prior counts.
+            guessed: whether to ignore the file's tolerance and use the wide prior alone.
         """
         if guessed:
             return (shift / self.far) ** 2
@@ -233,7 +231,7 @@ class Prior:
         return 2.0 * math.log((first + second) / max(near + far, 1e-300))
 
     def precision(self, shift: float, guessed: bool = False) -> float:
-        """Return the inverse variance of the normal distribution that is alike at a shift.
+        """Return the inverse variance of the normal distribution with the same slope at a shift.
 
         Args:
             shift: distance from the file's value.
@@ -264,8 +262,8 @@ def parameter_priors(replay: JointReplay, tolerance: float = 1.0) -> list[Prior]
     return [*_of_tolerances(replay, tolerance), *_of_terms(replay.ship)]
 
 
-def guessed_prior(number: Number) -> Prior:
-    """Return the prior of a parameter of which the ship file's tolerance says nothing.
+def guessed_prior(number: ShipParameter) -> Prior:
+    """Return the prior of a parameter without a tolerance in the ship file.
 
     Args:
         number: parameter of a ship; not 0.
@@ -279,12 +277,12 @@ def _of_tolerances(replay: JointReplay, tolerance: float) -> Iterator[Prior]:
     """Yield the prior of each parameter that a tolerance moves, one by one."""
     ship = replay.ship
     spread: dict[str, float] = {}
-    for moved in tolerance_moves(replay, tolerance):
+    for moved in tolerance_perturbations(replay, tolerance):
         for key, change in moved.numbers.items():
             if change != 0.0:
                 spread[key] = math.hypot(spread.get(key, 0.0), change)
     for key, near in spread.items():
-        number = ship.number(key)
+        number = ship.parameter(key)
         if number.value > 0.0 and key != "hull.wake_fraction" and near < 0.9 * number.value:
             share = near / number.value
             yield Prior(
@@ -298,7 +296,7 @@ def _of_tolerances(replay: JointReplay, tolerance: float) -> Iterator[Prior]:
                 _log_factors(number),
             )
         else:
-            low, high = number.searched
+            low, high = number.search_range
             yield Prior(
                 key, number.value, near, WIDE_SHIFT * near, WRONG, False, number.write,
                 (low - number.value, high - number.value),
@@ -309,14 +307,14 @@ def _of_terms(ship: Ship) -> Iterator[Prior]:
     """Yield priors of the parameters of the ship's own terms that have no tolerance."""
     for term in ship.term:
         for name in term.parameters:
-            number = ship.number(f"term.{term.id}.{name}")
+            number = ship.parameter(f"term.{term.id}.{name}")
             if number.value != 0.0 and number.key not in ship.tolerances.numbers:
                 yield guessed_prior(number)
 
 
-def _log_factors(number: Number) -> tuple[float, float]:
+def _log_factors(number: ShipParameter) -> tuple[float, float]:
     """Return the logarithms of the least and the largest factor on a parameter of either sign."""
-    ends = sorted(end / number.value for end in number.searched)
+    ends = sorted(end / number.value for end in number.search_range)
     low = math.log(ends[0]) if ends[0] > 0.0 else -LARGEST_LOG_FACTOR
     high = math.log(ends[1]) if math.isfinite(ends[1]) else LARGEST_LOG_FACTOR
     return max(low, -LARGEST_LOG_FACTOR), min(high, LARGEST_LOG_FACTOR)

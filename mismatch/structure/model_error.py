@@ -1,4 +1,4 @@
-"""Model error of estimated parameters: how far missing physics would change them."""
+"""Add the model error to estimated parameters: the change of the estimates by missing physics."""
 
 from __future__ import annotations
 
@@ -9,56 +9,56 @@ import numpy as np
 
 from ...plant.ship import Ship
 from ..estimate import Tick
-from ..identification.results import Found
+from ..identification.results import MethodResult
 from ..judge.held_out import Segments
 from ..search.catalogue import Effect
 from ..simulate.balances import Balances
 from .choice import total
 from .diagnose import CLOSER, held_residual, within_noise
 from .model import Model, guessed_prior
-from .noise_model import MOST_ROWS, coarser, left_out
+from .noise_model import MOST_ROWS, coarser, reason_to_skip
 from .output_error import OutputError
 from .search import StructureSearch
 
 AS_CLOSE = 1.1
-"""Times the least held-out error up to which a model of fewer values is preferred."""
+"""Multiple of the least held-out error up to which a model with fewer values is preferred."""
 
 
-def with_model_error(
-    found: Found,
+def add_model_error(
+    found: MethodResult,
     identified: Ship,
     balances: Balances,
     fitted: Segments,
     held: Segments,
     effects: Sequence[Effect],
     tick: Tick,
-) -> Found:
-    """Return estimated parameters, less certain where effects that the ship lacks change them.
+) -> MethodResult:
+    """Return estimated parameters with wider intervals if effects that the ship lacks change them.
 
     The parameters are estimated again together with effects of the catalogue. If that comes clearly
     closer to the held-out data, the difference of the estimates is added to their covariance, and a
     remark names the effects.
 
     Args:
-        found: the parameters as estimated alone.
-        identified: the ship with them.
+        found: parameters estimated without effects.
+        identified: ship with these parameters.
         balances: balances of the nominal ship and the recordings.
-        fitted: rows that were fitted.
-        held: held-out rows.
-        effects: candidates.
-        tick: called with the stage, how much is done, and how much there is.
+        fitted: fitted rows, as segments.
+        held: held-out rows, as segments.
+        effects: candidate effects.
+        tick: progress callback ``tick(stage, done, total)``.
     """
     replay = coarser(balances.replay, MOST_ROWS)
-    if not held or left_out(replay):
+    if not held or reason_to_skip(replay):
         return found
     problem = OutputError(Balances(replay), fitted, held)
     before = problem.likelihood.rms(held_residual(identified, replay, fitted, held))
     if within_noise(problem, before):
         return found
     known = {prior.key: prior for prior in problem.priors} | {
-        key: guessed_prior(replay.ship.number(key))
+        key: guessed_prior(replay.ship.parameter(key))
         for key in found.keys
-        if replay.ship.has_key(key) and replay.ship.number(key).value != 0.0
+        if replay.ship.has_key(key) and replay.ship.parameter(key).value != 0.0
     }
     problem.priors[:] = known.values()
     free = set(found.keys)
@@ -69,11 +69,11 @@ def with_model_error(
     best = min(close, key=lambda model: model.size)
     if min(errors) > CLOSER or not best.effects:
         return found
-    return _widened(found, problem, best, total(problem.held_error(best), before))
+    return _widen(found, problem, best, total(problem.held_error(best), before))
 
 
-def _widened(found: Found, problem: OutputError, model: Model, error: float) -> Found:
-    """Return parameters with their distance from a model's in their covariance."""
+def _widen(found: MethodResult, problem: OutputError, model: Model, error: float) -> MethodResult:
+    """Return parameters with the squared difference from those of a model in their covariance."""
     shifts = {
         prior.key: prior.value_at(float(shift))
         for prior, shift in zip(problem.priors, model.shifts, strict=True)
@@ -86,7 +86,7 @@ def _widened(found: Found, problem: OutputError, model: Model, error: float) -> 
     effects = ", ".join(sorted(model.labels))
     said = (
         f"physics is missing from the ship: with {effects} the held-out error is {error:.2g} times this "
-        f"one, and the estimates change ({changes}); the intervals are widened by as much. Run "
+        f"one, and the estimates change ({changes}); the intervals are widened accordingly. Run "
         "`shaftline diagnose` before relying on these values"
     )
     covariance = found.covariance + np.outer(apart, apart)

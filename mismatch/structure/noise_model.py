@@ -1,21 +1,11 @@
-"""Likelihood of residuals: raw until there is a noise model, whitened from then on.
+"""Noise model, likelihood and first states for the structure search, and its limits of application.
 
-Noise model of a recording: the spectrum of the residual that the richest model leaves, and outliers.
-
-Residuals of real machines are coloured: waves, drift, small model errors that an integrator adds up. A
-sum of squares over raw rows would let the largest band drown all others. The residual of the richest
-model found so far says how large the residual is at each frequency, and how the channels' residuals go
-together; dividing by the root of that spectrum makes rows of it that are independent and of variance 1
-(prediction errors, Ljung 1999, section 7.2; Whittle 1953). It cannot come from a model that lacks
-something, because the missing effect would be taken for noise.
-
-Recordings of fewer rows, for a search that simulates them thousands of times.
-
-Recordings in which the commands answer the waves, as those of a governor do.
-
-Recordings on which effects and parameters cannot be estimated together.
-
-First states of recordings that are not fitted, estimated from their first rows.
+Residuals of real machines are coloured by waves, drift and integrated model errors. In a sum of squares
+over raw rows the largest frequency band would dominate. The spectrum of the residual of the richest
+model gives its size at each frequency and the correlation between channels. Division by the root of
+this spectrum makes the residual independent values of variance 1 (prediction errors, Ljung 1999,
+section 7.2; Whittle 1953). A model that lacks an effect gives no noise model, because the effect would
+count as noise.
 """
 
 from __future__ import annotations
@@ -30,7 +20,7 @@ import scipy.signal
 from numpy.typing import NDArray
 
 from ...plant.columns import SHAFT_SPEED
-from ..search.spectra import Bands, Complex, make_bands, moments
+from ..search.spectra import Bands, Complex, band_products, make_bands
 from ..search.whiteness import slower_than_waves_hertz
 from ..simulate.joint_replay import JointReplay, blocks
 from .model import Floats, Model
@@ -148,8 +138,8 @@ HUBER = 3.0
 """Deviations, 1.48 times the median residual, beyond which a row counts less (Huber 1964)."""
 
 OUTLIER = 10.0
-"""Deviations, by the median, at which residuals are clipped where models are compared: a repeated value
-or a guessed sign says nothing about a model."""
+"""Deviations, from the median, at which residuals are clipped in the comparison of models: a repeated
+value or a wrong sign in a recording is no evidence about a model."""
 
 
 def deviations(residual: Floats) -> Floats:
@@ -190,7 +180,7 @@ class NoiseModel:
         self._interval_s, self._highest_Hz = interval_s, highest_Hz
         bands = self._bands(lengths, len(residual))
         transformed = bands.transform(residual)
-        spectrum = moments(bands, transformed, transformed)
+        spectrum = band_products(bands, transformed, transformed)
         count = np.add.reduceat(bands.weights, bands.edges[:-1])
         spectrum = spectrum / count[:, None, None] + np.diag(floor**2)
         self._roots: Complex = np.linalg.inv(np.linalg.cholesky(spectrum)).astype(np.complex128)
@@ -259,14 +249,14 @@ class Whitener:
         """
         found = self._bands.transform(residual)
         white = np.zeros_like(found)
-        for made in range(len(self._roots)):
-            for heard in range(made + 1):  # the root is lower triangular
-                white[..., made, :] += self._roots[made, heard] * found[..., heard, :]
+        for row in range(len(self._roots)):
+            for column in range(row + 1):  # the root is lower triangular
+                white[..., row, :] += self._roots[row, column] * found[..., column, :]
         return np.concatenate([white.real, white.imag], axis=-1)
 
 
 KEPT = 5
-"""Rows that stay in each row of the replay's averages, at least."""
+"""Smallest number of remaining rows in each averaged row of the replay."""
 
 
 def coarser(replay: JointReplay, most: int) -> JointReplay:
@@ -294,9 +284,9 @@ def coarser(replay: JointReplay, most: int) -> JointReplay:
     return JointReplay(replay.ship, *tables, line=True, every=replay.every // max(shares))
 
 
-ANSWERED = -0.5
-"""Correlation of command and shaft speed in the band of the waves below which the command answers them.
-A shaft follows its command, so that the correlation of an open loop is positive."""
+OPPOSED = -0.5
+"""Correlation of command and shaft speed at the frequencies of the waves below which the command opposes
+them. In an open loop the shaft follows its command and the correlation is positive."""
 
 BAND = 10.0
 """Ratio of the band's highest to its lowest frequency."""
@@ -305,11 +295,11 @@ PERIODS = 4.0
 """Periods of the lowest frequency in each of the spectra that are averaged."""
 
 
-def answers_waves(replay: JointReplay) -> bool:
-    """Return whether the command of a ship that moves opposes what waves do to its shaft speed.
+def command_opposes_waves(replay: JointReplay) -> bool:
+    """Return whether the command opposes the fluctuation of the shaft speed by waves.
 
-    A simulation without the waves then mistakes the command's answer for a cause: inertia, lags and
-    delays that are estimated from it are biased.
+    A simulation without the waves then treats the response of the command as a cause, so that estimates
+    of inertia, lags and delays are biased.
     """
     if not replay.ship.moves or SHAFT_SPEED not in replay.channels or replay.steady:
         return False
@@ -322,7 +312,7 @@ def answers_waves(replay: JointReplay) -> bool:
         for drive, speed in pairs
         if len(drive) * low > 2.0 * PERIODS * rate
     ]
-    return bool(found) and float(np.median(found)) < ANSWERED
+    return bool(found) and float(np.median(found)) < OPPOSED
 
 
 def correlation(
@@ -346,29 +336,28 @@ def correlation(
     return both / np.sqrt(own * others) if own * others > 0.0 else 0.0
 
 
-ANSWERS = (
-    "the command answers the waves, as that of a governor does, which a simulation without the waves "
-    "would mistake for a lag; record steps of the command, or calm water"
+COMMAND_RESPONDS = (
+    "the command responds to the waves, as that of a governor does, and a simulation without the waves "
+    "would estimate a false lag; record steps of the command, or record in calm water"
 )
-"""Why the search is left out on a ship in waves with a governor."""
+"""Reason for no joint estimation on a ship in waves with a governor."""
 
 MOST_VALUES, MOST_ROWS = 120_000, 30_000
-"""Averaged rows of the recordings times channels, and rows as recorded, above which the search takes too
-long."""
+"""Largest number of averaged rows times channels, and of recorded rows, that the search can handle."""
 
 
-def left_out(replay: JointReplay) -> str:
-    """Return why effects and parameters are not estimated together; empty where they can be."""
+def reason_to_skip(replay: JointReplay) -> str:
+    """Return why effects and parameters cannot be estimated together; empty if they can be."""
     rows, values = replay.rows * replay.every, replay.rows * len(replay.channels)
     if rows > MOST_ROWS:
         return f"the recordings have {rows} rows, more than {MOST_ROWS}; shorten them"
     if values > MOST_VALUES:
         return f"the recordings have {values} values, more than {MOST_VALUES}; leave a channel out"
-    return ANSWERS if answers_waves(replay) else ""
+    return COMMAND_RESPONDS if command_opposes_waves(replay) else ""
 
 
 FIRST_ROWS = 100
-"""Rows from which the first state of a held-out recording is estimated, at most."""
+"""Largest number of rows from which the first state of a held-out recording is estimated."""
 
 STEP = 0.3
 """Finite difference of a first state, in deviations."""
@@ -377,8 +366,8 @@ STEP = 0.3
 def with_first_states(problem: OutputError, model: Model) -> Floats:
     """Return a model's nuisance values with the first states of recordings that are not fitted.
 
-    They are estimated from those recordings' first rows: what a lagging instrument measures first is
-    not the ship's state.
+    The first states are estimated from the recordings' first rows, because the first measurements of a
+    lagging instrument differ from the ship's state.
 
     Args:
         problem: fit of the recordings.
@@ -392,12 +381,12 @@ def with_first_states(problem: OutputError, model: Model) -> Floats:
             continue
         first = slice(0, max(2, min(FIRST_ROWS, (b - a) // 4)))
         for _ in range(3):
-            here = problem.channels_of_run(run, model.effects, model.shifts, nuisance)
+            here = problem.simulate_run_channels(run, model.effects, model.shifts, nuisance)
             columns = []
             for k in own:
                 moved = nuisance.copy()
                 moved[k] += STEP
-                there = problem.channels_of_run(run, model.effects, model.shifts, moved)
+                there = problem.simulate_run_channels(run, model.effects, model.shifts, moved)
                 columns.append(((there - here)[:, first] / STEP).ravel())
             lacking = (problem.measured[:, a : a + first.stop] - here[:, first]).ravel()
             if not np.isfinite(columns).all() or not np.isfinite(lacking).all():

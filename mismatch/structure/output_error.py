@@ -1,4 +1,4 @@
-"""Output error: a ship with some effects on it, fitted to the measured channels.
+"""Fit a ship with effects to the measured channels by output error.
 
 The free-running simulation is compared with each measured channel, row by row. Parameters of the ship
 file, the first state, the skew between the channels' clocks and the values of the effects are all free
@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 
 from ..identification.parameters import FAR_TOLERANCES
-from ..search.catalogue import Placed
+from ..search.catalogue import SizedEffect
 from ..search.trial_ship import TrialShip
 from ..simulate.balances import Balances
-from ..simulate.joint_replay import at_once
+from ..simulate.joint_replay import map_threaded
 from ..simulate.tolerances import first_state_deviations
 from .model import FIXED, Coordinates, Floats, Model, Prior, parameter_priors
 from .noise_model import Likelihood, with_first_states
@@ -32,7 +32,7 @@ from .noise_model import Likelihood, with_first_states
 Segments = Sequence[tuple[int, int]]
 
 SKEW_ROWS = 0.29
-"""Standard deviation of the shift of a channel's clock, in recorded rows: evenly likely up to half."""
+"""Standard deviation of a channel's clock skew, in recorded rows: uniform up to half a row."""
 
 START_PRECISION = 0.01
 """Precision of a first state's shift, in the deviations of
@@ -40,25 +40,25 @@ START_PRECISION = 0.01
 the state."""
 
 MOST_STEPS, MOST_TRIALS = 14, 6
-"""Gauss-Newton steps of a fit, and trials of each with more and more damping, at most."""
+"""Largest number of Gauss-Newton steps of a fit, and of trials of a step with increasing damping."""
 
 SETTLED, ABOUT = 0.1, 1.0
-"""Gain in 2 log L, predicted or simulated, of a step below which a fit ends: with its own derivatives,
-and with a tangent, which only ranks models that are then fitted with their own."""
+"""Gain of a step in 2 log L, predicted or simulated, below which a fit ends: with its own derivatives,
+and with derivatives of another model, which only rank the models."""
 
 DIVERGED = 1e6
-"""Times the largest measured value from which on a simulated channel diverges."""
+"""Multiple of the largest measured value from which a simulated channel counts as diverged."""
 
 LEAST_NOISE = 0.5
-"""Times a channel's white noise that a model's residual counts at least."""
+"""Least residual of a channel that counts, as a multiple of its white noise."""
 
 
 class OutputError:
     """Fits ships to some rows of recordings.
 
     Args:
-        balances: of ship and recordings.
-        fitted: rows that may be fitted, as segments (first row, one past the last).
+        balances: balances of the ship and the recordings.
+        fitted: fitted rows, as segments (first row, one past the last).
         held: held-out rows, likewise.
         tolerance: factor on the tolerances of the ship's parameters; 0 holds them all.
         highest_Hz: highest frequency that counts once there is a noise model.
@@ -99,20 +99,22 @@ class OutputError:
             floor, fitted_lengths, held_lengths, self.replay.interval_s, highest_Hz
         )
 
-    def record(self, effects: tuple[Placed, ...], shifts: Floats) -> Any:
-        """Return the ship's record with shifted parameters and effects, which have the last word."""
-        plant = self.trial_ship.host(effects).record()
+    def record(self, effects: tuple[SizedEffect, ...], shifts: Floats) -> Any:
+        """Return the ship's record with shifted parameters and effects; effects take precedence."""
+        plant = self.trial_ship.with_terms(effects).record()
         for prior, shift in zip(self.priors, shifts, strict=True):
             prior.write(plant, prior.value_at(float(shift)))
         self.trial_ship.write(plant, effects)
         return plant
 
     def channels(
-        self, effects: tuple[Placed, ...], shifts: Floats, nuisance: Floats
+        self, effects: tuple[SizedEffect, ...], shifts: Floats, nuisance: Floats
     ) -> tuple[Floats, Floats]:
         """Return simulated channels on all rows and their rate by row, each shape (channels, rows)."""
         self.simulations += 1
-        found = self.replay.channels_of(self.record(effects, shifts), each=self._first(nuisance))
+        found = self.replay.simulate_channels(
+            self.record(effects, shifts), each=self._first(nuisance)
+        )
         values = self._bounded(found)
         slopes = np.zeros_like(values)
         for a, b in self.replay.segments:
@@ -125,12 +127,12 @@ class OutputError:
         shifts = nuisance[: len(self.starts)] * self.starts
         return [tuple(map(float, one)) for one in shifts.reshape(-1, self.states)]
 
-    def channels_of_run(
-        self, run: int, effects: tuple[Placed, ...], shifts: Floats, nuisance: Floats
+    def simulate_run_channels(
+        self, run: int, effects: tuple[SizedEffect, ...], shifts: Floats, nuisance: Floats
     ) -> Floats:
         """Return one recording's simulated channels without clock skew, shape (channels, rows)."""
         first = self._first(nuisance)[run]
-        found = self.replay.channels_of_run(run, self.record(effects, shifts), first)
+        found = self.replay.simulate_run_channels(run, self.record(effects, shifts), first)
         return self._bounded(found)
 
     def _bounded(self, found: dict[str, Floats]) -> Floats:
@@ -158,7 +160,7 @@ class OutputError:
         return self.likelihood.rms(self.held_residual(model))
 
     def file_model(self) -> Model:
-        """Return the ship as its file has it, not fitted."""
+        """Return the model of the ship file, without a fit."""
         nuisance = np.zeros(len(self.starts) + len(self.names))
         return Model((), np.zeros(len(self.priors)), nuisance, -math.inf)
 
@@ -175,7 +177,7 @@ class OutputError:
         """Return the precision of each nuisance value's prior; :data:`FIXED` of one that cannot move."""
         starts = np.where(self.starts > 0.0, START_PRECISION, FIXED)
         skew = (SKEW_ROWS / self.replay.every) ** -2.0
-        if self.replay.steady:  # rows that stand for themselves have no clock
+        if self.replay.steady:  # rows that are equilibria have no clock
             skew = FIXED
         return np.concatenate([starts, np.full(len(self.names), skew)])
 
@@ -203,22 +205,22 @@ class OutputError:
         for k in which:
             self.priors[k] = replace(self.priors[k], wrong=0.0)
 
-    def moved_far(self, model: Model) -> list[int]:
-        """Return the indices of parameters beyond :data:`FAR_TOLERANCES`, the farthest first."""
+    def far_parameters(self, model: Model) -> list[int]:
+        """Return the indices of parameters beyond :data:`FAR_TOLERANCES`, the largest shift first."""
         sizes = np.abs(model.shifts) / np.array([prior.near for prior in self.priors])
         return [k for k in np.argsort(-sizes, kind="stable").tolist() if sizes[k] > FAR_TOLERANCES]
 
     def fit_from_far(self, model: Model) -> Model:
-        """Fit a model from where it ends if all tolerances were guessed; return the better one.
+        """Fit a model again from its fit without the file's tolerances; return the better model.
 
-        The file's tolerance holds a parameter that is slightly off, although a far value may be right.
+        The file's tolerances may keep a parameter near the file although a far value fits better.
         """
         wide = self.fit(model.effects, model, guessed=True)
         return max(model, self.fit(wide.effects, wide), key=lambda one: one.score)
 
     def fit(
         self,
-        effects: tuple[Placed, ...],
+        effects: tuple[SizedEffect, ...],
         begin: Model,
         guessed: bool = False,
         tangent: Floats | None = None,
@@ -226,11 +228,11 @@ class OutputError:
         """Fit all free values together.
 
         Args:
-            effects: at the values from which they start.
+            effects: effects at their starting values.
             begin: model whose shifts and nuisance values are the start.
             guessed: whether the file's tolerances are ignored.
-            tangent: derivatives by parameters and nuisance values as of :meth:`derivatives`, taken on
-                another model nearby, which save most simulations; taken anew at each step by default.
+            tangent: derivatives by parameters and nuisance values from :meth:`derivatives` of a similar
+                model, which save most simulations; computed at each step by default.
         """
         search = Coordinates(self, effects, begin)
         point = search.start
@@ -255,14 +257,14 @@ class OutputError:
             rhs = flat @ (white * scale).ravel() - precision * point
             better = None
             for _ in range(MOST_TRIALS):
-                trial = search.stepped(point, lhs + damping * np.diag(np.diag(lhs)), rhs)
+                trial = search.step(point, lhs + damping * np.diag(np.diag(lhs)), rhs)
                 step = trial - point
                 if 2.0 * float(rhs @ step) - float(step @ lhs @ step) < settled:
                     break
-                moved = search.split(trial)
-                found = self.channels(*moved)
+                parts = search.split(trial)
+                found = self.channels(*parts)
                 wrong = self.likelihood.white((self.measured - found[0])[:, self.rows])
-                gained = self.score(wrong, moved[1], moved[2], guessed) - score
+                gained = self.score(wrong, parts[1], parts[2], guessed) - score
                 if gained > 0.0:
                     better = (trial, found, wrong)
                     break
@@ -296,7 +298,7 @@ class OutputError:
             trial = point.copy()
             trial[k] += search.steps[k]
             inside = search.inside(trial)
-            if inside[k] == point[k]:  # at its bound: the other way
+            if inside[k] == point[k]:  # at its bound: step in the other direction
                 trial[k] = point[k] - search.steps[k]
                 inside = search.inside(trial)
             change = inside[k] - point[k]
@@ -307,7 +309,7 @@ class OutputError:
                 else:
                     own = slice(*self.replay.segments[run])
                     here = (values - skew * slopes)[:, own]
-                    there = self.channels_of_run(run, *search.split(inside))
+                    there = self.simulate_run_channels(run, *search.split(inside))
                     column[:, own] = (there - here) / change
             column = column[:, self.rows]
             return self.likelihood.white(
@@ -316,10 +318,12 @@ class OutputError:
 
         moving = [k for k in range(first, len(point)) if search.steps[k] > 0.0]
         found = np.zeros((len(point) - first, *self.likelihood.shape))
-        for k, column in zip(moving, at_once(derivative, moving), strict=True):
+        for k, column in zip(moving, map_threaded(derivative, moving), strict=True):
             found[k - first] = column
         if first <= search.clocks:
-            for c in range(len(self.names)):  # a clock's shift moves its own channel by its rate
+            for c in range(
+                len(self.names)
+            ):  # a clock skew changes its own channel in proportion to its rate
                 alone = np.zeros((len(self.names), len(self.rows)))
                 alone[c] = slopes[c, self.rows]
                 found[search.clocks + c - first] = self.likelihood.white(alone)
@@ -328,8 +332,8 @@ class OutputError:
     def standard_errors(self, model: Model, guessed: bool = False) -> Floats:
         """Return the standard error of each shift, nuisance value and value of an effect.
 
-        They come from the curvature at the maximum, all other values uncertain as well; with
-        ``guessed`` without the file's tolerances. Shape (free values,), in the values' units.
+        They follow from the curvature at the maximum with all values free; with ``guessed`` without the
+        file's tolerances. Shape (free values,), in the values' units.
         """
         columns, search = self.derivatives(model)
         scale = self.likelihood.scale(self.likelihood.white(self.residual(model)))

@@ -1,17 +1,15 @@
-"""Screening: the gain of effects, and of pairs of effects, that a linearisation at a model predicts.
+"""Search over effects and parameters together: a beam of models, each refitted as a whole.
 
-Each effect is simulated at its probes on the refitted model. Its change of the channels is whitened, and
-what the model's free values can take up is projected out (the score test, Rao 1948). The screen decides
-the order in which effects are fitted; it rejects none.
+A quick pass searches the richest model, because the noise spectrum and the outliers cannot be estimated
+from a model that lacks an effect. The thorough pass starts again with this noise model. From each model
+of its beam it tries the effects, and the pairs of effects, with the largest predicted gain. Each trial
+is fitted with all other values free, first with the derivatives of the beam's model, which needs few
+simulations; the best trials are fitted to convergence. Effects of the best models are then left out,
+exchanged, or tried in other forms.
 
-Search over effects and parameters together: a beam of models, each refitted as a whole.
-
-A quick pass first looks for the richest model alone: the spectrum of the noise, and which rows are
-outliers, cannot be estimated from a model that lacks something. The thorough pass then begins anew. From
-each model of its beam it tries the effects, and the pairs of effects, that a linearisation at the
-refitted model predicts to help most. Each is fitted with everything else free, first with the
-derivatives of the beam's model, which costs few simulations; the best are then fitted to the end.
-Effects of the best models are then left out, exchanged, or tried in their other forms.
+Screening predicts the gain. Each effect is simulated at its probes on the refitted model, its change of
+the channels is whitened, and the part that the model's free values can absorb is projected out (score
+test, Rao 1948). Screening determines the order of the trials; it rejects no effect.
 """
 
 from __future__ import annotations
@@ -24,48 +22,49 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..estimate import Tick, silent
-from ..judge.findings import at_bound
-from ..search.catalogue import Effect, Placed
+from ..estimate import Tick, ignore_progress
+from ..judge.findings import parameter_at_bound
+from ..search.catalogue import Effect, SizedEffect
 from ..search.selection import threshold
-from ..simulate.joint_replay import at_once
+from ..simulate.joint_replay import map_threaded
 from .choice import Ranked
 from .model import Floats, Model
 from .noise_model import OUTLIER, deviations
 from .output_error import OutputError
 
 PAIRED = 14
-"""Effects of a screen, the best first, of which pairs are looked at."""
+"""Number of effects, the best first, from which pairs are formed."""
 
 IDLE = 0.5
-"""Gain in 2 log L foretold below which an effect is not tried."""
+"""Predicted gain in 2 log L below which an effect is not tried."""
 
 
 @dataclass(frozen=True)
 class Screened:
-    """An effect as a linearisation predicts it on a model.
+    """Effect with the gain that a linearisation predicts.
 
     Args:
-        starts: its best probes, with the predicted gain of each in 2 log L, the best first.
-        moved: change of the whitened channels by the best one, orthogonal to everything that is free.
+        effect: entry of the catalogue.
+        starts: probes with their predicted gains in 2 log L, the best first.
+        response: change of the whitened channels by the best probe, orthogonal to all free values.
     """
 
     effect: Effect
-    starts: tuple[tuple[float, Placed], ...]
-    moved: Floats
+    starts: tuple[tuple[float, SizedEffect], ...]
+    response: Floats
 
     @property
     def gain(self) -> float:
-        """Foretold, of the best start."""
+        """Predicted gain of the best probe, in 2 log L."""
         return self.starts[0][0]
 
 
 class Base:
-    """A fitted model with its derivatives, on which effects are screened.
+    """Fitted model with its derivatives, for the screening of effects.
 
     Args:
-        problem: fits ships to the recordings.
-        model: fitted.
+        problem: output-error problem.
+        model: fitted model.
 
     Attributes:
         tangent: derivatives by parameters and nuisance values, as :meth:`OutputError.fit` takes them.
@@ -99,22 +98,22 @@ class Base:
             for placed in problem.trial_ship.trials(effect, [])
         ]
 
-        def change(placed: Placed) -> Floats:
+        def change(placed: SizedEffect) -> Floats:
             there, _ = problem.channels((*model.effects, placed), model.shifts, model.nuisance)
             return self._project(problem.likelihood.white((there - here)[:, problem.rows]))
 
-        starts: dict[str, list[tuple[float, Placed]]] = {}
+        starts: dict[str, list[tuple[float, SizedEffect]]] = {}
         best: dict[str, tuple[float, Floats]] = {}
-        for placed, moved in zip(trials, at_once(change, trials), strict=True):
-            power = float(moved @ moved)
+        for placed, response in zip(trials, map_threaded(change, trials), strict=True):
+            power = float(response @ response)
             if not math.isfinite(power) or power < 1e-12:
                 continue
-            along, label = float(self._left @ moved), placed.effect.label
+            along, label = float(self._left @ response), placed.effect.label
             predicted = along**2 / power if along > 0.0 else 0.0
             gain = max(predicted, 2.0 * along - power)
             starts.setdefault(label, []).append((gain, placed))
             if label not in best or gain > best[label][0]:
-                best[label] = (gain, moved)
+                best[label] = (gain, response)
         found = []
         for label, tried in starts.items():
             tried.sort(key=lambda start: -start[0])
@@ -122,7 +121,7 @@ class Base:
                 found.append(Screened(tried[0][1].effect, tuple(tried), best[label][1]))
         return sorted(found, key=lambda one: -one.gain)
 
-    def pairs(self, screened: list[Screened]) -> list[tuple[Placed, Placed]]:
+    def pairs(self, screened: list[Screened]) -> list[tuple[SizedEffect, SizedEffect]]:
         """Return pairs of effects by the gain that is predicted for both, the largest first.
 
         Args:
@@ -132,7 +131,7 @@ class Base:
         for one, other in itertools.combinations(screened[:PAIRED], 2):
             if one.effect.kind == other.effect.kind:
                 continue
-            both = np.array([one.moved, other.moved])
+            both = np.array([one.response, other.response])
             lhs, rhs = both @ both.T, both @ self._left
             size = np.linalg.lstsq(lhs, rhs, rcond=1e-9)[0]
             if np.all(size > 0.0):
@@ -155,11 +154,11 @@ class Base:
 
 
 class Effort(NamedTuple):
-    """How much a pass tries from each model of its beam."""
+    """Number of trials of a pass from each model of its beam."""
 
-    kinds: int  # pieces of physics
-    starts: int  # values at which each is begun
-    pairs: int  # of them together
+    kinds: int  # kinds of effects
+    starts: int  # starting values of each kind
+    pairs: int  # pairs of effects
     beam: int  # models that are kept
     most: int  # effects of a model
 
@@ -167,34 +166,37 @@ class Effort(NamedTuple):
 QUICK = Effort(kinds=4, starts=1, pairs=2, beam=1, most=3)
 THOROUGH = Effort(kinds=8, starts=2, pairs=4, beam=3, most=3)
 NEARBY = Effort(kinds=8, starts=1, pairs=0, beam=1, most=3)
-"""From a model whose parameters are held near the file, where they have moved far."""
+"""Efforts of the quick pass, of the thorough pass, and from a model whose far parameters are held near
+the file."""
 
 EXCHANGED = 4
-"""Effects that are tried instead of one effect of a model."""
+"""Number of effects tried in place of one effect of a model."""
 
 VARIED = 2
-"""Models of a round, the best first, whose effects are left out, exchanged, or take other forms."""
+"""Number of models of a round, the best first, whose effects are left out, exchanged, or take other
+forms."""
 
 FITTED = 6
-"""Models of a round, the best first, that are fitted with their own derivatives."""
+"""Number of models of a round, the best first, that are fitted with their own derivatives."""
 
 POLISHED, WITHIN = 8, 100.0
-"""Models, the best first, that are fitted to the end before they are compared; and the distance from the
-best in 2 log L within which they are."""
+"""Number of models, the best first, that are fitted to convergence before the comparison, and their
+largest distance from the best in 2 log L."""
 
 FROM_FAR = 3
-"""Models of a round, the best first, that are fitted from parameters far from the file as well."""
+"""Number of models of a round, the best first, that are also fitted from parameters far from the
+file."""
 
 
 class StructureSearch:
-    """Searches effects and parameters together.
+    """Search over effects and parameters together.
 
     Args:
-        problem: fits ships to the recordings.
-        effects: candidates; those that act for a time only are left out.
-        tick: called with the stage, how much is done, and how much there is.
-        most: effects of a model, at most.
-        suggested: effects of a model that is fitted and ranked beside those that the search finds.
+        problem: output-error problem.
+        effects: candidate effects; those that act for a limited time are ignored.
+        tick: progress callback ``tick(stage, done, total)``.
+        most: largest number of effects of a model.
+        suggested: effects of a model that is fitted and ranked as well.
 
     Attributes:
         limit: residual by channel at which held-out rows are clipped, in the channels' units.
@@ -204,9 +206,9 @@ class StructureSearch:
         self,
         problem: OutputError,
         effects: list[Effect],
-        tick: Tick = silent,
+        tick: Tick = ignore_progress,
         most: int | None = None,
-        suggested: tuple[Placed, ...] = (),
+        suggested: tuple[SizedEffect, ...] = (),
     ) -> None:
         self._most = THOROUGH.most if most is None else most
         self.problem = problem
@@ -219,7 +221,7 @@ class StructureSearch:
         self.limit = np.full(len(problem.names), math.inf)
 
     def search(self) -> list[Ranked]:
-        """Return all models that were fitted, the best first."""
+        """Return all fitted models, the best first."""
         quick = self.quick_pass()
         richest = max(quick, key=_score)
         self.limit = OUTLIER * deviations(self.problem.residual(richest))
@@ -232,10 +234,10 @@ class StructureSearch:
             if self.merit(model) > self.merit(best[0]) - WITHIN:
                 self._polish(model)
         ranked = sorted(self.pool.values(), key=self.merit, reverse=True)
-        return [self.ranked(model) for model in ranked]
+        return [self.rank(model) for model in ranked]
 
-    def ranked(self, model: Model) -> Ranked:
-        """Return a fitted model with how good it is."""
+    def rank(self, model: Model) -> Ranked:
+        """Return a fitted model with the measures by which it is ranked."""
         problem = self.problem
         residual = problem.held_residual(model)
         order = {effect.label: k for k, effect in enumerate(self.effects)}
@@ -246,24 +248,24 @@ class StructureSearch:
             problem.likelihood.rms(residual, self.limit),
             problem.likelihood.held(residual, self.limit),
             sum(order[label] for label in model.labels),
-            any(at_bound(problem.trial_ship, placed) for placed in model.effects),
+            any(parameter_at_bound(problem.trial_ship, placed) for placed in model.effects),
         )
 
-    def pruned(self, best: Ranked) -> Ranked:
-        """Return a model without the effects that do not pay once the rest is fitted to the end."""
+    def prune(self, best: Ranked) -> Ranked:
+        """Return a model without the effects that do not pay after a fit of the others."""
         effects = best.model.effects
         rests = [effects[:k] + effects[k + 1 :] for k in range(len(effects))]
         parts = [
-            self.ranked(self.problem.fit_from_far(self.problem.fit(rest, best.model)))
+            self.rank(self.problem.fit_from_far(self.problem.fit(rest, best.model)))
             for rest in rests
         ]
         part = max(parts, key=lambda one: one.evidence, default=best)
-        return self.pruned(part) if part.evidence > best.evidence else best
+        return self.prune(part) if part.evidence > best.evidence else best
 
     def quick_pass(self) -> list[Model]:
-        """Return the models of the quick pass, which looks for the richest one; it is run once."""
+        """Return the models of the quick pass, which searches the richest model; it is run once."""
         if not self._quick:
-            stage = "looking for the richest model"
+            stage = "searching the richest model"
             self._quick = [*self._pass(QUICK._replace(most=self._most), stage).values()]
         return self._quick
 
@@ -272,17 +274,17 @@ class StructureSearch:
         return Base(self.problem, base).screen(self.effects)
 
     def threshold(self, effect: Effect) -> float:
-        """Gain in 2 log L that an effect must bring for itself."""
+        """Return the least gain of an effect in 2 log L."""
         return threshold(effect, len(self.effects))
 
-    def price(self, effects: tuple[Placed, ...]) -> float:
-        """Gain in 2 log L that effects must bring together, found among so many."""
+    def price(self, effects: tuple[SizedEffect, ...]) -> float:
+        """Return the least gain of effects together in 2 log L, including the size of the search."""
         count = len({effect.kind for effect in self.effects})
         ways = math.log(math.comb(count, min(len(effects), count))) if effects else 0.0
         return 2.0 * ways + sum(self.threshold(p.effect) for p in effects)
 
     def merit(self, model: Model) -> float:
-        """A model's 2 log L less its price."""
+        """Return a model's 2 log L less the price of its effects."""
         return model.score - self.price(model.effects)
 
     def _pass(self, effort: Effort, stage: str) -> dict[frozenset[str], Model]:
@@ -327,7 +329,7 @@ class StructureSearch:
             found[model.labels] = model
 
     def _polish(self, model: Model) -> None:
-        """Fit a model until nothing is gained, from parameters far from the file as well."""
+        """Fit a model to convergence, from parameters far from the file as well."""
         for _ in range(3):
             further = self.problem.fit_from_far(self.problem.fit(model.effects, model))
             gained, model = further.score - model.score, further
@@ -353,13 +355,13 @@ class StructureSearch:
                 begin = self.problem.fit(rest, model, tangent=tangent)
                 self._keep(found, begin)
                 for start in self._in_place(begin, model.effects[which]):
-                    effects = start.in_place_of(model.effects, which)
+                    effects = start.replace_in(model.effects, which)
                     labels = frozenset(placed.effect.label for placed in effects)
                     if labels not in found:
                         self._keep(found, self.problem.fit(effects, begin, tangent=tangent))
 
-    def _in_place(self, rest: Model, own: Placed) -> list[Placed]:
-        """Return what may stand in place of an effect: its other forms, and the best other effects.
+    def _in_place(self, rest: Model, own: SizedEffect) -> list[SizedEffect]:
+        """Return candidates in place of an effect: its other forms, and the best other effects.
 
         Args:
             rest: the model without the effect.
@@ -374,25 +376,27 @@ class StructureSearch:
         others = [one for one in screened if one.effect.kind != own.effect.kind]
         return [*forms, *_starts(others)[:EXCHANGED]]
 
-    def _trials(self, beam: list[Model], effort: Effort) -> list[tuple[Base, tuple[Placed, ...]]]:
+    def _trials(
+        self, beam: list[Model], effort: Effort
+    ) -> list[tuple[Base, tuple[SizedEffect, ...]]]:
         """Return models to fit, from each model of the beam.
 
-        Where parameters have moved far, they may have absorbed an effect: what the model lacks with
-        its parameters near the file is tried as well.
+        Parameters far from the file may have absorbed an effect; effects are then also tried on the
+        model with its parameters near the file.
         """
-        trials: list[tuple[Base, tuple[Placed, ...]]] = []
+        trials: list[tuple[Base, tuple[SizedEffect, ...]]] = []
         for model in beam:
             if len(model.effects) >= effort.most:
                 continue
             trials += self._upon(Base(self.problem, model), effort)
-            if effort.beam > 1 and self.problem.moved_far(model):
+            if effort.beam > 1 and self.problem.far_parameters(model):
                 near = Base(self.problem, self.problem.fit_near_file(model))
                 trials += self._upon(near, NEARBY._replace(most=effort.most))
         return trials
 
-    def _upon(self, base: Base, effort: Effort) -> list[tuple[Base, tuple[Placed, ...]]]:
-        """Return a model with the effects, and the pairs of effects, that are predicted to help."""
-        trials: list[tuple[Base, tuple[Placed, ...]]] = []
+    def _upon(self, base: Base, effort: Effort) -> list[tuple[Base, tuple[SizedEffect, ...]]]:
+        """Return a model with each effect, and each pair of effects, that has a large predicted gain."""
+        trials: list[tuple[Base, tuple[SizedEffect, ...]]] = []
         own = base.model.effects
         screened = base.screen(self.effects)
         self._screened[base.model.labels] = screened
@@ -414,9 +418,9 @@ def _score(model: Model) -> float:
     return model.score
 
 
-def _starts(screened: list[Screened]) -> list[Placed]:
+def _starts(screened: list[Screened]) -> list[SizedEffect]:
     """Return the best start of the best form of each kind of effect, the best first."""
-    found: dict[tuple[str, str], Placed] = {}
+    found: dict[tuple[str, str], SizedEffect] = {}
     for one in screened:
         found.setdefault(one.effect.kind, one.starts[0][1])
     return list(found.values())

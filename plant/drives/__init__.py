@@ -1,6 +1,6 @@
-"""Prime movers, a file each: section of the ship's file, what drives it, and its equations.
+"""Prime movers: the parameters of each kind in a ship file, its command, and its equations.
 
-A new one is its file, its places in this one, and its test.
+A new kind needs its own module, an entry in each list and function of this module, and a test.
 """
 
 from __future__ import annotations
@@ -17,42 +17,44 @@ from .torque_source import TorqueSource, source_torque
 Drive = Diesel | DcMotor | TorqueSource | SpeedSource
 
 DRIVES: tuple[type[Drive], ...] = (Diesel, DcMotor, TorqueSource, SpeedSource)
-"""Every kind; ``plant.prime_mover`` holds the ``code`` of one."""
+"""All kinds of prime mover; ``plant.prime_mover`` holds the ``code`` of one."""
 
 DIESEL, DC_MOTOR = Diesel.code, DcMotor.code
 
 
-class Driven(NamedTuple):
-    """What a prime mover does at one instant."""
+class DriveOutput(NamedTuple):
+    """Outputs of a prime mover at one instant."""
 
     brake_torque: Real  # M_b [N m]
-    brake_torque_rate: Real  # of a torque that lags [N m/s]
+    brake_torque_rate: Real  # rate of a torque with a lag [N m/s]
     current: Real  # of a motor [A]
     current_rate: Real  # of a motor with inductance [A/s]
     voltage: Real  # at a motor's armature [V]
-    charge_rate: Real  # of a diesel's charge air [1/s]
-    warmth_rate: Real  # of a diesel's parts [1/s]
+    charge_rate: Real  # rate of a diesel's charge air [1/s]
+    warmth_rate: Real  # rate of a diesel's warmth [1/s]
 
 
-class Driving(NamedTuple):
-    """States of a prime mover, of whichever kind."""
+class DriveStates(NamedTuple):
+    """States of a prime mover; those of other kinds stay at 0."""
 
-    brake_torque: Real  # that lags [N m]
-    motor_current: Real  # of an armature with inductance [A]
-    charge: Real  # share of a diesel's charge air at rated power [-]
-    warmth: Real  # share of its parts' warmth at rated power [-]
+    brake_torque: Real  # torque with a lag [N m]
+    motor_current: Real  # current of an armature with inductance [A]
+    charge: Real  # a diesel's charge air / that at rated power [-]
+    warmth: Real  # a diesel's warmth / that at rated power [-]
 
 
 @compiled
-def driven(plant: Record, engine_speed: Real, demand: Real, states: Driving) -> Driven:
-    """Torque of the prime mover, whatever it is.
+def drive_output(
+    plant: Record, engine_speed: Real, demand: Real, states: DriveStates
+) -> DriveOutput:
+    """Return torque, currents and rates of the prime mover.
 
     Args:
         plant: ship record.
         engine_speed: omega_e [rad/s].
-        demand: fuel rack [mm], voltage [V] or torque [N m]. Of a speed that is held the torque is only
-            known by its load (:func:`holding_torque`); it is 0 here.
-        states: of whatever lags.
+        demand: fuel rack [mm], voltage [V] or torque [N m]. If the drive holds the speed, its torque
+            follows from the load (:func:`holding_torque`) and is 0 here.
+        states: states of the prime mover.
     """
     torque_rate = current = current_rate = voltage = charge_rate = warmth_rate = 0.0
     if plant.prime_mover == DIESEL:
@@ -67,16 +69,20 @@ def driven(plant: Record, engine_speed: Real, demand: Real, states: Driving) -> 
         torque = 0.0
     else:
         torque = source_torque(plant, demand)
-    return Driven(torque, torque_rate, current, current_rate, voltage, charge_rate, warmth_rate)
+    return DriveOutput(
+        torque, torque_rate, current, current_rate, voltage, charge_rate, warmth_rate
+    )
 
 
 @compiled
-def electric_power(plant: Record, mover: Driven, brake_torque: Real, engine_speed: Real) -> Real:
-    """Electric power [W] that a drive takes from its supply; 0 of a diesel.
+def electric_power(
+    plant: Record, mover: DriveOutput, brake_torque: Real, engine_speed: Real
+) -> Real:
+    """Return the electric power [W] that a drive takes from its supply; 0 for a diesel.
 
     Args:
         plant: ship record.
-        mover: what the drive does; of a DC motor the power is its voltage times its current.
+        mover: outputs of the drive; the power of a DC motor is its voltage times its current.
         brake_torque: M_b [N m].
         engine_speed: omega_e [rad/s].
     """
@@ -92,11 +98,11 @@ __all__ = [
     "DcMotor",
     "Diesel",
     "Drive",
-    "Driven",
-    "Driving",
+    "DriveOutput",
+    "DriveStates",
     "SpeedSource",
     "TorqueSource",
-    "driven",
+    "drive_output",
     "electric_power",
     "holding_torque",
 ]

@@ -1,4 +1,4 @@
-"""Direct-current motor driven by a voltage, with what its supply withholds."""
+"""Direct-current motor with a voltage command, and the limits of its supply."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ from pydantic import Field
 
 from ...core.compiled import Real, Record, compiled
 from ...core.numeric import clip
-from ..keys import INF, effect, number
+from ..keys import INF, effect, parameter
 from ..signals import Signal
 from ..validity import Validity
 from .prime_mover import (
     PrimeMover,
+    add_torque_offset,
     command_delay,
     command_lag,
     end_stops,
-    fill_two_way,
+    fill_symmetric_limits,
     torque_offset,
-    with_offset,
 )
 
 SWITCHED_ON = 1e-3
-"""Share of its end stop that a voltage demanded has at least, not to be a switch that is off."""
+"""Share of the end stop below which a voltage command counts as switched off."""
 
 
 FED_BACK = 1.0 + 1e-9
-"""Voltage over the armature's resistance, in back-EMFs, up to which a braking motor feeds its supply: at
-1 the supply has no voltage of its own."""
+"""Resistive voltage / back-EMF up to which a braking motor feeds its supply: at 1 the supply voltage is
+zero."""
 
 
 class DcMotor(PrimeMover):
-    """Direct-current motor driven by a voltage."""
+    """Direct-current motor with a voltage command."""
 
     type: Literal["dc-motor"] = Field(description="kind of drive")
 
@@ -43,7 +43,7 @@ class DcMotor(PrimeMover):
     electric: ClassVar[bool] = True
     demand: ClassVar[Signal] = Signal(
         "motor_voltage_demand", "U", "V", -1e5, 1e5, "demand", "motor_voltage_V",
-        "voltage demanded of the motor's supply",
+        "voltage command to the motor's supply",
     )  # fmt: skip
     validity: ClassVar[tuple[Validity, ...]] = (end_stops("motor voltage command", "V"),)
     steady_keys: ClassVar[tuple[str, ...]] = (  # in the order of Vrijdag & Martelli 2021, eq. 23
@@ -61,60 +61,60 @@ class DcMotor(PrimeMover):
         "propeller.torque_coefficient",
     )
 
-    motor_constant_V_s_rad: float = number(
+    motor_constant_V_s_rad: float = parameter(
         "K_e, back-EMF and torque constant", "V s/rad = N m/A", record="motor_constant",
         gt=0, le=1e3,
     )  # fmt: skip
-    armature_resistance_ohm: float = number(
-        "R_a", "ohm", record="armature_resistance", gt=0, le=1e4
+    armature_resistance_ohm: float = parameter(
+        "armature resistance R_a", "ohm", record="armature_resistance", gt=0, le=1e4
     )
-    armature_inductance_H: float = number(
-        "L_a; 0 leaves the current without dynamics", "H", record="armature_inductance",
+    armature_inductance_H: float = parameter(
+        "armature inductance L_a; 0: current without dynamics", "H", record="armature_inductance",
         ge=0, le=100, default=0.0,
     )  # fmt: skip
-    voltage_max_V: float = number(
-        "end stop of the demand, either way", "V", record="drive_max", gt=0, le=1e5
+    voltage_max_V: float = parameter(
+        "end stop of the command, in either direction", "V", record="drive_max", gt=0, le=1e5
     )
     command_dead_zone_V: float = effect(
-        0.0, "demand that gives nothing (half width); taken off beyond it", "V",
+        0.0, "half width of the dead zone, which is subtracted from the command", "V",
         record="command_dead_zone", ge=0, le=1e5,
     )  # fmt: skip
     reverse_torque_fraction: float = effect(
-        1.0, "torque constant at negative current / at positive", record="reverse_torque_fraction",
-        gt=0, le=2,
+        1.0, "torque constant at negative current / at positive current",
+        record="reverse_torque_fraction", gt=0, le=2,
     )  # fmt: skip
     open_circuit_fraction: float = effect(
-        0.0, "share of its current that the armature lacks while no voltage is demanded: 1 is an open "
-        "switch, 0 a short circuit that brakes", record="open_circuit_fraction", ge=0, le=1,
+        0.0, "share of the armature current that is lost at zero voltage command: 1 is an open switch, "
+        "0 a short circuit that brakes", record="open_circuit_fraction", ge=0, le=1,
     )  # fmt: skip
     braking_loss_fraction: float = effect(
-        0.0, "share of its torque that the motor lacks while it brakes: 1 is a supply that takes no "
+        0.0, "share of the torque that is lost while the motor brakes: 1 is a supply that takes no "
         "current back", record="braking_loss_fraction", ge=0, le=1,
     )  # fmt: skip
     torque_offset_N_m: float = torque_offset()
     command_delay_s: float = command_delay()
     command_lag_s: float = command_lag()
     supply_limit_V: float = effect(
-        INF, "highest voltage that reaches the armature, either way", "V", record="supply_limit",
+        INF, "highest voltage of the supply, in either direction", "V", record="supply_limit",
         gt=0,
     )  # fmt: skip
     supply_current_limit_A: float = effect(
-        INF, "highest current that the supply gives, either way", "A",
+        INF, "highest current of the supply, in either direction", "A",
         record="supply_current_limit", gt=0,
     )  # fmt: skip
     supply_soft_current_A: float = effect(
-        INF, "current i_s about which the supply gives way: it gives i_s tanh(i / i_s)", "A",
+        INF, "i_s of a supply that gives i_s tanh(i / i_s) instead of a current i", "A",
         record="supply_soft_current", gt=0,
     )  # fmt: skip
 
     @property
     def delays(self) -> dict[str, float]:
-        """Return the dead time of the command [s], by its key."""
+        """Dead time of the command [s], by its key."""
         return {"prime_mover.command_delay_s": self.command_delay_s}
 
     @property
     def time_constants(self) -> dict[str, float]:
-        """L/R of the armature [s]; none where the current follows at once."""
+        """L/R of the armature [s]; empty if the current has no dynamics."""
         if self.armature_inductance_H == 0.0:
             return {}
         ratio = self.armature_inductance_H / self.armature_resistance_ohm
@@ -122,18 +122,18 @@ class DcMotor(PrimeMover):
 
     @property
     def damping(self) -> float:
-        """Slope of the torque by the back-EMF where the current follows at once [N m s/rad]."""
+        """Slope of the torque from the back-EMF if the current has no dynamics [N m s/rad]."""
         if self.armature_inductance_H > 0.0:
             return 0.0
         return self.motor_constant_V_s_rad**2 / self.armature_resistance_ohm
 
     @property
     def idle_speed_rad_s(self) -> float:
-        """Speed at which the back-EMF is the highest voltage."""
+        """Speed at which the back-EMF equals the highest voltage [rad/s]."""
         return self.voltage_max_V / self.motor_constant_V_s_rad
 
-    def resolved(self, step_s: float) -> Mapping[str, tuple[float, float, float]]:
-        """Return the inductances above and the resistances below which L/R is a time step or more."""
+    def resolved_ranges(self, step_s: float) -> Mapping[str, tuple[float, float, float]]:
+        """Return the ranges of inductance and resistance in which L/R is at least a time step."""
         least = step_s * self.armature_resistance_ohm
         if self.armature_inductance_H == 0.0:
             return {"armature_inductance_H": (0.0, INF, least)}
@@ -144,20 +144,25 @@ class DcMotor(PrimeMover):
         }
 
     def fill(self, record: Any) -> None:
-        """Its numbers; demands go either way, and have no rack."""
+        """Write the parameters; commands go in both directions, without a rack."""
         super().fill(record)
-        fill_two_way(record)
+        fill_symmetric_limits(record)
 
 
 @compiled
 def applied_voltage(plant: Record, demand: Real, motor_speed: Real) -> Real:
-    """Voltage [V] at the armature for a demand [V] inside the end stops, at a motor speed [rad/s].
+    """Return the voltage [V] at the armature for a command [V] inside the end stops.
 
-    Demands within ``command_dead_zone`` give none and short the armature; beyond it the dead zone is
-    taken off. The supply gives no more than ``supply_limit``, and lets its voltage go as far as it takes
-    to hold the current at ``supply_current_limit``; a soft one lets it go long before, by
-    ``supply_soft_current``. Where less than :data:`SWITCHED_ON` of its end stop is demanded, it opens
-    the circuit by ``open_circuit_fraction``: the armature is then left at its back-EMF.
+    Commands within ``command_dead_zone`` give no voltage and short-circuit the armature; larger
+    commands are reduced by the dead zone. The supply gives at most ``supply_limit``. It reduces its
+    voltage to keep the current below ``supply_current_limit``, or gradually by ``supply_soft_current``.
+    A command below :data:`SWITCHED_ON` of the end stop opens the circuit by ``open_circuit_fraction``,
+    which moves the voltage to the back-EMF.
+
+    Args:
+        plant: ship record.
+        demand: voltage command [V].
+        motor_speed: [rad/s].
     """
     voltage = demand
     if plant.command_dead_zone != 0.0:
@@ -178,12 +183,12 @@ def applied_voltage(plant: Record, demand: Real, motor_speed: Real) -> Real:
 
 @compiled
 def motor_torque(plant: Record, current: Real, motor_speed: Real) -> Real:
-    """Torque [N m] of the motor: K_e i, and ``reverse_torque_fraction`` of it where i drives astern.
+    """Return the torque [N m] of the motor: K_e i, times ``reverse_torque_fraction`` if i is negative.
 
-    By the sign of the current the torque has no jump; in steady running that is also the sign of
-    rotation and demand. The back-EMF stays K_e omega, so a fraction below 1 is a loss. Torque that
-    brakes while the motor would feed its supply lacks ``braking_loss_fraction``; against a voltage the
-    other way it is whole.
+    The sign of the current decides, so the torque is continuous; in a steady state it equals the sign of
+    rotation and command. The back-EMF stays K_e omega, so a fraction below 1 is a loss. A braking torque
+    that would feed the supply is reduced by ``braking_loss_fraction``; against a reversed voltage it is
+    not.
     """
     torque = plant.motor_constant * current
     if current.real < 0.0:
@@ -197,7 +202,7 @@ def motor_torque(plant: Record, current: Real, motor_speed: Real) -> Real:
 
 @compiled
 def motor_current_rate(plant: Record, voltage: Real, motor_speed: Real, current: Real) -> Real:
-    """Di/dt [A/s] of the armature (Vrijdag & Martelli 2021, eq. 1)."""
+    """Return di/dt [A/s] of the armature (Vrijdag & Martelli 2021, eq. 1)."""
     return (
         voltage - plant.motor_constant * motor_speed - plant.armature_resistance * current
     ) / plant.armature_inductance
@@ -205,7 +210,7 @@ def motor_current_rate(plant: Record, voltage: Real, motor_speed: Real, current:
 
 @compiled
 def steady_motor_current(plant: Record, voltage: Real, motor_speed: Real) -> Real:
-    """Armature current [A] where the inductance is left out."""
+    """Return the armature current [A] without inductance."""
     return (voltage - plant.motor_constant * motor_speed) / plant.armature_resistance
 
 
@@ -213,12 +218,12 @@ def steady_motor_current(plant: Record, voltage: Real, motor_speed: Real) -> Rea
 def drive_motor(
     plant: Record, motor_speed: Real, demand: Real, current: Real
 ) -> tuple[Real, Real, Real, Real]:
-    """Torque [N m] of the motor, its current [A], di/dt [A/s] with inductance, and its voltage [V].
+    """Return torque [N m], current [A], di/dt [A/s] (0 without inductance) and voltage [V] of the motor.
 
     Args:
-        plant: ship record; ``armature_inductance`` 0 leaves the current without dynamics.
+        plant: ship record; with ``armature_inductance`` 0 the current has no dynamics.
         motor_speed: [rad/s].
-        demand: voltage demanded [V].
+        demand: voltage command [V].
         current: state of the armature [A].
     """
     voltage = applied_voltage(plant, demand, motor_speed)
@@ -227,4 +232,9 @@ def drive_motor(
         rate = motor_current_rate(plant, voltage, motor_speed, current)
     else:
         current = steady_motor_current(plant, voltage, motor_speed)
-    return with_offset(plant, motor_torque(plant, current, motor_speed)), current, rate, voltage
+    return (
+        add_torque_offset(plant, motor_torque(plant, current, motor_speed)),
+        current,
+        rate,
+        voltage,
+    )

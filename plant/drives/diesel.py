@@ -1,12 +1,12 @@
-"""Diesel engine by its fuel rack map, inside its envelope, with a lag of its torque.
+"""Diesel engine with a fuel rack map, torque limits and a lag of the torque.
 
-The map holds between the lowest and the highest running speed; :mod:`.low_speed` has the torque below
-them, at standstill and astern.
+The map is valid between the lowest and the highest running speed. :mod:`.low_speed` gives the torque
+below the lowest running speed, at standstill and astern.
 
-Two ceilings below the envelope rise with what the engine has given, each behind a lag of its own: the
-smoke limit with the charge air, which a turbocharger builds up in seconds, and the loading limit with
-the warmth of the engine's parts, which takes minutes. Their shape, a straight line over the share of the
-rated power that the lag has followed, is assumed.
+Two limits below the torque limit rise with the power that the engine has delivered, each through its own
+lag. The smoke limit follows the charge air, which a turbocharger builds up in seconds. The loading limit
+follows the warmth of the engine's parts, which takes minutes. Both are assumed to be straight lines over
+the lagged share of the rated power.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pydantic import Field, model_validator
 
 from ...core.compiled import Real, Record, compiled
 from ...core.numeric import clip, modulus
-from ..keys import INF, effect, measure, number, require
+from ..keys import INF, effect, parameter, quantity, require
 from ..signals import Signal
 from ..validity import Validity
 from .low_speed import FULL_FIRING_SHARE, low_speed_torque
@@ -27,19 +27,25 @@ from .prime_mover import PrimeMover, end_stops
 
 
 def _coefficient(term: str, neutral: float, *, record: str) -> Any:
-    """A coefficient of the fuel surface: fuel share per power share and speed share."""
-    return number(f"of {term} in the fuel surface", record=record, ge=-1e5, le=1e5, default=neutral)
+    """Declare a coefficient of the fuel surface: fuel share per power share and speed share."""
+    return parameter(
+        f"coefficient of {term} in the fuel surface",
+        record=record,
+        ge=-1e5,
+        le=1e5,
+        default=neutral,
+    )
 
 
 class Diesel(PrimeMover):
-    """Diesel engine by its fuel rack map M_b = a omega_e + b X + c."""
+    """Diesel engine with the fuel rack map M_b = a omega_e + b X + c."""
 
     type: Literal["diesel"] = Field(description="kind of drive")
 
     code: ClassVar[int] = 0
     balance: ClassVar[str] = "engine"
     demand: ClassVar[Signal] = Signal(
-        "fuel_rack_demand", "X", "mm", 0, 200, "demand", "fuel_rack_mm", "demand on the fuel rack"
+        "fuel_rack_demand", "X", "mm", 0, 200, "demand", "fuel_rack_mm", "command to the fuel rack"
     )
     steady_keys: ClassVar[tuple[str, ...]] = (
         "prime_mover.torque_per_speed_N_m_s_rad",
@@ -60,85 +66,89 @@ class Diesel(PrimeMover):
             "engine speed", "rad/s",
             lambda plant, samples: plant["gear_ratio"] * samples["shaft_speed"],
             lambda plant: (float(plant["engine_speed_min"]), float(plant["engine_speed_max"])),
-            "below it friction and what fuel still ignites are assumed, above it the rack map goes on",
+            "below it friction and ignition are assumed, above it the rack map is extrapolated",
         ),
     )  # fmt: skip
 
-    torque_per_speed_N_m_s_rad: float = number(
-        "a", "N m s/rad", record="torque_per_speed", ge=-1e5, le=0
+    torque_per_speed_N_m_s_rad: float = parameter(
+        "a, torque per engine speed", "N m s/rad", record="torque_per_speed", ge=-1e5, le=0
     )
-    torque_per_rack_N_m_mm: float = number("b", "N m/mm", record="torque_per_rack", gt=0, le=1e6)
-    torque_offset_N_m: float = number("c", "N m", record="torque_offset", ge=-1e6, le=1e6)
-    rack_max_mm: float = number("end stop of the rack", "mm", record="drive_max", gt=0, le=200)
-    speed_min_rpm: float = measure(
-        "lowest running (idle) speed; below it the fuel ceases to ignite", "rpm", gt=0, le=3000
+    torque_per_rack_N_m_mm: float = parameter(
+        "b, torque per fuel rack", "N m/mm", record="torque_per_rack", gt=0, le=1e6
     )
-    speed_max_rpm: float = measure("highest running speed", "rpm", gt=0, le=5000)
-    torque_limit_N_m: float = number(
+    torque_offset_N_m: float = parameter(
+        "c, torque offset", "N m", record="torque_offset", ge=-1e6, le=1e6
+    )
+    rack_max_mm: float = parameter("end stop of the rack", "mm", record="drive_max", gt=0, le=200)
+    speed_min_rpm: float = quantity(
+        "lowest running (idle) speed; below it ignition fails gradually", "rpm", gt=0, le=3000
+    )
+    speed_max_rpm: float = quantity("highest running speed", "rpm", gt=0, le=5000)
+    torque_limit_N_m: float = parameter(
         "highest brake torque", "N m", record="torque_limit", gt=0, default=INF
     )
-    torque_limit_at_min_speed_N_m: float = number(
+    torque_limit_at_min_speed_N_m: float = parameter(
         "brake torque limit at the lowest speed", "N m", record="torque_limit_idle", gt=0,
         default=INF,
     )  # fmt: skip
-    torque_limit_slope_N_m_s_rad: float = number(
+    torque_limit_slope_N_m_s_rad: float = parameter(
         "rise of the limit with engine speed", "N m s/rad", record="torque_limit_slope",
         ge=0, le=1e6, default=0.0,
     )  # fmt: skip
-    starting_air_torque_N_m: float = number(
-        "torque of starting air below the firing speed, while the rack is open; 0 is no starting air",
+    starting_air_torque_N_m: float = parameter(
+        "torque of starting air below the firing speed if the rack is open; 0: no starting air",
         "N m", record="starting_air_torque", ge=0, le=1e7, default=0.0,
     )  # fmt: skip
     lag_s: float = effect(
         0.0, "first-order lag of the torque", "s", record="engine_lag", lag=True, ge=0, le=30
     )
     charge_air_lag_s: float = effect(
-        0.0, "lag of the charge air behind the power; 0 is no smoke limit", "s", record="charge_lag",
+        0.0, "lag of the charge air behind the power; 0: no smoke limit", "s", record="charge_lag",
         lag=True, ge=0, le=60,
     )  # fmt: skip
-    smoke_limit_N_m: float = number(
-        "brake torque that the engine can give without charge air", "N m", record="smoke_limit",
+    smoke_limit_N_m: float = parameter(
+        "highest brake torque without charge air", "N m", record="smoke_limit",
         gt=0, default=INF,
     )  # fmt: skip
-    smoke_limit_rise_N_m: float = number(
-        "rise of that limit up to the charge air of rated power", "N m", record="smoke_limit_rise",
+    smoke_limit_rise_N_m: float = parameter(
+        "increase of that limit up to the charge air at rated power", "N m", record="smoke_limit_rise",
         ge=0, le=1e7, default=0.0,
     )  # fmt: skip
     warmth_lag_s: float = effect(
-        0.0, "lag of the parts' warmth behind the power; 0 is no loading limit", "s",
+        0.0, "lag of the engine's warmth behind the power; 0: no loading limit", "s",
         record="warmth_lag", lag=True, ge=0, le=7200,
     )  # fmt: skip
-    loading_limit_N_m: float = number(
-        "brake torque that the cold engine may give", "N m", record="loading_limit", gt=0,
+    loading_limit_N_m: float = parameter(
+        "highest brake torque of the cold engine", "N m", record="loading_limit", gt=0,
         default=INF,
     )  # fmt: skip
-    loading_limit_rise_N_m: float = number(
-        "rise of that limit up to the warmth of rated power", "N m", record="loading_limit_rise",
+    loading_limit_rise_N_m: float = parameter(
+        "increase of that limit up to the warmth at rated power", "N m", record="loading_limit_rise",
         ge=0, le=1e7, default=0.0,
     )  # fmt: skip
     dead_time_s: float = effect(
-        0.0, "delay of the rack's demand", "s", record="command_dead_time", ge=0, le=6
+        0.0, "dead time of the rack command", "s", record="command_dead_time", ge=0, le=6
     )
     rack_rate_limit_mm_s: float = effect(
-        INF, "fastest travel of the rack", "mm/s", record="rack_rate_limit", gt=0
+        INF, "rate limit of the rack", "mm/s", record="rack_rate_limit", gt=0
     )
     derating_fraction: float = effect(
         0.0, "share of torque lost", record="derating", ge=-0.5, le=0.9
     )
     torque_curvature_N_m_s2_rad2: float = effect(
-        0.0, "bend of the map's lines over engine speed", "N m s2/rad2", record="torque_curvature",
+        0.0, "curvature of the map over engine speed", "N m s2/rad2", record="torque_curvature",
         ge=-1e4, le=1e4,
     )  # fmt: skip
-    torque_curvature_speed_rad_s: float = number(
-        "engine speed about which they bend", "rad/s", record="torque_curvature_speed",
+    torque_curvature_speed_rad_s: float = parameter(
+        "engine speed at which the curvature has no effect", "rad/s", record="torque_curvature_speed",
         ge=0, le=500, default=0.0,
     )  # fmt: skip
     fuel_base_g_kWh: float = effect(
-        0.0, "specific consumption that scales the fuel surface; 0 is no fuel model", "g/kWh",
+        0.0, "specific consumption that scales the fuel surface; 0: no fuel model", "g/kWh",
         record="fuel_base", ge=0, le=1000,
     )  # fmt: skip
-    fuel_rated_power_W: float = number(
-        "power N_r by which the surface's power is divided (its speed, by the highest)", "W",
+    fuel_rated_power_W: float = parameter(
+        "reference power N_r of the fuel surface (its reference speed is the highest one)", "W",
         record="fuel_rated_power", gt=0, le=1e9, default=1.0,
     )  # fmt: skip
     fuel_p0_s1: float = _coefficient("omega", 0.0, record="fuel_p0_s1")
@@ -173,21 +183,24 @@ class Diesel(PrimeMover):
     @model_validator(mode="after")
     def _speeds_in_order(self) -> Diesel:
         if self.speed_min_rpm >= self.speed_max_rpm:
-            raise ValueError("speed_min_rpm must be below speed_max_rpm")
+            raise ValueError(
+                f"speed_min_rpm = {self.speed_min_rpm:g} must be below speed_max_rpm = "
+                f"{self.speed_max_rpm:g}"
+            )
         return self
 
     @property
     def delays(self) -> dict[str, float]:
-        """Of its rack's demand [s]."""
+        """Dead time of the rack command [s], by its key."""
         return {"prime_mover.dead_time_s": self.dead_time_s}
 
     @property
     def least_running_speed_rad_s(self) -> float:
-        """Engine speed from which all fuel ignites [rad/s]."""
+        """Lowest engine speed at which all fuel ignites [rad/s]."""
         return FULL_FIRING_SHARE * self.speed_min_rpm * math.pi / 30.0
 
     def fill(self, record: Any) -> None:
-        """Its numbers, and its speeds in rad/s."""
+        """Write the parameters, and the engine speeds in rad/s."""
         super().fill(record)
         record["engine_speed_min"] = self.speed_min_rpm * math.pi / 30.0
         record["engine_speed_max"] = self.speed_max_rpm * math.pi / 30.0
@@ -198,11 +211,11 @@ class Diesel(PrimeMover):
 def rack_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
     """Return the brake torque M_b [N m] of the rack map (thesis eqs. 2-13 and 2-14), before its limits.
 
-    The map is a straight line at every speed; :func:`.low_speed_torque` corrects it at low speed.
+    The map is linear at every speed; :func:`.low_speed_torque` corrects it at low speed.
 
     Args:
-        plant: ship record; ``torque_curvature`` bends the map's straight lines about
-            ``torque_curvature_speed``, ``derating`` takes away a fraction of the torque.
+        plant: ship record; ``torque_curvature`` bends the map about ``torque_curvature_speed``,
+            ``derating`` removes a fraction of the torque.
         engine_speed: omega_e [rad/s].
         fuel_rack: X [mm].
     """
@@ -217,7 +230,7 @@ def rack_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
 def rack_of_torque(plant: Record, engine_speed: Real, brake_torque: Real) -> Real:
     """Return the fuel rack X [mm] at which the rack map gives a brake torque, before stops and limits.
 
-    It is the rack of an engine in which all fuel ignites, at low speed too.
+    It is the rack of an engine in which all fuel ignites, also at low speed.
 
     Args:
         plant: ship record.
@@ -230,10 +243,11 @@ def rack_of_torque(plant: Record, engine_speed: Real, brake_torque: Real) -> Rea
 
 @compiled
 def torque_limit(plant: Record, engine_speed: Real) -> Real:
-    """Return the upper edge of the engine's envelope [N m], above 0 at any speed of either sign.
+    """Return the torque limit of the engine [N m], above 0 at any speed of either sign.
 
-    It rises along a line that ends flat on both sides: at ``torque_limit``, and below idle speed where
-    the fuel begins to fail to ignite, or where the line has fallen to half the limit of idle speed.
+    It rises linearly with speed and is constant on both sides: above where it reaches ``torque_limit``,
+    and below the speed at which fuel begins to fail to ignite or at which the line has fallen to half
+    the limit at idle speed.
     """
     above_idle = engine_speed - plant.engine_speed_min
     fall = (1.0 - FULL_FIRING_SHARE) * plant.engine_speed_min
@@ -251,7 +265,7 @@ def torque_limit(plant: Record, engine_speed: Real) -> Real:
 
 @compiled
 def _limited_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
-    """Return the torque [N m] of the rack map inside the envelope, as if all fuel ignited."""
+    """Return the torque [N m] of the rack map below the torque limit, as if all fuel ignited."""
     torque = rack_torque(plant, engine_speed, fuel_rack)
     limit = torque_limit(plant, engine_speed)
     if torque.real > limit.real:
@@ -261,7 +275,7 @@ def _limited_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
 
 @compiled
 def diesel_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
-    """Return the steady brake torque M_b [N m] inside the envelope, at any speed of either sign."""
+    """Return the steady brake torque M_b [N m] below the torque limit, at any speed of either sign."""
     torque = _limited_torque(plant, engine_speed, fuel_rack)
     no_fuel = rack_torque(plant, modulus(engine_speed), 0.0)
     return low_speed_torque(plant, engine_speed, fuel_rack, torque, no_fuel)
@@ -269,9 +283,9 @@ def diesel_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
 
 @compiled
 def _ceiling(lag: float, limit: float, rise: float, followed: Real, torque: Real) -> Real:
-    """Return a torque [N m] below a limit that rises with the share of rated power that a lag follows.
+    """Return a torque [N m] below a limit that rises with the lagged share of rated power.
 
-    The share of an engine that is driven is negative; its limit falls with it, but never below 0.
+    The share is negative if the engine is driven; the limit falls with it, but never below 0.
     """
     if lag.real > 0.0:
         highest = limit + rise * followed
@@ -282,29 +296,29 @@ def _ceiling(lag: float, limit: float, rise: float, followed: Real, torque: Real
     return torque
 
 
-class Burning(NamedTuple):
-    """What a diesel does at one instant."""
+class DieselOutput(NamedTuple):
+    """Outputs of a diesel at one instant."""
 
-    brake_torque: Real  # M_b in force [N m]
-    brake_torque_rate: Real  # of the torque that lags [N m/s]
+    brake_torque: Real  # M_b [N m]
+    brake_torque_rate: Real  # rate of the torque with a lag [N m/s]
     charge_rate: Real  # of the charge air [1/s]
-    warmth_rate: Real  # of the parts' warmth [1/s]
+    warmth_rate: Real  # of the engine's warmth [1/s]
 
 
 @compiled
 def drive_diesel(
     plant: Record, engine_speed: Real, fuel_rack: Real, lagged: Real, charge: Real, warmth: Real
-) -> Burning:
-    """Return the brake torque M_b in force, and the rates of the states that lag behind it.
+) -> DieselOutput:
+    """Return the brake torque M_b, and the rates of the lag states.
 
     Args:
-        plant: ship record; ``engine_lag`` 0 lets the torque follow the rack map at once, ``charge_lag``
-            and ``warmth_lag`` 0 leave out a ceiling.
+        plant: ship record; with ``engine_lag`` 0 the torque follows the rack map at once, with
+            ``charge_lag`` or ``warmth_lag`` 0 the corresponding limit is absent.
         engine_speed: omega_e [rad/s].
         fuel_rack: X [mm].
-        lagged: brake torque state [N m], as if all fuel ignited; friction follows the speed without lag.
-        charge: air that charges the engine, as share of that at rated power [-].
-        warmth: of its parts, likewise [-].
+        lagged: brake torque state [N m], as if all fuel ignited; friction has no lag.
+        charge: charge air / that at rated power [-].
+        warmth: warmth of the engine / that at rated power [-].
     """
     torque = _limited_torque(plant, engine_speed, fuel_rack)
     torque = _ceiling(plant.charge_lag, plant.smoke_limit, plant.smoke_limit_rise, charge, torque)
@@ -323,4 +337,4 @@ def drive_diesel(
             charge_rate = (share - charge) / plant.charge_lag
         if plant.warmth_lag.real > 0.0:
             warmth_rate = (share - warmth) / plant.warmth_lag
-    return Burning(torque, rate, charge_rate, warmth_rate)
+    return DieselOutput(torque, rate, charge_rate, warmth_rate)

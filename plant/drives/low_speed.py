@@ -1,25 +1,25 @@
-"""Diesel engine below its idle speed: friction, the fuel that still ignites, stall and starting air.
+"""Diesel engine below its idle speed: friction, ignition of the fuel, stall and starting air.
 
-The brake torque is the sum of two parts, and both vanish at standstill:
+The brake torque is the sum of two parts that both vanish at standstill:
 
     M_b = M_0(|omega_e|) d(omega_e) + (M - M_0) h(omega_e)
 
-- Friction. M_0 is the map at no fuel, a constant and a part linear in speed: the form of measured
+- Friction. M_0 is the map without fuel, a constant and a part linear in speed: the form of measured
   friction mean effective pressures (Chen & Flynn 1965; Heywood 2018, chapter 13). It opposes the
-  rotation in either direction: d is the odd cubic (3 r - r^3) / 2 of r = omega_e / (0.1 idle speed), and
-  1 from r = 1 on. Where friction of this slope would stop the shaft within a time step, the range of
-  speeds is made wider, as with Coulomb friction (:func:`sticking_speed`).
-- Fuel. M is the torque of map, limits and lag, and M - M_0 the fuel's part of it. At low speed the
-  compression does not ignite the fuel: h is the cubic r^2 (3 - 2 r), which rises from 0 at 0.4 idle
-  speed, the firing speed, to 1 at 0.8 idle speed. From there on the map acts alone. An engine that
-  turns astern burns nothing.
+  rotation in either direction: d is the odd cubic (3 r - r^3) / 2 of r = omega_e / (0.1 idle speed),
+  and 1 from r = 1 on. If friction of this slope would stop the shaft within a time step, the range of
+  speeds is widened, as for Coulomb friction (:func:`sticking_speed`).
+- Fuel. M is the torque of map, limits and lag, and M - M_0 the part of the fuel. At low speed the
+  compression does not ignite the fuel: h is the cubic r^2 (3 - 2 r), which rises from 0 at the firing
+  speed, 0.4 idle speed, to 1 at 0.8 idle speed. Above it the map is unchanged. An engine that turns
+  astern burns nothing.
 
 Value and slope are continuous at the ends of each cubic. The cubics and the shares of the idle speed are
 assumed: no ship of the package has measurements below idle speed.
 
-An engine that its load pulls below the firing speed stalls: only friction is left, whatever its rack. It
-fires again once something turns it above that speed: the propeller in the flow, or starting air. The
-torque of starting air acts while the rack is open and fades as the fuel ignites, by 1 - h(|omega_e|).
+An engine whose load pulls it below the firing speed stalls: only friction remains, at any rack. It fires
+again if the propeller in the flow or starting air turns it above that speed. The torque of starting air
+acts if the rack is open and fades as the fuel ignites, by 1 - h(|omega_e|).
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ from ...core.numeric import clip, modulus
 from ..shaft import shaft_inertia
 
 STICKING_SHARE = 0.1
-"""Share of the idle speed within which friction falls to zero at standstill."""
+"""Share of the idle speed within which friction falls to zero towards standstill."""
 
 FIRING_SHARE = 0.4
 """Share of the idle speed below which no fuel ignites."""
 
 FULL_FIRING_SHARE = 0.8
-"""Share of the idle speed from which on all fuel ignites."""
+"""Share of the idle speed above which all fuel ignites."""
 
 
 @compiled
 def sticking_speed(plant: Record, at_rest: Real) -> Real:
-    """Return the engine speed [rad/s] within which friction falls to zero at standstill.
+    """Return the engine speed [rad/s] within which friction falls to zero towards standstill.
 
-    The slope of the cubic at standstill is 1.5 |M_0| over this speed. Where friction of this slope would
-    stop the shaft within a time step, the integration would chatter about standstill; there the speed is
+    The slope of the cubic at standstill is 1.5 |M_0| over this speed. If friction of this slope would
+    stop the shaft within a time step, the integration would chatter about standstill; the speed is then
     raised to 1.5 |M_0| i^2 eta dt / I.
 
     Args:
         plant: ship record.
-        at_rest: M_0, the torque of the engine without fuel at standstill [N m], not above 0.
+        at_rest: M_0, torque of the engine without fuel at standstill [N m], not above 0.
     """
     speed = STICKING_SHARE * plant.engine_speed_min
     if plant.speed_held != 0:
@@ -87,15 +87,15 @@ def low_speed_torque(
 ) -> Real:
     """Return the brake torque M_b [N m] of an engine that may turn below its idle speed.
 
-    From 0.8 idle speed on this is ``torque`` itself, to the bit.
+    Above 0.8 idle speed the result is ``torque`` itself, to the last bit.
 
     Args:
         plant: ship record.
         engine_speed: omega_e [rad/s], either sign.
-        fuel_rack: X [mm]; above 0 the starting air is open.
-        torque: torque M [N m] that map, limits and lag give if all fuel ignites.
-        no_fuel: torque M_0 of the rack map at no fuel and the same speed ahead [N m]; a map that gives
-            torque there (its rack has another zero) has no friction.
+        fuel_rack: X [mm]; starting air acts above 0.
+        torque: torque M [N m] of map, limits and lag if all fuel ignites.
+        no_fuel: torque M_0 of the rack map without fuel at the same speed ahead [N m]; a positive value
+            (a rack with another zero) means no friction.
     """
     if engine_speed.real >= FULL_FIRING_SHARE * plant.engine_speed_min.real:
         return torque

@@ -1,4 +1,4 @@
-"""What every prime mover says of itself, and what those have in common whose demand goes either way."""
+"""Base class of the prime movers, and the parameters and equations that electric drives share."""
 
 from __future__ import annotations
 
@@ -6,98 +6,99 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from ...core.compiled import Real, Record, compiled
-from ..keys import INF, Section, effect, number
+from ..keys import INF, Section, effect, parameter
 from ..signals import Signal
 from ..validity import Validity
 
 
 class PrimeMover(Section):
-    """Section of a prime mover in a ship's file."""
+    """Prime mover: section of a ship file."""
 
     code: ClassVar[int]
-    """Its number in ``plant.prime_mover``."""
+    """Code in ``plant.prime_mover``."""
     balance: ClassVar[str]
-    """Balance in which its own effects act: ``engine`` or ``motor``; none where its speed is held."""
+    """Balance of its effects: ``engine`` or ``motor``; empty if the drive holds the speed."""
     holds_speed: ClassVar[bool] = False
-    """Whether the shaft's speed is its demand; the shaft's balance is then not simulated."""
+    """Whether the shaft speed is its command; the balance of the shaft is then not simulated."""
     gives_torque: ClassVar[bool] = False
-    """Whether it gives the torque that it is told."""
+    """Whether its command is a torque."""
     electric: ClassVar[bool] = False
-    """Whether it takes electric power, which a recording may have."""
+    """Whether it takes electric power, which a recording may contain."""
     demand: ClassVar[Signal]
-    """What commands it."""
+    """Command signal."""
     steady_keys: ClassVar[tuple[str, ...]] = ()
-    """Dotted keys of a ship file that steady states identify where the user names none."""
+    """Dotted keys that steady states identify by default."""
     response_keys: ClassVar[tuple[str, ...]] = ()
-    """Dotted keys that a frequency response identifies where the user names none."""
+    """Dotted keys that a frequency response identifies by default."""
 
     @property
     def delays(self) -> dict[str, float]:
-        """Dead times [s] by key, each a history that the plant keeps."""
+        """Dead times [s] by key; each needs a delay line."""
         return {}
 
     @property
     def damping(self) -> float:
-        """Slope of the torque that opposes its speed, whatever the speed [N m s/rad]."""
+        """Slope of the torque that opposes rotation at any speed [N m s/rad]."""
         return 0.0
 
     @property
     def idle_speed_rad_s(self) -> float:
-        """Speed that it reaches without a load at its highest demand; 1 where nothing bounds it."""
+        """Speed without load at the highest command [rad/s]; 1 if it is unbounded."""
         return 1.0
 
     @property
     def least_running_speed_rad_s(self) -> float:
-        """Its speed below which it may stop under any demand; 0 of a drive that starts by itself."""
+        """Lowest sustained speed [rad/s], below which the drive may stop; 0 if it starts by itself."""
         return 0.0
 
-    def resolved(self, step_s: float) -> Mapping[str, tuple[float, float, float]]:
-        """Return what a time step allows of the keys that set a time constant together.
+    def resolved_ranges(self, step_s: float) -> Mapping[str, tuple[float, float, float]]:
+        """Return the ranges of keys that together determine a time constant that a step resolves.
 
         Args:
             step_s: time step of the integration [s].
 
         Returns:
-            Lowest and highest value by key, and the end of the gap above 0 (:class:`..keys.KeyInfo`).
+            Lowest and highest value by key, and the upper end of the gap above 0
+            (:class:`..keys.KeyInfo`).
         """
         return {}
 
 
 def end_stops(quantity: str, unit: str) -> Validity:
-    """Return the range of a drive's command: what its end stops let through.
+    """Return the range of validity of a drive command: its end stops.
 
     Args:
         quantity: the command, as a noun phrase.
-        unit: SI.
+        unit: SI unit.
     """
     return Validity(
         quantity,
         unit,
         lambda _, samples: samples["drive"],
         lambda plant: (float(plant["drive_min"]), float(plant["drive_max"])),
-        "beyond it the drive stays at its end stop",
+        "outside it the drive stays at its end stop",
     )
 
 
 def torque_offset() -> Any:
-    """The key of a motor's constant torque, which :func:`with_offset` adds."""
+    """Declare the parameter of a motor's constant torque, which :func:`add_torque_offset` adds."""
     return effect(
-        0.0, "torque that the motor has beside what is demanded of it; positive drives ahead", "N m",
+        0.0, "constant torque of the motor in addition to its command; positive drives ahead", "N m",
         record="torque_offset", ge=-1e8, le=1e8,
     )  # fmt: skip
 
 
 def drive_efficiency() -> Any:
-    """The key of the efficiency with which a drive turns electric power into mechanical power."""
-    return number(
-        "mechanical power of the drive / electric power, idle power apart; while the drive brakes, "
+    """Declare the efficiency of a drive's conversion of electric to mechanical power."""
+    return parameter(
+        "mechanical power of the drive / electric power without idle power; while the drive brakes, "
         "electric / mechanical", record="drive_efficiency", gt=0, le=1, default=1.0,
     )  # fmt: skip
 
 
 def idle_power() -> Any:
-    """The key of the electric power that a drive takes whatever it does."""
-    return number(
+    """Declare the electric power that a drive takes in addition to its load."""
+    return parameter(
         "electric power that the drive takes at no load and at standstill", "W",
         record="idle_power", ge=0, le=1e8, default=0.0,
     )  # fmt: skip
@@ -105,9 +106,9 @@ def idle_power() -> Any:
 
 @compiled
 def supplied_power(plant: Record, mechanical: Real) -> Real:
-    """Electric power [W] of a drive that gives mechanical power [W]: P / eta + P_0.
+    """Return the electric power [W] of a drive that delivers mechanical power P [W]: P / eta + P_0.
 
-    A drive that brakes (P below 0) gives eta P back.
+    A braking drive (P below 0) returns eta P.
     """
     if mechanical.real >= 0.0:
         return mechanical / plant.drive_efficiency + plant.idle_power
@@ -116,7 +117,7 @@ def supplied_power(plant: Record, mechanical: Real) -> Real:
 
 @compiled
 def delivered_power(plant: Record, electric: Real) -> Real:
-    """Mechanical power [W] of a drive that takes electric power [W]: :func:`supplied_power` inverted."""
+    """Return the mechanical power [W] for an electric power [W]: inverse of :func:`supplied_power`."""
     net = electric - plant.idle_power
     if net.real >= 0.0:
         return net * plant.drive_efficiency
@@ -124,7 +125,7 @@ def delivered_power(plant: Record, electric: Real) -> Real:
 
 
 def command_delay() -> Any:
-    """Return the key of the dead time between an electric drive's command and the motor."""
+    """Declare the dead time between an electric drive's command and the motor."""
     return effect(
         0.0, "dead time between the command and the motor", "s", record="command_dead_time",
         ge=0, le=6,
@@ -132,7 +133,7 @@ def command_delay() -> Any:
 
 
 def command_lag() -> Any:
-    """Return the key of the first-order lag between an electric drive's command and the motor."""
+    """Declare the first-order lag between an electric drive's command and the motor."""
     return effect(
         0.0, "first-order lag of the command: speed controller, power stage, ramp", "s",
         record="command_lag", ge=0, le=60,
@@ -140,14 +141,14 @@ def command_lag() -> Any:
 
 
 @compiled
-def with_offset(plant: Record, torque: Real) -> Real:
-    """Torque [N m] of a motor with its constant offset, as of an amplifier whose zero is off."""
+def add_torque_offset(plant: Record, torque: Real) -> Real:
+    """Return a motor torque [N m] plus its constant offset, as from an amplifier with a zero error."""
     if plant.torque_offset != 0.0:
         torque = torque + plant.torque_offset
     return torque
 
 
-def fill_two_way(record: Any) -> None:
-    """End stops alike in both directions, and no rack that travels."""
+def fill_symmetric_limits(record: Any) -> None:
+    """Write equal end stops in both directions, and no rate limit of a rack."""
     record["drive_min"] = -record["drive_max"]
     record["rack_rate_limit"] = INF

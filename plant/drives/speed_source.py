@@ -1,4 +1,4 @@
-"""Drive whose speed a rig holds, or that was measured: the shaft turns as told, whatever that takes."""
+"""Drive that holds the shaft speed at its command, as on a test rig or with a measured speed."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import numpy as np
 from pydantic import Field
 
 from ...core.compiled import Real, Record, compiled
-from ..keys import number
+from ..keys import parameter
 from ..shaft import shaft_inertia
 from ..signals import Signal
-from .prime_mover import PrimeMover, drive_efficiency, fill_two_way, idle_power
+from .prime_mover import PrimeMover, drive_efficiency, fill_symmetric_limits, idle_power
 
 
 class SpeedSource(PrimeMover):
-    """Drive that holds the propeller shaft at the speed that it is told; its torque is not modelled."""
+    """Drive that holds the speed of the propeller shaft at its command; its torque is not modelled."""
 
     type: Literal["speed-command"] = Field(description="kind of drive")
 
@@ -29,26 +29,26 @@ class SpeedSource(PrimeMover):
     )  # fmt: skip
     derived: ClassVar[tuple[tuple[Any, ...], ...]] = (("speed_held", np.int64),)
 
-    speed_max_rad_s: float = number(
-        "highest speed of the propeller shaft, either way", "rad/s", record="drive_max",
+    speed_max_rad_s: float = parameter(
+        "highest speed of the propeller shaft, in either direction", "rad/s", record="drive_max",
         gt=0, le=1e4,
     )  # fmt: skip
     drive_efficiency: float = drive_efficiency()
     idle_power_W: float = idle_power()
 
     def fill(self, record: Any) -> None:
-        """Its numbers; speeds go either way, and have no rack."""
+        """Write the parameters; speeds go in both directions, without a rack."""
         super().fill(record)
-        fill_two_way(record)
+        fill_symmetric_limits(record)
         record["speed_held"] = 1
 
 
-def speed_held(most: float) -> SpeedSource:
-    """Return a drive that holds the shaft at up to some speed [rad/s], either way."""
+def held_speed_source(most: float) -> SpeedSource:
+    """Return a drive that holds the shaft at up to some speed [rad/s], in either direction."""
     return SpeedSource(type="speed-command", speed_max_rad_s=most)
 
 
 @compiled
 def holding_torque(plant: Record, load_torque: Real, shaft_acceleration: Real) -> Real:
-    """Torque [N m] on the shaft that carries its load [N m] and accelerates it as told [rad/s2]."""
+    """Return the torque [N m] that carries a load [N m] and gives a shaft acceleration [rad/s2]."""
     return load_torque + shaft_inertia(plant) * shaft_acceleration

@@ -1,1 +1,1 @@
-"""The state-augmented extended Kalman filter of Taylor (2000), and the same on a ship's own plant."""
+"""The augmented Kalman filter of Taylor (2000), and the same filter on a ship's own plant."""

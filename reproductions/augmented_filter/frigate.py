@@ -1,4 +1,4 @@
-"""The frigate with more friction and fouling than its file says: told from a recording, and on line."""
+"""Estimate friction and fouling of a frigate from recordings, and on line with an observer."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from shaftline.mismatch.identification.augmented_filter import ekf
-from shaftline.observers import follow, follow_number, get_observer, readings_of
+from shaftline.observers import follow, follow_parameter, get_observer, simulated_measurements
 from shaftline.plant import Schedule, Ship, equilibrium, get_sea, load_ship, realise, simulate
 from shaftline.plant.columns import MEASURED, drive_column
 
@@ -27,29 +27,29 @@ NOISE = {
     "pitch_ratio": 0.004, "shaft_speed_rad_s": 0.01, "shaft_torque_N_m": 1.5e3,
     "ship_speed_m_s": 0.05,
 }  # fmt: skip
-"""Rms of the instruments at 20 Hz."""
+"""Rms noise of the instruments at 20 Hz."""
 
 GROWTH = ([0.0, 1800.0, 5400.0, 7200.0], [0.0, 0.0, 0.2, 0.2])
-"""Seconds and fouling of the voyage on which it grows."""
+"""Time [s] and fouling fraction of the run with growing fouling."""
 
-GAUGE_ERROR_N_M = 1.5e3
-"""A hundredth of the torque at the design point."""
+METER_ERROR_N_M = 1.5e3
+"""Error of the shaft torque meter: 1 % of the torque at the design point."""
 
 
-def sailed(
+def simulate_run(
     ship: Ship, seconds: float, sea: str, seed: int, grows: bool = False
 ) -> tuple[Any, pd.DataFrame]:
-    """A voyage with steps of rack and pitch every minute.
+    """Simulate a run with steps of fuel rack and pitch every minute.
 
     Args:
-        ship: as it is.
-        seconds: length.
+        ship: true ship.
+        seconds: duration [s].
         sea: preset, or ``calm``.
-        seed: of orders, waves and noise.
-        grows: whether fouling grows as :data:`GROWTH` says.
+        seed: of commands, waves and noise.
+        grows: whether fouling grows by :data:`GROWTH`.
 
     Returns:
-        The samples, and what noisy instruments recorded.
+        The samples, and the recording with measurement noise.
     """
     rng = np.random.default_rng(seed)
     count = int(seconds / 60.0) + 1
@@ -76,13 +76,13 @@ def sailed(
     return samples, pd.DataFrame(columns)
 
 
-def from_recordings(tick: Callable[[], None]) -> pd.DataFrame:
-    """Fouling and friction told together by ``identify --method ekf``, a row a sea, seed and key."""
+def estimate_from_recordings(tick: Callable[[], None]) -> pd.DataFrame:
+    """Estimate fouling and friction by ``identify --method ekf``; a row for each sea, seed and key."""
     ship = load_ship("frigate")
     rows = []
     for sea in SEAS:
         for seed in SEEDS:
-            _, table = sailed(ship.with_values(CONCEALED), SECONDS, sea, seed)
+            _, table = simulate_run(ship.with_values(CONCEALED), SECONDS, sea, seed)
             found = ekf(ship, [table], tuple(CONCEALED))
             for key, value, error in zip(
                 found.keys, found.values, found.standard_errors, strict=True
@@ -96,42 +96,44 @@ def from_recordings(tick: Callable[[], None]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def readings(samples: Any, table: pd.DataFrame, gauge_error: float = 0.0) -> NDArray[np.float64]:
-    """What an observer is given of a voyage, shape (n, 5).
+def measurements_of(
+    samples: Any, table: pd.DataFrame, meter_error: float = 0.0
+) -> NDArray[np.float64]:
+    """Return the inputs of an observer, shape (n, 5).
 
     Args:
-        samples: of the voyage, for the truth that the oracle reads.
-        table: recorded.
-        gauge_error: added to the torque [N m].
+        samples: of the run, for the true inflow of the oracle.
+        table: the recording.
+        meter_error: added to the torque [N m].
     """
-    found = readings_of(samples)
+    found = simulated_measurements(samples)
     columns = ["shaft_speed_rad_s", "shaft_torque_N_m", "pitch_ratio"]
     found[:, :3] = table[columns].to_numpy()
-    found[:, 1] += gauge_error
+    found[:, 1] += meter_error
     return found
 
 
-def while_it_grows(sea: str, seed: int) -> tuple[pd.DataFrame, dict[str, float]]:
-    """Fouling followed over two hours: by the observer on line, and by the filter of the whole plant.
+def follow_growth(sea: str, seed: int) -> tuple[pd.DataFrame, dict[str, float]]:
+    """Estimate growing fouling over two hours by the observer and by the filter of the whole plant.
 
     Args:
         sea: preset, or ``calm``.
-        seed: of the voyage.
+        seed: of the run.
 
     Returns:
-        By second: ``truth``, ``observer`` and ``filter`` with their standard deviations; and how close
-        the observer's advance velocity comes, beside the random-walk filter's [m/s].
+        By second ``truth``, ``observer`` and ``filter`` with their standard deviations; and the rms
+        error of the advance velocity by observer [m/s].
     """
     ship = load_ship("frigate")
-    samples, table = sailed(ship, GROWTH[0][-1], sea, seed, grows=True)
+    samples, table = simulate_run(ship, GROWTH[0][-1], sea, seed, grows=True)
     dt = ship.time_step_s
-    read = readings(samples, table)
-    number, deviation = follow_number(get_observer("augmented-kalman"), ship, read, dt)
-    biased, _ = follow_number(
-        get_observer("augmented-kalman"), ship, readings(samples, table, GAUGE_ERROR_N_M), dt
+    read = measurements_of(samples, table)
+    number, deviation = follow_parameter(get_observer("augmented-kalman"), ship, read, dt)
+    biased, _ = follow_parameter(
+        get_observer("augmented-kalman"), ship, measurements_of(samples, table, METER_ERROR_N_M), dt
     )
     coarse = table.iloc[::2].reset_index(drop=True)
-    own = ekf(ship, [coarse], (FOULING,), number_walk={FOULING: 1e-3}).tables["estimates"]
+    own = ekf(ship, [coarse], (FOULING,), parameter_walk={FOULING: 1e-3}).tables["estimates"]
     time = samples["time"][::20]
     found = pd.DataFrame(
         {
@@ -139,7 +141,7 @@ def while_it_grows(sea: str, seed: int) -> tuple[pd.DataFrame, dict[str, float]]
             "truth": np.interp(time, *GROWTH),
             "observer": number[::20],
             "observer sd": deviation[::20],
-            "observer, gauge 1 % off": biased[::20],
+            "observer, torque meter 1 % off": biased[::20],
             "filter": np.interp(time, own["time_s"], own[FOULING]),
             "filter sd": np.interp(time, own["time_s"], own[f"{FOULING} se"]),
         }
@@ -151,17 +153,17 @@ def while_it_grows(sea: str, seed: int) -> tuple[pd.DataFrame, dict[str, float]]
     return found, errors
 
 
-def friction_on_line(sea: str, seed: int) -> tuple[float, float]:
-    """Friction in the stern tube after an hour by the observer: estimate and deviation [N m].
+def estimate_friction_online(sea: str, seed: int) -> tuple[float, float]:
+    """Estimate the friction in the stern tube in an hour: value and standard deviation [N m].
 
     Args:
         sea: preset, or ``calm``.
-        seed: of the voyage.
+        seed: of the run.
     """
     nominal = load_ship("frigate")
-    samples, table = sailed(
+    samples, table = simulate_run(
         nominal.with_values({STERN_TUBE: CONCEALED[FRICTION]}), 3600.0, sea, seed
     )
     observer = get_observer("augmented-kalman-friction")
-    number, deviation = follow_number(observer, nominal, readings(samples, table), 0.05)
+    number, deviation = follow_parameter(observer, nominal, measurements_of(samples, table), 0.05)
     return float(number[-1]), float(deviation[-1])

@@ -1,1 +1,1 @@
-"""Electro-mechanical positioning system: a real drive with friction, its numbers found."""
+"""Electro-mechanical positioning system: a real drive with friction."""

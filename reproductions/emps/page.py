@@ -1,4 +1,7 @@
-"""The page on the positioning system: every number from :mod:`.runs`."""
+"""Page of the positioning system EMPS: identification and diagnosis of a real drive.
+
+Run ``python -m reproductions emps --recordings FOLDER --out docs/results``; takes about four minutes.
+"""
 
 from __future__ import annotations
 
@@ -8,93 +11,43 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from shaftline.display import figures
-from shaftline.display.tables import markdown, write_table
+from shaftline.display.tables import write_table
 from shaftline.plant.replay import simulate_recording
 
+from ..pages import fill_template, make_parser
+from . import runs as emps
 from .runs import KEYS, POSITION, PUBLISHED, STICTION, Recordings, rig
 
-NAME, TITLE = "emps", "Electro-mechanical positioning system: a real drive's numbers found"
+NAME, TITLE = "emps", "EMPS: friction and mass of a real positioning system"
 COMMAND = "python -m reproductions emps --out docs/results --recordings FOLDER"
 
-INTRODUCTION = """\
-A motor and a screw push a carriage: mass, viscous and Coulomb friction, an offset of the force. Two
-recordings of 24.84 s at 1 kHz, force and raw encoder, taken in closed loop (Janot, Gautier & Brunot,
-nonlinearbenchmark.org); they are not kept here. `estimation` is fitted, `validation` never shown.
 
-```
-shaftline identify estimation.csv --ship emps.toml --columns columns.toml --hold-out validation.csv \\
-    --free {keys} \\
-    --out out/emps
-```
+def main() -> None:
+    """Identify, diagnose, evaluate, and write ``emps.md``, its table and its figure."""
+    parser = make_parser(
+        "emps", __doc__, "out/emps", recordings="folder of estimation.csv and validation.csv"
+    )
+    options = parser.parse_args()
+    runs = emps.load_runs(options.recordings)
 
-[The ship's file and the column map](../../studies/emps/emps.toml) hold rough numbers on purpose; *far
-off* begins still farther away (mass 60, friction 300 and 30). Rows are dropped without a filter for 200
-and 50 Hz. Nobody gives the speed below which friction sticks, so three are tried. All errors are of
-the 1 kHz recordings simulated open loop from the force alone, without any feedback of the position."""
+    def tick(stage: str, done: int, whole: int) -> None:
+        print(f"{stage}: {done} of {whole}", flush=True)
 
-COMES_TO = """\
-- **Numbers.** All {count} runs lie within {mass:.1f} % (mass), {viscous:.1f} % (viscous friction) and
-  {coulomb:.1f} % (Coulomb friction) of the published ones; the target is 4 %. Offset {offset_low:.2f} to
-  {offset_high:.2f} N; published 3.2.
-- **Velocity** on validation {velocity_low:.1f} to {velocity_high:.1f} %; target 8 %, published numbers
-  {velocity_published:.1f}.
-- **Position** on validation {position_low:.1f} to {position_high:.1f} mm, and {estimation_low:.1f} to
-  {estimation_high:.1f} on estimation: **the target, 5.0, is missed**, and the published numbers, with
-  {position_published:.1f}, carry farther. Errors of the position add up the force's over 25 s: of one
-  standard error of the offset, {offset_error:.2f} N, they move by several millimetres, so the recording
-  does not tell them better than that. The least position error itself is no way out: refitted to it, the
-  four numbers leave {refit:.1f} mm on validation and lie {refit_mass:.0f} to {refit_coulomb:.0f} % off,
-  for mass and friction then make up for what the law of friction lacks.
-- **What made the difference.** The force is drawn as a line between rows where that fits better (at
-  200 and 50 Hz; held, it would be late by half an interval, which looks like friction). Frequencies
-  that tell next to nothing of the numbers are left out (here above 3 to 4 Hz, whatever the rate):
-  there, what the law of friction lacks draws Coulomb friction down. And Coulomb friction is not in the
-  coordinates in which both are compared: a noisy speed about 0 would make a force of it."""
-
-
-NAMED = """\
-The ship's file has the published numbers, but no Coulomb friction and no offset, or no friction at all:
-`shaftline diagnose estimation.csv --ship … --columns columns.toml --hold-out validation.csv`. Rows are
-dropped as they are (*raw*), or behind a zero-phase low-pass at 0.4 times the rate that is kept, at most
-40 Hz (*filtered*). On validation the corrected ship's velocity is {low:.1f} to {high:.1f} % off."""
+    found, named = emps.identify_all(runs, tick), emps.diagnose_all(runs, tick)
+    write(options.out, found, emps.references(runs), named, runs)
+    print(f"page: {options.out / f'{NAME}.md'}")
 
 
 def write(
     folder: Path, found: pd.DataFrame, known: pd.DataFrame, named: pd.DataFrame, runs: Recordings
 ) -> None:
-    """Write ``emps.md``, ``emps.csv`` and ``figures/emps.png``.
-
-    Args:
-        folder: to write into.
-        found: from :func:`.runs.identified`.
-        known: from :func:`.runs.yardsticks`.
-        named: from :func:`.diagnosed.diagnosed`.
-        runs: both recordings.
-    """
-    write_table(folder, NAME, TITLE, COMMAND, found, body(found, known, named))
-    figures.save(drawn(found, runs), folder / "figures" / f"{NAME}.png")
-
-
-def body(found: pd.DataFrame, known: pd.DataFrame, named: pd.DataFrame) -> str:
-    """The page below its title."""
-    return "\n\n".join(
-        [
-            INTRODUCTION.format(keys=",\\\n".join(KEYS)),
-            f"![Positions and their errors](figures/{NAME}.png)",
-            "## What others reach\n\nIn this simulator, friction sticking below 0.001 m/s.",
-            markdown(_rounded(known)),
-            "## What identify finds",
-            markdown(_rounded(found)),
-            "## What it comes to",
-            COMES_TO.format(**_summed(found, known)),
-            "## What diagnose names",
-            NAMED.format(
-                low=named["validation_velocity_percent"].min(),
-                high=named["validation_velocity_percent"].max(),
-            ),
-            markdown(_rounded(named)),
-        ]
-    )
+    """Write ``emps.md``, ``emps.csv`` and ``figures/emps.png``."""
+    body = fill_template(
+        Path(__file__).with_name("page.md"), keys=",\\\n".join(KEYS), known=_rounded(known),
+        found=_rounded(found), named=named, n=summary(found, known),
+    )  # fmt: skip
+    write_table(folder, NAME, TITLE, COMMAND, found, body)
+    figures.save(figure_of(found, runs), folder / "figures" / f"{NAME}.png")
 
 
 def _rounded(table: pd.DataFrame) -> pd.DataFrame:
@@ -104,7 +57,8 @@ def _rounded(table: pd.DataFrame) -> pd.DataFrame:
     return shown
 
 
-def _summed(found: pd.DataFrame, known: pd.DataFrame) -> dict[str, float]:
+def summary(found: pd.DataFrame, known: pd.DataFrame) -> dict[str, float]:
+    """Return the numbers of the page's conclusions by name."""
     off = found[[c for c in found.columns if c.endswith("off_percent")]].abs().max()
     published = known[known["numbers"] == "published"].iloc[0]
     refit = known[known["numbers"] == "least position error on estimation"].iloc[0]
@@ -130,8 +84,8 @@ def _summed(found: pd.DataFrame, known: pd.DataFrame) -> dict[str, float]:
     return summed
 
 
-def drawn(found: pd.DataFrame, runs: Recordings) -> Figure:
-    """Position on validation, and its error with the published and with the identified numbers."""
+def figure_of(found: pd.DataFrame, runs: Recordings) -> Figure:
+    """Draw the position on validation, and its error with published and identified parameters."""
     figure, axes = figures.new_figure(2, 1, (9.5, 5.2))
     above, below = axes[0][0], axes[1][0]
     recording = runs.validation
@@ -150,7 +104,7 @@ def drawn(found: pd.DataFrame, runs: Recordings) -> Figure:
         above.plot(time, position, linewidth=0.8, label=label)
         below.plot(time, 1e3 * (position - recording[POSITION]), linewidth=0.9, label=label)
     above.set_ylabel("position [m]")
-    below.set_ylabel("its error [mm]")
+    below.set_ylabel("position error [mm]")
     below.set_xlabel("time [s]")
     above.legend(fontsize=8)
     below.legend(fontsize=8)

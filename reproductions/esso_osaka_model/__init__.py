@@ -1,1 +1,1 @@
-"""A free-running model of the tanker Esso Osaka, real recordings: surge in turns, astern and in wind."""
+"""A free-running model of the tanker Esso Osaka in a pond."""

@@ -1,4 +1,4 @@
-"""The model as a ship that turns: her owners' captive tests, what the seven runs add, and Nomoto."""
+"""Diagnose and identify the manoeuvring ship of captive tests, in comparison with Nomoto's model."""
 
 from __future__ import annotations
 
@@ -8,16 +8,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from shaftline.core.compiled import Record, compiled
+from shaftline.display import figures
 from shaftline.mismatch import Diagnosis, Options, diagnose, identify
-from shaftline.mismatch.estimate import Tick, silent
+from shaftline.mismatch.estimate import Tick, ignore_progress
 from shaftline.mismatch.identify import Identification
 from shaftline.plant import Ship, load_ship
-from shaftline.plant.columns import HEADING, SWAY_SPEED, YAW_RATE
+from shaftline.plant.columns import HEADING, SWAY_SPEED, TIME, YAW_RATE
 from shaftline.plant.dynamics import loads
-from shaftline.plant.expressions import outside_at
+from shaftline.plant.expressions import external_at
 from shaftline.plant.manoeuvring import planar_acceleration
 from shaftline.plant.replay import Replay, simulate_recording
 from shaftline.plant.state import STATE, Inputs, get_state
@@ -25,34 +27,31 @@ from shaftline.plant.state import STATE, Inputs, get_state
 from .. import nomoto
 from .runs import HELD_OUT, SPEED, Recordings
 
-CHANNELS = (YAW_RATE, HEADING, SWAY_SPEED, SPEED)
-"""That are judged; the tables' order."""
-
 SURGE = "speed at measured sway and turn"
-"""Name of the speed's error where sway speed, rate of turn and heading are the measured ones."""
+"""Name of the speed error with measured sway speed, rate of turn and heading."""
 
 FREE = (
     "hull.resistance_coefficient_N_s2_m2", "manoeuvring.Y_v", "manoeuvring.N_r",
     "rudder.normal_force_slope",
 )  # fmt: skip
-"""What is found beside the effects: resistance, damping of sway and yaw, and the rudder. Y_r is named by
-the diagnosis, and the runs do not tell N_v from N_r."""
+"""Free parameters: resistance, damping of sway and yaw, rudder. The diagnosis identifies Y_r, and
+the runs cannot distinguish N_v from N_r."""
 
 Floats = NDArray[np.float64]
 
 
 class Turning(NamedTuple):
-    """What the page tells of the model that turns."""
+    """Results of the manoeuvring ship."""
 
-    ships: dict[str, Ship]  # by what the page calls them
+    ships: dict[str, Ship]  # by their names on the page
     said: Diagnosis
     found: Identification
     response: nomoto.Response
-    errors: dict[str, pd.DataFrame]  # rms by ship: a row a run, columns CHANNELS and SURGE
+    errors: dict[str, pd.DataFrame]  # rms by ship: a row for each run, columns CHANNELS and SURGE
 
 
 def turning_ship() -> Ship:
-    """The file with the owners' numbers."""
+    """Return the ship file with the owners' parameters."""
     return load_ship(str(importlib.resources.files(__package__).joinpath("turning.toml")))
 
 
@@ -65,7 +64,7 @@ def _surge(
     signals: Floats,
     dt: float,
 ) -> None:
-    """Speeds ahead [m/s] of STATE records at all else that they hold; filled from the first on."""
+    """Integrate the speed ahead [m/s] of STATE records with all other states given."""
     for k in range(len(states) - 1):
         slope = 0.0
         for part in range(2):  # Heun's rule, from row to row
@@ -73,7 +72,7 @@ def _surge(
             state = get_state(states[at])
             acts = Inputs(
                 drive[at], plant.pitch_ratio_max, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0,
-                rudder[at], 0.0, outside_at(signals, at),
+                rudder[at], 0.0, external_at(signals, at),
             )  # fmt: skip
             acting = loads(plant, state, acts, plant.pitch_ratio_max)
             push = acting.push - acting.resistance + acting.surge_force
@@ -89,13 +88,9 @@ def _surge(
 
 
 def surge_at_measured(ship: Ship, table: pd.DataFrame) -> Floats:
-    """Speed ahead [m/s] by the turning ship's own surge equation, sway and turn being the measured.
+    """Return the speed ahead by the ship's surge equation at measured sway and turn [m/s].
 
-    What the surge-only ship is asked: revolutions, rudder, sway speed, rate of turn and wind are given.
-
-    Args:
-        ship: that turns, at revolutions that are held.
-        table: a recording in canonical columns.
+    As for the surge model, revolutions, rudder, sway speed, rate of turn and wind are given.
     """
     run = Replay(ship, table)
     plant = ship.record()
@@ -107,72 +102,139 @@ def surge_at_measured(ship: Ship, table: pd.DataFrame) -> Floats:
     states["ship_speed"][0] = table[SPEED].iloc[0]
     rows = np.repeat(run.signals, run.rows, axis=0) if len(run.signals) == 1 else None
     signals = run.signals[:: 2 * run.per_row] if rows is None else rows
-    _surge(
-        plant,
-        states,
-        run.drive_rows,
-        run.rudder_rows,
-        np.ascontiguousarray(signals),
-        run.interval_s,
-    )
+    signals = np.ascontiguousarray(signals)
+    _surge(plant, states, run.drive_rows, run.rudder_rows, signals, run.interval_s)
     return np.asarray(states["ship_speed"])
 
 
-def _rms(difference: Any) -> float:
-    return float(np.sqrt(np.mean(np.square(np.asarray(difference)))))
-
-
 def errors_of(ship: Ship, tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Rms errors of a ship on each run, free-running from its first row; a row a run.
-
-    Args:
-        ship: that turns.
-        tables: the runs.
-    """
-    rows = {}
-    for name, table in tables.items():
-        sailed = simulate_recording(ship, table)
-        rows[name] = {c: _rms(sailed[c] - table[c]) for c in CHANNELS}
-        rows[name][SURGE] = _rms(surge_at_measured(ship, table) - table[SPEED])
-    return pd.DataFrame(rows).T
+    """Return the rms errors of a ship on each run, free-running from its first row."""
+    errors = nomoto.run_errors(lambda table: simulate_recording(ship, table), tables)
+    surge = {n: nomoto.rms(surge_at_measured(ship, t) - t[SPEED]) for n, t in tables.items()}
+    return errors.assign(**{SURGE: pd.Series(surge)})
 
 
-def errors_by_nomoto(
-    response: nomoto.Response, tables: Mapping[str, pd.DataFrame], length_m: float
-) -> pd.DataFrame:
-    """The same of Nomoto's model, which has no speed of its own."""
-    rows = {}
-    for name, table in tables.items():
-        sailed = nomoto.sailed(response, table, length_m)
-        rows[name] = {c: _rms(sailed[c] - table[c]) for c in CHANNELS if c in sailed}
-    return pd.DataFrame(rows).T
-
-
-def over(errors: pd.DataFrame, names: tuple[str, ...]) -> pd.Series:
-    """Root of the mean square of runs' errors, all runs counted alike."""
-    return np.sqrt((errors.loc[list(names)] ** 2).mean())
-
-
-def sailed_by(runs: Recordings, tick: Tick = silent) -> Turning:
-    """Diagnose and identify the turning model on the fitted runs, and sail all of them.
-
-    Args:
-        runs: with the wind across (:class:`.runs.Recordings`).
-        tick: progress.
-    """
+def simulate_all(runs: Recordings, tick: Tick = ignore_progress) -> Turning:
+    """Diagnose and identify the manoeuvring ship on the fitted runs, and simulate all runs."""
     ship = turning_ship()
     paths = [runs.paths[name] for name in runs.fitted]
-    aside = [runs.paths[name] for name in HELD_OUT]
+    held = [runs.paths[name] for name in HELD_OUT]
     options = Options(columns=runs.columns)
-    said = diagnose(ship, *paths, hold_out=aside, options=options, tick=tick)
+    said = diagnose(ship, *paths, hold_out=held, options=options, tick=tick)
     found = identify(
-        said.corrected, *paths, free=FREE, hold_out=aside, columns=runs.columns, tick=tick
+        said.corrected, *paths, free=FREE, hold_out=held, columns=runs.columns, tick=tick
     )
     ships = {"captive tests": ship, "diagnosed": said.corrected}
-    ships["diagnosed, numbers found"] = found.identified
+    ships["diagnosed, then identified"] = found.identified
     tables = runs.tables(said.corrected)
     errors = {what: errors_of(one, tables) for what, one in ships.items()}
     length = ship.manoeuvring.length_m
-    response = nomoto.fitted([tables[name] for name in runs.fitted], length)
-    errors["Nomoto"] = errors_by_nomoto(response, tables, length)
+    response = nomoto.fit_response([tables[name] for name in runs.fitted], length)
+    errors["Nomoto"] = nomoto.response_errors(response, tables, length)
     return Turning(ships, said, found, response, errors)
+
+
+TITLES = nomoto.TITLES | {SURGE: f"{SURGE}, m/s"}
+
+
+def csv_table(turning: Turning) -> pd.DataFrame:
+    """Return the rms errors in SI units, a row for each ship and run."""
+    parts = [
+        own.rename_axis("run").reset_index().assign(ship=what)
+        for what, own in turning.errors.items()
+    ]
+    table = pd.concat(parts, ignore_index=True)
+    table["held out"] = np.where(table["run"].isin(HELD_OUT), "yes", "")
+    return table[["ship", "run", "held out", *TITLES]]
+
+
+def errors_table(turning: Turning) -> pd.DataFrame:
+    """Return the errors on the fitted and the held-out runs."""
+    runs = turning.errors["Nomoto"].index
+    fitted = tuple(name for name in runs if name not in HELD_OUT)
+    groups = {"seven fitted": fitted, "two held out": HELD_OUT}
+    return nomoto.errors_table(turning.errors, groups, TITLES, 0)
+
+
+def errors_by_run(turning: Turning, channel: str) -> pd.DataFrame:
+    """Return the errors of a channel by run and ship."""
+    known = {what: own for what, own in turning.errors.items() if channel in own}
+    whole = pd.DataFrame({what: own[channel] for what, own in known.items()})
+    shown = whole.map(lambda value: nomoto.format_error(channel, value, 0))
+    shown.insert(0, "held out", np.where(shown.index.isin(HELD_OUT), "yes", ""))
+    return shown.rename_axis("run").reset_index()
+
+
+def effects_table(turning: Turning) -> pd.DataFrame:
+    """Return the identified effects with their parameters."""
+    rows = []
+    for finding in turning.said.findings:
+        for own in finding.estimates:
+            low, high = own.ci95
+            rows.append(
+                {"effect": finding.effect.label, "parameter": own.name, "file": f"{own.neutral:.3g}",
+                 "value": f"{own.value:.3g}", "95 %": f"{low:.3g} to {high:.3g}", "unit": own.unit,
+                 "2 Δ log L": f"{finding.score:.0f}"}
+            )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def estimates_table(turning: Turning) -> pd.DataFrame:
+    """Return the identified parameters."""
+    rows = [
+        {"key": e.key, "before": f"{e.neutral:.4g}", "identified": f"{e.value:.4g}",
+         "95 %": f"{e.ci95[0]:.4g} to {e.ci95[1]:.4g}"}
+        for e in turning.found.estimates
+    ]  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def summary(turning: Turning) -> dict[str, Any]:
+    """Return the numbers of the page's conclusions by name."""
+
+    def at(what: str, channel: str, names: tuple[str, ...] = HELD_OUT) -> float:
+        return float(nomoto.mean_errors(turning.errors[what], names)[channel])
+
+    first, named, last = turning.ships
+    fitted = tuple(name for name in turning.errors[first].index if name not in HELD_OUT)
+    turns = tuple(name for name in fitted if name.startswith("turn"))
+    k = next(e.value for f in turning.said.findings for e in f.estimates if "wind-side" in e.key)
+    return {
+        "rates": {
+            what: [f"{np.degrees(at(what, YAW_RATE, names)):.2f}" for names in (HELD_OUT, fitted)]
+            for what in ("Nomoto", first, named, last)
+        },
+        "sway": [at(what, SWAY_SPEED) for what in (first, named)],
+        "k": k,
+        "side_force": k / (0.5 * 1.166 * 0.52038),
+        "turns": [at(first, channel, turns) for channel in (SPEED, SURGE)],
+        "surge": at(named, SURGE),
+        "speed": at(named, SPEED),
+        "worst": turning.errors[named][SURGE].idxmax(),
+        "noise": turning.said.verdict == "nothing-missing",
+    }
+
+
+def figure_of(runs: Recordings, turning: Turning) -> Figure:
+    """Draw rate of turn and sway of the held-out runs, measured and simulated."""
+    figure, axes = figures.new_figure(len(HELD_OUT), 2, (10.0, 5.6))
+    length = turning.ships["captive tests"].manoeuvring.length_m
+    tables = runs.tables(turning.ships["diagnosed"])
+    for row, name in zip(axes, HELD_OUT, strict=True):
+        table = tables[name]
+        lines = {what: simulate_recording(ship, table) for what, ship in turning.ships.items()}
+        lines["Nomoto"] = nomoto.simulate_response(turning.response, table, length)
+        for axis, column in zip(row, (YAW_RATE, SWAY_SPEED), strict=True):
+            factor = np.degrees(1.0) if column == YAW_RATE else 1.0
+            measured = factor * table[column]
+            axis.plot(table[TIME], measured, color=figures.TRUTH, lw=1.3, label="measured")
+            for colour, (what, simulated) in zip(figures.PALETTE, lines.items(), strict=False):
+                style = ":" if what == "Nomoto" else "-"
+                values = factor * simulated[column]
+                axis.plot(simulated[TIME], values, style, color=colour, lw=1.0, label=what)
+            axis.set_title(f"{name}, held out", fontsize=8, loc="left")
+            axis.set_ylabel(TITLES[column], fontsize=8)
+    for axis in axes[-1]:
+        axis.set_xlabel("time [s]", fontsize=8)
+    axes[0, 0].legend(fontsize=7, frameon=False, ncols=2)
+    return figure

@@ -1,73 +1,211 @@
-"""The engine map that the CPP optimiser paper's tables imply, and what the optimiser makes of it.
+"""Infer the engine map of the ferry from the CPP optimiser paper's tables, and test the optimiser on it.
 
 The paper prints no map, but the consumption at twenty states of engine speed and ship speed (thirty
-entries of its Tables 1 to 3), and that fifteen of them are optima: :mod:`.inferred_map`.
+entries of its Tables 1 to 3), fifteen of which are optima. A surface of the paper's own form, C_s = sum
+of c_ij N^i n^j, i up to 2 and j up to 3, is fitted to the thirty entries; with a small weight also to
+the optima (no slope of the fuel along equal thrust and speed), and with a smaller one, so that it stays
+a map where no state lies, to a typical diesel at its level.
 
 Run ``python -m reproductions ferry.engine_map --out docs/results``; about a minute.
 """
 
 from __future__ import annotations
 
-import argparse
+import math
 import re
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from shaftline.baselines.combinator_surface import combinator_surface
+from shaftline.baselines.steady_points import steady_point
 from shaftline.display import figures
-from shaftline.display.tables import markdown, write_table
+from shaftline.display.tables import write_table
 from shaftline.plant import Ship, load_ship
 
+from ..pages import fill_template, make_parser
 from ..side_by_side import published
-from .inferred_map import (
-    RATED_RPM,
-    SLOPE_WEIGHT,
-    Floats,
-    States,
-    fitted,
-    form,
-    forms,
-    keys,
-    rms,
-    states,
-)
-from .lever_cells import HALF_DIGIT, table_cells
-from .lever_points import (
+from .experiment import (
     COMBINATOR,
     CORRECTED,
     HELD,
     PAPERS,
     RAISED,
     WHOLE_ENVELOPE,
-    compared,
-    described_briefly,
-    optimal,
-    rises,
+    compare_controls,
+    in_units_of_paper,
+    optimal_state,
+    pitch_for,
+    resistance_rises,
 )
-from .lever_tables import asked_rises, implied_savings
+from .levers import HALF_DIGIT, implied_rises, implied_savings, table_cells
+
+Floats = NDArray[np.float64]
+
+RATED_W, RATED_RPM, BASE = 1e5, 2200.0, 300.0
+TERMS = tuple((i, j) for i in range(3) for j in range(4))
+"""Powers of N and n of the paper's form."""
+
+SLOPE_WEIGHT, PRIOR_WEIGHT = 0.06, 0.01
+"""Weights of the slope of an optimum (share of the fuel by share of the speed) and of the prior."""
+
+
+class States(NamedTuple):
+    """The printed states with our ferry's power."""
+
+    table: list[str]
+    lever: list[int]
+    when: list[str]
+    ship_speed: Floats  # [m/s]
+    power: Floats  # over the rated [-]
+    speed: Floats  # of the engine over the rated [-]
+    consumption: Floats  # [g/kWh]
+    slope: Floats  # of the power with the engine's speed at equal thrust and ship speed [-]
+
+
+def _power(ship: Ship, rpm: float, ship_speed: float, factor: float) -> float:
+    gear = ship.transmission.gear_ratio
+    shaft = rpm * math.pi / 30.0 / gear
+    point = steady_point(ship, shaft, pitch_for(ship, shaft, ship_speed, factor), factor)
+    return point.brake_torque * gear * shaft / RATED_W
+
+
+def states(ship: Ship, rise: tuple[float, ...] | None = None) -> States:
+    """Return the thirty entries.
+
+    Args:
+        ship: the ferry, whose hull and propeller give the power; its own map is not used.
+        rise: resistance after the disturbance over that before it, by lever [-]; those of
+            :func:`.experiment.resistance_rises` by default.
+    """
+    tables, rise = published(PAPERS), rise or resistance_rises()
+    rows = []
+    for control in (COMBINATOR, HELD, CORRECTED):
+        for lever, row in tables.loc[control].set_index("condition").iterrows():
+            for when, factor in (("before", 1.0), ("after", rise[int(str(lever)) - 1])):
+                rpm = float(row[f"engine_speed_rpm_{when}"])
+                knots = float(row[f"ship_speed_m_s_{when}"])
+                power = [_power(ship, rpm + off, knots, factor) for off in (-1.0, 0.0, 1.0)]
+                rows.append(
+                    (control, int(str(lever)), when, knots, power[1], rpm / RATED_RPM,
+                     float(row[f"sfoc_g_kwh_{when}"]), 0.5 * (power[2] - power[0]) * RATED_RPM)
+                )  # fmt: skip
+    columns = list(zip(*rows, strict=True))
+    return States(*(list(c) for c in columns[:3]), *(np.array(c) for c in columns[3:]))  # type: ignore[arg-type]
+
+
+def form_terms(power: Floats, speed: Floats, terms: tuple[tuple[int, int], ...] = TERMS) -> Floats:
+    """Return the terms of the surface at states, shape (n, len(terms)).
+
+    Args:
+        power: over the rated power [-], shape (n,).
+        speed: over the rated speed [-], shape (n,).
+        terms: powers of both.
+    """
+    return np.column_stack([power**i * speed**j for i, j in terms])
+
+
+def _prior() -> tuple[Floats, Floats, Floats]:
+    """Return states all over the map and the consumption of the ``ferry`` there, over its mean."""
+    engine = load_ship("ferry").prime_mover
+    grid = np.array(
+        [
+            (p, s)
+            for s in np.linspace(0.35, 1.0, 8)
+            for p in np.linspace(0.1, 1.0, 8)
+            if p < 1.15 * s
+        ]
+    )
+    power, speed = grid.T
+    share = np.zeros(len(grid))
+    for name in type(engine).model_fields:
+        if name.startswith("fuel_p"):
+            i, j = int(name[6]), int(name[9])
+            share += getattr(engine, name) * power**i * speed**j
+    return power, speed, share / power
+
+
+def fit_map(
+    known: States, slope_weight: float = SLOPE_WEIGHT, prior_weight: float = PRIOR_WEIGHT
+) -> Floats:
+    """Return the coefficients of the map [g/kWh], in the order of :data:`TERMS`."""
+    p, s, c = known.power, known.speed, known.consumption
+    best = np.array([table != COMBINATOR for table in known.table])
+    slopes = (
+        np.column_stack(
+            [
+                (i + 1) * p**i * s**j * known.slope + p ** (i + 1) * j * s ** max(j - 1, 0)
+                for i, j in TERMS
+            ]
+        )
+        / (p * c)[:, None]
+    )
+    power, speed, shape = _prior()
+    level = c.mean() / np.mean(shape)
+    rows = [
+        form_terms(p, s),
+        slope_weight * BASE * slopes[best],
+        prior_weight * form_terms(power, speed),
+    ]
+    aims = [c, np.zeros(int(best.sum())), prior_weight * level * shape]
+    return np.asarray(np.linalg.lstsq(np.vstack(rows), np.concatenate(aims), rcond=None)[0])
+
+
+def ship_keys(coefficients: Floats) -> dict[str, float]:
+    """Return the map of :func:`fit_map` as keys of a ship file."""
+    own = {
+        f"prime_mover.fuel_p{i + 1}_s{j}": float(c) / BASE
+        for (i, j), c in zip(TERMS, coefficients, strict=True)
+    }
+    return {"prime_mover.fuel_p0_s1": 0.0, "prime_mover.fuel_p0_s2": 0.0} | own
+
+
+def compare_forms(known: States) -> pd.DataFrame:
+    """Return the errors of surfaces of several forms at the thirty entries, and at a state left out."""
+    full = tuple((i, j) for i in range(3) for j in range(3) if i + j <= 2)
+    p, s, c = known.power, known.speed, known.consumption
+    places = [f"{a:.6f} {b:.6f}" for a, b in zip(known.ship_speed, s, strict=True)]
+    rows = []
+    for name, terms in (("full quadratic, 6 coefficients", full), ("the paper's form, 12", TERMS)):
+        whole = form_terms(p, s, terms)
+        off = whole @ np.linalg.lstsq(whole, c, rcond=None)[0] - c
+        out = []
+        for place in sorted(set(places)):
+            kept = np.array([one != place for one in places])
+            told = np.linalg.lstsq(whole[kept], c[kept], rcond=None)[0]
+            out.append(float(np.mean(whole[~kept] @ told - c[~kept])))
+        rows.append((name, rms(off), float(np.abs(off).max()), rms(np.array(out))))
+    off = form_terms(p, s) @ fit_map(known) - c
+    rows.append(("the ship's: with optima and prior", rms(off), float(np.abs(off).max()), math.nan))
+    return pd.DataFrame(
+        rows, columns=["form", "rms [g/kWh]", "worst [g/kWh]", "a state left out, rms [g/kWh]"]
+    )
+
+
+def rms(values: Floats) -> float:
+    """Return the root mean square of values."""
+    return float(np.sqrt(np.mean(values**2)))
+
 
 SHIP = "ferry-printed"
 TRADED = (0.01, 0.02, 0.03, 0.06, 0.12)
 """Weights of the slopes that are tried."""
 
 
-def chosen(ship: Ship) -> pd.DataFrame:
-    """Where the optimiser, free to choose, settles at the printed ship speeds, beside the print.
-
-    Args:
-        ship: with the inferred map.
-    """
+def optimiser_states(ship: Ship) -> pd.DataFrame:
+    """Return the optimiser's states at the printed ship speeds, beside the printed states."""
     surface = combinator_surface(ship, WHOLE_ENVELOPE)
     printed = published(PAPERS).loc[CORRECTED].set_index("condition")
     rows = []
     for lever, row in printed.iterrows():
-        for when, factor in (("before", 1.0), ("after", rises()[int(str(lever)) - 1])):
-            point = optimal(ship, surface, float(row[f"ship_speed_m_s_{when}"]), factor)
+        for when, factor in (("before", 1.0), ("after", resistance_rises()[int(str(lever)) - 1])):
+            point = optimal_state(ship, surface, float(row[f"ship_speed_m_s_{when}"]), factor)
             assert point is not None
-            own = described_briefly(ship, point)
+            own = in_units_of_paper(ship, point)
             rows.append(
                 {"lever": str(lever), "when": when, "engine [rpm]": own["engine_speed_rpm"],
                  "printed [rpm]": float(row[f"engine_speed_rpm_{when}"]),
@@ -76,16 +214,12 @@ def chosen(ship: Ship) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def traded(ship: Ship) -> pd.DataFrame:
-    """What maps come to that are asked for their optima more or less.
-
-    Args:
-        ship: the ferry, with any map.
-    """
+def try_slope_weights(ship: Ship) -> pd.DataFrame:
+    """Return errors and savings of maps with several weights of the optima."""
     known, rows = states(ship), []
     for weight in TRADED:
-        other = ship.with_values(keys(fitted(known, weight)))
-        found = compared(other)
+        other = ship.with_values(ship_keys(fit_map(known, weight)))
+        found = compare_controls(other)
         found = found[found["curve"] == "printed"]
         off = {
             name: np.array(
@@ -111,12 +245,12 @@ def traded(ship: Ship) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def drawn(known: States, coefficients: Floats) -> Figure:
-    """The map over power and speed with the printed states on it (the paper's Figure 2)."""
+def draw_map(known: States, coefficients: Floats) -> Figure:
+    """Draw the map over power and speed with the printed states (the paper's Figure 2)."""
     figure, axes = figures.new_figure(1, 1, (7.5, 5.0))
     axis = axes[0, 0]
     speed, power = np.meshgrid(np.linspace(0.55, 1.0, 80), np.linspace(0.3, 1.0, 80))
-    level = (form(power.ravel(), speed.ravel()) @ coefficients).reshape(power.shape)
+    level = (form_terms(power.ravel(), speed.ravel()) @ coefficients).reshape(power.shape)
     lines = axis.contour(RATED_RPM * speed, 100.0 * power, level, levels=range(260, 421, 10),
                          colors=figures.THESIS, linewidths=0.8)  # fmt: skip
     axis.clabel(lines, fontsize=7, fmt="%d")
@@ -131,81 +265,35 @@ def drawn(known: States, coefficients: Floats) -> Figure:
     return figure
 
 
-BODY = """\
-The CPP optimiser paper prints no engine map. Its Tables 1 to 3 print the consumption at twenty states of
-engine speed and ship speed; with the power that our ferry takes there (all but its length, power and
-speed is assumed), a surface of the paper's own form follows from them, here that of
-[`ferry-printed`](../../plant/ships/ferry-printed.toml). **It is inferred from the tables that it
-reproduces.** That the optimiser settles at the printed engine speeds is asked of it as well, weakly.
-
-## How well a surface holds the entries
-
-With a resistance that follows the square of the speed, and three rises of it by the disturbance: those
-that Table 2's held thrust asks for, 10.0 to 12.3 % (`ferry-printed`); 15 %, which the paper names for
-the *wave* resistance alone; and those that [Table 1's speeds](levers.md#counted-by-quantity) ask for:
-
-{forms}
-
-Twelve coefficients on twenty states leave eight free. On the strip where the states lie consumption
-rises almost with the torque, unlike that of any modern engine. The consumption goes best with a rise of
-15 % of the whole resistance, which neither the text nor Table 2 allows: what the tables say of the hull
-and of the engine does not go together with our propeller.
-
-*The ship's* is asked for more: that fifteen states be optima of our ferry, and that the map be one where
-no state lies. With the entries alone the form is negative at low power, and the optimiser leaves the
-strip.
-
-## Where the optimiser goes
-
-At the printed ship speeds, on `ferry-printed`, free to choose pitch and revolutions within the whole
-envelope:
-
-{chosen}
-
-At levers 1 to 4 its revolutions are within {rpm:.0f} rpm and its consumption is within {sfoc:.1f} g/kWh
-of the print, at lever 5, the strip's end, within {five_rpm:.0f} rpm and {five:.1f} g/kWh.
-
-## What is traded
-
-The paper's savings are not there: the more the printed states are made optima, the less is lost by
-sailing beside them. The same experiment as on the page of the [levers](levers.md), curve `printed`,
-levers 1 to 4, for several weights of the slopes; the ship has {weight:g}:
-
-{traded}
-
-No weight has the printed consumption, the printed revolutions and the printed saving of {saving} %
-together.
-
-![The inferred map with the printed states](figures/ferry-map.png)"""
-
-
 def main() -> None:
-    """Write ``ferry-map.md``, its table and its figure; print the map's keys."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--out", type=Path, default=Path("out/ferry-map"), help="folder")
-    folder = parser.parse_args().out
+    """Write ``ferry-map.md``, its table and its figure; print the keys of the map."""
+    folder = make_parser("ferry.engine_map", __doc__, "out/ferry-map").parse_args().out
     ship = load_ship(SHIP)
     known = states(ship)
-    coefficients = fitted(known)
-    for key, value in keys(coefficients).items():
+    coefficients = fit_map(known)
+    for key, value in ship_keys(coefficients).items():
         print(f"{key.split('.')[1]} = {value:.6f}")
-    found = chosen(ship)
-    off_rpm = found["engine [rpm]"] - found["printed [rpm]"]
-    off = found["SFOC [g/kWh]"] - found["printed [g/kWh]"]
-    four = found["lever"] != "5"
-    by_table_1 = tuple(1.0 + 0.01 * asked_rises(ship)["rise by Table 1 [%]"])
-    tried = {"10.0 to 12.3 %": rises(), "15 %": (1.15,) * 5, "by Table 1": by_table_1}
-    whole = pd.concat([forms(states(ship, r)).assign(rise=name) for name, r in tried.items()])
-    saved = -implied_savings(ship)["fuel per mile change [%]"].iloc[:4]
-    body = BODY.format(
-        traded=markdown(traded(ship), 2), weight=SLOPE_WEIGHT, forms=markdown(whole),
-        chosen=markdown(found, 1), rpm=off_rpm[four].abs().max(), sfoc=off[four].abs().max(),
-        five=off[~four].abs().max(), five_rpm=off_rpm[~four].abs().max(),
-        saving=f"{saved.min():.1f} to {saved.max():.1f}",
+    found = optimiser_states(ship)
+    by_table_1 = tuple(1.0 + 0.01 * implied_rises(ship)["rise by Table 1 [%]"])
+    tried = {"10.0 to 12.3 %": resistance_rises(), "15 %": (1.15,) * 5, "by Table 1": by_table_1}
+    body = fill_template(
+        Path(__file__).with_name("engine_map.md"), states=found, weight=SLOPE_WEIGHT,
+        weights=try_slope_weights(ship), four=found["lever"] != "5", five=found["lever"] == "5",
+        off_rpm=(found["engine [rpm]"] - found["printed [rpm]"]).abs(),
+        off=(found["SFOC [g/kWh]"] - found["printed [g/kWh]"]).abs(),
+        forms=pd.concat([compare_forms(states(ship, r)).assign(rise=n) for n, r in tried.items()]),
+        saved=-implied_savings(ship)["fuel per mile change [%]"].iloc[:4],
     )  # fmt: skip
-    figures.save(drawn(known, coefficients), folder / "figures" / "ferry-map.png")
+    figures.save(draw_map(known, coefficients), folder / "figures" / "ferry-map.png")
     command = "python -m reproductions ferry.engine_map --out docs/results"
-    write_table(folder, "ferry-map", "The ferry's engine map, inferred", command, found, body)
+    write_table(
+        folder,
+        "ferry-map",
+        "Engine map of the ferry, inferred from printed tables",
+        command,
+        found,
+        body,
+    )
 
 
 if __name__ == "__main__":

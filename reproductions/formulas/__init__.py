@@ -1,1 +1,1 @@
-"""Formulas where no name fits, on simulated ships whose missing physics is not in the catalogue."""
+"""Search for formulas of missing physics on simulated ships."""

@@ -1,4 +1,7 @@
-"""The page on formulas: every number from :mod:`.bench`."""
+"""Page of the formula search on simulated ships.
+
+Run ``python -m reproductions formulas --out docs/results``; about fifteen minutes on two cores.
+"""
 
 from __future__ import annotations
 
@@ -8,105 +11,91 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from shaftline.display.tables import markdown, write_table
+from shaftline.core.sweep import sweep
+from shaftline.display.tables import write_table
 from shaftline.plant.expressions import names_in
 from shaftline.plant.terms import TERM_SIGNALS
 
-from .cases import OUTSIDE
+from ..pages import fill_template, make_parser
+from .cases import OUTSIDE, cases, diagnose_case, search_case
 
-NAME, TITLE = "formulas", "Where no name fits: formulas of missing physics, and nulls"
+NAME, TITLE = "formulas", "Formula search: physics that the catalogue does not contain"
 COMMAND = "python -m reproductions formulas --seed {seed} --out docs/results"
 
-INTRODUCTION = """\
-Simulated ships lack physics that the catalogue does not name
-([truths](../../studies/formulas/truths.toml)): {frigate} on the frigate (600 s at 5 Hz, six signals
-from outside), {motor} on a model's motor (30 s at 50 Hz, shaft speed alone, two signals from
-outside). Every recording holds all of its rig's signals, whether they matter or not. In every
-fourth case the ship's numbers are wrong by 1 % (standard deviation), of which its file knows 0.15
-to 0.5 %. The nulls lack nothing.
-
-*Search*: formulas in every balance, without the catalogue before it and, of nulls, without asking
-first whether more than noise is left. *Gain*: in 2 log L, over that of the true form fitted alike;
-on the data that was fitted and on the data set aside, where a gain below {least:g} of the true
-form's tells nothing. *Signals*: those of the formula are those of the truth; a formula is the
-shortest of those that cannot be told apart, so of two signals one of which hardly moves it may name
-one. *Or equally*: the truth's signals stand in the formula or in one of those that are told beside
-it."""
-
 LEAST = 6.0
-"""Gain of the true form on the data set aside below which a share of it tells nothing."""
+"""Gain of the true form on held-out data below which a ratio to it is not meaningful."""
 
 
-def write(folder: Path, cases: pd.DataFrame, whole: pd.DataFrame, seed: int) -> None:
-    """Write ``formulas.md`` and ``formulas.csv``.
-
-    Args:
-        folder: to write into.
-        cases: a row each, as of :func:`.bench.searched`.
-        whole: likewise of :func:`.bench.diagnosed`; may be empty.
-        seed: of the first case.
-    """
-    shown = cases.copy()
+def main() -> None:
+    """Search, diagnose, and write ``formulas.md`` and its table."""
+    parser = make_parser("formulas", __doc__, "out/formulas", kept="out/formulas/cases", jobs=2)
+    parser.add_argument("--seed", type=int, default=300, help="seed of the first case")
+    options = parser.parse_args()
+    every = cases(options.seed)
+    named = {case.name: case for case in every}
+    lacking = {case.name: case for case in every if case.truth is not None}
+    found = sweep(search_case, named, options.kept / "searched", jobs=options.jobs)
+    whole = sweep(diagnose_case, lacking, options.kept / "diagnosed", jobs=options.jobs)
+    rows = pd.DataFrame([found[name] for name in named])
+    table = rows.copy()
     for column in ("signals", "true_signals", "rivals"):
-        shown[column] = [" | ".join(x) if isinstance(x, list) else "" for x in shown[column]]
-    write_table(folder, NAME, TITLE, COMMAND.format(seed=seed), shown, body(cases, whole))
+        table[column] = [" | ".join(x) if isinstance(x, list) else "" for x in table[column]]
+    text = body(rows, pd.DataFrame([whole[name] for name in lacking]))
+    write_table(options.out, NAME, TITLE, COMMAND.format(seed=options.seed), table, text)
+    print(f"page: {options.out / f'{NAME}.md'}")
 
 
 def body(cases: pd.DataFrame, whole: pd.DataFrame) -> str:
-    """The page below its title."""
-    truths, nulls = parted(cases)
-    by_rig = truths["rig"].value_counts()
-    parts = [
-        INTRODUCTION.format(
-            frigate=by_rig.get("frigate", 0), motor=by_rig.get("motor", 0), least=LEAST
-        ),
-        "## Figures",
-        markdown(pd.DataFrame(figures(truths, nulls), columns=["figure", "found", "target"])),
-        "## Truths",
-        markdown(_rows(truths)),
-    ]
-    told = nulls[nulls["formula"] != ""]
-    if len(told):
-        columns = ["case", "wrong_numbers", "formula", "gain", "threshold", "held_out"]
-        parts += ["## Nulls with a formula", markdown(told[columns], 1)]
-    if len(whole):
-        parts += ["## The whole diagnosis", _whole(whole, truths)]
-    return "\n\n".join(parts)
+    """Return the page below its title."""
+    truths, nulls = split_nulls(cases)
+    named = nulls[nulls["formula"] != ""]
+    columns = ["case", "wrong_numbers", "formula", "gain", "threshold", "held_out"]
+    diagnoses = diagnoses_table(whole, truths)
+    asked = diagnoses[diagnoses["verdict"] == "unexplained"] if len(whole) else diagnoses
+    return fill_template(
+        Path(__file__).with_name("page.md"), rigs=truths["rig"].value_counts(), least=LEAST,
+        summary=pd.DataFrame(summary_rows(truths, nulls), columns=["figure", "result", "target"]),
+        truths=_rows(truths), null_cases=named[columns], diagnoses=diagnoses, asked=asked,
+    )  # fmt: skip
 
 
-def parted(cases: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Cases with a truth, and nulls."""
+def split_nulls(cases: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return the cases with a truth, and the null cases."""
     has = cases["truth"].notna() & (cases["truth"] != "")
     return cases[has].copy(), cases[~has].copy()
 
 
-def figures(truths: pd.DataFrame, nulls: pd.DataFrame) -> list[tuple[str, str, str]]:
-    """Name of each figure, what was found, and the target."""
+def summary_rows(truths: pd.DataFrame, nulls: pd.DataFrame) -> list[tuple[str, str, str]]:
+    """Return name, result and target of each summary figure."""
     right = truths["right_signals"].astype(bool)
-    beside = [_beside(row) for _, row in truths.iterrows()]
+    either = [_right_or_rival(row) for _, row in truths.iterrows()]
     share = truths["gain"] / truths["possible"]
     held = truths[truths["possible_held_out"] > LEAST]
     held_share = held["held_out"] / held["possible_held_out"]
-    told, seconds = truths["formula"] != "", truths["seconds"]
+    formula, seconds = truths["formula"] != "", truths["seconds"]
     null = nulls["formula"] != ""
     gated = null & (nulls["coloured"] != "")
     plain = ~truths["wrong_numbers"].astype(bool)
     return [
-        ("truths for which a formula holds", _of(told), "–"),
+        ("truths with a formula", _of(formula), "–"),
         ("right signals", _of(right), "80 %"),
-        ("right signals, or equally", _of(np.array(beside)), "–"),
-        ("right signals, ship's numbers right", _of(right[plain]), "–"),
-        ("gain at least 0.8 of the possible", _of(share >= 0.8), "–"),
-        ("median share of the possible gain", f"{share.median():.2f}", "0.8"),
-        ("mean share of the possible gain", f"{share.mean():.2f}", "–"),
-        ("median share on data set aside", f"{held_share.median():.2f}", "0.8"),
-        ("nulls with a formula", _of(null), "at most 2 %"),
-        ("of these, where more than noise is left", _of(gated), "at most 2 %"),
-        ("seconds of a search: median, most", f"{seconds.median():.0f}, {seconds.max():.0f}", "60"),
+        ("right signals, or in an indistinguishable formula", _of(np.array(either)), "–"),
+        ("right signals, parameters exact", _of(right[plain]), "–"),
+        ("gain at least 0.8 of the true form's", _of(share >= 0.8), "–"),
+        ("median gain over the true form's", f"{share.median():.2f}", "0.8"),
+        ("mean gain over the true form's", f"{share.mean():.2f}", "–"),
+        ("the median on held-out data", f"{held_share.median():.2f}", "0.8"),
+        ("null cases with a formula", _of(null), "at most 2 %"),
+        ("of these, with a residual above noise", _of(gated), "at most 2 %"),
+        (
+            "seconds of a search: median, largest",
+            f"{seconds.median():.0f}, {seconds.max():.0f}",
+            "60",
+        ),
     ]
 
 
-def _beside(row: Any) -> bool:
+def _right_or_rival(row: Any) -> bool:
     if row["right_signals"]:
         return True
     wanted = set(row["true_signals"])
@@ -114,7 +103,7 @@ def _beside(row: Any) -> bool:
 
 
 def _signals(rival: str, rig: str) -> set[str]:
-    """Signals of a formula that is told as ``place: expression``."""
+    """Return the signals of a formula that is written as ``LOCATION: EXPRESSION``."""
     return {*names_in(rival.split(": ")[1])} & {*TERM_SIGNALS, *OUTSIDE[rig]}
 
 
@@ -126,19 +115,20 @@ def _rows(truths: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "truth": truths["truth"],
-            "1 % wrong": np.where(truths["wrong_numbers"].astype(bool), "yes", ""),
+            "1 % biased": np.where(truths["wrong_numbers"].astype(bool), "yes", ""),
             "formula": truths["formula"].replace("", "none"),
             "signals": np.where(truths["right_signals"].astype(bool), "right", ""),
             "gain": truths["gain"],
-            "of possible": truths["gain"] / truths["possible"],
-            "set aside, of possible": (truths["held_out"] / truths["possible_held_out"]).where(
+            "over true form": truths["gain"] / truths["possible"],
+            "held out, over true form": (truths["held_out"] / truths["possible_held_out"]).where(
                 truths["possible_held_out"] > LEAST
             ),
         }
     )
 
 
-def _whole(whole: pd.DataFrame, truths: pd.DataFrame) -> str:
+def diagnoses_table(whole: pd.DataFrame, truths: pd.DataFrame) -> pd.DataFrame:
+    """Return verdict, effects and formula of each diagnosis."""
     wanted = dict(zip(truths["case"], truths["true_signals"], strict=True))
     rows = []
     for _, row in whole.iterrows():
@@ -148,18 +138,10 @@ def _whole(whole: pd.DataFrame, truths: pd.DataFrame) -> str:
             {
                 "case": row["case"],
                 "verdict": row["verdict"],
-                "named": ", ".join(row["named"]),
+                "identified": ", ".join(row["named"]),
                 "formula": f"{formula['acts_on']}: {formula['expression']}" if formula else "",
                 "signals": "right" if right else "",
-                "gain set aside": row["held_out"],
+                "held-out gain": row["held_out"],
             }
         )
-    table = pd.DataFrame(rows)
-    counts = ", ".join(f"{n} {v}" for v, n in table["verdict"].value_counts().items())
-    asked = table[table["verdict"] == "unexplained"]
-    return (
-        "`diagnose` tries the catalogue first, and asks for a formula only where no name fits: "
-        f"{counts}. Of those without a name, {int((asked['formula'] != '').sum())} of {len(asked)} "
-        f"got a formula, {int((asked['signals'] == 'right').sum())} with the right signals.\n\n"
-        + markdown(table, 0)
-    )
+    return pd.DataFrame(rows)

@@ -1,9 +1,10 @@
-"""KVLCC2, a 7 m model (scale 45.7): free zig-zag tests in HSVA's towing tank at constant revolutions.
+"""Identify wake, eta_R and resistance of KVLCC2 from the straight parts of zig-zag tests.
 
-The recordings stay with whoever has them (public repository martinlarsalbert/
-System-identification-of-Vessel-Manoeuvring-Models, commit 4b7ce53, data/01_raw/kvlcc2_hsva), their
-columns renamed and in SI units. Names are rudder angle, heading at which the rudder is put over,
-and p or s where one side was run alone.
+The recordings are free zig-zag tests of a 7 m model (scale 45.7) in HSVA's towing tank at constant
+revolutions. They belong to their owners (public repository martinlarsalbert/
+System-identification-of-Vessel-Manoeuvring-Models, commit 4b7ce53, data/01_raw/kvlcc2_hsva); columns are
+renamed and in SI units. Names of runs are rudder angle, heading at the execute, and p or s where one
+side was run alone.
 """
 
 from __future__ import annotations
@@ -13,14 +14,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
 
 from shaftline.core.compiled import Record, compiled
+from shaftline.mismatch import identify
+from shaftline.mismatch.identify import Identification
 from shaftline.plant import RecordingError, Ship
 from shaftline.plant.columns import SHAFT_SPEED, TIME
 from shaftline.plant.dynamics import loads
-from shaftline.plant.recording import as_numbers, read_recording, read_table
-from shaftline.plant.ship import validated
+from shaftline.plant.recording import convert_numbers, read_recording, read_table
+from shaftline.plant.ship import validate_tables
 from shaftline.plant.state import motion_state, steady_inputs
 
 NAMES = (
@@ -28,40 +32,40 @@ NAMES = (
     "z_20_10_p", "z_20_10_s", "z_25_05", "z_30_05", "z_35_05",
 )  # fmt: skip
 UNSEEN = "z_35_05"
-"""Never fitted: the largest rudder, and the largest loss of speed."""
+"""Held-out run: the largest rudder angle and the largest loss of speed."""
 
 TORQUE, THRUST, SPEED = "shaft_torque_N_m", "thrust_N", "ship_speed_m_s"
 SWAY, YAW, RUDDER = "sway_speed_m_s", "yaw_rate_rad_s", "rudder_rad"
 CHANNELS = (TIME, SHAFT_SPEED, TORQUE, THRUST, SPEED)
-"""What ``identify`` is shown; sway, yaw and rudder only choose the rows."""
+"""Columns that are fitted; sway, yaw and rudder only select the rows."""
 
 PROPELLER_AT_M = -3.386
-"""Place of the propeller, forward of midship."""
+"""Position of the propeller, forward of midship [m]."""
 
 DENSITY = 1000.0
-"""Of the tank's fresh water [kg/m3]; not printed."""
+"""Density of the tank's fresh water [kg/m3]; not printed."""
 
 PRINTED_WAKE, PRINTED_DEDUCTION = 0.40, 0.25
 APPROACH_SPEED = 15.5 * 1852.0 / 3600.0 / 45.7**0.5
-"""Of the model [m/s], at which the printed numbers are taken to be in balance: 15.5 kn full scale."""
+"""Model speed at which the printed values are assumed to be in balance [m/s]: 15.5 kn full scale."""
 
 REVOLUTIONS = 10.23
-"""Constant in all runs [1/s]."""
+"""Revolutions, constant in all runs [1/s]."""
 
 Runs = dict[str, pd.DataFrame]
 
 
 class Straight(NamedTuple):
-    """Which rows of a run are straight.
+    """Limits within which the rows of a run count as straight.
 
     Args:
-        title: for the page.
-        drift_deg: most drift angle at the propeller; infinite where the rudder alone counts.
-        yaw_deg_s: most yaw rate.
-        rudder_deg: most rudder angle.
-        from_s: the rows before are left out.
-        first_only: only until one of them is exceeded for the first time.
-        least_rows: of a part.
+        title: name for the page.
+        drift_deg: largest drift angle at the propeller; infinite where the rudder alone counts.
+        yaw_deg_s: largest yaw rate.
+        rudder_deg: largest rudder angle.
+        from_s: time before which all rows are left out [s].
+        first_only: whether to end at the first row beyond a limit.
+        least_rows: least number of rows of a part.
     """
 
     title: str
@@ -74,12 +78,12 @@ class Straight(NamedTuple):
 
 
 SMALL = Straight("small drift", 1.5, 0.2, 6.0, 3.0, False, 40)
-"""Parts of 2 s or more, when the start is over: thrust rises through the first three seconds."""
+"""Parts of 2 s or more after the start: thrust rises in the first three seconds."""
 
-BEFORE = Straight("before the first rudder order", np.inf, np.inf, 1.0, 0.0, True, 10)
-"""From a run's first row until the rudder has left midship."""
+BEFORE = Straight("before the first rudder execute", np.inf, np.inf, 1.0, 0.0, True, 10)
+"""Rows before the rudder leaves midship."""
 
-OTHERS = (
+LIMITS = (
     SMALL._replace(drift_deg=1.0, yaw_deg_s=0.1),
     SMALL._replace(drift_deg=1.0),
     SMALL,
@@ -89,11 +93,11 @@ OTHERS = (
     SMALL._replace(from_s=0.0),
     BEFORE,
 )
-"""Other answers to what is straight, to see how much hangs on it."""
+"""Other limits, for the sensitivity of the result."""
 
 
 def load_runs(folder: Path) -> Runs:
-    """The thirteen runs of a folder, by name.
+    """Return the thirteen runs of a folder by name.
 
     Raises:
         RecordingError: a file is missing or cannot be used.
@@ -103,16 +107,16 @@ def load_runs(folder: Path) -> Runs:
 
 
 def ship_of(folder: Path) -> Ship:
-    """The model with its printed numbers and its own open-water table.
+    """Return the model with its printed values and its own open-water table.
 
-    The resistance is not printed: it starts where the printed numbers are in balance at the approach
-    speed. Nor is an added mass in surge; the mass is the model's own.
+    Neither resistance nor added mass in surge is printed. The resistance balances the printed values at
+    the approach speed; the mass is that of the model.
 
     Raises:
-        RecordingError: no open-water table, or one that cannot be used.
+        RecordingError: the open-water table is missing or unusable.
     """
     path = folder / "open_water.csv"
-    table = as_numbers(path, read_table(path), ["J", "Kt", "10Kq"])[["J", "Kt", "10Kq"]]
+    table = convert_numbers(path, read_table(path), ["J", "Kt", "10Kq"])[["J", "Kt", "10Kq"]]
     if not np.isfinite(table.to_numpy(dtype=np.float64)).all():
         raise RecordingError(f"{path}: an entry is not a finite number")
     entries = table.astype(float)
@@ -142,7 +146,7 @@ def ship_of(folder: Path) -> Ship:
         "transmission": {"inertia_propeller_side_kg_m2": 0.0},
         "integration": {"time_step_s": 0.05},
     }
-    ship = validated(Ship, tree, "kvlcc2")
+    ship = validate_tables(Ship, tree, "kvlcc2")
     omega = np.array([2.0 * np.pi * REVOLUTIONS])
     thrust = loads_at(ship, np.array([APPROACH_SPEED]), omega)[0][0]
     resistance = (1.0 - PRINTED_DEDUCTION) * float(thrust) / APPROACH_SPEED**2
@@ -150,13 +154,13 @@ def ship_of(folder: Path) -> Ship:
 
 
 def drift_at_propeller(run: pd.DataFrame) -> NDArray[np.float64]:
-    """Drift angle where the propeller is [rad], shape (rows,)."""
+    """Return the drift angle at the propeller [rad], shape (rows,)."""
     across = run[SWAY] + PROPELLER_AT_M * run[YAW]
     return np.asarray(np.arctan2(across.to_numpy(), run[SPEED].to_numpy()))
 
 
 def straight_rows(run: pd.DataFrame, by: Straight) -> list[tuple[int, int]]:
-    """First row of each straight part of a run, and one past its last."""
+    """Return the first row of each straight part of a run, and one past its last."""
     straight = (
         (np.degrees(np.abs(drift_at_propeller(run))) < by.drift_deg)
         & (np.degrees(np.abs(run[YAW].to_numpy())) < by.yaw_deg_s)
@@ -174,7 +178,7 @@ def straight_rows(run: pd.DataFrame, by: Straight) -> list[tuple[int, int]]:
 
 
 def straight_parts(runs: Runs, by: Straight) -> list[pd.DataFrame]:
-    """The straight parts of all runs but the unseen one, each from time 0."""
+    """Return the straight parts of all fitted runs, each from time 0."""
     parts = []
     for name, run in runs.items():
         if name != UNSEEN:
@@ -192,7 +196,7 @@ def _fill_loads(
     thrust: NDArray[np.float64],
     torque: NDArray[np.float64],
 ) -> None:
-    """Thrust [N] and torque [N m] behind the ship at each row; the last two filled."""
+    """Fill thrust [N] and torque [N m] behind the ship at each row."""
     for k in range(len(ship_speed)):
         state = motion_state(plant.pitch_ratio_max, shaft_speed[k], ship_speed[k])
         acts = steady_inputs(shaft_speed[k], plant.pitch_ratio_max, 0.0, 0.0)
@@ -204,10 +208,130 @@ def _fill_loads(
 def loads_at(
     ship: Ship, ship_speed: NDArray[np.float64], shaft_speed: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Thrust [N] and torque [N m] at measured speeds [m/s, rad/s], each of shape (rows,).
+    """Return thrust [N] and torque [N m] at measured speeds [m/s, rad/s], each of shape (rows,).
 
-    By the measured speed, since a ship that only surges does not lose what drift and rudder take.
+    The measured speed is used because a surge model lacks the speed loss by drift and rudder.
     """
     thrust, torque = np.empty(len(ship_speed)), np.empty(len(ship_speed))
     _fill_loads(ship.record(), ship_speed, shaft_speed, thrust, torque)
     return thrust, torque
+
+
+WAKE, DEDUCTION = "hull.wake_fraction", "hull.thrust_deduction"
+RESISTANCE, MASS = "hull.resistance_coefficient_N_s2_m2", "hull.mass_kg"
+EFFICIENCY = "propeller.relative_rotative_efficiency"
+
+FREE = (WAKE, EFFICIENCY, RESISTANCE)
+"""Free parameters: thrust identifies the wake, torque eta_R, the balance of the hull one more."""
+
+REFUSED: tuple[tuple[str, ...], ...] = (
+    (WAKE, EFFICIENCY, RESISTANCE, DEDUCTION),
+    (WAKE, EFFICIENCY, RESISTANCE, DEDUCTION, MASS),
+)
+"""Parameters that the straight parts cannot identify together."""
+
+FRESH_COLD = 998.0
+"""Density of fresh water at 21 degrees [kg/m3], for the sensitivity to the unprinted density."""
+
+
+def identify_straight(ship: Ship, runs: Runs, by: Straight) -> Identification:
+    """Identify :data:`FREE` from the straight parts."""
+    return identify(ship, *straight_parts(runs, by), free=FREE)
+
+
+def identify_variants(ship: Ship, runs: Runs, by: Straight) -> dict[str, Identification]:
+    """Return other identifications from the same parts: automatic, thrust deduction, other density."""
+    parts = straight_parts(runs, by)
+    lighter = ship.with_values({"water.density_kg_m3": FRESH_COLD})
+    return {
+        "auto": identify(ship, *parts),
+        "deduction": identify(ship, *parts, free=(WAKE, EFFICIENCY, DEDUCTION)),
+        "density": identify(lighter, *parts, free=FREE),
+    }
+
+
+def refusals(ship: Ship, runs: Runs) -> dict[tuple[str, ...], str]:
+    """Return the messages with which ``identify`` refuses parameter sets that are not identifiable.
+
+    Raises:
+        ValueError: a set is not refused.
+    """
+    parts = straight_parts(runs, SMALL)
+    messages: dict[tuple[str, ...], str] = {}
+    for keys in REFUSED:
+        try:
+            identify(ship, *parts, free=keys)
+        except ValueError as error:
+            messages[keys] = str(error)
+        else:
+            raise ValueError(f"identify did not refuse {', '.join(keys)}")
+    return messages
+
+
+def sensitivity(ship: Ship, runs: Runs) -> pd.DataFrame:
+    """Return the estimates with each of :data:`LIMITS`, a row each."""
+    rows = []
+    for by in LIMITS:
+        parts = straight_parts(runs, by)
+        row: dict[str, float | str] = {
+            "title": by.title,
+            "drift_deg": by.drift_deg,
+            "yaw_deg_s": by.yaw_deg_s,
+            "rudder_deg": by.rudder_deg,
+            "from_s": by.from_s,
+            "parts": len(parts),
+            "rows": sum(map(len, parts)),
+        }
+        for e in identify(ship, *parts, free=FREE).estimates:
+            row |= {e.name: e.value, f"{e.name}_se": e.standard_error}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+class Errors(NamedTuple):
+    """Rms errors on one run."""
+
+    thrust: float  # N
+    torque: float  # N m
+
+
+def errors(ship: Ship, run: pd.DataFrame) -> Errors:
+    """Return the errors of thrust and torque on a whole run at its measured speeds."""
+    thrust, torque = loads_at(ship, run[SPEED].to_numpy(), run[SHAFT_SPEED].to_numpy())
+
+    def rms(difference: pd.Series[float]) -> float:
+        return float(np.sqrt(np.mean(difference**2)))
+
+    return Errors(rms(thrust - run[THRUST]), rms(torque - run[TORQUE]))
+
+
+def best_wake(ship: Ship, *runs: pd.DataFrame) -> tuple[float, float]:
+    """Return the constant wake fraction with the least thrust error on whole runs, and this error [N].
+
+    On a held-out run it is the lower bound for a constant wake, not a result.
+    """
+    run = pd.concat(runs, ignore_index=True)
+    found = scipy.optimize.minimize_scalar(
+        lambda w: errors(ship.with_values({WAKE: float(w)}), run).thrust,
+        bounds=(0.2, 0.59), method="bounded", options={"xatol": 1e-5},
+    )  # fmt: skip
+    return float(found.x), float(found.fun)
+
+
+def zigzag_errors(ship: Ship, found: dict[str, Ship], runs: Runs) -> pd.DataFrame:
+    """Return the errors on each zig-zag before and after, and the least error of a constant wake."""
+    rows = []
+    for name, run in runs.items():
+        wake, least = best_wake(ship, run)
+        before = errors(ship, run)
+        row: dict[str, float | str] = {
+            "run": name,
+            "unseen": "yes" if name == UNSEEN else "no",
+            "thrust_before_N": before.thrust,
+        }
+        after = {word: errors(other, run) for word, other in found.items()}
+        row |= {f"thrust_{word}_N": e.thrust for word, e in after.items()}
+        row |= {"best_wake": wake, "thrust_least_N": least, "torque_before_N_m": before.torque}
+        row |= {f"torque_{word}_N_m": e.torque for word, e in after.items()}
+        rows.append(row)
+    return pd.DataFrame(rows)

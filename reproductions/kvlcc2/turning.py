@@ -1,4 +1,4 @@
-"""The zig-zags sailed: the plant's turning KVLCC2 steered by the recorded rudder, free-running."""
+"""Simulate the zig-zags free-running with the manoeuvring ship ``kvlcc2`` and the recorded rudder."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
+from shaftline.display import figures
 from shaftline.mismatch import identify
 from shaftline.mismatch.identify import Identification
 from shaftline.plant import Ship, load_ship
@@ -16,46 +18,40 @@ from shaftline.plant.replay import simulate_recording
 
 from .. import nomoto
 from .oblique import FITTED
-from .runs import RUDDER, SPEED, SWAY, UNSEEN, YAW, Runs, ship_of
-
-CHANNELS = (YAW, HEADING, SWAY, SPEED)
-"""That are judged; the table's order."""
+from .runs import RUDDER, UNSEEN, YAW, Runs, ship_of
 
 EVERY = 4
-"""Rows of 20 Hz of which one is fitted: a zig-zag says nothing at frequencies above."""
+"""One row in so many of 20 Hz is fitted: a zig-zag has no information at higher frequencies."""
 
 THREE = (
     "hull.resistance_coefficient_N_s2_m2", "manoeuvring.N_r", "rudder.normal_force_slope",
 )  # fmt: skip
 SIX = (*THREE, "manoeuvring.Y_v", "manoeuvring.Y_r", "manoeuvring.N_v")
 EIGHT = (*SIX, "rudder.straightening_port", "rudder.straightening_starboard")
-SETS = {"three numbers": THREE, "six numbers": SIX, "eight numbers": EIGHT}
-"""What is found: drag, damping and rudder; every linear derivative; and the flow at the rudder too."""
+SETS = {"three parameters": THREE, "six parameters": SIX, "eight parameters": EIGHT}
+"""Free parameters: resistance, damping and rudder; all linear derivatives; and flow straightening."""
 
 
 class Turning(NamedTuple):
-    """What the page tells of the turning ship."""
+    """Results of the manoeuvring ship."""
 
-    ships: dict[str, Ship]  # by what the page calls them
-    found: dict[str, Identification]  # those with numbers that were found
+    ships: dict[str, Ship]  # by their names on the page
+    found: dict[str, Identification]  # identifications
     response: nomoto.Response
-    errors: pd.DataFrame  # rms, a row a run, columns (ship, channel)
+    errors: dict[str, pd.DataFrame]  # rms by ship, a row for each run
 
 
 def steered_runs(runs: Runs) -> Runs:
-    """The runs with the rudder's angle positive where it turns to starboard; in the files, to port."""
-    kept = [TIME, SHAFT_SPEED, RUDDER, *CHANNELS]
+    """Return the runs with the rudder angle positive for a turn to starboard; in the files, to port."""
+    kept = [TIME, SHAFT_SPEED, RUDDER, *nomoto.CHANNELS]
     return {name: run[kept].assign(**{RUDDER: -run[RUDDER]}) for name, run in runs.items()}
 
 
 def with_own_propeller(folder: Path) -> Ship:
-    """The published turning ship behind the propeller that this model had, with its printed wake.
-
-    Args:
-        folder: of the recordings and the open-water table.
+    """Return the published ship with this model's own propeller and its printed wake.
 
     Raises:
-        RecordingError: no open-water table, or one that cannot be used.
+        RecordingError: the open-water table is missing or unusable.
     """
     tree, own = load_ship("kvlcc2").model_dump(exclude_unset=True), ship_of(folder)
     mine = own.model_dump(exclude_unset=True)
@@ -65,54 +61,82 @@ def with_own_propeller(folder: Path) -> Ship:
 
 
 def errors_of(ship: Ship, runs: Runs) -> pd.DataFrame:
-    """Rms errors of a ship on each run, free-running from its first row; a row a run.
-
-    Args:
-        ship: that turns.
-        runs: of :func:`steered_runs`.
-    """
-    rows = {}
-    for name, run in runs.items():
-        sailed = simulate_recording(ship, run)
-        rows[name] = {c: _rms(sailed[c] - run[c]) for c in CHANNELS}
-    return pd.DataFrame(rows).T
-
-
-def _rms(difference: pd.Series) -> float:
-    return float(np.sqrt(np.mean(np.square(difference.to_numpy()))))
-
-
-def over(errors: pd.DataFrame, names: tuple[str, ...]) -> pd.Series:
-    """Root of the mean square of runs' errors, all runs counted alike."""
-    return np.sqrt((errors.loc[list(names)] ** 2).mean())
+    """Return the rms errors of a ship on each run, free-running from its first row."""
+    return nomoto.run_errors(lambda run: simulate_recording(ship, run), runs)
 
 
 def groups(errors: pd.DataFrame) -> dict[str, tuple[str, ...]]:
-    """The runs by what they are for."""
+    """Return the names of the fitted, the other and the held-out runs."""
     others = tuple(name for name in errors.index if name not in (*FITTED, UNSEEN))
     return {"five fitted": FITTED, "seven others": others, UNSEEN: (UNSEEN,)}
 
 
-def sailed_by(folder: Path, runs: Runs) -> Turning:
-    """Sail all runs, as published and with numbers found on five of them.
-
-    Args:
-        folder: of the recordings and the open-water table.
-        runs: as they were loaded.
-    """
+def simulate_all(folder: Path, runs: Runs) -> Turning:
+    """Simulate all runs with the published parameters and with parameters identified on five runs."""
     steered = steered_runs(runs)
     own = with_own_propeller(folder)
     tables = [steered[name].iloc[::EVERY].reset_index(drop=True) for name in FITTED]
-    aside = [steered[UNSEEN].iloc[::EVERY].reset_index(drop=True)]
-    found = {what: identify(own, *tables, hold_out=aside, free=keys) for what, keys in SETS.items()}
-    ships = {"as published": load_ship("kvlcc2"), "her own propeller": own}
+    kept = [steered[UNSEEN].iloc[::EVERY].reset_index(drop=True)]
+    found = {what: identify(own, *tables, hold_out=kept, free=keys) for what, keys in SETS.items()}
+    ships = {"as published": load_ship("kvlcc2"), "own propeller": own}
     ships |= {what: one.identified for what, one in found.items()}
     length = own.manoeuvring.length_m
-    response = nomoto.fitted([steered[name] for name in FITTED], length)
+    response = nomoto.fit_response([steered[name] for name in FITTED], length)
     errors = {what: errors_of(ship, steered) for what, ship in ships.items()}
-    rows = {}
-    for name, run in steered.items():
-        sailed = nomoto.sailed(response, run, length)
-        rows[name] = {c: _rms(sailed[c] - run[c]) for c in CHANNELS if c in sailed}
-    errors["Nomoto"] = pd.DataFrame(rows).T
-    return Turning(ships, found, response, pd.concat(errors, axis=1))
+    errors["Nomoto"] = nomoto.response_errors(response, steered, length)
+    return Turning(ships, found, response, errors)
+
+
+DRAWN = ("own propeller", "three parameters", "six parameters")
+
+
+def errors_table(turning: Turning) -> pd.DataFrame:
+    """Return the errors of each ship on the three groups of runs."""
+    names = groups(turning.errors["Nomoto"])
+    return nomoto.errors_table(turning.errors, names, nomoto.TITLES, 1)
+
+
+def estimates_table(turning: Turning) -> pd.DataFrame:
+    """Return the estimates of each identification with their 95 % intervals."""
+    rows = []
+    for key in EIGHT:
+        row: dict[str, str] = {"key": key, "published": ""}
+        for what, one in turning.found.items():
+            known = {e.key: e for e in one.estimates}
+            row[what] = ""
+            if key in known:
+                low, high = known[key].ci95
+                row["published"] = f"{known[key].neutral:.4g}"
+                row[what] = f"{known[key].value:.3g} ({low:.3g} to {high:.3g})"
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def error_of(turning: Turning, what: str, channel: str, group: str = UNSEEN) -> float:
+    """Return an error of a ship on a group of runs; angles in degrees."""
+    own = turning.errors[what]
+    value = float(nomoto.mean_errors(own, groups(own)[group])[channel])
+    return float(np.degrees(value)) if channel in (YAW, HEADING) else value
+
+
+def figure_of(turning: Turning, runs: Runs) -> Figure:
+    """Draw the rate of turn of a fitted and of the held-out run, measured and simulated."""
+    names, steered = ("z_20_05", UNSEEN), steered_runs(runs)
+    figure, axes = figures.new_figure(len(names), 1, (9.0, 5.6))
+    for axis, name in zip(axes[:, 0], names, strict=True):
+        run = steered[name]
+        lines = {w: simulate_recording(turning.ships[w], run) for w in DRAWN}
+        lines["Nomoto"] = nomoto.simulate_response(
+            turning.response, run, turning.ships[DRAWN[0]].manoeuvring.length_m
+        )
+        axis.plot(run[TIME], np.degrees(run[YAW]), color=figures.TRUTH, lw=1.4, label="measured")
+        for colour, (what, simulated) in zip(figures.PALETTE, lines.items(), strict=False):
+            style = ":" if what == "Nomoto" else "-"
+            axis.plot(
+                simulated[TIME], np.degrees(simulated[YAW]), style, color=colour, lw=1.1, label=what
+            )
+        axis.set_title(f"{name}{', held out' if name == UNSEEN else ''}", fontsize=9, loc="left")
+        axis.set_ylabel("rate of turn [deg/s]", fontsize=8)
+    axes[0, 0].legend(fontsize=8, frameon=False, ncols=3)
+    axes[-1, 0].set_xlabel("time [s]", fontsize=8)
+    return figure

@@ -1,1 +1,1 @@
-"""Standard learners with default hyperparameters, beside classic controllers and a bound."""
+"""Standard learners, compared with classic controllers and clairvoyant bounds."""

@@ -1,4 +1,4 @@
-"""Clairvoyant bounds of the tasks: plans from several starts, and how far they differ."""
+"""Compute clairvoyant plans of the tasks from several starts."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from shaftline.envs.settings import DEFAULTS, Settings
 from .references import CONTROLLERS, FIRST_SEED, TUNED, reference, returns_of
 
 STARTS = ("combinator", "combinator-trimmed", "speed-pilot", "va-pitch")
-"""Controllers from whose commands the plans start."""
+"""Controllers whose commands are the starts of the plans."""
 
 STEPS = 400
-"""Control intervals of a planned episode: two orders."""
+"""Control intervals of a planned episode, with two telegraph orders."""
 
 EPISODES, ROUNDS = 2, 200
 
@@ -27,13 +27,13 @@ def plan_cell(cell: tuple[str, int, str]) -> dict[str, Any]:
     task, seed, start = cell
     episode = Clairvoyant(Settings.of({"task": task, "max_episode_steps": STEPS}), seed)
     plan = episode.plan(
-        make_controller(start, get_task(task).sailed(), DEFAULTS.control_interval_s), ROUNDS
+        make_controller(start, get_task(task).load_ship(), DEFAULTS.control_interval_s), ROUNDS
     )
     return {"return": float(plan.rewards.sum()), "gradients": plan.rounds}
 
 
 def same_episodes(task: str) -> dict[str, float]:
-    """Return the mean return of each classic controller in the episodes that are planned."""
+    """Return the mean return of each classic controller in the planned episodes."""
     return {
         name: float(
             np.mean(returns_of(reference(task, name), task, EPISODES, FIRST_SEED, STEPS).values)
@@ -43,7 +43,7 @@ def same_episodes(task: str) -> dict[str, float]:
 
 
 def cells(task: str) -> dict[str, tuple[str, int, str]]:
-    """Return the plans of a task by name of their cells."""
+    """Return the arguments of the plans of a task by name of the cell."""
     return {
         f"bound_{task}_{seed}_{start}": (task, seed, start)
         for seed in range(FIRST_SEED, FIRST_SEED + EPISODES)

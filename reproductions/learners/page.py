@@ -1,4 +1,8 @@
-"""The page of the standard learners: scores, returns, intervals and learning curves."""
+"""Train the standard learners, compare them with classic controllers and bounds, and write the page.
+
+Run ``python -m reproductions learners --out docs/results --kept out/learners``. Every training, plan and
+reference is kept in the folder ``--kept``. ``--page-only`` writes the page from these results.
+"""
 
 from __future__ import annotations
 
@@ -12,21 +16,35 @@ import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from shaftline.agents.evaluation.scores import Bound
-from shaftline.agents.evaluation.statistics import middle_of_runs
+from shaftline.agents.evaluation.scores import Bound, bounds_file
+from shaftline.agents.evaluation.statistics import mean_with_interval
+from shaftline.core.files import read_json, write_json
+from shaftline.core.sweep import SweepError, sweep
 from shaftline.display.figures import PALETTE, new_figure, save
-from shaftline.display.tables import markdown, write_table
-from shaftline.envs import DEFAULTS
+from shaftline.display.tables import write_table
+from shaftline.envs import DEFAULTS, tasks
 from shaftline.envs.tasks import HELD_OUT
 
+from ..pages import fill_template, make_parser, print_dot
 from ..policies.trainings import from_nothing
+from . import bounds
 from .bounds import EPISODES as PLANNED
 from .bounds import STARTS, STEPS
-from .references import BLIND, CONTROLLERS, EPISODES, FIRST_SEED, PREVIEWING, TUNED
-from .trainings import ALGORITHMS, DEFAULT_LEARNERS, RECIPE
+from .references import (
+    BLIND,
+    CONTROLLERS,
+    EPISODES,
+    FIRST_SEED,
+    PREVIEWING,
+    TUNED,
+    names_of,
+    reference_cell,
+)
+from .trainings import ALGORITHMS, DEFAULT_LEARNERS, RECIPE, Learner, train_cell
 
 COMBINATOR = CONTROLLERS[0]
 UNTUNED = CONTROLLERS[1:]
+TITLE = "Standard learners on the tasks"
 COMMAND = "python -m reproductions learners --out docs/results"
 _ACROSS = 3  # panels of the figure
 
@@ -60,7 +78,7 @@ def bound_of(task: str, found: dict[str, Any]) -> Bound | None:
 
 
 def episodes_of(task: str, name: str, part: str, found: dict[str, Any]) -> NDArray[np.float64]:
-    """Return episode returns of shape (trainings, episodes); no row where nothing is there."""
+    """Return episode returns of shape (trainings, episodes); no row without results."""
     if name in ALGORITHMS:
         rows = [v[part]["values"] for k, v in found.items() if k.startswith(f"{name}_{task}_")]
     else:
@@ -79,8 +97,8 @@ def table_of(names: list[str], found: dict[str, Any]) -> pd.DataFrame:
         base = episodes_of(task, COMBINATOR, part, found)
         if not len(values) or not len(base):
             continue
-        mean, low, high = middle_of_runs(values)
-        gain, gain_low, gain_high = middle_of_runs(values - base)
+        mean, low, high = mean_with_interval(values)
+        gain, gain_low, gain_high = mean_with_interval(values - base)
         bound = known[task]
         steps = DEFAULTS.max_episode_steps or 1
         rows.append(
@@ -124,7 +142,7 @@ def _targets(table: pd.DataFrame, names: list[str], learners: Iterable[str]) -> 
     return pd.DataFrame(
         rows,
         columns=["task", "learner", "trainings", "return less the combinator's", "beats it",
-                 "best untuned classic controller", "beats it, too"],
+                 "best untuned classic controller", "beats it too"],
     )  # fmt: skip
 
 
@@ -169,48 +187,8 @@ def curves(names: list[str], found: dict[str, Any]) -> Figure:
     return figure
 
 
-_TEXT = """\
-The learners are those of stable-baselines3 and sb3-contrib with their default hyperparameters and
-default policies (`MlpPolicy`, `MlpLstmPolicy`), from scratch, on
-`gymnasium.make("shaftline/Frigate-v0", task=TASK)` (`Steering-v0` for the steered tasks): one
-environment, default keywords, no base controller. Each is a mean over its trainings; none is chosen.
-Returns are sums of rewards over 600 intervals, so 600 is the most that the reward allows; {episodes}
-episodes from seed {first}, which no training draws. In brackets, where the bound of a task is known,
-the **score**: 0 is the combinator, 1 the clairvoyant bound.
-
-`hold` never changes the first commands; `best constant` is the best of 81 constant commands, chosen on
-8 other episodes; `random` draws increments evenly. `tuned controller` is the best classic law that
-`shaftline tune` found for the task."""
-
-_BOUND_TEXT = """\
-A plan knows the waves and the resistance that come, but an order only from when it is given. [How it is
-made](../evaluate.md#the-bound). Plans of {n} episodes, {steps} intervals each, start from the commands
-of {starts}. The best of them, episode by
-episode, gains so much over the tuned controller in the same episodes; the bound is the return of the
-tuned controller in the {episodes} episodes of the tables and that gain. The spread is the best less the
-worst, a measure of how far the local optima differ. The true bound may lie higher."""
-
-
-_RECIPE_TEXT = """\
-`ppo-recipe` is PPO from scratch as well, with increments and no base controller, but with the
-hyperparameters of the package's recipes, the same in all tasks: {text}. They were searched for once, in
-trainings of other seeds. Its learning curves are interquartile means."""
-
-
-def _hyperparameters(tasks: list[str]) -> dict[str, str]:
-    recipe = from_nothing(tasks[0], {})
-    given = {"n_envs": recipe.n_envs, **recipe.hyperparameters}
-    return {"text": ", ".join(f"`{key}` {value}" for key, value in given.items())}
-
-
 def write(folder: Path, names: list[str], found: dict[str, Any]) -> Path:
-    """Write page, table and figure.
-
-    Args:
-        folder: of the results.
-        names: tasks; those that the combinator has not been run on are left out.
-        found: results by name of their cells.
-    """
+    """Write page, table and figure."""
     names = [task for task in names if len(episodes_of(task, COMBINATOR, "", found))]
     table = table_of(names, found)
     learned = [
@@ -223,24 +201,79 @@ def write(folder: Path, names: list[str], found: dict[str, Any]) -> Path:
         if algorithm in ALGORITHMS:
             budget.setdefault(algorithm, set()).add(int(key.split("_")[-1]))
     steps = ", ".join(f"{name} {max(counts):,}" for name, counts in budget.items())
-    parts = [
-        _TEXT.format(episodes=EPISODES, first=FIRST_SEED) + f" Control intervals: {steps}.",
-        "## Seas of the training", markdown(_wide(table, names, "")),
-        "## Learners against classic controllers",
-        "95 % intervals are over trainings and episodes together; a gain counts where its interval lies "
-        "above zero.",
-        markdown(_targets(table, names, DEFAULT_LEARNERS)),
-        "![Learning curves](figures/learners.png)",
-        "## Held-out seas", markdown(_wide(table, names, f":{HELD_OUT}")),
-    ]  # fmt: skip
-    if RECIPE in budget:
-        parts += [
-            "## Hyperparameters searched once", _RECIPE_TEXT.format(**_hyperparameters(learned)),
-            markdown(_targets(table, names, [RECIPE])),
-        ]  # fmt: skip
-    if any(bound_of(task, found) for task in names):
-        starts = ", ".join(f"`{start}`" for start in STARTS)
-        text = _BOUND_TEXT.format(steps=STEPS, n=PLANNED, starts=starts, episodes=EPISODES)
-        parts += ["## Bounds", text, markdown(_bounds(names, found))]
-    write_table(folder, "learners", "Standard learners", COMMAND, table, "\n\n".join(parts))
+    recipe = from_nothing(learned[0], {}) if RECIPE in budget else None
+    body = fill_template(
+        Path(__file__).with_name("page.md"), episodes=EPISODES, first=FIRST_SEED, steps=steps,
+        table=_wide(table, names, ""), targets=_targets(table, names, DEFAULT_LEARNERS),
+        held_out=_wide(table, names, f":{HELD_OUT}"), recipe=recipe,
+        recipe_targets=_targets(table, names, [RECIPE]), bounds=_bounds(names, found),
+        planned=PLANNED, plan_steps=STEPS, starts=STARTS,
+    )  # fmt: skip
+    write_table(folder, "learners", TITLE, COMMAND, table, body)
     return folder / "learners.md"
+
+
+INTERVALS = {
+    "ppo": 300_000,
+    "recurrent-ppo": 300_000,
+    "sac": 50_000,
+    "td3": 50_000,
+    RECIPE: 1_000_000,
+}
+"""Control intervals of a training."""
+
+
+def learners(algorithms: list[str], names: list[str], seeds: int, folder: Path) -> list[Learner]:
+    """Return all trainings, seed by seed, so that an interrupted run covers every task."""
+    return [
+        Learner(task, algorithm, seed, INTERVALS[algorithm], str(folder / "policies"))
+        for seed in range(1, seeds + 1)
+        for algorithm in algorithms
+        for task in names
+    ]
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Compute the missing results, and write the page."""
+    folder = "out/learners"
+    parser = make_parser("learners", __doc__, f"{folder}/page", kept=folder, jobs=None)
+    add = parser.add_argument
+    add("--task", nargs="+", choices=list(tasks(None)), default=list(tasks(None)), help="tasks")
+    add("--algorithm", nargs="*", choices=ALGORITHMS, default=list(ALGORITHMS), help="learners")
+    add("--seeds", type=int, default=5, help="trainings of each learner on each task")
+    add("--no-plans", action="store_true", help="no clairvoyant bounds")
+    add("--page-only", action="store_true", help="compute nothing, write the page")
+    add("--package", action="store_true", help="keep the bounds in the package, for scores")
+    options = parser.parse_args(arguments)
+    kept, jobs = options.kept, options.jobs
+    compared = {
+        f"reference_{task}_{name.replace(' ', '-')}": (task, name)
+        for task in options.task
+        for name in names_of(task)
+    }
+    trainings = {
+        one.name: one for one in learners(options.algorithm, options.task, options.seeds, kept)
+    }
+    planned = [task for task in options.task if task in tasks() and not options.no_plans]
+    plans = {key: cell for task in planned for key, cell in bounds.cells(task).items()}
+    try:
+        if not options.page_only:
+            sweep(reference_cell, compared, kept, jobs=jobs, tick=print_dot)
+            sweep(
+                bounds.same_episodes,
+                {f"same_{t}": t for t in planned},
+                kept,
+                jobs=jobs,
+                tick=print_dot,
+            )
+            sweep(train_cell, trainings, kept, jobs=jobs, tick=print_dot)
+            sweep(bounds.plan_cell, plans, kept, jobs=jobs, tick=print_dot)
+            print()
+    except SweepError as error:
+        parser.exit(1, f"{error}\n")
+    found = {file.stem: read_json(file) for file in sorted(kept.glob("*.json"))}
+    print(f"page: {write(options.out, options.task, found)}")
+    if options.package:
+        known = {task: bound._asdict() for task in tasks() if (bound := bound_of(task, found))}
+        write_json(bounds_file(), known)
+        print(f"bounds: {bounds_file()}")

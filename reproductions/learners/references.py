@@ -1,4 +1,4 @@
-"""Returns of classic controllers, and of policies that look at nothing."""
+"""Evaluate classic controllers, and policies that ignore their observation."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from shaftline.envs import DEFAULTS, get_task
 from shaftline.envs.tasks import HELD_OUT, controller_for
 
 FIRST_SEED, EPISODES = 900_000, 48
-"""Episodes on which everything is compared; no training and no search draws their seeds."""
+"""Episodes of all comparisons; no training and no search draws their seeds."""
 
 CONTROLLERS = ("combinator", "combinator-trimmed", "cpp-optimiser", "anti-spin", "speed-pilot",
                "va-pitch", "mpc")  # fmt: skip
@@ -25,7 +25,7 @@ PREVIEWING = ("va-pitch-preview", "mpc-preview")
 
 TUNED, HOLD, CONSTANT, RANDOM = "tuned controller", "hold", "best constant", "random"
 BLIND = (HOLD, CONSTANT, RANDOM)
-"""Policies that look at nothing."""
+"""Policies that ignore their observation."""
 
 
 _GRID = 9  # constants by axis
@@ -33,11 +33,11 @@ _SEARCH_EPISODES = 8
 
 
 class Blind:
-    """A policy that looks at nothing: constant actions, or random ones.
+    """A policy that ignores its observation: constant or random actions.
 
     Args:
-        actions: shape (n, a), of n episodes; None for uniformly random actions.
-        numbers: values of an action.
+        actions: constant actions, shape (n, a); None for uniformly random actions.
+        numbers: number of values of an action.
         interface: keywords of the environment.
     """
 
@@ -80,10 +80,10 @@ def returns_of(
     """Run a controller through episodes of a task.
 
     Args:
-        controller: with ``predict``.
+        controller: controller with ``predict``.
         task: name, ``NAME:held-out`` for the held-out seas.
         episodes: number of episodes.
-        first_seed: of the first.
+        first_seed: seed of the first episode.
         steps: control intervals of an episode; the default of the environments.
     """
     length = (steps or DEFAULTS.max_episode_steps or 0) * DEFAULTS.control_interval_s
@@ -96,19 +96,14 @@ def returns_of(
 
 
 def names_of(task: str) -> tuple[str, ...]:
-    """Return the names of all that learners are compared with on a task."""
+    """Return the names of all references of a task."""
     return (*CONTROLLERS, *(PREVIEWING if get_task(task).preview else ()), TUNED, *BLIND)
 
 
 def reference(task: str, name: str) -> Predictor:
-    """Return a controller that learners are compared with.
-
-    Args:
-        task: name.
-        name: one of :func:`names_of`.
-    """
+    """Return a reference controller."""
     model = get_task(task)
-    ship, interval = model.sailed(), DEFAULTS.control_interval_s
+    ship, interval = model.load_ship(), DEFAULTS.control_interval_s
     numbers = 3 if model.steered else 2
     if name == CONSTANT:
         return best_constant(task, numbers)
@@ -120,7 +115,7 @@ def reference(task: str, name: str) -> Predictor:
 
 
 def best_constant(task: str, numbers: int) -> Blind:
-    """Return the constant command with the highest mean return of a grid, on seeds of its own."""
+    """Return the constant command of a grid with the highest mean return, on separate seeds."""
     values = np.linspace(-1.0, 1.0, _GRID)
     grid = np.zeros((_GRID**2, numbers), np.float32)
     grid[:, :2] = list(itertools.product(values, values))

@@ -1,4 +1,4 @@
-"""Draw the goals of each task and their reward over an episode of the combinator.
+"""Draw the goal values and the reward of each task over an episode of the combinator.
 
 Run ``python -m reproductions learners.reward_terms``.
 """
@@ -19,15 +19,15 @@ from shaftline.envs.rewards import goal_value
 
 SEED = 0
 SEAS = dict.fromkeys(tasks(), "state-5") | {"storm": "state-7"}
-"""The sea of each task's episode: a rough one."""
+"""Sea of each task's episode."""
 
 _INTERVAL_S = 0.5
-_MEAN_S = 5.0  # running mean, about half a wave: single waves would hide the rest
+_MEAN_S = 5.0  # running mean over about half a wave period
 
 
 def simulated(task: str) -> pd.DataFrame:
     """Return the goal values and rewards of an episode of the combinator; index: time [s]."""
-    ship = get_task(task).sailed()
+    ship = get_task(task).load_ship()
     controller = make_controller("combinator", ship, _INTERVAL_S)
     env = FrigateEnv(task=task, sea=SEAS[task], control_interval_s=_INTERVAL_S, **CLASSIC)
     goals = get_task(task).goals.used
@@ -47,11 +47,7 @@ def simulated(task: str) -> pd.DataFrame:
 
 
 def drawn(episodes: dict[str, pd.DataFrame]) -> Figure:
-    """Draw the value of each goal over time, and the reward that they make.
-
-    Args:
-        episodes: by task, from :func:`simulated`.
-    """
+    """Draw the value of each goal and the reward over time."""
     figure, axes = figures.new_figure(len(episodes), 1, (9.0, 2.7 * len(episodes)))
     for axis, (task, values) in zip(axes.flat, episodes.items(), strict=True):
         smooth = values.rolling(round(_MEAN_S / _INTERVAL_S), min_periods=1).mean()

@@ -1,4 +1,4 @@
-"""Training of one standard learner from scratch, evaluated on the way."""
+"""Train a standard learner from scratch, with evaluations during the training."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 from shaftline import envs  # noqa: F401 (registers the environments)
 from shaftline.baselines.controller import Predictor
 from shaftline.envs import get_task
-from shaftline.envs.steering import kinds
+from shaftline.envs.steering import environment_classes
 from shaftline.envs.tasks import HELD_OUT
 
 from .references import returns_of
@@ -23,7 +23,7 @@ DEFAULT_LEARNERS = ("ppo", "sac", "td3", "recurrent-ppo")
 """Learners with default hyperparameters."""
 
 RECIPE = "ppo-recipe"
-"""PPO with the hyperparameters of the package, which were searched for once."""
+"""PPO with the hyperparameters of the package."""
 
 ALGORITHMS = (*DEFAULT_LEARNERS, RECIPE)
 POINTS, CURVE_EPISODES, CURVE_SEED = 10, 24, 500_000
@@ -35,9 +35,9 @@ class Learner(NamedTuple):
     Args:
         task: name.
         algorithm: one of :data:`ALGORITHMS`.
-        seed: of the training.
+        seed: seed of the training.
         steps: control intervals.
-        folder: for the policy file; None keeps none.
+        folder: folder of the policy file; None writes no file.
     """
 
     task: str
@@ -48,7 +48,7 @@ class Learner(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Name of its cell."""
+        """Name of the cell."""
         return f"{self.algorithm}_{self.task}_{self.seed}_{self.steps}"
 
 
@@ -56,8 +56,8 @@ class Trained:
     """A model of stable-baselines3 with the keywords of its environment.
 
     Args:
-        model: with ``predict``.
-        interface: keywords.
+        model: model with ``predict``.
+        interface: keywords of the environment.
     """
 
     def __init__(self, model: Any, interface: Mapping[str, Any]) -> None:
@@ -75,8 +75,8 @@ class Trained:
 
 
 def model_of(learner: Learner) -> Any:
-    """Return the untrained model: default hyperparameters, one environment, no base controller."""
-    env = gymnasium.make(kinds(get_task(learner.task).steered).id, task=learner.task)
+    """Return the untrained model with default hyperparameters and one environment."""
+    env = gymnasium.make(environment_classes(get_task(learner.task).steered).id, task=learner.task)
     keywords: dict[str, Any] = {"seed": learner.seed, "device": "cpu"}
     if learner.algorithm == "recurrent-ppo":
         from sb3_contrib import RecurrentPPO
@@ -113,7 +113,7 @@ def train_cell(learner: Learner) -> dict[str, Any]:
 
 
 def _judged(policy: Predictor, task: str) -> dict[str, Any]:
-    """Return the final episodes of a policy in each part, as JSON allows."""
+    """Evaluate a policy in each part; return its episodes as JSON allows."""
     return {part: returns_of(policy, f"{task}{part}")._asdict() for part in ("", f":{HELD_OUT}")}
 
 
@@ -136,7 +136,7 @@ def _train_recipe(learner: Learner) -> dict[str, Any]:
 def _save(learner: Learner, model: Any, folder: Path) -> None:
     """Write the policy as a file of the package."""
     from shaftline.agents.learning.recipe import Recipe
-    from shaftline.agents.learning.training import about_training, network_of
+    from shaftline.agents.learning.training import about_training, extract_network
     from shaftline.agents.policy.policy import Policy
 
     recipe = Recipe.model_validate(
@@ -145,4 +145,4 @@ def _save(learner: Learner, model: Any, folder: Path) -> None:
     )  # fmt: skip
     batch = model.get_env().envs[0].unwrapped.batch
     about = about_training(recipe, learner.seed, get_task(learner.task).vessel, batch)
-    Policy(network_of(model), about).save(folder / f"{learner.name}.npz")
+    Policy(extract_network(model), about).save(folder / f"{learner.name}.npz")

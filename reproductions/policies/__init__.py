@@ -1,1 +1,1 @@
-"""The policies of the package: the recipe of each task, trained, beside the best classic law."""
+"""The policies of the package, compared with the best classic controllers."""

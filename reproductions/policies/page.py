@@ -1,7 +1,12 @@
-"""The page of the package's policies: returns, gains over the tuned law, and physical figures."""
+"""Train the policies of the package, evaluate them, and write the page.
+
+Run ``python -m reproductions policies --out docs/results --kept out/policies``. Trainings and episodes
+are kept in the folder ``--kept``. ``--package`` puts the first training of each task into the package.
+"""
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,16 +16,23 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from shaftline.agents.evaluation.scores import bounds
-from shaftline.agents.evaluation.statistics import middle_of_runs
+from shaftline.agents.evaluation.statistics import mean_with_interval
+from shaftline.agents.learning.imitation import make_plans
 from shaftline.agents.learning.recipe import read_recipe
-from shaftline.display.tables import markdown, write_table
-from shaftline.envs import DEFAULTS, tasks
+from shaftline.agents.policy.card import card
+from shaftline.agents.policy.policy import load_policy, packaged_policies_folder
+from shaftline.core.files import read_json, write_text
+from shaftline.core.sweep import SweepError, sweep
+from shaftline.display.tables import write_table
+from shaftline.envs import DEFAULTS, get_task, tasks
 
 from ..learners.references import CONTROLLERS, EPISODES, FIRST_SEED, TUNED
-from .trainings import BLOCKS
+from ..pages import fill_template, make_parser, print_dot
+from .trainings import BLOCKS, classic_cell, policy_cell
 
 COMBINATOR, VA_PITCH = CONTROLLERS[0], "va-pitch"
 CLASSIC = (COMBINATOR, VA_PITCH, TUNED)
+TITLE = "Policies of the package"
 NAME, COMMAND = "policies", "python -m reproductions policies --out docs/results"
 
 NOTES = (
@@ -28,10 +40,10 @@ NOTES = (
     "draws; a failed episode counts 0. Held-out seas are higher, shorter or from another side."
 )
 
-_WON = 0.1  # of the score, which a policy has to gain over the tuned controller
+_WON = 0.1  # share of the score that a policy must gain over the tuned controller
 _FIGURES = {
     "fuel_kg_nmi": "fuel [kg/nmi]", "speed_error_rms_m_s": "speed error, rms [m/s]",
-    "speed_short_m_s": "order less speed, mean [m/s]",
+    "speed_short_m_s": "set-point less speed, mean [m/s]",
     "wave_torque_kN_m": "shaft torque in waves [kN m]",
     "wave_engine_torque_kN_m": "engine torque in waves [kN m]",
     "heading_error_rms_deg": "heading error, rms [deg]", "track_error_rms_m": "track error, rms [m]",
@@ -39,7 +51,7 @@ _FIGURES = {
 
 
 def means(cell: Mapping[str, Any]) -> dict[str, float]:
-    """Return the mean return of a cell in the training's seas and in those held out."""
+    """Return the mean return of a cell in the training seas and in the held-out seas."""
     return {part: float(np.mean(cell[part]["values"])) for part in ("training", "held-out")}
 
 
@@ -56,7 +68,7 @@ def classic_of(task: str, name: str, part: str, found: Mapping[str, Any]) -> NDA
 
 
 def table_of(found: Mapping[str, Any]) -> pd.DataFrame:
-    """Return a row for each task and part: returns, gain over the tuned law, unit of the score."""
+    """Return returns, gain over the tuned controller and unit of the score by task and part."""
     rows = []
     for task in tasks(None):
         for part in BLOCKS:
@@ -64,7 +76,7 @@ def table_of(found: Mapping[str, Any]) -> pd.DataFrame:
             if not len(policies):
                 continue
             classic = {name: classic_of(task, name, part, found) for name in CLASSIC}
-            gain, low, high = middle_of_runs(policies - classic[TUNED])
+            gain, low, high = mean_with_interval(policies - classic[TUNED])
             bound = bounds().get(task)
             steps = DEFAULTS.max_episode_steps or 1
             unit = np.nan if bound is None else steps * (bound.best - bound.combinator)
@@ -83,14 +95,14 @@ def _shown(table: pd.DataFrame, part: str) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "task": rows["task"],
-            "begins as": [_mode(task) for task in rows["task"]],
+            "action mode": [_mode(task) for task in rows["task"]],
             "trainings": rows["trainings"],
             **{name: [f"{x:.1f}" for x in rows[name]] for name in (*CLASSIC, "policy")},
             "policy less tuned controller": [
                 f"{r['gain']:+.1f} ({r['gain_low']:+.1f} to {r['gain_high']:+.1f})"
                 for _, r in rows.iterrows()
             ],
-            "the same, % of the score": [
+            "in % of the score": [
                 "–" if np.isnan(u) else f"{100.0 * g / u:+.0f}"
                 for g, u in zip(rows["gain"], unit, strict=True)
             ],
@@ -99,7 +111,7 @@ def _shown(table: pd.DataFrame, part: str) -> pd.DataFrame:
 
 
 def _mode(task: str) -> str:
-    """Return how a task's recipe begins: its action mode, and plans where it imitates any."""
+    """Return the action mode of a task's recipe, and its number of imitated plans."""
     recipe = read_recipe("ppo", task)
     mode = str(recipe.env_kwargs.get("action_mode", DEFAULTS.action_mode)).partition(":")[0]
     return f"{mode}, {recipe.plans} plans" if recipe.plans else mode
@@ -125,7 +137,7 @@ def _in_every_part(table: pd.DataFrame, high: pd.Series) -> list[str]:
 
 
 def figures(found: Mapping[str, Any]) -> pd.DataFrame:
-    """Return physical figures of policy, tuned controller and va-pitch, seas of the training."""
+    """Return the KPIs of policy, tuned controller and va-pitch in the training seas."""
     rows = []
     for task in tasks(None):
         cells = [v for k, v in found.items() if k.startswith(f"policy_{task}_")]
@@ -145,44 +157,73 @@ def figures(found: Mapping[str, Any]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-_TEXT = """\
-The recipe of each task (`agents/learning/recipes/ppo.yml`), chosen once on the task's own seas: its mean
-over the trainings, none of which is chosen, beside the classic controllers. `tuned controller` is the
-best classic law that `shaftline tune` found for the task. In the mode `residual` a policy adds to the
-commands of that tuned controller, so the gain is what learning added. With plans it first imitated
-[plans](../train.md#imitate-plans-first) that begin from that controller; the trainings of a task share
-them. In the mode `increment` it was learned from nothing. The gain is given with its 95 % interval over
-trainings and episodes together, and as a share of the score (0 the combinator, 1 the clairvoyant bound
-of [standard learners](learners.md)), where the task has a bound.
-
-{notes}
-
-A policy has to gain a tenth of the score, with the whole interval above zero, in both blocks of seeds
-and in the held-out seas. Reached in: {won}. The whole interval exceeds a tenth of the score in:
-{wholly}."""
-
-
 def write(folder: Path, found: Mapping[str, Any]) -> Path:
-    """Write page and table.
-
-    Args:
-        folder: of the results.
-        found: results by name of their cells.
-    """
+    """Write page and table."""
     table = table_of(found)
     reached, wholly = (
         ", ".join(f"`{name}`" for name in names) or "no task"
         for names in (won(table), won_wholly(table))
     )
-    titles = {"training": "Seas of the training", "second block": "A second block of seeds",
+    titles = {"training": "Training seas", "second block": "Training seas, second block of seeds",
               "held-out": "Held-out seas"}  # fmt: skip
-    body = [_TEXT.format(notes=NOTES, won=reached, wholly=wholly)]
-    for part, title in titles.items():
-        body += [f"## {title}", markdown(_shown(table, part))]
-    body += [
-        "## In physical units",
-        "Policy / tuned controller / va-pitch, seas of the training.",
-        markdown(figures(found)),
-    ]
-    write_table(folder, NAME, "The policies of the package", COMMAND, table, "\n\n".join(body))
+    body = fill_template(
+        Path(__file__).with_name("page.md"), notes=NOTES, won=reached, wholly=wholly,
+        parts={title: _shown(table, part) for part, title in titles.items()}, kpis=figures(found),
+    )  # fmt: skip
+    write_table(folder, NAME, TITLE, COMMAND, table, body)
     return folder / f"{NAME}.md"
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Compute the missing results, and write the page."""
+    folder = "out/policies"
+    parser = make_parser("policies", __doc__, f"{folder}/page", kept=folder, jobs=None)
+    add = parser.add_argument
+    add("--task", nargs="+", choices=list(tasks(None)), default=list(tasks(None)), help="tasks")
+    add("--seeds", type=int, default=1, help="trainings for each task")
+    add("--page-only", action="store_true", help="compute nothing, write the page")
+    help_text = "put the first training of each task into the package"
+    add("--package", action="store_true", help=help_text)
+    options = parser.parse_args(arguments)
+    kept = options.kept
+    classic = {
+        f"classic_{task}_{name}".replace(" ", "-"): (task, name)
+        for task in options.task
+        for name in CLASSIC
+    }
+    policies = {
+        f"policy_{task}_{seed}": (task, seed, kept)
+        for seed in range(1, options.seeds + 1)
+        for task in options.task
+    }
+    try:
+        if not options.page_only:
+            sweep(classic_cell, classic, kept, jobs=options.jobs, tick=print_dot)
+            for task in options.task:
+                recipe = read_recipe("ppo", task)
+                make_plans(recipe, get_task(task).vessel, kept / "plans", options.jobs, print_dot)
+            sweep(policy_cell, policies, kept, jobs=options.jobs, tick=print_dot)
+            print()
+    except SweepError as error:
+        parser.exit(1, f"{error}\n")
+    found = {file.stem: read_json(file) for file in sorted(kept.glob("*.json"))}
+    print(f"page: {write(options.out, found)}")
+    if options.package:
+        for task in options.task:
+            print(f"packaged: {package(task, kept)}")
+
+
+def package(task: str, kept: Path) -> Path:
+    """Put the first training of a task into the package, with its card; return the file.
+
+    Args:
+        task: name.
+        kept: folder of trainings and episodes.
+    """
+    place = packaged_policies_folder() / f"{task}.npz"
+    shutil.copyfile(kept / "trainings" / f"{task}-1" / "policy.npz", place)
+    rows = {"policy": means(read_json(kept / f"policy_{task}_1.json"))}
+    for name in CLASSIC:
+        rows[name] = means(read_json(kept / f"classic_{task}_{name.replace(' ', '-')}.json"))
+    write_text(place.with_suffix(".md"), card(task, load_policy(place), rows, NOTES))
+    return place

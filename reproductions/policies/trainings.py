@@ -1,4 +1,4 @@
-"""Trainings by the package's recipes, each judged on two blocks of seeds and on held-out seas."""
+"""Train the package's recipes; evaluate each on two blocks of seeds and in held-out seas."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BLOCKS = {
     "second block": ("", FIRST_SEED + 10_000),
     "held-out": (f":{HELD_OUT}", FIRST_SEED),
 }
-"""Parts of the judging: behind the task's name, and first seed."""
+"""Parts of the evaluation: suffix of the task's name, and first seed."""
 
 
 FROM_NOTHING = "track-keeping"
@@ -26,11 +26,11 @@ FROM_NOTHING = "track-keeping"
 
 
 def from_nothing(task: str, env_kwargs: Mapping[str, Any], **changes: Any) -> Recipe:
-    """Return a recipe that learns increments from nothing, with the hyperparameters of the package.
+    """Return a recipe with increments and no base controller, with the package's hyperparameters.
 
     Args:
         task: name.
-        env_kwargs: keywords of the environment beside the action mode.
+        env_kwargs: keywords of the environment except the action mode.
         changes: other fields of the recipe.
     """
     given = {"task": task, "env_kwargs": {**env_kwargs, "action_mode": "increment"}} | changes
@@ -38,7 +38,7 @@ def from_nothing(task: str, env_kwargs: Mapping[str, Any], **changes: Any) -> Re
 
 
 def judged(controller: Any, task: str) -> dict[str, Any]:
-    """Return the episodes of a controller in each part, as JSON allows."""
+    """Evaluate a controller in each part; return its episodes as JSON allows."""
     return {
         name: returns_of(controller, f"{task}{part}", EPISODES, first)._asdict()
         for name, (part, first) in BLOCKS.items()
@@ -46,7 +46,7 @@ def judged(controller: Any, task: str) -> dict[str, Any]:
 
 
 def policy_cell(cell: tuple[str, int, Path]) -> dict[str, Any]:
-    """Train the recipe of a task with a seed, or resume it, and judge the policy."""
+    """Train the recipe of a task with a seed, or resume it, and evaluate the policy."""
     task, seed, folder = cell
     recipe = read_recipe("ppo", task)
     file = train(
@@ -57,6 +57,6 @@ def policy_cell(cell: tuple[str, int, Path]) -> dict[str, Any]:
 
 
 def classic_cell(cell: tuple[str, str]) -> dict[str, Any]:
-    """Judge a classic controller on a task."""
+    """Evaluate a classic controller on a task."""
     task, name = cell
     return judged(reference(task, name), task)

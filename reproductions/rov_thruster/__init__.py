@@ -1,1 +1,1 @@
-"""A real ROV thruster: diagnosed, and its numbers found."""
+"""A real ROV thruster: diagnosis and identification."""

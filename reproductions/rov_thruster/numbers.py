@@ -1,7 +1,7 @@
-"""The owners' constants found anew by ``identify``, judged on the same unseen runs as the diagnosis.
+"""Estimate the owners' constants with ``identify``, and evaluate them on the same held-out runs.
 
-Leave one controller out: the numbers are fitted on two controllers' runs and judged on the third's.
-Beside each error stands the least that the same numbers reach when they are fitted to that run itself.
+Parameters are fitted on the runs of two controllers and evaluated on those of the third. For comparison
+the same parameters are also fitted to each held-out run itself, which bounds the error from below.
 """
 
 from __future__ import annotations
@@ -24,13 +24,14 @@ from shaftline.plant.replay import Replay
 from .runs import (
     CONSTANTS,
     CONTROLLERS,
+    OWNERS_DEAD_ZONE_V,
     SPEED,
     TOLERANCE_FACTOR,
     WHOLE,
-    Judged,
+    HeldOutRun,
     Runs,
-    judged,
-    shown_of,
+    evaluate_run,
+    fitted_and_kept,
     with_owners_dead_zone,
 )
 
@@ -43,14 +44,14 @@ REVERSE = "prime_mover.reverse_torque_fraction"
 FRICTION = "transmission.coulomb_friction_engine_side_N_m"
 
 REFUSED = ((CONSTANT, RESISTANCE, INERTIA, LOAD), (CONSTANT, RESISTANCE, DEAD_ZONE, LOAD))
-"""Numbers that these runs do not tell together."""
+"""Parameters that these runs cannot identify together."""
 
 _STEP, _STEP_FROM_ZERO = 0.05, 0.01
-"""First steps of the search for the least error: a share of a number, or where it is 0, of its unit."""
+"""First steps of the search for the least error: relative, or absolute where a parameter is 0."""
 
 
 class Freed(NamedTuple):
-    """Numbers that are found from one start."""
+    """Free parameters of an identification."""
 
     title: str
     start: str
@@ -58,61 +59,61 @@ class Freed(NamedTuple):
 
 
 SETS = (
-    Freed("those that are told", CONSTANTS, AUTO),
-    Freed("and friction", CONSTANTS, (CONSTANT, RESISTANCE, FRICTION)),
-    Freed("and dead zone", CONSTANTS, (CONSTANT, RESISTANCE, DEAD_ZONE)),
-    Freed("those that are told", WHOLE, AUTO),
-    Freed("and torque astern", WHOLE, (CONSTANT, RESISTANCE, DEAD_ZONE, REVERSE)),
-    Freed("and torque offset", WHOLE, (CONSTANT, RESISTANCE, DEAD_ZONE, OFFSET)),
+    Freed("`--free auto`", CONSTANTS, AUTO),
+    Freed("with friction", CONSTANTS, (CONSTANT, RESISTANCE, FRICTION)),
+    Freed("with dead zone", CONSTANTS, (CONSTANT, RESISTANCE, DEAD_ZONE)),
+    Freed("`--free auto`", WHOLE, AUTO),
+    Freed("with torque astern", WHOLE, (CONSTANT, RESISTANCE, DEAD_ZONE, REVERSE)),
+    Freed("with torque offset", WHOLE, (CONSTANT, RESISTANCE, DEAD_ZONE, OFFSET)),
 )
 
 
 @dataclass(frozen=True)
 class Refit:
-    """Numbers found on two controllers' runs, judged on the third's.
+    """Parameters estimated on the runs of two controllers, evaluated on those of the third.
 
     Args:
-        freed: which, from which start.
-        unseen: the controller that is judged.
-        identification: what the tool found.
-        judged: every unseen run.
-        least: rms error of the shaft speed on each of them [rad/s] with the same numbers fitted to it.
+        freed: free parameters and start.
+        unseen: controller whose runs are held out.
+        identification: the identification.
+        judged: errors on each held-out run.
+        least: least rms error of the shaft speed on each of these runs [rad/s].
     """
 
     freed: Freed
     unseen: str
     identification: Identification
-    judged: tuple[Judged, ...]
+    judged: tuple[HeldOutRun, ...]
     least: tuple[float, ...]
 
 
 def start_of(title: str) -> Ship:
-    """The ship of a start."""
+    """Return the ship of a start."""
     ship = load_ship("rov-thruster")
     return with_owners_dead_zone(ship) if title == WHOLE else ship
 
 
 def refit(freed: Freed, runs: Runs, unseen: str) -> Refit:
-    """Find numbers on the runs of two controllers, judge on those of the third."""
+    """Estimate parameters on the runs of two controllers, and evaluate them on those of the third."""
     ship = start_of(freed.start)
-    fitted, held = shown_of(ship, runs, unseen)
+    fitted, held = fitted_and_kept(ship, runs, unseen)
     found = identify(ship, *fitted, free=freed.keys, hold_out=held, tolerance=TOLERANCE_FACTOR)
     unseen_runs = {run: table for run, table in runs.items() if run[0] == unseen}
-    results = tuple(judged(ship, found.identified, run, t) for run, t in unseen_runs.items())
+    results = tuple(evaluate_run(ship, found.identified, run, t) for run, t in unseen_runs.items())
     least = tuple(least_error(found, table) for table in unseen_runs.values())
     return Refit(freed, unseen, found, results, least)
 
 
 def refits(runs: Runs) -> list[Refit]:
-    """Every controller set aside in turn, for each of :data:`SETS`."""
+    """Return the identifications with each controller held out in turn, for each of :data:`SETS`."""
     return [refit(freed, runs, unseen) for freed in SETS for unseen in CONTROLLERS[::-1]]
 
 
 def least_error(found: Identification, table: pd.DataFrame) -> float:
-    """Rms error of the shaft speed [rad/s] on a run with the found numbers fitted to it instead.
+    """Return the least rms error of the shaft speed on a run with the same parameters free [rad/s].
 
-    By the run's own rms error (Nelder & Mead 1965), from what was found on; it is no result but the
-    bound on one.
+    The rms error is minimised (Nelder & Mead 1965), starting at the estimated parameters. It is a lower
+    bound for other methods.
     """
     free = Free(found.ship, tuple(found.parameters))
     replay = Replay(found.ship, table)
@@ -135,26 +136,26 @@ def least_error(found: Identification, table: pd.DataFrame) -> float:
 
 
 def refusals(runs: Runs, sets: Sequence[tuple[str, ...]] = REFUSED) -> list[str]:
-    """What the tool says of numbers that two controllers' runs do not tell together.
+    """Return the messages with which ``identify`` refuses parameter sets that are not identifiable.
 
     Raises:
-        ValueError: it finds them after all.
+        ValueError: a set is not refused.
     """
     ship = start_of(WHOLE)
-    fitted, held = shown_of(ship, runs, CONTROLLERS[-1])
-    said = []
+    fitted, held = fitted_and_kept(ship, runs, CONTROLLERS[-1])
+    messages = []
     for keys in sets:
         try:
             identify(ship, *fitted, free=keys, hold_out=held, tolerance=TOLERANCE_FACTOR)
         except ValueError as error:
-            said.append(str(error))
+            messages.append(str(error))
         else:
-            raise ValueError(f"{', '.join(keys)} are told after all")
-    return said
+            raise ValueError(f"identify did not refuse {', '.join(keys)}")
+    return messages
 
 
 def table_of(found: Sequence[Refit]) -> pd.DataFrame:
-    """Every unseen run of every refit, one row each: errors, and the numbers with their errors."""
+    """Return a row for each held-out run: errors, and the parameters with their standard errors."""
     rows = []
     for one in found:
         numbers: dict[str, float] = {}
@@ -174,3 +175,94 @@ def table_of(found: Sequence[Refit]) -> pd.DataFrame:
                 }
             )
     return pd.DataFrame(rows)
+
+
+SYMBOLS = {
+    "motor_constant_V_s_rad": "K_e [V s/rad]",
+    "armature_resistance_ohm": "R_a [ohm]",
+    "coulomb_friction_engine_side_N_m": "Coulomb friction [N m]",
+    "reverse_torque_fraction": "torque astern / ahead",
+    "command_dead_zone_V": "dead zone [V]",
+    "torque_offset_N_m": "torque offset [N m]",
+}
+
+
+def rows_of(table: pd.DataFrame, freed: Freed) -> pd.DataFrame:
+    """Return the rows of one set of free parameters."""
+    return table[(table["start"] == freed.start) & (table["freed"] == freed.title)]
+
+
+def errors_table(start: str, table: pd.DataFrame, diagnosed: pd.DataFrame) -> pd.DataFrame:
+    """Return the rms errors from one start: file, diagnosis and each set, the bound in brackets."""
+    rows = diagnosed[diagnosed["start"] == start]
+    shown = pd.DataFrame({"held-out run": rows["unseen"].to_numpy()})
+    shown["ship file"] = rows["rms_before_rad_s"].to_numpy()
+    shown["diagnosed"] = rows["rms_after_rad_s"].to_numpy()
+    for freed in (freed for freed in SETS if freed.start == start):
+        part = rows_of(table, freed).set_index("unseen").loc[shown["held-out run"]]
+        pairs = zip(part["rms_after_rad_s"], part["rms_least_rad_s"], strict=True)
+        shown[freed.title] = [f"{after:.2f} ({least:.2f})" for after, least in pairs]
+    return shown
+
+
+def estimates_table(found: Sequence[Refit]) -> pd.DataFrame:
+    """Return the estimates with their 95 % intervals."""
+    rows = []
+    for one in found:
+        estimates = [
+            f"{SYMBOLS[e.name]} {e.value:.4g} ({e.ci95[0]:.4g} to {e.ci95[1]:.4g})"
+            for e in one.identification.estimates
+        ]
+        rows.append((one.freed.start, one.freed.title, one.unseen, "; ".join(estimates)))
+    return pd.DataFrame(rows, columns=["start", "free", "held out", "estimates"])
+
+
+def summary(found: Sequence[Refit], table: pd.DataFrame, diagnosed: pd.DataFrame) -> dict[str, Any]:
+    """Return the numbers of the page's conclusions by name; ratios are over sines and ramps.
+
+    Args:
+        found: every identification.
+        table: from :func:`table_of`.
+        diagnosed: table of the diagnoses.
+    """
+    sets = ("auto", "friction", "zone", "whole", "astern", "offset")
+    parts = {name: _smooth(rows_of(table, freed)) for name, freed in zip(sets, SETS, strict=True)}
+    named = {s: _smooth(diagnosed[diagnosed["start"] == s]) for s in (CONSTANTS, WHOLE)}
+    runs = {freed: [one.identification for one in found if one.freed == freed] for freed in SETS}
+    first, last = runs[SETS[0]], runs[SETS[-1]]
+    nominal = [next(e.neutral for e in one.estimates if e.key == CONSTANT) for one in first]
+    constants = [one.parameters[CONSTANT] / n for one, n in zip(first, nominal, strict=True)]
+    volts = [p[OFFSET] * p[RESISTANCE] / p[CONSTANT] for p in (one.parameters for one in last)]
+    intervals = [e.ci95 for one in last for e in one.estimates if e.key == DEAD_ZONE]
+    kept = [span([i.fit_after[SPEED] for i in runs[freed]], 1) for freed in SETS[:2:-1]]
+    values: dict[str, Any] = {name: span(part["after/before"]) for name, part in parts.items()}
+    return values | {
+        "diagnosed": span(named[CONSTANTS]["after/before"]),
+        "diagnosed_whole": span(named[WHOLE]["after/before"]),
+        "bound": span(parts["auto"]["rms_least_rad_s"] / parts["auto"]["rms_before_rad_s"]),
+        "constants": span(constants),
+        "warned": f"{sum(bool(i.warnings) for i in first)} of {len(first)}",
+        "better": [_better(parts[name], named[CONSTANTS]) for name in ("friction", "zone")],
+        "count": len(parts["zone"]),
+        "offset_error": span(parts["offset"]["rms_after_rad_s"]),
+        "offset_bound": span(parts["offset"]["rms_least_rad_s"]),
+        "volts": span(volts, 3),
+        "within": sum(low <= OWNERS_DEAD_ZONE_V <= high for low, high in intervals),
+        "intervals": len(intervals),
+        "kept": kept,
+    }
+
+
+def span(values: Any, digits: int = 2) -> str:
+    """Return the least and the largest of some values as text."""
+    return f"{min(values):.{digits}f} to {max(values):.{digits}f}"
+
+
+def _smooth(table: pd.DataFrame) -> pd.DataFrame:
+    return table[~table["unseen"].str.endswith("step")]
+
+
+def _better(table: pd.DataFrame, than: pd.DataFrame) -> int:
+    """Return on how many held-out runs the error is less."""
+    error, other = (t.set_index("unseen")["rms_after_rad_s"] for t in (table, than))
+    return int((error < other.loc[error.index]).sum())

@@ -1,8 +1,8 @@
-"""A real ROV thruster: what its owners' model leaves out, judged on runs that were never seen.
+"""Diagnose a real ROV thruster and evaluate the corrected ship on held-out runs.
 
-Nine closed-loop runs of 10 s on a bench, three controllers by three references, published by the
-owners of ROV-Thruster-Model; the recordings stay with whoever has them. Two of the controllers' runs are
-fitted, the third's are judged, open loop from their first row on.
+Nine closed-loop runs of 10 s on a bench (three controllers, three references) are published in the
+repository ROV-Thruster-Model; the recordings are not kept here. The runs of two controllers are fitted;
+those of the third are held out and simulated open loop from their first row.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ SPEED, THRUST = "shaft_speed_rad_s", "thrust_N"
 CONSTANTS = "owners' constants"
 WHOLE = "owners' constants and dead zone"
 AS_RECORDED = "owners' constants, reversals kept"
-WITH_THRUST = "owners' constants, thrust read too"
+WITH_THRUST = "owners' constants, thrust measured too"
 
 OWNERS_DEAD_ZONE_V = 0.845
-"""Mean of the dead zone in the owners' own file, 0.83 V astern and 0.86 V ahead."""
+"""Mean of the dead zone in the owners' file, 0.83 V astern and 0.86 V ahead."""
 
 TOLERANCE_FACTOR = 8.0
-"""Factor on the usual tolerances: the owners' constants are a start, not the truth."""
+"""Factor on the usual tolerances: the owners' constants are initial values."""
 
 BEFORE_S, AFTER_S = 0.08, 0.2
-"""Rows around a reversal that are left out of the fit [s]: the tachometer reads a magnitude."""
+"""Time around a reversal that is left out of the fit [s]: the tachometer measures a magnitude."""
 _SHORTEST_S = 2.0
 
 Key = tuple[str, str]
@@ -45,15 +45,15 @@ Runs = dict[Key, pd.DataFrame]
 
 
 @dataclass(frozen=True)
-class Judged:
-    """One unseen run.
+class HeldOutRun:
+    """Errors on one held-out run.
 
     Args:
         run: controller and reference.
-        before: rms error of the shaft speed [rad/s], nominal; then corrected.
-        after: likewise, corrected.
-        fit_before: FitPercent of the shaft speed, nominal.
-        fit_after: likewise, corrected.
+        before: rms error of the shaft speed of the ship file [rad/s].
+        after: the same of the corrected ship.
+        fit_before: FitPercent of the shaft speed of the ship file.
+        fit_after: the same of the corrected ship.
     """
 
     run: Key
@@ -64,29 +64,29 @@ class Judged:
 
     @property
     def ratio(self) -> float:
-        """Rms error after / before."""
+        """Rms error of the corrected ship over that of the ship file."""
         return self.after / self.before
 
 
 @dataclass(frozen=True)
 class Split:
-    """A diagnosis on two controllers' runs, judged on the third's.
+    """A diagnosis on the runs of two controllers, evaluated on those of the third.
 
     Args:
-        title: of the split's nominal ship and rows.
-        unseen: the controller that is judged.
-        diagnosis: what the tool said.
-        judged: every unseen run.
+        title: name of the nominal ship and rows.
+        unseen: controller whose runs are held out.
+        diagnosis: the diagnosis.
+        judged: errors on each held-out run.
     """
 
     title: str
     unseen: str
     diagnosis: Diagnosis
-    judged: tuple[Judged, ...]
+    judged: tuple[HeldOutRun, ...]
 
 
 def load_runs(folder: Path) -> Runs:
-    """The nine runs of a folder, by controller and reference.
+    """Return the nine runs of a folder by controller and reference.
 
     Raises:
         RecordingError: a file is missing or cannot be used.
@@ -100,10 +100,10 @@ def load_runs(folder: Path) -> Runs:
 
 
 def without_reversals(table: pd.DataFrame) -> list[pd.DataFrame]:
-    """The stretches of a run in which the sign of the measured speed is known.
+    """Return the parts of a run in which the sign of the measured speed is known.
 
-    The tachometer gives a magnitude. While the shaft reverses, in two to three rows, the sign was
-    guessed from the voltage; in two of the steps it turns a row early, the thrust still astern.
+    The tachometer measures a magnitude. In the two or three rows of a reversal the sign was guessed from
+    the voltage; in two of the steps it changes one row early, while the thrust is still astern.
     """
     time = table[TIME].to_numpy()
     unknown = np.zeros(len(time), dtype=bool)
@@ -120,43 +120,43 @@ def without_reversals(table: pd.DataFrame) -> list[pd.DataFrame]:
 
 
 def with_owners_dead_zone(ship: Ship) -> Ship:
-    """The owners' whole model: their constants and their dead zone."""
+    """Return the owners' whole model: their constants and their dead zone."""
     return ship.with_values({"prime_mover.command_dead_zone_V": OWNERS_DEAD_ZONE_V})
 
 
 def speed_of(ship: Ship, table: pd.DataFrame) -> NDArray[np.float64]:
-    """Shaft speed [rad/s] under a run's voltages, open loop from its first row, shape (rows,)."""
+    """Return the simulated shaft speed [rad/s], open loop from the first row, shape (rows,)."""
     return np.asarray(simulate_recording(ship, table)[SPEED], dtype=np.float64)
 
 
-def judged(nominal: Ship, corrected: Ship, run: Key, table: pd.DataFrame) -> Judged:
-    """Both ships beside one run, every row of it as recorded."""
+def evaluate_run(nominal: Ship, corrected: Ship, run: Key, table: pd.DataFrame) -> HeldOutRun:
+    """Return the errors of both ships on all rows of a run."""
     measured = table[SPEED].to_numpy()
     before, after = speed_of(nominal, table), speed_of(corrected, table)
 
     def rms(simulated: Any) -> float:
         return float(np.sqrt(np.mean((simulated - measured) ** 2)))
 
-    return Judged(
+    return HeldOutRun(
         run, rms(before), rms(after), fit_percent(measured, before), fit_percent(measured, after)
     )
 
 
-def shown_of(
+def fitted_and_kept(
     nominal: Ship,
     runs: Runs,
     unseen: str,
     reversals: bool = False,
     channels: tuple[str, ...] = (SPEED,),
 ) -> tuple[list[pd.DataFrame], list[pd.DataFrame]]:
-    """What a tool is shown of the runs of two controllers: five to fit, the sixth to judge itself by.
+    """Return the runs of two controllers for a fit: five to fit, the sixth as validation data.
 
     Args:
-        nominal: the ship; its demand goes with the channels.
+        nominal: ship; its command column is kept.
         runs: all nine.
-        unseen: the controller whose runs are set aside.
-        reversals: keep the rows in which the sign of the speed was guessed.
-        channels: measured columns that are compared.
+        unseen: controller whose runs are held out.
+        reversals: whether to keep the rows in which the sign of the speed was guessed.
+        channels: measured columns.
     """
     shown: list[list[pd.DataFrame]] = []
     for (controller, _), table in runs.items():
@@ -174,21 +174,21 @@ def split(
     reversals: bool = False,
     channels: tuple[str, ...] = (SPEED,),
 ) -> Split:
-    """Diagnose on the runs of two controllers, judge on those of the third, which the tool never sees.
+    """Diagnose on the runs of two controllers, and evaluate on those of the third.
 
     Args:
-        nominal: the ship to start from.
+        nominal: ship to start from.
         runs: all nine.
-        unseen: the controller whose runs are set aside.
-        title: for the page.
-        reversals: keep the rows in which the sign of the speed was guessed.
-        channels: measured columns that are compared.
+        unseen: controller whose runs are held out.
+        title: name for the page.
+        reversals: whether to keep the rows in which the sign of the speed was guessed.
+        channels: measured columns.
     """
-    fitted, held = shown_of(nominal, runs, unseen, reversals, channels)
+    fitted, held = fitted_and_kept(nominal, runs, unseen, reversals, channels)
     options = Options(tolerance=TOLERANCE_FACTOR, quick=True)
     found = diagnose(nominal, *fitted, hold_out=held, options=options)
     results = tuple(
-        judged(nominal, found.corrected, run, table)
+        evaluate_run(nominal, found.corrected, run, table)
         for run, table in runs.items()
         if run[0] == unseen
     )
@@ -196,7 +196,7 @@ def split(
 
 
 def splits(runs: Runs) -> dict[str, list[Split]]:
-    """Every controller set aside in turn, from each start, by title."""
+    """Return the diagnoses with each controller held out in turn, by start."""
     ship = load_ship("rov-thruster")
     whole = with_owners_dead_zone(ship)
     last = CONTROLLERS[::-1]
@@ -208,10 +208,10 @@ def splits(runs: Runs) -> dict[str, list[Split]]:
     }
 
 
-def beyond_the_owners(runs: Runs) -> tuple[float, float]:
-    """By how much the shaft turns faster than the owners' whole model [rad/s], astern and ahead.
+def excess_speed(runs: Runs) -> tuple[float, float]:
+    """Return the mean excess speed over the owners' whole model [rad/s], astern and ahead.
 
-    Mean over the rows of all runs with 2.5 V or more.
+    The means are over the rows of all runs with 2.5 V or more.
     """
     whole = with_owners_dead_zone(load_ship("rov-thruster"))
     voltage = np.concatenate([t["motor_voltage_V"].to_numpy() for t in runs.values()])
@@ -219,8 +219,8 @@ def beyond_the_owners(runs: Runs) -> tuple[float, float]:
     return float(-np.mean(more[voltage < -2.5])), float(np.mean(more[voltage > 2.5]))
 
 
-def names_of(diagnosis: Diagnosis) -> str:
-    """What was named, in a few words."""
+def describe_finding(diagnosis: Diagnosis) -> str:
+    """Return the identified effects in a few words."""
     if diagnosis.findings:
         return " + ".join(f.effect.id for f in diagnosis.findings)
     if diagnosis.shape is not None:
@@ -231,7 +231,7 @@ def names_of(diagnosis: Diagnosis) -> str:
 
 
 def table_of(found: dict[str, list[Split]]) -> pd.DataFrame:
-    """Every unseen run of every split, one row each."""
+    """Return a row for each held-out run of each split."""
     rows = []
     for title, group in found.items():
         for one in group:
@@ -242,7 +242,7 @@ def table_of(found: dict[str, list[Split]]) -> pd.DataFrame:
                         "start": title,
                         "unseen": " ".join(result.run),
                         "verdict": diagnosis.verdict,
-                        "named": names_of(diagnosis),
+                        "named": describe_finding(diagnosis),
                         "rms_before_rad_s": result.before,
                         "rms_after_rad_s": result.after,
                         "after/before": result.ratio,

@@ -1,1 +1,1 @@
-"""Taylor's autopilot and cross-track controller (2000, chapter 5): their loops, and sailed."""
+"""Taylor's autopilot and cross-track controller (2000, chapter 5)."""

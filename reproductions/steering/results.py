@@ -1,4 +1,4 @@
-"""The two controllers in numbers: their loops beside what is printed, and their voyages."""
+"""Margins, steps and simulated voyages of the two controllers, for comparison with the thesis."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from shaftline.baselines.loop_shaping import (
     TAYLOR_GEAR,
     TRACK_LOOP,
     Factors,
-    ShapedLaw,
+    ShapedController,
     heading_plant,
-    shaped,
-    steered_at,
+    shape_controller,
+    steering_dynamics,
     track_plant,
 )
 from shaftline.core.lazy import control
@@ -28,7 +28,7 @@ from shaftline.plant.loops import Loop
 from . import voyages
 
 CONTROLLER_GAIN_DB = 8.0
-"""Printed gain of the controller at the frequency of the noise, which is not printed itself."""
+"""Printed gain of the controller at the noise frequency; the frequency itself is not printed."""
 
 SHARES = (0.6, 1.0, 1.4)
 CALM, BEAM_SEA = "current carried", "current carried, waves on the beam"
@@ -38,22 +38,22 @@ TRACK_VOYAGES: dict[str, tuple[str, str | None]] = {
     "current carried, waves on a wall": (voyages.CARRIED, voyages.WALL),
     "current met": (voyages.MET, None),
 }
-"""Kind of current, and force of a sea of state 4 on the beam."""
+"""Kind of current, and wave force of sea state 4 on the beam."""
 
 HEADINGS_DEG = (15.0, 30.0, 45.0, 60.0, 90.0, 120.0, 150.0)
-"""Of the seas of state 4 that are tried; 0 following."""
+"""Directions of sea state 4; 0 is following."""
 
 TURN_RATES_DEG = (8.0, 10.0, 12.0, 14.0, 16.0)
-"""Rates of the dead-reckoned turns that are tried, a ship length."""
+"""Rates of the dead-reckoned turns [deg per ship length]."""
 
 STEADY = (105.0, 140.0)
-"""Steady part of the track change between its two turns [ship lengths]."""
+"""Steady part of the track change, between its two turns [ship lengths]."""
 
 AUTOPILOT_TICKS, TRACK_TICKS = 6, 2 + len(TRACK_VOYAGES)
 
 
 class Numbers(NamedTuple):
-    """What is printed of a loop, as ours; the names are those of the JSON."""
+    """Margins and step response of a loop, with the names of the JSON file."""
 
     gain_margin_dB: float
     phase_margin_deg: float
@@ -62,52 +62,54 @@ class Numbers(NamedTuple):
 
 
 def loop_numbers(loop: Loop) -> Numbers:
-    """Margins and step of a loop in ship lengths."""
+    """Return margins and step response of a loop in ship lengths."""
     margins, step = loop.margins(), loop.step_measures()
     return Numbers(
         margins.gain_margin_dB, margins.phase_margin_deg, step.overshoot_percent, step.settling
     )
 
 
-def designed(loop: Factors, plant: Factors) -> Loop:
-    """The loop of a plant and of the controller that is shaped for it."""
-    return Loop.of(plant.system, shaped(loop, plant))
+def design_loop(loop: Factors, plant: Factors) -> Loop:
+    """Return the loop of a plant and the controller that is shaped for it."""
+    return Loop.from_plant(plant.system, shape_controller(loop, plant))
 
 
 def thesis_loop(track: bool) -> Loop:
-    """The loop as the thesis has it, on its K, T and steering gear."""
+    """Return the loop of the thesis, on its K, T and steering gear."""
     if track:
-        return designed(TRACK_LOOP, track_plant(TAYLOR, TAYLOR_GEAR))
-    return designed(COURSE_LOOP, heading_plant(TAYLOR, TAYLOR_GEAR))
+        return design_loop(TRACK_LOOP, track_plant(TAYLOR, TAYLOR_GEAR))
+    return design_loop(COURSE_LOOP, heading_plant(TAYLOR, TAYLOR_GEAR))
 
 
-def as_it_acts(track: bool) -> Numbers:
-    """The same controller on the surrogate's own linear steering, at intervals."""
+def sampled_loop(track: bool) -> Numbers:
+    """Return margins and step of the sampled controller on the surrogate's linear steering."""
     ship, point = voyages.ship(), voyages.straight()
-    own = steered_at(ship, point)
+    own = steering_dynamics(ship, point)
     kind, plant = (TRACK_LOOP, track_plant(*own)) if track else (COURSE_LOOP, heading_plant(*own))
-    law = ShapedLaw(shaped(kind, plant))
+    law = ShapedController(shape_controller(kind, plant))
     way = voyages.INTERVAL_S / voyages.length_s()
-    return loop_numbers(Loop.of(voyages.linear_plant(track), law.sampled(way)))
+    return loop_numbers(Loop.from_plant(voyages.linear_plant(track), law.sampled(way)))
 
 
 def robustness() -> pd.DataFrame:
-    """The autopilot's margins where K and T are not what it was shaped for: nine plants."""
-    controller = shaped(COURSE_LOOP, heading_plant(TAYLOR, TAYLOR_GEAR))
+    """Return the autopilot's margins on nine plants with other K and T than it was shaped for."""
+    controller = shape_controller(COURSE_LOOP, heading_plant(TAYLOR, TAYLOR_GEAR))
     rows = []
     for gain in SHARES:
         for time in SHARES:
             wrong = TAYLOR._replace(gain=gain * TAYLOR.gain, time=time * TAYLOR.time)
-            found = loop_numbers(Loop.of(heading_plant(wrong, TAYLOR_GEAR).system, controller))
+            found = loop_numbers(
+                Loop.from_plant(heading_plant(wrong, TAYLOR_GEAR).system, controller)
+            )
             rows.append(("K times " + str(gain), "T times " + str(time), *found))
     return pd.DataFrame(rows, columns=["gain", "time", *Numbers._fields])
 
 
 def autopilot_loop() -> dict[str, float]:
-    """What section 5.2.2 prints of the autopilot's loop, by name."""
+    """Return the numbers of section 5.2.2 on the autopilot's loop, by name."""
     loop = thesis_loop(track=False)
     plant = heading_plant(TAYLOR, TAYLOR_GEAR)
-    controller = shaped(COURSE_LOOP, plant)
+    controller = shape_controller(COURSE_LOOP, plant)
     noise = noise_frequency(controller)
     at_low = 20.0 * math.log10(abs(loop.response(np.array([0.01]))[0]))
     return (
@@ -134,7 +136,7 @@ def decibels(system: control.StateSpace, frequency: float) -> float:
 
 
 def noise_frequency(controller: control.StateSpace) -> float:
-    """Return where the controller has the printed gain of 8 dB [rad per ship length]."""
+    """Return the frequency at which the controller has the printed gain of 8 dB [rad per length]."""
 
     def missing(frequency: float) -> float:
         return decibels(controller, frequency) - CONTROLLER_GAIN_DB
@@ -155,8 +157,8 @@ PERFORMANCE_WEIGHTS: dict[str, Callable[[Any], Any]] = {
     "second order": lambda s: 100.0 / (1.0 + s / 0.01) ** 2,
     "held": lambda s: np.where(np.abs(s) <= 0.01 * (1.0 + 1e-9), 100.0, 0.0),
 }
-"""W1 that ask for errors of at most 1 % at rest: 1 / (s + 0.01), 100 / (1 + s / 0.01)^2, and 100 up to
-0.01 rad per ship length, the demand as section 5.1.4 words it.
+"""Weights W1 for steady errors of at most 1 %. The last, 100 up to 0.01 rad per ship length, is the
+requirement as worded in section 5.1.4.
 """
 
 
@@ -183,13 +185,9 @@ def _between(table: pd.DataFrame, first: float, last: float) -> pd.DataFrame:
 def autopilot_voyages(
     tick: Callable[[], None],
 ) -> tuple[dict[str, pd.DataFrame], dict[str, float]]:
-    """The autopilot's voyages, by name, and what they measure.
-
-    Args:
-        tick: called three times.
-    """
+    """Simulate the autopilot's voyages; return them by name, and their measures."""
     length = voyages.ship().manoeuvring.length_m
-    blown = voyages.blown()
+    blown = voyages.with_initial_sway()
     tick()
     met = voyages.into_current()
     tick()
@@ -205,7 +203,7 @@ def autopilot_voyages(
         "met_heading_peak_deg": math.degrees(met["heading_rad"].abs().max()),
         "met_drift_lengths": abs(met["cross_track_m"].iloc[-1]) / length,
     }
-    found |= turning(turns)
+    found |= turn_measures(turns)
     rest = _between(turns, 80.0, 90.0)
     found["turn_heading_error_end_deg"] = math.degrees(
         abs((rest["heading_rad"] - rest["aim"]).mean())
@@ -216,14 +214,10 @@ def autopilot_voyages(
     return {"blown": blown, "met": met, "turns": turns}, found
 
 
-def turning(turns: pd.DataFrame) -> dict[str, float]:
-    """Return errors of the dead-reckoned track [ship lengths], sweep of the rudder [deg] and its time.
-
-    Args:
-        turns: from :func:`.voyages.two_turns`.
-    """
+def turn_measures(turns: pd.DataFrame) -> dict[str, float]:
+    """Return errors of the dead-reckoned track [ship lengths], rudder sweep [deg] and its time [min]."""
     place = turns[["position_m", "cross_track_m"]].to_numpy() / voyages.ship().manoeuvring.length_m
-    off = np.hypot(*(place - voyages.dead_reckoned(turns)).T)
+    off = np.hypot(*(place - voyages.dead_reckoning(turns)).T)
     busy = _between(turns, 0.0, 50.0)
     rudder = np.degrees(busy["rudder_rad"].to_numpy())
     at_work = busy["time_s"].to_numpy()[np.abs(rudder) > 0.1 * np.abs(rudder).max()]
@@ -236,30 +230,28 @@ def turning(turns: pd.DataFrame) -> dict[str, float]:
 
 
 def turn_rates() -> pd.DataFrame:
-    """Return :func:`turning` for each of :data:`TURN_RATES_DEG`."""
-    rows = [{"rate_deg_per_length": r} | turning(voyages.two_turns(r)) for r in TURN_RATES_DEG]
+    """Return :func:`turn_measures` for each of :data:`TURN_RATES_DEG`."""
+    rows = [
+        {"rate_deg_per_length": r} | turn_measures(voyages.two_turns(r)) for r in TURN_RATES_DEG
+    ]
     return pd.DataFrame(rows)
 
 
 def oscillation(track: pd.DataFrame) -> tuple[float, float]:
-    """Return mean and amplitude of the cross-track error over :data:`STEADY` [ship lengths].
-
-    Args:
-        track: from :func:`.voyages.track_change`.
-    """
+    """Return mean and amplitude of the cross-track error over :data:`STEADY` [ship lengths]."""
     part = _between(track, *STEADY)
     off = (part["cross_track_m"] - part["aim"]) / voyages.ship().manoeuvring.length_m
     return float(off.mean()), float((off - off.mean()).abs().max())
 
 
-def waves_tried() -> pd.DataFrame:
-    """Return mean and amplitude of the track's error in seas of state 4, by force and direction."""
+def wave_forces() -> pd.DataFrame:
+    """Return mean and amplitude of the track error in sea state 4, by wave force and direction."""
     tried = [(voyages.REFLECTED, 90.0, seed) for seed in (1, 2, 3)]
     tried += [(voyages.WALL, 90.0, 1)]
     tried += [(voyages.ORBITAL, heading, 1) for heading in HEADINGS_DEG]
     rows = []
     for kind, heading, seed in tried:
-        sea = voyages.in_waves(kind, seed, heading)
+        sea = voyages.wave_case(kind, seed, heading)
         mean, amplitude = oscillation(voyages.track_change(sea=sea, seed=seed))
         rows.append(
             {
@@ -275,16 +267,12 @@ def waves_tried() -> pd.DataFrame:
 def track_voyages(
     tick: Callable[[], None],
 ) -> tuple[dict[str, pd.DataFrame], dict[str, dict[str, float]]]:
-    """The track changes of :data:`TRACK_VOYAGES`, and what each measures.
-
-    Args:
-        tick: called after each.
-    """
+    """Simulate the track changes of :data:`TRACK_VOYAGES`; return them by name, and their measures."""
     length = voyages.ship().manoeuvring.length_m
-    sailed, found = {}, {}
+    tracks, found = {}, {}
     for name, (current, force) in TRACK_VOYAGES.items():
-        sea = None if force is None else voyages.in_waves(force, 1)
-        track = sailed[name] = voyages.track_change(current, sea)
+        sea = None if force is None else voyages.wave_case(force, 1)
+        track = tracks[name] = voyages.track_change(current, sea)
         off = (track["cross_track_m"] - track["aim"]) / length
         track = track.assign(off=off, size=off.abs(), rudder=np.degrees(track["rudder_rad"]).abs())
         gust = _between(track, voyages.GUST_AT, voyages.LEFT_AT)
@@ -304,4 +292,4 @@ def track_voyages(
             "steady_amplitude_lengths": oscillation(track)[1],
         }
         tick()
-    return sailed, found
+    return tracks, found

@@ -1,7 +1,7 @@
-"""Storms in which the anti-spin controller is tried: the frigate light, its propellers near the surface.
+"""Simulate the anti-spin controller in storms: the frigate light, its propellers near the surface.
 
 The plant is stepped as the environment steps it: commands held over a control interval, instruments
-read at its end. What the tests score is the truth, which the controller never sees.
+sampled at its end. The tests use true values, which the controller never has.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from shaftline.plant.waves import SEA
 INTERVAL_STEPS = 10
 ORDER_M_S = 8.0
 RESISTANCE_FACTOR = 1.6
-"""Over calm water's; assumed, since the plant knows no added resistance of waves."""
+"""Resistance over that in calm water; assumed, because the plant has no added resistance of waves."""
 
 STORM = np.dtype(
     [(name, np.float64) for name in (
@@ -34,14 +34,14 @@ STORM = np.dtype(
         "ventilation", "propeller_torque", "rack",
     )]
 )  # fmt: skip
-"""What is true of a control interval; units as of :class:`Storm`."""
+"""True values of a control interval; units as of :class:`Storm`."""
 
 READING = np.dtype([(name, np.float64) for name in OBSERVED])
-"""What the controller is shown."""
+"""Measurements of the controller."""
 
 
 class Storm(NamedTuple):
-    """A run of n ships: columns of shape (n, intervals)."""
+    """The simulation of n ships: columns of shape (n, intervals)."""
 
     thrust: NDArray[np.float64]  # mean of the interval [N]
     thrust_power: NDArray[np.float64]  # mean of T v_a [W]
@@ -106,7 +106,7 @@ def _read(memory: Record, advance_velocity: float, reading: Record) -> None:
     reading.estimate_valid = 1.0
 
 
-def sail(
+def simulate_storm(
     ship: Ship,
     controller: AntiSpin,
     *,
@@ -117,16 +117,16 @@ def sail(
     duration_s: float = 300.0,
     resistance_factor: float = 1.0,
 ) -> Storm:
-    """Sail one ship a seed, all under one controller; the first 30 s are not kept.
+    """Simulate one ship for each seed, all under one controller, without the first 30 s.
 
     Args:
         ship: a ship with a diesel.
-        controller: of all of them.
-        order_m_s: ordered ship speed [m/s].
-        start_m_s: ship speed at first [m/s]; the order by default.
+        controller: of all ships.
+        order_m_s: set-point of the ship speed [m/s].
+        start_m_s: initial ship speed [m/s]; the set-point by default.
         sea: name of a preset, head seas.
-        seeds: of the sea, one a ship.
-        duration_s: with the 30 s [s].
+        seeds: of the sea, one for each ship.
+        duration_s: including the first 30 s [s].
         resistance_factor: over calm water's [-].
     """
     n, dt = len(seeds), ship.time_step_s
@@ -134,7 +134,7 @@ def sail(
     spectrum = get_sea(sea)
     seas = np.zeros(n, SEA)
     states, memories = np.zeros(n, STATE), np.zeros(n, MEMORY)
-    row = controller.curve.at(np.array([order_m_s]))
+    row = controller.curve.set_points(np.array([order_m_s]))
     start = equilibrium(ship, 20.0, float(row.pitch_ratio[0]))
     first = start.state._replace(
         shaft_speed=float(row.shaft_speed[0]), ship_speed=start_m_s or order_m_s
@@ -178,7 +178,7 @@ def sail(
 
 
 def truth_and_detection(storm: Storm) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Whether the propeller was more than half ventilated, and whether the detector said so."""
+    """Return whether the propeller was more than half ventilated, and whether this was detected."""
     return storm.ventilation[:, :-1] > 0.5, storm.detected[:, 1:]
 
 
@@ -190,9 +190,9 @@ def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
 def event_counts(
     truth: NDArray[np.bool_], detected: NDArray[np.bool_], slack: int = 2
 ) -> NDArray[np.float64]:
-    """Right calls, calls, events found and events of each ship, shape (n, 4).
+    """Return right detections, detections, detected events and events of each ship, shape (n, 4).
 
-    Events are runs; a call is right that overlaps one or comes up to ``slack`` samples late.
+    Events are runs of samples; a right detection overlaps one or comes up to ``slack`` samples late.
     """
     rows = []
     for happened, called in zip(truth, detected, strict=True):
@@ -206,7 +206,7 @@ def event_counts(
 def event_scores(
     truth: NDArray[np.bool_], detected: NDArray[np.bool_], slack: int = 2
 ) -> tuple[float, float]:
-    """Precision and recall by events; see :func:`event_counts`."""
+    """Return precision and recall by events; see :func:`event_counts`."""
     right, calls, found, events = event_counts(truth, detected, slack).sum(axis=0)
     return right / max(calls, 1.0), found / max(events, 1.0)
 
@@ -214,7 +214,7 @@ def event_scores(
 def sample_scores(
     truth: NDArray[np.bool_], detected: NDArray[np.bool_], late: int = 0
 ) -> tuple[float, float]:
-    """Precision and recall by samples, with the truth shifted ``late`` samples later."""
+    """Return precision and recall by samples, with the truth shifted ``late`` samples later."""
     happened = truth[:, : truth.shape[1] - late]
     called = detected[:, late:]
     both = float(np.sum(happened & called))
@@ -222,10 +222,10 @@ def sample_scores(
 
 
 def storm_pair(seeds: range, **values: Any) -> tuple[Storm, Storm]:
-    """The same storms of state 6 with and without anti-spin, the ship's file changed by ``values``."""
+    """Simulate storms of state 6 with and without anti-spin; ``values`` are changed parameters."""
     ship = storm_frigate(**values)
     with_it, without = (
-        sail(ship, AntiSpin(ship, anti_spin=switch), sea="state-6", seeds=seeds,
+        simulate_storm(ship, AntiSpin(ship, anti_spin=switch), sea="state-6", seeds=seeds,
              resistance_factor=RESISTANCE_FACTOR)
         for switch in (True, False)
     )  # fmt: skip
@@ -233,7 +233,7 @@ def storm_pair(seeds: range, **values: Any) -> tuple[Storm, Storm]:
 
 
 def key_numbers(storm: Storm) -> dict[str, NDArray[np.float64]]:
-    """What the paper's Table 1 and Figure 6 show, a value a seed."""
+    """Return the quantities of the paper's Table 1 and Figure 6, one value for each seed."""
     power = storm.power.mean(axis=1)
     return {
         "mean thrust [kN]": storm.thrust.mean(axis=1) / 1e3,

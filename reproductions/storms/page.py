@@ -1,33 +1,242 @@
-"""The page and the picture of the storms: :mod:`.results` in words and tables."""
+"""Compare anti-spin on and off in storms with Table 1 of the anti-spin paper (Pivano et al. 2008).
+
+Storms are head seas of state 6 in which the frigate's propellers ventilate, with the ship free to slow
+down or held at its speed like the paper's carriage. Intervals are percentile bootstrap intervals of 95
+% over the seeds; changes are paired by seed.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
+from shaftline.baselines.anti_spin import AntiSpin
 from shaftline.display.figures import PALETTE, THESIS, TRUTH, new_figure
-from shaftline.display.tables import markdown
+from shaftline.plant import Ship, load_ship
+from shaftline.plant.propeller import propeller_load
+from shaftline.plant.surroundings import GRAVITY
 
 from ..cells import Cell, half_digit, number
-from ..side_by_side import published_text
-from .experiment import INTERVAL_STEPS, ORDER_M_S, RESISTANCE_FACTOR, Storm
-from .results import (
-    AWARE,
-    CASES,
-    EFFICIENCY,
-    HELD_SPEED_M_S,
-    HIGH_ORDER_M_S,
-    OFF,
-    ON,
-    POWER,
-    SEEDS,
-    THRUST,
-    VENTILATED_SPEEDS,
-    Results,
+from ..pages import fill_template
+from ..side_by_side import Page, Study, Tick, published, published_text
+from .experiment import (
+    INTERVAL_STEPS,
+    ORDER_M_S,
+    RESISTANCE_FACTOR,
+    Storm,
+    event_counts,
+    key_numbers,
+    sample_scores,
+    simulate_storm,
+    storm_frigate,
+    truth_and_detection,
 )
+
+SEEDS = range(100, 120)
+"""Seeds of the seas; none of them was used while tuning."""
+
+FIXED = {"ventilation.suction_gain": 0.0, "ventilation.static_head_share": 0.0,
+         "ventilation.surface_loss": 0.0, "ventilation.onset_submergence": 1.0}  # fmt: skip
+"""Losses of thrust and torque by depth alone, the same at any shaft speed, for comparison."""
+
+DRY = {"ventilation.thrust_loss": 0.0, "ventilation.torque_loss": 0.0,
+       "ventilation.surface_loss": 0.0}  # fmt: skip
+HELD = {"hull.mass_kg": 1e9}
+"""A hull too heavy to slow down: the paper's towing carriage."""
+
+HELD_SPEED_M_S = 6.4
+"""About the speed of the free ship at a set-point of 8 m/s without anti-spin."""
+
+HIGH_ORDER_M_S = 11.0
+"""A set-point near the highest: twice the thrust of 8 m/s."""
+
+
+class Case(NamedTuple):
+    """A storm: changes to :func:`~.experiment.storm_frigate`, and the set-point of the speed [m/s]."""
+
+    changes: dict[str, float]
+    order_m_s: float = ORDER_M_S
+
+
+CASES: dict[str, Case] = {
+    "storm task": Case({}),
+    "high thrust": Case({}, HIGH_ORDER_M_S),
+    "high thrust, speed held": Case(HELD, HIGH_ORDER_M_S),
+    "high thrust, shallow, speed held": Case(HELD | {"propeller.depth_m": 2.5}, HIGH_ORDER_M_S),
+    "fixed shares": Case(FIXED),
+}
+
+ON, AWARE, OFF = "anti-spin", "anti-spin, sea margin 3", "without"
+OPTIONS: dict[str, dict[str, Any]] = {ON: {}, AWARE: {"sea_margin": 3.0}, OFF: {"anti_spin": False}}
+VENTILATED_SPEEDS = (0.6, 0.7, 0.8)
+"""Other values of omega_v,opt over the calm-water speed; the paper's 45 rad/s is 0.6 of its highest."""
+
+PLAIN_SEAS, ORDERS_M_S = ("state-5", "state-6"), (6.0, 8.0, 10.0)
+THRUST, POWER, EFFICIENCY = "mean thrust [kN]", "mean power [kW]", "energy efficiency (27) [-]"
+TICKS = len(CASES) * (len(OPTIONS) + len(VENTILATED_SPEEDS)) + 3 * len(PLAIN_SEAS) * len(ORDERS_M_S)
+
+Rows = list[tuple[str, str, str, float, float, float]]
+
+
+class Results(NamedTuple):
+    """Every number of the study, and the traces of one storm."""
+
+    numbers: pd.DataFrame  # case, controller, quantity, value, low, high
+    traces: dict[str, Storm]  # by controller
+    suction_heads: dict[str, float]  # H/R [-] by case, the towing tank's beside them
+
+
+class Bootstrap:
+    """Percentile bootstrap over seeds; every statistic sees the same resampled seeds."""
+
+    def __init__(self, seeds: int, draws: int = 4000) -> None:
+        self.pick = np.random.default_rng(0).integers(0, seeds, (draws, seeds))
+
+    def ratio(self, above: Any, below: Any) -> tuple[float, float, float]:
+        """Return the sum of a value over that of another, over the seeds, with its 95 % interval."""
+        above, below = np.asarray(above, dtype=float), np.asarray(below, dtype=float)
+        drawn = above[self.pick].sum(axis=1) / np.maximum(below[self.pick].sum(axis=1), 1e-9)
+        low, high = np.percentile(drawn, [2.5, 97.5])
+        return float(above.sum() / max(below.sum(), 1e-9)), float(low), float(high)
+
+    def mean(self, values: NDArray[np.float64]) -> tuple[float, float, float]:
+        """Return the mean over the seeds, with its 95 % interval."""
+        return self.ratio(values, np.ones_like(values))
+
+
+def simulate_case(case: str, seeds: range, options: dict[str, Any]) -> Storm:
+    """Simulate one of :data:`CASES` under :class:`~.AntiSpin`, one ship for each seed."""
+    changes, order = CASES[case]
+    ship = storm_frigate(**changes)
+    start = HELD_SPEED_M_S if "hull.mass_kg" in changes else None
+    return simulate_storm(
+        ship, AntiSpin(ship, **options), order_m_s=order, start_m_s=start, sea="state-6", seeds=seeds,
+        resistance_factor=RESISTANCE_FACTOR,
+    )  # fmt: skip
+
+
+def suction_of(ship: Ship, thrust: float) -> float:
+    """Return the suction head H/R [-] of a thrust [N] of one propeller: a column of water over R."""
+    radius = 0.5 * ship.propeller.diameter_m
+    return thrust / (ship.water.density_kg_m3 * GRAVITY * math.pi * radius**3)
+
+
+def _suction(ship: Ship, storm: Storm) -> float:
+    """Return the mean suction head of a run's samples with less than a tenth of air."""
+    return suction_of(ship, float(storm.thrust[storm.ventilation < 0.1].mean()))
+
+
+def _effects(case: str, runs: dict[str, Storm], over_seeds: Bootstrap) -> Rows:
+    """Return key numbers of every controller and their changes against anti-spin off."""
+    off = key_numbers(runs[OFF])
+    rows: Rows = []
+    for name, storm in runs.items():
+        for quantity, values in key_numbers(storm).items():
+            rows.append((case, name, quantity, *over_seeds.mean(values)))
+            ratio = over_seeds.ratio(values, off[quantity])
+            rows.append((case, f"{name} / {OFF}", quantity, *ratio))
+    return rows
+
+
+def _detections(case: str, runs: dict[str, Storm], over_seeds: Bootstrap) -> Rows:
+    """Return scores of the detection, and the error of the estimated torque."""
+    rows: Rows = []
+    for name, storm in runs.items():
+        truth, called = truth_and_detection(storm)
+        right, calls, found, events = event_counts(truth, called).T
+        torque = storm.propeller_torque
+        error = storm.torque_estimate[:, 1:] - torque[:, :-1]
+        precision, recall = sample_scores(truth, called, late=2)
+        rows += [
+            (case, name, "ventilated [-]", *over_seeds.mean(truth.mean(axis=1))),
+            (case, name, "events: precision", *over_seeds.ratio(right, calls)),
+            (case, name, "events: recall", *over_seeds.ratio(found, events)),
+            (case, name, "samples 1 s late: precision", precision, np.nan, np.nan),
+            (case, name, "samples 1 s late: recall", recall, np.nan, np.nan),
+            (
+                case,
+                name,
+                "rms error of Q_p / mean Q_p",
+                error.std() / torque.mean(),
+                np.nan,
+                np.nan,
+            ),
+        ]
+    return rows
+
+
+def _alarms(ship: Ship, sea: str, order: float, seeds: range, over_seeds: Bootstrap,
+            tick: Callable[[], None]) -> Rows:  # fmt: skip
+    """Return false alarms where no propeller ventilates, and the ship speed that they cost."""
+    runs = {}
+    for name, options in OPTIONS.items():
+        runs[name] = simulate_storm(
+            ship, AntiSpin(ship, **options), order_m_s=order, sea=sea, seeds=seeds
+        )
+        tick()
+    case = f"{sea}, {order:g} m/s, no ventilation"
+    hours = runs[ON].detected.shape[1] * INTERVAL_STEPS * ship.time_step_s / 3600.0
+    rows: Rows = []
+    for name, storm in runs.items():
+        alarms = event_counts(storm.ventilation > 0.5, storm.detected)[:, 1]
+        rows.append((case, name, "false alarms [1/h]", *over_seeds.mean(alarms / hours)))
+        speed, plain = (s.ship_speed.mean(axis=1) for s in (storm, runs[OFF]))
+        rows.append((case, f"{name} / {OFF}", "ship speed [m/s]", *over_seeds.ratio(speed, plain)))
+    return rows
+
+
+def compute_results(tick: Callable[[], None] = lambda: None, seeds: range = SEEDS) -> Results:
+    """Simulate all storms and plain seas."""
+    over_seeds = Bootstrap(len(seeds))
+    rows: Rows = []
+    traces: dict[str, Storm] = {}
+    heads = {"towing tank, 45 rad/s": _tank_suction(45.0)}
+    for case, (changes, _) in CASES.items():
+        runs = {}
+        for name, options in OPTIONS.items():
+            runs[name] = simulate_case(case, seeds, options)
+            tick()
+        traces = traces or {name: runs[name] for name in (ON, OFF)}
+        rows += _effects(case, runs, over_seeds) + _detections(case, runs, over_seeds)
+        heads[case] = _suction(storm_frigate(**changes), runs[OFF])
+        off = key_numbers(runs[OFF])[EFFICIENCY]
+        for share in VENTILATED_SPEEDS:
+            slower = key_numbers(simulate_case(case, seeds, {"ventilated_speed": share}))[
+                EFFICIENCY
+            ]
+            name = f"anti-spin at {share:g} / {OFF}"
+            rows.append((case, name, EFFICIENCY, *over_seeds.ratio(slower, off)))
+            tick()
+    dry = storm_frigate(**DRY)
+    for sea in PLAIN_SEAS:
+        for order in ORDERS_M_S:
+            rows += _alarms(dry, sea, order, seeds, over_seeds, tick)
+    columns = ["case", "controller", "quantity", "value", "low", "high"]
+    return Results(pd.DataFrame(rows, columns=columns), traces, heads)
+
+
+def _tank_suction(shaft_speed: float) -> float:
+    rig = load_ship("towing-tank")
+    return suction_of(rig, propeller_load(rig.record(), 0.0, shaft_speed, 1.0, 1.0, 0.0).thrust)
+
+
+def beside_table_1(numbers: pd.DataFrame) -> pd.DataFrame:
+    """Return thrust, power and energy efficiency with anti-spin over without, the paper's row first."""
+    tank = published("anti_spin_towing_tank")
+    printed = tank.loc["anti-spin"] / tank.loc["no-anti-spin"]
+    rows: list[tuple[str, Any, Any, Any]] = [("paper, Table 1", *printed)]
+    ratios = numbers[numbers["controller"] == f"{ON} / {OFF}"].set_index(["case", "quantity"])
+    for case in CASES:
+        rows.append((case, *(ratios.loc[(case, q), "value"] for q in (THRUST, POWER, EFFICIENCY))))
+    return pd.DataFrame(rows, columns=["storm", "thrust", "power", "energy efficiency"])
+
 
 _SHOWN_S = 90.0
 
@@ -37,11 +246,7 @@ NEAREST = "high thrust, speed held"
 
 
 def cells(beside: pd.DataFrame) -> list[Cell]:
-    """Return the paper's ratios beside those of the storm nearest to its test.
-
-    Args:
-        beside: ratios with the paper's row first, from :func:`~.storm_results.beside_table_1`.
-    """
+    """Return the paper's ratios beside those of the storm nearest to its test."""
     digits = published_text("anti_spin_towing_tank")
     with_it, without = digits.loc["anti-spin"], digits.loc["no-anti-spin"]
     rows = beside.set_index("storm")
@@ -54,37 +259,6 @@ def cells(beside: pd.DataFrame) -> list[Cell]:
         )
         for name, a, b in zip(beside.columns[1:], with_it, without, strict=True)
     ]  # fmt: skip
-
-
-def why(results: Results) -> str:
-    """Return what the ratios rest on, from the study's own numbers, as list items."""
-    heads = results.suction_heads
-    loaded = heads["towing tank, 45 rad/s"] / heads["high thrust"]
-    cell = _Cells(results.numbers)
-
-    def change(case: str, quantity: str) -> float:
-        return 100.0 * (cell.value(case, f"{ON} / {OFF}", quantity) - 1.0)
-
-    gains = [change(case, EFFICIENCY) for case in CASES]
-    free, held = ("high thrust", NEAREST)
-    per_power = "thrust per power [N/kW]"
-    told = ", ".join(f"{name} {head:.2f}" for name, head in heads.items())
-    return (
-        f"- The energy efficiency number changes by {min(gains):+.1f} to {max(gains):+.1f} % in these "
-        "storms, where the paper has +23 %.\n"
-        "- Air is drawn in, and blades in air lose, by the suction head of the propeller against the "
-        f"static head of the water. Mean suction heads H/R without air are: {told}. At the higher "
-        f"order the ship's propellers are loaded {loaded:.1f} times less than the tank's at the printed "
-        "limit.\n"
-        "- Free at the higher order, the ship's thrust per power changes by "
-        f"{change(free, per_power):+.1f} % and her energy efficiency by "
-        f"{change(free, EFFICIENCY):+.1f} %, since the number (27) counts thrust "
-        "times advance speed and she slows with her thrust. Held at "
-        f"her speed, the two are {change(held, per_power):+.1f} and {change(held, EFFICIENCY):+.1f} %.\n"
-        "- With fixed shares, lost by depth alone at any shaft speed, the thrust changes by "
-        f"{change('fixed shares', THRUST):+.1f} %, the power by {change('fixed shares', POWER):+.1f} % "
-        f"and the energy efficiency by {change('fixed shares', EFFICIENCY):+.1f} %."
-    )
 
 
 class _Cells:
@@ -105,97 +279,76 @@ class _Cells:
         return float(self.table.loc[(case, controller, quantity), "value"])
 
     def change(self, case: str, controller: str, quantity: str) -> str:
-        """Interval of a change against anti-spin off."""
+        """Return the interval of a change against anti-spin off."""
         found: Any = self.table.loc[(case, f"{controller} / {OFF}", quantity)]
         low, high = (100.0 * (found[end] - 1.0) for end in ("low", "high"))
         return f"{low:+.1f} to {high:+.1f} %"
 
 
-def _table(columns: list[str], rows: list[list[str]]) -> str:
-    return markdown(pd.DataFrame(rows, columns=columns))
-
-
-def body(results: Results, beside: pd.DataFrame) -> str:
-    """The page below its title, in Markdown.
-
-    Args:
-        results: of the study.
-        beside: ratios with the paper's row first, from :func:`~.storm_results.beside_table_1`.
-    """
-    cell = _Cells(results.numbers)
-    ratio = f"{ON} / {OFF}"
-    paper = [f"{value:.2f}" for value in beside.iloc[0, 1:]]
-    first = [["paper, Table 1", *paper]]
+def _tables(results: Results, beside: pd.DataFrame) -> dict[str, Any]:
+    """Return the tables of the page."""
+    cell, ratio = _Cells(results.numbers), f"{ON} / {OFF}"
+    names = ["storm", "thrust", "power", "energy efficiency (27)"]
+    first = [["paper, Table 1", *(f"{value:.2f}" for value in beside.iloc[0, 1:])]]
     first += [[c, *(cell(c, ratio, q, ".2f") for q in (THRUST, POWER, EFFICIENCY))] for c in CASES]
     shares = [f"anti-spin at {share:g} / {OFF}" for share in VENTILATED_SPEEDS] + [ratio]
     sweep = [[c, *(cell(c, name, EFFICIENCY, ".2f") for name in shares)] for c in CASES]
-    parts = [
-        "The frigate of the environment's storm task, head seas of state 6, resistance "
-        f"{RESISTANCE_FACTOR:g} times calm water's (assumed), {len(SEEDS)} seeds of 300 s of which the "
-        "first 30 are left out, commands every 0.5 s, perfect instruments. In parentheses the bootstrap "
-        "95 % interval over the seeds, ratios and changes paired by seed.\n\n"
-        f"*Storm task*: order {ORDER_M_S:g} m/s, propellers 3 m deep, ventilation as in the task. *High "
-        f"thrust*: order {HIGH_ORDER_M_S:g} m/s. *Speed held*: a hull too heavy to slow down, at "
-        f"{HELD_SPEED_M_S:g} m/s, as the paper's carriage. *Shallow*: propellers 2.5 m deep. *Fixed "
-        "shares*: ventilation by depth alone from h/R = 1 on, the same shares lost at any shaft "
-        "speed.",
-        "## Beside the paper's Table 1: anti-spin over without",
-        _table(["storm", "thrust", "power", "energy efficiency (27)"], first),
-        why(results),
-        "Energy efficiency over that without, by omega_v,opt as a share of the calm-water shaft speed "
-        "(the paper's 45 rad/s is 0.6 of its highest speed):",
-        _table(["storm", *(f"{share:g}" for share in VENTILATED_SPEEDS), "0.92 (kept)"], sweep),
-        "## One storm\n\n![Anti-spin on and off in one storm](figures/storms.png)",
-        "## What anti-spin does",
-    ]
     quantities = dict.fromkeys(
         q for q in results.numbers["quantity"] if "[" in q and "alarms" not in q and "vent" not in q
     )
-    for case in CASES:
+    effects = {}
+    for case in (next(iter(CASES)), NEAREST):
         rows = [
             [q, *(cell(case, name, q, ".4g").split(" (")[0] for name in (ON, OFF)),
              cell.change(case, ON, q), cell.change(case, AWARE, q)]
             for q in quantities
         ]  # fmt: skip
-        columns = [case, ON, OFF, "change, 95 %", "change with sea margin 3, 95 %"]
-        parts.append(_table(columns, rows))
+        columns = ["quantity", ON, OFF, "change, 95 %", "change with sea margin 3, 95 %"]
+        effects[case] = pd.DataFrame(rows, columns=columns)
     scores = [
         "ventilated [-]", "events: precision", "events: recall", "samples 1 s late: precision",
         "samples 1 s late: recall", "rms error of Q_p / mean Q_p",
     ]  # fmt: skip
-    parts += [
-        "## What it detects",
-        "An event is a run in which the true degree exceeds 0.5; a call counts if it overlaps one or "
-        "comes at most 1 s late.",
-        _table(
-            ["storm", "controller", *scores],
-            [
-                [c, name, *(cell(c, name, s, ".2f") for s in scores)]
-                for c in CASES
-                for name in (ON, AWARE, OFF)
-            ],
-        ),
-        "## False alarms in plain seas",
-        "The same seas and propellers, ventilation switched off, resistance of calm water: every call "
-        "is a wave taken for air. `sea_margin` 3 also asks that the loss be more than three standard "
-        "deviations of what the waves do, told from the side on which they add torque. What the calls "
-        "cost: the change of ship speed against the controller without anti-spin.",
+    detected = [
+        [c, name, *(cell(c, name, s, ".2f") for s in scores)]
+        for c in CASES
+        for name in (ON, AWARE, OFF)
     ]
-    plain = [c for c in dict.fromkeys(results.numbers["case"]) if c not in CASES]
     alarms, speed = "false alarms [1/h]", "ship speed [m/s]"
-    rows = [
+    plain = [
         [c.split(", no")[0], cell(c, ON, alarms, ".1f"), cell(c, AWARE, alarms, ".1f"),
          cell.change(c, ON, speed), cell.change(c, AWARE, speed)]
-        for c in plain
+        for c in dict.fromkeys(results.numbers["case"]) if c not in CASES
     ]  # fmt: skip
-    columns = ["sea, order", "paper's rule [1/h]", "sea margin 3 [1/h]",
-               "ship speed lost to it", "with sea margin 3"]  # fmt: skip
-    parts.append(_table(columns, rows))
-    return "\n\n".join(parts)
+    return {
+        "first": pd.DataFrame(first, columns=names),
+        "sweep": pd.DataFrame(
+            sweep, columns=["storm", *(f"{share:g}" for share in VENTILATED_SPEEDS), "0.92 (kept)"]
+        ),
+        "effects": effects,
+        "detected": pd.DataFrame(detected, columns=["storm", "controller", *scores]),
+        "plain": pd.DataFrame(
+            plain,
+            columns=["sea, order", "paper's rule [1/h]", "sea margin 3 [1/h]",
+                     "change of ship speed", "change with sea margin 3"],
+        ),
+    }  # fmt: skip
+
+
+def body(results: Results, beside: pd.DataFrame) -> str:
+    """Return the text of the page."""
+    table = results.numbers.set_index(["controller", "case", "quantity"])["value"]
+    change = 100.0 * (table.loc[f"{ON} / {OFF}"] - 1.0)
+    return fill_template(
+        Path(__file__).with_suffix(".md"), **_tables(results, beside), resistance=RESISTANCE_FACTOR,
+        seeds=len(SEEDS), order=ORDER_M_S, high_order=HIGH_ORDER_M_S, held_speed=HELD_SPEED_M_S,
+        change=change, heads=results.suction_heads, gains=[change[c, EFFICIENCY] for c in CASES],
+        nearest=NEAREST, thrust=THRUST, power=POWER, efficiency=EFFICIENCY,
+    )  # fmt: skip
 
 
 def figure(traces: dict[str, Storm], dt: float, ship: int = 0) -> Figure:
-    """One ship in time: shaft speed, torque and thrust, and what is detected.
+    """Draw one ship over time: shaft speed, torque, thrust and detected ventilation.
 
     Args:
         traces: storms by controller, the same seeds.
@@ -226,3 +379,15 @@ def figure(traces: dict[str, Storm], dt: float, ship: int = 0) -> Figure:
     axes[3, 0].axhline(1.0, color=THESIS, linewidth=0.6)
     axes[3, 0].set_xlabel("time [s]", fontsize=9)
     return drawn
+
+
+def page(tick: Tick) -> Page:
+    """Return the page of Table 1 of the anti-spin paper beside storms at sea."""
+    results = compute_results(tick)
+    beside = beside_table_1(results.numbers)
+    numbers = beside.set_index("storm").to_dict("index")
+    drawn = {"storms": figure(results.traces, load_ship("frigate").time_step_s)}
+    return Page(cells(beside), body(results, beside), drawn, numbers, results.numbers, beside)
+
+
+STUDY = Study("Anti-spin in storms at sea, with and without", page, TICKS)

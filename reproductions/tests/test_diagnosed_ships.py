@@ -13,7 +13,7 @@ from shaftline.plant import load_ship
 from shaftline.validation.equivalents import comparable, names_of
 from shaftline.validation.reality.effects import BY_KEY, EFFECTS, FRIGATE
 
-TRUTHS = study.drawn()
+TRUTHS = study.draw_truths()
 
 
 def test_each_true_ship_has_two_effects_that_no_other_has() -> None:
@@ -33,7 +33,7 @@ def test_every_effect_that_counts_has_a_key_of_a_ship_file() -> None:
             key = study.key_of(effect.key, names)
             assert key is not None, effect.key
             assert key.rpartition(".")[2] in names
-            assert ship.number(key)
+            assert ship.parameter(key)
     assert study.key_of("no-such-effect/hull", ["fraction"]) is None
 
 
@@ -48,8 +48,8 @@ def table(rows: dict[str, tuple[float, float, float]]) -> pd.DataFrame:
 
 
 def test_the_share_is_that_of_the_sums_over_the_ships() -> None:
-    """10 of 12 that the file's ship loses come back on one ship, -1 of 3 on the other."""
-    found = study.recovered(
+    """10 of 12 that the ship of the file loses come back on one ship, -1 of 3 on the other."""
+    found = study.recovered_share(
         table({"a": (400.0, 410.0, 412.0), "b": (300.0, 299.0, 303.0)}), "va-pitch"
     )
     assert found["lost"] == pytest.approx(7.5)
@@ -60,7 +60,7 @@ def test_the_share_is_that_of_the_sums_over_the_ships() -> None:
 
 
 def test_a_share_of_nothing_is_none() -> None:
-    found = study.recovered(table({"a": (400.0, 401.0, 400.0)}), "va-pitch")
+    found = study.recovered_share(table({"a": (400.0, 401.0, 400.0)}), "va-pitch")
     assert np.isnan(found["share"])
 
 

@@ -10,21 +10,22 @@ import pandas as pd
 import pytest
 
 from reproductions.emps import page
-from reproductions.emps.diagnosed import FILES, diagnosed
 from reproductions.emps.runs import (
     COULOMB,
+    FILES,
     KEYS,
     MASS,
     OFFSET,
     POSITION,
     PUBLISHED,
     Recordings,
+    diagnose_all,
     errors,
-    identified,
+    fit_position,
+    identify_all,
     load_runs,
-    refitted,
+    references,
     rig,
-    yardsticks,
 )
 from shaftline.mismatch import identify
 from shaftline.plant import Ship
@@ -47,7 +48,7 @@ def moved(ship: Ship, rows: int = 4000) -> pd.DataFrame:
 def test_errors_are_of_the_run_from_the_force_alone() -> None:
     ship = rig().with_values(PUBLISHED)
     table = moved(ship)
-    start = 0.02  # the first speed is told from three rows
+    start = 0.02  # the first speed is estimated from three rows
     assert errors(ship, table) == pytest.approx((0.0, 0.0), abs=start)
     shifted = table.assign(**{POSITION: table[POSITION] + 0.004})
     position, velocity = errors(ship, shifted)
@@ -60,9 +61,9 @@ def test_errors_are_of_the_run_from_the_force_alone() -> None:
 
 def test_the_least_position_error_of_its_own_run_is_none() -> None:
     ship = rig().with_values({**PUBLISHED, MASS: 100.0, COULOMB: 22.0})
-    found = refitted(moved(ship))
+    found = fit_position(moved(ship))
     for key in KEYS:
-        assert found.number(key).value == pytest.approx(ship.number(key).value, rel=2e-3), key
+        assert found.parameter(key).value == pytest.approx(ship.parameter(key).value, rel=2e-3), key
 
 
 @pytest.fixture(scope="module")
@@ -100,11 +101,11 @@ def test_identify_finds_the_published_numbers(runs: Recordings, every: int) -> N
 def test_diagnose_names_friction_and_offset_at_any_rate(
     runs: Recordings, monkeypatch: pytest.MonkeyPatch, every: int
 ) -> None:
-    monkeypatch.setattr("reproductions.emps.diagnosed.EVERY", (every,))
+    monkeypatch.setattr("reproductions.emps.runs.DIAGNOSED_EVERY", (every,))
     few = {name: FILES[name] for name in list(FILES)[:1]}
-    monkeypatch.setattr("reproductions.emps.diagnosed.FILES", few)
-    for row in diagnosed(runs).itertuples():
-        assert row.verdict == "partly-explained"  # the encoder's noise is far below what is left
+    monkeypatch.setattr("reproductions.emps.runs.FILES", few)
+    for row in diagnose_all(runs).itertuples():
+        assert row.verdict == "partly-explained"  # the encoder noise is far below the residual
         names = [said.split()[0] for said in row.named.split(", ")]
         assert names == ["coulomb-friction", "torque-offset"]
         assert row.validation_velocity_percent < 8.0
@@ -116,16 +117,16 @@ def test_the_page_says_what_was_found(
 ) -> None:
     for name, few in (("EVERY", (20,)), ("STICTIONS", (0.001,))):
         monkeypatch.setattr(f"reproductions.emps.runs.{name}", few)
-    monkeypatch.setattr("reproductions.emps.diagnosed.EVERY", (20,))
+    monkeypatch.setattr("reproductions.emps.runs.DIAGNOSED_EVERY", (20,))
     monkeypatch.setattr(
-        "reproductions.emps.runs.refitted", lambda recording: rig().with_values(PUBLISHED)
+        "reproductions.emps.runs.fit_position", lambda recording: rig().with_values(PUBLISHED)
     )
-    page.write(tmp_path, identified(runs), yardsticks(runs), diagnosed(runs), runs)
+    page.write(tmp_path, identify_all(runs), references(runs), diagnose_all(runs), runs)
     text = (tmp_path / "emps.md").read_text()
-    assert "All 2 runs lie within 0." in text
+    assert "All 2 identifications are within 0." in text
     rows = [line.split(" | ") for line in text.splitlines() if "coulomb-friction" in line]
     verdicts = {file: {r[3] for r in rows if r[0].endswith(file)} for file in FILES}
-    # friction and offset are told; with no friction in the file, the split by form is not
+    # friction and offset are identified; with no friction in the file, their forms are not
     told = {"explained", "partly-explained"}
     assert verdicts["no Coulomb friction, no offset"] <= told
     assert verdicts["no friction at all, no offset"] <= told

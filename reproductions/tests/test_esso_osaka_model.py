@@ -79,13 +79,13 @@ def test_what_is_named_carries_on_the_runs_held_out() -> None:
     """0.145 m/s before, 0.033 after; without any one of the three it is worse."""
     named = with_what_is_named()
     with Recordings(FOLDER) as runs:
-        assert runs.found(surge_ship()).over(HELD_OUT) == pytest.approx(0.1447, rel=0.02)
-        whole = runs.found(named).over(HELD_OUT)
+        assert runs.evaluate(surge_ship()).over(HELD_OUT) == pytest.approx(0.1447, rel=0.02)
+        whole = runs.evaluate(named).over(HELD_OUT)
         assert whole == pytest.approx(0.0327, rel=0.03)
         for less in (
             {"propeller.astern_load_fraction": 1.0}, {"term.turning.k": 0.0}, {"term.wind.k": 0.0}
         ):  # fmt: skip
-            assert runs.found(named.with_values(less)).over(HELD_OUT) > 1.2 * whole
+            assert runs.evaluate(named.with_values(less)).over(HELD_OUT) > 1.2 * whole
 
 
 def test_the_wind_across_blows_to_starboard_where_it_comes_from_port() -> None:
@@ -109,7 +109,7 @@ def test_surge_at_the_measured_sway_is_the_ship_s_own_where_she_made_the_recordi
         {"time_s": time, "shaft_speed_rad_s": 63.0, "rudder_rad": 0.4 * np.sin(time / 15.0),
          "ship_speed_m_s": 0.3, "sway_speed_m_s": 0.0, "yaw_rate_rad_s": 0.0, "heading_rad": 0.0}
     )  # fmt: skip
-    sailed = given.assign(**simulate_recording(ship, given)[[*turning.CHANNELS]])
+    sailed = given.assign(**simulate_recording(ship, given)[[*nomoto.CHANNELS]])
     speed = sailed["ship_speed_m_s"].to_numpy()
     np.testing.assert_allclose(turning.surge_at_measured(ship, sailed), speed, atol=2e-4)
     own = turning.errors_of(ship, {"run": sailed}).loc["run"]
@@ -125,9 +125,9 @@ def test_captive_tests_alone_turn_her_as_nomoto_does_that_was_fitted() -> None:
     ship = turning.turning_ship()
     with Recordings(FOLDER, across=True) as runs:
         tables = runs.tables(ship)
-        own = turning.over(turning.errors_of(ship, tables), HELD_OUT)
-        response = nomoto.fitted([tables[name] for name in runs.fitted], 3.0)
-        other = turning.over(turning.errors_by_nomoto(response, tables, 3.0), HELD_OUT)
+        own = nomoto.mean_errors(turning.errors_of(ship, tables), HELD_OUT)
+        response = nomoto.fit_response([tables[name] for name in runs.fitted], 3.0)
+        other = nomoto.mean_errors(nomoto.response_errors(response, tables, 3.0), HELD_OUT)
     assert own["yaw_rate_rad_s"] == pytest.approx(0.0111, abs=3e-4)
     assert other["yaw_rate_rad_s"] == pytest.approx(0.0129, abs=3e-4)
     assert own["sway_speed_m_s"] == pytest.approx(0.0413, abs=1e-3)

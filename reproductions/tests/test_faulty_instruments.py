@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from reproductions.faulty_instruments import FAULTS, SOUND, counted
+from reproductions.faulty_instruments import FAULTS, SOUND, outcome_table
 
 
 @pytest.mark.parametrize("fault", FAULTS)
@@ -44,6 +44,6 @@ def test_physics_beside_the_right_one_is_a_wrong_name() -> None:
         ("null-calm", "false alarm", "current"),
     ]
     rows = pd.DataFrame(told, columns=["kind", "outcome", "said"]).assign(fault=fault)
-    table = counted(rows).set_index(["one channel", "missing"]).loc[fault]
+    table = outcome_table(rows).set_index(["one channel", "missing"]).loc[fault]
     assert [*table.loc["one effect"]] == [7, 1, 1, 2, 1, 2]
     assert [*table.loc["nothing"]] == [1, 0, 0, 0, 0, 1]

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from reproductions.formulas.cases import NULLS, OUTSIDE, cases, nominal, recorded
-from reproductions.formulas.page import body, figures, parted
+from reproductions.formulas.cases import NULLS, OUTSIDE, cases, make_recording, nominal_ship
+from reproductions.formulas.page import body, split_nulls, summary_rows
 
 
 def test_there_are_enough_cases_and_a_quarter_have_wrong_numbers() -> None:
@@ -23,16 +23,18 @@ def test_there_are_enough_cases_and_a_quarter_have_wrong_numbers() -> None:
 
 @pytest.mark.parametrize("case", [c for c in cases(7) if c.truth is not None], ids=lambda c: c.name)
 def test_a_truth_changes_its_recording_and_hears_only_what_is_there(case: Any) -> None:
-    ship = nominal(case.rig)
-    assert case.truth.hears == tuple(n for n in case.truth.hears if n in OUTSIDE[case.rig])
+    ship = nominal_ship(case.rig)
+    assert case.truth.external_signals == tuple(
+        n for n in case.truth.external_signals if n in OUTSIDE[case.rig]
+    )
     assert ship.with_term(case.truth).record() != ship.record()
 
 
 def test_a_recording_holds_its_rig_s_signals_and_is_the_same_again() -> None:
     case = next(c for c in cases(7) if c.rig == "motor" and c.truth is None)
-    found = recorded(case)
+    found = make_recording(case)
     assert {*OUTSIDE["motor"], "motor_voltage_V", "shaft_speed_rad_s"} <= {*found}
-    assert found.equals(recorded(case))
+    assert found.equals(make_recording(case))
 
 
 def rows() -> pd.DataFrame:
@@ -55,13 +57,13 @@ def rows() -> pd.DataFrame:
 
 
 def test_figures_are_counted() -> None:
-    found = {name: value for name, value, _ in figures(*parted(rows()))}
+    found = {name: value for name, value, _ in summary_rows(*split_nulls(rows()))}
     assert found["right signals"] == "1 of 2 (50 %)"
-    assert found["right signals, or equally"] == "2 of 2 (100 %)"
-    assert found["gain at least 0.8 of the possible"] == "1 of 2 (50 %)"
-    assert found["median share of the possible gain"] == "0.70"
-    assert found["nulls with a formula"] == "1 of 2 (50 %)"
-    assert found["of these, where more than noise is left"] == "0 of 2 (0 %)"
+    assert found["right signals, or in an indistinguishable formula"] == "2 of 2 (100 %)"
+    assert found["gain at least 0.8 of the true form's"] == "1 of 2 (50 %)"
+    assert found["median gain over the true form's"] == "0.70"
+    assert found["null cases with a formula"] == "1 of 2 (50 %)"
+    assert found["of these, with a residual above noise"] == "0 of 2 (0 %)"
 
 
 def test_the_page_tells_nulls_with_a_formula_and_whole_diagnoses() -> None:
@@ -79,5 +81,5 @@ def test_the_page_tells_nulls_with_a_formula_and_whole_diagnoses() -> None:
         ]
     )
     page = body(rows(), whole)
-    assert "## Nulls with a formula" in page
-    assert "1 of 1 got a formula, 1 with the right signals" in page
+    assert "## Null cases with a formula" in page
+    assert "1 of 1 has a formula, 1 with the right signals" in page

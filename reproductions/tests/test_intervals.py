@@ -1,4 +1,4 @@
-"""The coverage page: its rows, and that it tells a right interval from a narrow one."""
+"""Coverage of intervals: rows of the page, and right and narrow intervals."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ def test_coverage_is_counted_for_every_distribution_and_size(
     monkeypatch.setattr(intervals, "COUNTS", (4, 20))
     monkeypatch.setattr(intervals, "TRAININGS", ((5, 20),))
     monkeypatch.setattr(intervals, "_LARGE", 10_000)
-    intervals.main(tmp_path, 100)
-    rows = list(intervals.of_episodes(100))
+    intervals.main(["--out", str(tmp_path), "--repeats", "100"])
+    rows = list(intervals.coverage_by_episodes(100))
     assert len(rows) == 2 * len(intervals.DISTRIBUTIONS)
     few = [row for row in rows if row["episodes"] == 4]
     narrow, stretched = (

@@ -1,4 +1,4 @@
-"""KVLCC2: straight parts of zig-zags, what they tell by identify, and how far it carries."""
+"""KVLCC2: identification from straight parts of zig-zags, evaluated on whole zig-zags."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from reproductions.kvlcc2 import command, numbers, oblique, page, turning_page
-from reproductions.kvlcc2.numbers import Errors
+from reproductions.kvlcc2 import oblique, page, turning
+from reproductions.kvlcc2 import runs as numbers
 from reproductions.kvlcc2.runs import (
     APPROACH_SPEED,
     BEFORE,
@@ -25,6 +25,7 @@ from reproductions.kvlcc2.runs import (
     THRUST,
     UNSEEN,
     YAW,
+    Errors,
     Runs,
     drift_at_propeller,
     load_runs,
@@ -47,7 +48,7 @@ def own(tmp_path_factory: pytest.TempPathFactory) -> Ship:
 
 
 def a_run(seconds: float = 20.0) -> pd.DataFrame:
-    """A run that sails straight but for what a test puts in."""
+    """Return a straight run that a test modifies."""
     time = np.arange(0.0, seconds, 0.05)
     return pd.DataFrame({"time_s": time, SPEED: 1.1, SWAY: 0.0, YAW: 0.0, RUDDER: 0.0})
 
@@ -65,7 +66,7 @@ def test_loads_are_those_of_the_table_at_the_measured_speed(own: Ship) -> None:
 
 def test_the_printed_numbers_are_in_balance_at_the_approach_speed(own: Ship) -> None:
     thrust, _ = loads_at(own, np.array([APPROACH_SPEED]), np.array([2.0 * np.pi * 10.23]))
-    resistance = own.number(numbers.RESISTANCE).value * APPROACH_SPEED**2
+    resistance = own.parameter(numbers.RESISTANCE).value * APPROACH_SPEED**2
     assert 0.75 * thrust[0] == pytest.approx(resistance, rel=1e-3)
 
 
@@ -123,12 +124,12 @@ def test_straight_parts_tell_wake_and_a_ratio_of_the_hull(own: Ship) -> None:
     assert found.parameters[numbers.WAKE] == pytest.approx(0.45, abs=0.012)
     assert found.parameters[numbers.EFFICIENCY] == pytest.approx(1.04, abs=0.004)
     assert found.parameters[numbers.RESISTANCE] == pytest.approx(held, rel=0.03)
-    with pytest.raises(ValueError, match="cannot be found"):
+    with pytest.raises(ValueError, match="not identifiable"):
         identify(own, *parts, free=numbers.REFUSED[0])
     by_itself = identify(own, *parts)
     assert set(by_itself.parameters) == set(numbers.FREE)
     why = by_itself.left_out[numbers.DEDUCTION]
-    assert why == f"only its combination with {numbers.RESISTANCE} is told"
+    assert why == f"only its combination with {numbers.RESISTANCE} is identifiable"
 
 
 def test_the_best_constant_wake_is_the_one_that_made_the_thrust(own: Ship) -> None:
@@ -163,7 +164,7 @@ def ship(folder: Path) -> Ship:
 
 @pytest.fixture(scope="module")
 def small(ship: Ship, runs: Runs) -> Identification:
-    return numbers.found_in(ship, runs, SMALL)
+    return numbers.identify_straight(ship, runs, SMALL)
 
 
 def test_the_straight_parts_have_more_wake_than_is_printed(small: Identification) -> None:
@@ -174,21 +175,21 @@ def test_the_straight_parts_have_more_wake_than_is_printed(small: Identification
 
 
 def test_before_the_first_order_the_wake_is_about_the_printed_one(ship: Ship, runs: Runs) -> None:
-    found = numbers.found_in(ship, runs, BEFORE)
+    found = numbers.identify_straight(ship, runs, BEFORE)
     assert found.parameters[numbers.WAKE] == pytest.approx(0.40, abs=0.01)
 
 
 def test_resistance_and_thrust_deduction_are_refused_together(ship: Ship, runs: Runs) -> None:
     said = numbers.refusals(ship, runs)
     assert set(said) == set(numbers.REFUSED)
-    assert "hull.thrust_deduction cannot be found together" in said[numbers.REFUSED[1]]
+    assert "hull.thrust_deduction are not identifiable together" in said[numbers.REFUSED[1]]
 
 
 def test_the_unseen_zigzag_comes_near_what_a_constant_wake_can_reach(
     ship: Ship, runs: Runs, small: Identification
 ) -> None:
     """3.47 -> 3.07 N, where 3.05 is the least."""
-    table = numbers.judged(ship, {"small_drift": small.identified}, {UNSEEN: runs[UNSEEN]})
+    table = numbers.zigzag_errors(ship, {"small_drift": small.identified}, {UNSEEN: runs[UNSEEN]})
     (row,) = table.to_dict("records")
     assert row["unseen"] == "yes"
     assert row["thrust_before_N"] == pytest.approx(3.47, abs=0.01)
@@ -210,8 +211,8 @@ def test_the_page_tells_every_run(
         drift_deg=1.0, yaw_deg_s=1.0, rudder_deg=1.0, parts=8, rows=80, wake_fraction=0.4,
         wake_fraction_se=0.01, relative_rotative_efficiency=1.0, resistance_coefficient_N_s2_m2=25.0,
     )  # fmt: skip
-    others = numbers.found_by(ship, runs, SMALL)
-    here = oblique.held(ship)
+    others = numbers.identify_variants(ship, runs, SMALL)
+    here = oblique.fixed_hull(ship)
     errors = {name: Errors(1.25, 0.031) for name in oblique.FITTED}
     tried = tuple(oblique.Tried(form, 4, errors) for form in oblique.FORMS)
     said_of: Any = SimpleNamespace(
@@ -222,9 +223,9 @@ def test_the_page_tells_every_run(
         sentence="what the tool says",
     )
     own = oblique.Own(here, tried, here, said_of, said_of, said_of, Errors(0.9, 0.02))
-    steered: Any = SimpleNamespace()  # told by its own module's tests
-    monkeypatch.setattr(turning_page, "section", lambda found: "how the turning ship sails")
-    monkeypatch.setattr(turning_page, "drawn", lambda *_: figures.new_figure(1, 1, (4.0, 3.0))[0])
+    steered: Any = SimpleNamespace()  # tested separately
+    monkeypatch.setattr(page, "turning_section", lambda found: "how the ship manoeuvres")
+    monkeypatch.setattr(turning, "figure_of", lambda *_: figures.new_figure(1, 1, (4.0, 3.0))[0])
     found = page.Findings(ship, runs, small, small, {}, sensitivity, others, own, steered)
     page.write(tmp_path, found)
     said = (tmp_path / "kvlcc2.md").read_text()
@@ -232,7 +233,7 @@ def test_the_page_tells_every_run(
     assert f"{small.parameters[numbers.WAKE]:.3f} (" in said
     assert len(pd.read_csv(tmp_path / "kvlcc2.csv")) == len(NAMES)
     assert "what the tool says" in said
-    assert "how the turning ship sails" in said
+    assert "how the ship manoeuvres" in said
     assert "| 1.25 | 31 |" in said
     assert (tmp_path / "figures" / "kvlcc2-own-term.png").stat().st_size > 10_000
     assert (tmp_path / "figures" / "kvlcc2.png").stat().st_size > 10_000
@@ -241,6 +242,6 @@ def test_the_page_tells_every_run(
 def test_missing_recordings_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.argv", ["kvlcc2", "--recordings", str(tmp_path)])
     with pytest.raises(RecordingError, match=r"z_05_01\.csv"):
-        command.main()
+        page.main()
     with pytest.raises(RecordingError, match=r"open_water\.csv"):
         ship_of(tmp_path)

@@ -1,4 +1,4 @@
-"""KVLCC2's zig-zags as the turning ship sails them."""
+"""KVLCC2: free-running zig-zags of the manoeuvring ship."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from reproductions import nomoto
 from reproductions.kvlcc2 import turning
 from reproductions.kvlcc2.runs import NAMES, UNSEEN, load_runs
 from shaftline.plant import load_ship
@@ -31,7 +32,7 @@ def a_run() -> pd.DataFrame:
          "sway_speed_m_s": 0.0, "yaw_rate_rad_s": 0.0, "heading_rad": 0.0}
     )  # fmt: skip
     sailed = simulate_recording(load_ship("kvlcc2"), given)
-    return given.assign(**{c: sailed[c] for c in turning.CHANNELS}, rudder_rad=-rudder)
+    return given.assign(**{c: sailed[c] for c in nomoto.CHANNELS}, rudder_rad=-rudder)
 
 
 def test_the_ship_that_sailed_a_run_makes_no_error_and_another_does() -> None:
@@ -59,20 +60,20 @@ def test_runs_are_fitted_or_judged_never_both() -> None:
     assert found[UNSEEN] == (UNSEEN,)
     assert len(found["seven others"]) == 7
     spread = pd.DataFrame({"x": [3.0, 4.0]}, index=["a", "b"])
-    assert turning.over(spread, ("a", "b"))["x"] == pytest.approx(12.5**0.5)
+    assert nomoto.mean_errors(spread, ("a", "b"))["x"] == pytest.approx(12.5**0.5)
 
 
 @needs_recordings
 @pytest.mark.slow
 def test_three_numbers_of_five_runs_carry_to_the_unseen_one() -> None:
     """Rate of turn off by 0.50 deg/s as published, 0.18 after, where Nomoto's is off by 0.87."""
-    found = turning.sailed_by(FOLDER, load_runs(FOLDER))
+    found = turning.simulate_all(FOLDER, load_runs(FOLDER))
     rate = {
         what: np.degrees(found.errors[what].loc[UNSEEN, "yaw_rate_rad_s"]) for what in found.ships
     }
     rate["Nomoto"] = np.degrees(found.errors["Nomoto"].loc[UNSEEN, "yaw_rate_rad_s"])
     assert rate["as published"] == pytest.approx(0.50, abs=0.02)
-    assert rate["three numbers"] == pytest.approx(0.18, abs=0.03)
+    assert rate["three parameters"] == pytest.approx(0.18, abs=0.03)
     assert rate["Nomoto"] == pytest.approx(0.87, abs=0.02)
-    low, high = found.found["three numbers"].estimates[1].ci95
+    low, high = found.found["three parameters"].estimates[1].ci95
     assert (low, high) == pytest.approx((-0.0521, -0.0484), abs=2e-4)  # published: -0.049

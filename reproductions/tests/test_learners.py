@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reproductions.learners import bounds, command, page, references, trainings
+from reproductions.learners import bounds, page, references, trainings
 from reproductions.learners.bounds import STARTS, STEPS
 from reproductions.learners.references import (
     CONSTANT,
@@ -126,11 +126,11 @@ def test_the_page_says_who_beats_whom(tmp_path: Path) -> None:
 
 
 def test_every_task_and_seed_is_trained() -> None:
-    found = command.learners(["ppo", "sac"], list(tasks(None)), 2, Path("kept"))
+    found = page.learners(["ppo", "sac"], list(tasks(None)), 2, Path("kept"))
     assert len(found) == 2 * 2 * len({**tasks(), **tasks(steered=True)})
     assert len({one.name for one in found}) == len(found)
     assert [one.seed for one in found] == sorted(one.seed for one in found)
-    assert {one.steps for one in found} == {command.STEPS["ppo"], command.STEPS["sac"]}
+    assert {one.steps for one in found} == {page.INTERVALS["ppo"], page.INTERVALS["sac"]}
 
 
 @pytest.mark.parametrize("algorithm", ["ppo", "td3"])

@@ -7,26 +7,26 @@ import math
 import pandas as pd
 import pytest
 
-from reproductions.cells import Cell, Kind, Verdict, repeated
-from reproductions.ferry.lever_cells import table_cells
-from reproductions.ferry.lever_points import (
+from reproductions.cells import Cell, Kind, Verdict, repeated_keys
+from reproductions.ferry.experiment import (
     COMBINATOR,
     CONDITIONS,
     CORRECTED,
     HELD,
     PAPERS,
     RAISED,
-    compared,
-    governed,
-    loaded,
-    optimal,
-    rises,
+    compare_controls,
+    load_ship_deeper,
+    optimal_state,
+    resistance_rises,
+    state_under_governor,
 )
-from reproductions.ferry.lever_tables import (
+from reproductions.ferry.levers import (
     against_combinator,
-    asked_rises,
+    implied_rises,
     implied_savings,
-    paper_form,
+    table_cells,
+    table_in_paper_form,
 )
 from reproductions.side_by_side import published
 from shaftline.baselines.combinator_surface import combinator_surface
@@ -39,7 +39,7 @@ EDGE = 0.2  # %: what the surface's interpolation may cost where the torque limi
 
 @pytest.fixture(scope="module", params=["ferry", "frigate"])
 def rows(request: pytest.FixtureRequest) -> pd.DataFrame:
-    return compared(load_ship(request.param))
+    return compare_controls(load_ship(request.param))
 
 
 def test_the_papers_tables_are_complete() -> None:
@@ -86,7 +86,7 @@ def test_controls_that_start_alike(rows: pd.DataFrame) -> None:
 
 @pytest.fixture(scope="module")
 def own_size() -> pd.DataFrame:
-    return compared(load_ship("ferry-printed"))
+    return compare_controls(load_ship("ferry-printed"))
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +97,7 @@ def cells(own_size: pd.DataFrame) -> list[Cell]:
 def test_every_printed_number_of_the_three_tables_is_a_cell(cells: list[Cell]) -> None:
     """Four quantities before and after the disturbance and two variations, at five levers."""
     assert len(cells) == 3 * 5 * (4 * 2 + 2)
-    assert not list(repeated(cells))
+    assert not list(repeated_keys(cells))
     table = published(PAPERS)
     for cell in cells:
         control = {"Table 1": COMBINATOR, "Table 2": HELD, "Table 3": CORRECTED}[cell.table]
@@ -142,9 +142,9 @@ def test_a_reason_of_the_corrected_states_is_the_printed_ship_speed(cells: list[
 
 def test_the_rise_of_the_resistance_is_less_than_the_texts_bound_on_wave_resistance() -> None:
     """By hand from Table 2: (5.57 / 5.31)^2 to (6.40 / 6.04)^2."""
-    assert rises() == pytest.approx((1.1003, 1.1084, 1.1084, 1.1158, 1.1228), abs=1e-4)
+    assert resistance_rises() == pytest.approx((1.1003, 1.1084, 1.1084, 1.1158, 1.1228), abs=1e-4)
     assert load_ship("ferry-printed").hull.resistance_exponent == 2.0
-    asked = asked_rises(load_ship("ferry-printed"))
+    asked = implied_rises(load_ship("ferry-printed"))
     assert asked["rise by Table 2 [%]"].between(10.0, 12.3).all()
     assert asked["rise by Table 1 [%]"].between(16.0, 17.6).all()
 
@@ -160,7 +160,7 @@ def test_held_thrust_loses_speed_with_the_root_of_the_resistance(rows: pd.DataFr
     speed = held.set_index(["condition", "lever"])["ship_speed_m_s"]
     for lever in range(1, 6):
         lost = speed[RAISED, lever] / speed["calm", lever]
-        assert lost == pytest.approx(rises()[lever - 1] ** -0.5, rel=1e-9)
+        assert lost == pytest.approx(resistance_rises()[lever - 1] ** -0.5, rel=1e-9)
 
 
 def test_our_ferry_needs_the_papers_pitch_changes() -> None:
@@ -174,7 +174,7 @@ def test_our_ferry_needs_the_papers_pitch_changes() -> None:
 
 def test_a_loaded_ship_is_heavier_and_resists_more() -> None:
     ferry = load_ship("ferry")
-    heavy = loaded(ferry, 1.4)
+    heavy = load_ship_deeper(ferry, 1.4)
     assert heavy.hull.mass_kg == pytest.approx(1.4 * ferry.hull.mass_kg)
     coefficient = "resistance_coefficient_N_s2_m2"
     more = getattr(heavy.hull, coefficient) / getattr(ferry.hull, coefficient)
@@ -183,12 +183,12 @@ def test_a_loaded_ship_is_heavier_and_resists_more() -> None:
 
 def test_the_governor_slows_an_overloaded_shaft_and_the_surface_says_where_it_ends() -> None:
     ferry = load_ship("ferry")
-    free = governed(ferry, 50.0, 0.7, 1.0)
+    free = state_under_governor(ferry, 50.0, 0.7, 1.0)
     assert free.shaft_speed == 50.0
-    slowed = governed(ferry, 63.0, 0.8, 1.4)
+    slowed = state_under_governor(ferry, 63.0, 0.8, 1.4)
     assert slowed.shaft_speed < 63.0
     assert slowed.torque_share == pytest.approx(1.0, abs=1e-9)
-    assert optimal(ferry, combinator_surface(ferry), 6.6, 2.0) is None
+    assert optimal_state(ferry, combinator_surface(ferry), 6.6, 2.0) is None
 
 
 def test_more_than_the_calm_water_top_can_be_ordered() -> None:
@@ -201,7 +201,7 @@ def test_more_than_the_calm_water_top_can_be_ordered() -> None:
 
 def test_tables_have_the_papers_form(rows: pd.DataFrame) -> None:
     part = rows[rows["curve"] == "standard"]
-    table = paper_form(part, COMBINATOR, True)
+    table = table_in_paper_form(part, COMBINATOR, True)
     assert list(table["lever"]) == [1, 2, 3, 4, 5]
     assert table["SFOC [g/kWh]"].iloc[0].endswith("(294.1)")
     assert table["variation"].iloc[4].endswith("(+19.6)")

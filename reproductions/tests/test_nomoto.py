@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from reproductions.nomoto import Response, fitted, sailed
+from reproductions.nomoto import Response, fit_response, simulate_response
 
 LENGTH = 7.0
 
@@ -23,7 +23,7 @@ def test_a_rudder_that_is_held_turns_her_as_the_equation_says() -> None:
     """r = K' (U / L) (delta - delta_0) (1 - exp(-t U / (T' L))): faster ships answer sooner."""
     response = Response(1.4, 1.2, 0.02, 0.4)
     for speed in (1.0, 0.5):
-        found, time = sailed(response, a_run(speed), LENGTH), a_run(speed)["time_s"]
+        found, time = simulate_response(response, a_run(speed), LENGTH), a_run(speed)["time_s"]
         steady, lag = 1.4 * speed / LENGTH * 0.18, 1.2 * LENGTH / speed
         rate = steady * (1.0 - np.exp(-time / lag))
         np.testing.assert_allclose(found["yaw_rate_rad_s"], rate, atol=1e-12)
@@ -38,5 +38,5 @@ def test_its_own_numbers_are_found_again() -> None:
     for speed in (1.1, 0.8):
         table = a_run(speed)
         table["rudder_rad"] = 0.3 * np.sign(np.sin(table["time_s"] / 9.0))
-        tables.append(table.assign(**dict(sailed(own, table, LENGTH))))
-    assert fitted(tables, LENGTH) == pytest.approx(own, rel=1e-4)
+        tables.append(table.assign(**dict(simulate_response(own, table, LENGTH))))
+    assert fit_response(tables, LENGTH) == pytest.approx(own, rel=1e-4)

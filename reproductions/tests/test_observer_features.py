@@ -14,7 +14,7 @@ from shaftline.agents import load_policy
 
 
 def test_the_power_is_what_a_simulation_of_the_design_finds() -> None:
-    """Of arms that differ by the detectable difference four in five are told apart."""
+    """Of arms that differ by the detectable difference four in five are distinguished."""
     rng = np.random.default_rng(0)
     shape = (20_000, study.RUNS)
     one, other = rng.standard_normal(shape), rng.standard_normal(shape) + study.detectable(1.0)
@@ -41,7 +41,7 @@ def test_gains_are_of_the_same_history_and_their_intervals_are_welch_s() -> None
     )
     assert row["said"] == "gain"
     assert table.loc[tuple(Arm(NONE, 1)), "said"] == ""
-    assert len(study.shown(study.table_of(values))) == len(ARMS)
+    assert len(study.page_table(study.table_of(values))) == len(ARMS)
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_gains_are_of_the_same_history_and_their_intervals_are_welch_s() -> None
      (-0.5, 2.1, "not decided")],
 )  # fmt: skip
 def test_what_is_said_of_an_interval(low: float, high: float, expected: str) -> None:
-    assert study.said(low, high) == expected
+    assert study.decision(low, high) == expected
 
 
 def test_arms_are_trained_and_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -59,15 +59,15 @@ def test_arms_are_trained_and_judged(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(study, "ARMS", arms)
     monkeypatch.setattr(study, "RUNS", 2)
     tiny = {"n_envs": 32, "n_timesteps": 4096, "evaluations": 1}  # one rollout
-    policies = study.trained(tmp_path / "trained", 1, **tiny)
+    policies = study.train_arms(tmp_path / "trained", 1, **tiny)
     assert {arm: len(paths) for arm, paths in policies.items()} == dict.fromkeys(arms, 2)
     stamps = [path.stat().st_mtime_ns for paths in policies.values() for path in paths]
-    again = study.trained(tmp_path / "trained", 1, **tiny)
+    again = study.train_arms(tmp_path / "trained", 1, **tiny)
     assert stamps == [path.stat().st_mtime_ns for paths in again.values() for path in paths]
     recipe = load_policy(policies[arms[1]][0]).about["recipe"]
     assert recipe["env_kwargs"]["observer"] == "oracle"
     assert recipe["frame_stack"] == 2
-    values = study.judged(policies, tmp_path, 1, seeds=1)
+    values = study.evaluate_arms(policies, tmp_path, 1, seeds=1)
     assert {key: found.shape for key, found in values.items()} == {
         (condition.words, arm): (2,) for condition in study.conditions() for arm in arms
     }

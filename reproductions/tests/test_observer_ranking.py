@@ -23,15 +23,15 @@ def test_changes_are_against_the_law_without_an_estimate_in_the_same_condition()
         assert row[study.KPI] == pytest.approx((0.8 - 0.1 * k) * (k + 1.0) * 10.0)
         for name in ("change_percent", "change_low", "change_high"):  # episode by episode alike
             assert row[name] == pytest.approx(-20.0 - 10.0 * k)
-    ranked = study.shown(table.reset_index())
+    ranked = study.page_table(table.reset_index())
     assert list(ranked["observer"]) == ["oracle", "none"]
 
 
-def test_every_observer_is_sailed_in_every_condition(
+def test_every_observer_is_run_in_every_condition(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(study, "observer_names", lambda: ["none", "oracle"])
-    found = study.sailed(tmp_path, 2, 1)
+    found = study.run_conditions(tmp_path, 2, 1)
     assert len(found) == 2 * len(study.CONDITIONS)
     clean, wrong = (found[study.CONDITIONS[k].words, "oracle"] for k in (0, 2))
     assert clean.shape == (2,)

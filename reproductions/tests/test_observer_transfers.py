@@ -29,7 +29,7 @@ def test_gains_are_the_printed_two_digits(frigate: Ship) -> None:
 
 
 def test_a_wrong_inertia_would_show(frigate: Ship) -> None:
-    """k2 goes with I_R, and so the printed -1.4e13 tells it."""
+    """k2 goes with I_R, and so the printed -1.4e13 determines it."""
     wrong = frigate.with_values({"transmission.inertia_propeller_side_kg_m2": 2e4})
     assert study.gains("luenberger-high", wrong)[1] == pytest.approx(-2e13)
 

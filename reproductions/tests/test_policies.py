@@ -73,9 +73,9 @@ def test_the_whole_interval_counts_where_it_is_asked_for(gain: float, expected: 
 
 def test_the_page_stands_with_every_part(tmp_path: Path) -> None:
     text = page.write(tmp_path, found(60.0)).read_text(encoding="utf-8")
-    for title in ("Seas of the training", "A second block of seeds", "Held-out seas"):
+    for title in ("Training seas", "Training seas, second block of seeds", "Held-out seas"):
         assert f"## {title}" in text
     assert "Reached in: `storm`." in text
-    assert "exceeds a tenth of the score in:\n`storm`." in text
+    assert "exceeds a tenth of the score in: `storm`." in text
     assert "| storm | residual, 32 plans | 2 | 300.0 | 360.0 | 380.0 | 440.0 | +60.0 (" in text
     assert "2 / 2 / 2" in text

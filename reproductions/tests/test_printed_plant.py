@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reproductions.thesis import misprints, printed_plant
-from reproductions.thesis.poles import reduced
-from reproductions.thesis.printed_lines import printed
+from reproductions import errata
+from reproductions.thesis import printed_plant
+from reproductions.thesis.poles import poles_zeros_gain, printed_line
 from shaftline.plant import Ship
 from shaftline.plant.open_water import open_water
 
@@ -16,13 +16,13 @@ from shaftline.plant.open_water import open_water
 def test_it_has_the_numbers_it_was_not_made_from(frigate: Ship, point: str) -> None:
     """Gains from the rack and the inflow (Tables 2-6, 2-7, 2-12, 2-13) to 2 %, zeros to their "
     "rounding."""
-    system = printed_plant.implied(frigate, point).system
+    system = printed_plant.implied_plant(frigate, point).system
     for table, output, source in (
         ("2-6", "shaft_speed", "drive"), ("2-7", "ship_speed", "drive"),
         ("2-12", "shaft_speed", "inflow"), ("2-13", "ship_speed", "inflow"),
     ):  # fmt: skip
-        _, zeros, gain = reduced(system[output, source])
-        told = printed(table, point)
+        _, zeros, gain = poles_zeros_gain(system[output, source])
+        told = printed_line(table, point)
         assert gain == pytest.approx(told.gain, rel=0.025), table
         assert zeros == pytest.approx(told.zeros, rel=0.02), table
 
@@ -41,10 +41,10 @@ def test_point_a_s_row_gives_the_gauge_of_every_point(frigate: Ship) -> None:
 
 
 def test_point_a_s_own_row_is_the_printed_one(frigate: Ship) -> None:
-    system = printed_plant.implied(frigate, "A").system
+    system = printed_plant.implied_plant(frigate, "A").system
     for table, source in printed_plant.GAUGE.items():
-        gain = reduced(system["shaft_torque", source])[2]
-        assert gain == pytest.approx(printed(table, "A").gain, rel=2e-3)
+        gain = poles_zeros_gain(system["shaft_torque", source])[2]
+        assert gain == pytest.approx(printed_line(table, "A").gain, rel=2e-3)
 
 
 def test_no_difference_of_the_curve_is_as_steep_as_the_print(frigate: Ship) -> None:
@@ -71,8 +71,8 @@ def test_no_other_propeller_of_the_series_has_the_slopes(frigate: Ship) -> None:
     assert table["rms [%]"].is_monotonic_increasing
 
 
-def test_the_misprints_say_what_shows_them() -> None:
-    found = {one.where: one.shown for one in misprints.misprints()}
+def test_the_errata_contain_their_calculation() -> None:
+    found = {one.where: one.shown for one in errata.errata()}
     assert "0.0236 1/s, as printed (-0.0236); c1 v_s^2 / m_s is 0.1395" in found["eq. 2-35, a33"]
     assert "0.0384" in found["eq. 3-7"]
     assert "0.0061" in found["eq. 3-7"]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from reproductions.rigs import RIGS, Rig, body, errors, names
+from reproductions.rigs import RIGS, Rig, body, describe_findings, errors
 from shaftline.mismatch import Options, diagnose
 from shaftline.mismatch.recordings.joint import load_jointly
 
@@ -41,7 +41,7 @@ def test_the_generator_s_open_armature_friction_and_lag_are_found_together() -> 
     ids = {f.effect.id: {c.effect.id for c in f.rivals} | {f.effect.id} for f in found.findings}
     assert len(ids) == 3
     for missing in ("open-circuit", "speed-sensor-lag", "coulomb-friction"):
-        assert any(missing in named for named in ids.values()), (missing, names(found))
+        assert any(missing in named for named in ids.values()), (missing, describe_findings(found))
     before, after = errors(found)
     assert before == pytest.approx(208.0, rel=0.02)
     assert after < 6.0

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
-from reproductions.rov_thruster import command, numbers, page
+from reproductions.rov_thruster import numbers, page
 from reproductions.rov_thruster.runs import (
     CONSTANTS,
     OWNERS_DEAD_ZONE_V,
@@ -103,13 +103,13 @@ def test_page_and_table_tell_every_unseen_run(found: Split, runs: Runs) -> None:
     table = table_of({CONSTANTS: [found]})
     assert len(table) == 3
     assert np.isfinite(table.select_dtypes("number").to_numpy()).all()
-    assert page.drawn({CONSTANTS: [found]}, runs).axes
+    assert page.figure_of({CONSTANTS: [found]}, runs).axes
 
 
 def test_missing_recordings_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.argv", ["rov_thruster", "--recordings", str(tmp_path)])
     with pytest.raises(ValueError, match=r"closed_loop_lookup_step\.csv"):
-        command.main()
+        page.main()
 
 
 @pytest.fixture(scope="module")
@@ -148,6 +148,6 @@ def test_numbers_that_share_a_scale_are_refused_together(runs: Runs) -> None:
     together, unexcited = numbers.refusals(runs)
     for key in (numbers.RESISTANCE, numbers.INERTIA, numbers.LOAD):
         assert key in together
-    assert "cannot be found together" in together
-    told = f"{numbers.LOAD} cannot be found: the recording does not tell it from {numbers.CONSTANT}"
-    assert unexcited.startswith(told)
+    assert "not identifiable together" in together
+    start = f"{numbers.LOAD} is not identifiable: the recording does not distinguish it from "
+    assert unexcited.startswith(start + numbers.CONSTANT)

@@ -10,7 +10,7 @@ import pytest
 
 from reproductions import reproduce
 from reproductions.cells import Kind, Verdict
-from reproductions.steering import page, results, voyages, waves
+from reproductions.steering import page, results, voyages
 
 
 def test_the_printed_numbers_of_the_autopilot() -> None:
@@ -87,20 +87,20 @@ def test_a_track_that_hardly_moves_in_the_sea_does_not_count_as_met() -> None:
 def test_the_slow_force_of_waves_pushes_with_them() -> None:
     """On a wall the mean of rho g L a^2 / 2 is rho g L Hs^2 / 16: Hs^2 is 8 mean squares of a."""
     vessel = voyages.ship()
-    sea = waves.sea_from(vessel, waves.BEAM_DEG, 1)
-    force = waves.second_order(vessel, sea, 40_000.0, wall=True)
+    sea = voyages.sea_from(vessel, voyages.BEAM_DEG, 1)
+    force = voyages.second_order(vessel, sea, 40_000.0, wall=True)
     expected = vessel.water.density_kg_m3 * 9.81 * vessel.manoeuvring.length_m * 1.88**2 / 16.0
     assert force.side_N.mean() == pytest.approx(expected, rel=0.05)
     assert np.all(force.side_N > 0.0)
-    changes = np.abs(np.diff(force.side_N)) / waves.STEP_S
+    changes = np.abs(np.diff(force.side_N)) / voyages.WAVE_STEP_S
     assert changes.max() < force.side_N.max() / 10.0  # slow
-    hull = waves.second_order(vessel, sea, 40_000.0)
+    hull = voyages.second_order(vessel, sea, 40_000.0)
     assert 0.15 < hull.side_N.mean() / force.side_N.mean() < 0.3
 
 
 def test_a_barrier_reflects_short_waves_whole_and_long_ones_hardly() -> None:
     """Ursell 1947: R = pi I1 / (pi^2 I1^2 + K1^2)^(1/2) at kd."""
-    share = waves.reflected(np.sqrt(9.81 * np.array([0.01, 0.5, 1.0, 5.0])), 1.0)
+    share = voyages.reflection(np.sqrt(9.81 * np.array([0.01, 0.5, 1.0, 5.0])), 1.0)
     assert share == pytest.approx([0.000157, 0.4402, 0.9471, 1.0], rel=2e-3)
 
 
@@ -109,7 +109,7 @@ def test_a_sea_from_the_quarter_meets_the_ship_slowly() -> None:
     vessel = voyages.ship()
     moved = {}
     for heading in (30.0, 90.0, 150.0):
-        sea = voyages.in_waves(voyages.ORBITAL, 1, heading)
+        sea = voyages.wave_case(voyages.ORBITAL, 1, heading)
         moved[heading] = results.oscillation(voyages.track_change(sea=sea))[1]
     assert vessel.manoeuvring.length_m == pytest.approx(142.0, abs=0.1)
     assert moved[30.0] > 0.1 > 10.0 * moved[90.0]
@@ -119,13 +119,13 @@ def test_a_sea_from_the_quarter_meets_the_ship_slowly() -> None:
 @pytest.mark.slow
 def test_the_pages(tmp_path: Path) -> None:
     ticks = []
-    made = reproduce.reproduce_autopilot(tmp_path, lambda: ticks.append(1))
+    made = reproduce.reproduce("autopilot", tmp_path, lambda: ticks.append(1))
     assert len(ticks) == results.AUTOPILOT_TICKS
     assert (
         made.numbers["voyages"]["second_turn_error_lengths"]
         < made.numbers["voyages"]["first_turn_error_lengths"]
     )
-    made = reproduce.reproduce_track(tmp_path, lambda: ticks.append(1))
+    made = reproduce.reproduce("track", tmp_path, lambda: ticks.append(1))
     assert len(ticks) == results.AUTOPILOT_TICKS + results.TRACK_TICKS
     assert made.numbers["gain_margin_dB"] == pytest.approx(21.57, abs=0.01)
     for name in ("autopilot", "track"):

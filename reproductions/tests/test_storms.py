@@ -11,15 +11,14 @@ import pytest
 
 from reproductions import reproduce
 from reproductions.storms import page as storm_page
-from reproductions.storms import results
 from reproductions.storms.experiment import (
     RESISTANCE_FACTOR,
     Storm,
     event_counts,
     event_scores,
     key_numbers,
-    sail,
     sample_scores,
+    simulate_storm,
     storm_frigate,
     storm_pair,
     truth_and_detection,
@@ -31,7 +30,7 @@ from shaftline.plant import Ship, load_ship
 @pytest.fixture(scope="module")
 def storms() -> tuple[Storm, Storm]:
     """Air that takes fixed shares, which the detector can be judged by."""
-    return storm_pair(range(8), **results.FIXED)
+    return storm_pair(range(8), **storm_page.FIXED)
 
 
 @pytest.fixture(scope="module")
@@ -41,8 +40,8 @@ def controller(frigate: Ship) -> AntiSpin:
 
 @pytest.mark.parametrize("order", [5.0, 8.0, 11.0])
 def test_calm_water_order_is_met(frigate: Ship, controller: AntiSpin, order: float) -> None:
-    run = sail(frigate, controller, order_m_s=order)
-    wanted = controller.curve.at(np.array([order]))
+    run = simulate_storm(frigate, controller, order_m_s=order)
+    wanted = controller.curve.set_points(np.array([order]))
     assert run.ship_speed[0, -1] == pytest.approx(order, rel=0.01)
     assert run.shaft_speed[0, -1] == pytest.approx(wanted.shaft_speed[0], rel=0.01)
     assert run.thrust[0, -1] == pytest.approx(wanted.thrust[0], rel=0.01)
@@ -50,14 +49,16 @@ def test_calm_water_order_is_met(frigate: Ship, controller: AntiSpin, order: flo
 
 
 def test_thrust_is_kept_as_the_resistance_rises(frigate: Ship, controller: AntiSpin) -> None:
-    run = sail(frigate, controller, order_m_s=8.0, resistance_factor=1.3, duration_s=600.0)
-    wanted = controller.curve.at(np.array([8.0]))
+    run = simulate_storm(
+        frigate, controller, order_m_s=8.0, resistance_factor=1.3, duration_s=600.0
+    )
+    wanted = controller.curve.set_points(np.array([8.0]))
     assert run.ship_speed[0, -1] < 7.5
     assert run.thrust[0, -1] == pytest.approx(wanted.thrust[0], rel=0.02)
 
 
 def test_anti_spin_acts_on_ventilation_only(frigate: Ship) -> None:
-    runs = [sail(frigate, AntiSpin(frigate, anti_spin=switch), order_m_s=8.0, sea="state-3")
+    runs = [simulate_storm(frigate, AntiSpin(frigate, anti_spin=switch), order_m_s=8.0, sea="state-3")
             for switch in (True, False)]  # fmt: skip
     for one, other in zip(*runs, strict=True):
         np.testing.assert_array_equal(one, other)
@@ -114,17 +115,17 @@ def test_anti_spin_lets_less_air_in_where_suction_draws_it() -> None:
 def test_suction_head_is_a_column_of_water() -> None:
     """86 N on a disc of 0.25 m: 0.179 m of fresh water, 1.43 radii."""
     rig = load_ship("towing-tank")
-    assert results.suction_of(rig, 86.0) == pytest.approx(
+    assert storm_page.suction_of(rig, 86.0) == pytest.approx(
         86.0 / (1000.0 * 9.81 * np.pi / 4.0 * 0.25**2) / 0.125
     )
 
 
 def test_the_sea_margin_takes_waves_for_waves() -> None:
-    dry = storm_frigate(**results.DRY)
+    dry = storm_frigate(**storm_page.DRY)
     alarms = [
         event_counts(run.ventilation > 0.5, run.detected)[:, 1].sum()
         for run in (
-            sail(dry, AntiSpin(dry, sea_margin=margin), sea="state-6", seeds=range(6))
+            simulate_storm(dry, AntiSpin(dry, sea_margin=margin), sea="state-6", seeds=range(6))
             for margin in (0.0, 3.0)
         )
     ]
@@ -133,8 +134,8 @@ def test_the_sea_margin_takes_waves_for_waves() -> None:
 
 
 def test_the_sea_margin_finds_the_same_ventilation(storms: tuple[Storm, Storm]) -> None:
-    ship = storm_frigate(**results.FIXED)
-    aware = sail(ship, AntiSpin(ship, sea_margin=3.0), sea="state-6", seeds=range(8),
+    ship = storm_frigate(**storm_page.FIXED)
+    aware = simulate_storm(ship, AntiSpin(ship, sea_margin=3.0), sea="state-6", seeds=range(8),
                  resistance_factor=RESISTANCE_FACTOR)  # fmt: skip
     scores = [event_scores(*truth_and_detection(storm)) for storm in (aware, storms[0])]
     assert scores[0] == pytest.approx(scores[1], abs=0.02)
@@ -143,10 +144,12 @@ def test_the_sea_margin_finds_the_same_ventilation(storms: tuple[Storm, Storm]) 
 def test_a_slower_shaft_near_the_surface_saves_where_the_speed_is_held() -> None:
     case = "high thrust, shallow, speed held"
     ratios = []
-    off = key_numbers(results.stormy(case, range(4), {"anti_spin": False}))[results.EFFICIENCY]
+    off = key_numbers(storm_page.simulate_case(case, range(4), {"anti_spin": False}))[
+        storm_page.EFFICIENCY
+    ]
     for share in (0.92, 0.6):
-        on = results.stormy(case, range(4), {"ventilated_speed": share})
-        ratios.append(key_numbers(on)[results.EFFICIENCY].mean() / off.mean())
+        on = storm_page.simulate_case(case, range(4), {"ventilated_speed": share})
+        ratios.append(key_numbers(on)[storm_page.EFFICIENCY].mean() / off.mean())
     assert 1.0 < ratios[0] < ratios[1]
     assert ratios[1] > 1.02
 
@@ -159,13 +162,12 @@ def test_events_are_counted_by_ship() -> None:
 
 
 def test_the_page_is_written(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(results, "PLAIN_SEAS", ("state-6",))
-    monkeypatch.setattr(results, "ORDERS_M_S", (8.0,))
-    monkeypatch.setattr(results, "VENTILATED_SPEEDS", (0.8,))
+    monkeypatch.setattr(storm_page, "PLAIN_SEAS", ("state-6",))
+    monkeypatch.setattr(storm_page, "ORDERS_M_S", (8.0,))
     monkeypatch.setattr(storm_page, "VENTILATED_SPEEDS", (0.8,))
-    measured = results.measured
-    monkeypatch.setattr(results, "measured", lambda tick: measured(tick, range(2)))
-    reproduce.reproduce_storms(tmp_path, lambda: None)
+    compute = storm_page.compute_results
+    monkeypatch.setattr(storm_page, "compute_results", lambda tick: compute(tick, range(2)))
+    reproduce.reproduce("storms", tmp_path, lambda: None)
     page = (tmp_path / "storms.md").read_text()
     heads = re.search(
         r"towing tank, 45 rad/s ([\d.]+), storm task ([\d.]+), high thrust ([\d.]+)", page
@@ -183,6 +185,6 @@ def test_the_page_is_written(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
 
 def test_deep_propellers_give_no_alarm() -> None:
     ship = storm_frigate(**{"propeller.depth_m": 15.0})
-    storm = sail(ship, AntiSpin(ship), order_m_s=8.0, sea="state-6", seeds=range(4))
+    storm = simulate_storm(ship, AntiSpin(ship), order_m_s=8.0, sea="state-6", seeds=range(4))
     assert np.all(storm.ventilation == 0.0)
     assert storm.detected.mean() < 0.01

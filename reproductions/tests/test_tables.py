@@ -9,17 +9,8 @@ import pandas as pd
 import pytest
 
 from reproductions.side_by_side import published
-from reproductions.thesis import (
-    dead_beat,
-    poles,
-    rounded_table,
-    sensitivity,
-    snr,
-    vaf,
-    verification,
-    working_points,
-)
-from shaftline.observers.following import variance_accounted_for, with_noise
+from reproductions.thesis import observer_transfers, poles, sensitivity, snr, vaf, working_points
+from shaftline.observers.following import add_noise, variance_accounted_for
 from shaftline.plant import load_ship
 
 
@@ -55,9 +46,12 @@ def test_steady_gauge_torque_is_the_engines() -> None:
 
 
 def test_shaft_kalman_poles() -> None:
-    row = poles.observer_transfers(load_ship("frigate")).iloc[0]
-    assert sorted(row["poles"].split(", ")) == ["-10.53+10.41j", "-10.53-10.41j"]
-    assert row["zeros"] == "-10.42"
+    system = observer_transfers.linear_observer("shaft-kalman", load_ship("frigate"))
+    pair = np.sort_complex(system.poles())
+    assert pair.real == pytest.approx([-10.53, -10.53], abs=0.005)
+    assert pair.imag == pytest.approx([-10.41, 10.41], abs=0.005)
+    (zero,) = system[0, 0].zeros().real
+    assert zero == pytest.approx(-10.42, abs=0.005)
 
 
 @pytest.mark.parametrize("row", published("advance_velocity_thesis_vaf").index)
@@ -115,7 +109,7 @@ def test_vaf_is_what_it_says() -> None:
 def test_noise_has_the_asked_ratio() -> None:
     readings = np.tile([10.0, 1e5, 1.4, 0.2, 8.0], (20000, 1))
     noise = np.random.default_rng(1).standard_normal(readings.shape)
-    added = with_noise(readings, 40.0, noise) - readings
+    added = add_noise(readings, 40.0, noise) - readings
     ratio = readings[:, :4].std(axis=0) * 0 + readings[0, :4] / added[:, :4].std(axis=0)
     assert 20.0 * np.log10(ratio) == pytest.approx(40.0, abs=0.1)
     assert not added[:, 4].any()
@@ -123,12 +117,12 @@ def test_noise_has_the_asked_ratio() -> None:
 
 def test_a_coarse_inverse_table_loses_about_what_the_thesis_loses() -> None:
     """With the nodes at or below the pitch, all six rows of the pitch step come within 4.5 points."""
-    exact, rounded = rounded_table.table_scores()
-    printed = published("advance_velocity_thesis_vaf").loc[list(rounded_table.ROWS)]
+    exact, rounded = vaf.table_scores()
+    printed = published("advance_velocity_thesis_vaf").loc[list(vaf.INVERTING_ROWS)]
     off = (rounded["pitch_step"] - printed["pitch_step"]).abs()
-    assert off.max() < rounded_table.PITCH_POINTS
+    assert off.max() < vaf.PITCH_POINTS
     assert (exact["pitch_step"] - printed["pitch_step"]).drop("luenberger-low").min() > 15.0
-    nearest = rounded_table.other_tables().set_index("pitch node").loc["nearest", "power-balance"]
+    nearest = vaf.other_tables().set_index("pitch node").loc["nearest", "power-balance"]
     assert nearest.min() > 15.0
     assert (
         rounded.drop(columns="pitch_step") - exact.drop(columns="pitch_step")
@@ -136,7 +130,7 @@ def test_a_coarse_inverse_table_loses_about_what_the_thesis_loses() -> None:
 
 
 def test_mid_range_point_predicts_what_it_was_not_fitted_to() -> None:
-    table = verification.mid_range(load_ship("frigate")).set_index("table")
+    table = poles.mid_range(load_ship("frigate")).set_index("table")
     for number in ("2-20", "2-21", "2-22", "2-23"):
         ours, thesis = (float(table.loc[number, c]) for c in ("gain", "gain, This thesis"))
         assert ours == pytest.approx(thesis, rel=0.06)
@@ -144,7 +138,7 @@ def test_mid_range_point_predicts_what_it_was_not_fitted_to() -> None:
 
 def test_five_signs_of_the_sensitivity_are_misprints() -> None:
     printed = published("advance_velocity_thesis_sensitivity")
-    slips = sensitivity.sign_slips(printed)
+    slips = sensitivity.find_sign_misprints(printed)
     assert slips == [
         ("luenberger-moderate", "open_water_minus_10pct"),
         ("power-balance", "ear_1.0"),
@@ -161,14 +155,14 @@ def test_five_signs_of_the_sensitivity_are_misprints() -> None:
 
 def test_the_random_walk_filter_s_tables_follow_from_a_dead_beat_predictor() -> None:
     """Zeros to the printed digits but one sign, gains within their three digits."""
-    table = dead_beat.compared(load_ship("frigate"))
+    table = observer_transfers.random_walk_transfers(load_ship("frigate"))
     assert table["gain follows"].to_numpy() == pytest.approx(table["gain printed"], rel=5e-3)
     zeros = table.dropna(subset="zero printed")
     wrong = (zeros["zero follows"] - zeros["zero printed"]).abs() > 1e-3
     assert zeros.loc[wrong, ["table", "point"]].to_numpy().tolist() == [["3-11", "C"]]
     slip = zeros[wrong].iloc[0]
     assert slip["zero follows"] == pytest.approx(-slip["zero printed"], abs=1e-3)
-    filter_ = dead_beat.predictor(-0.0659, 0.5139)
+    filter_ = observer_transfers.predictor(-0.0659, 0.5139)
     assert max(abs(pole) for pole in filter_.poles) < 1e-5
     assert filter_.gain == pytest.approx((1.0 - 0.0659, 1.0 / 0.5139), rel=1e-4)
 

@@ -1,4 +1,4 @@
-"""The thesis's tables as cells: whatever stands in for our results is not explained away."""
+"""The thesis's tables as cells: random numbers in place of our results are not explained."""
 
 from __future__ import annotations
 
@@ -10,14 +10,7 @@ import pytest
 
 from reproductions.cells import Cell, Kind, Reason, Verdict
 from reproductions.side_by_side import published
-from reproductions.thesis import (
-    pole_cells,
-    rounded_table,
-    sensitivity,
-    snr,
-    vaf,
-    working_points,
-)
+from reproductions.thesis import poles_page, sensitivity, snr, vaf, working_points
 from shaftline.plant import Ship
 
 VAF = "advance_velocity_thesis_vaf"
@@ -40,11 +33,11 @@ def random(table: pd.DataFrame, generator: np.random.Generator) -> pd.DataFrame:
 
 
 def vaf_cells(ours: pd.DataFrame) -> list[Cell]:
-    exact = pd.DataFrame(100.0, index=list(rounded_table.ROWS), columns=vaf.COLUMNS)
+    exact = pd.DataFrame(100.0, index=list(vaf.INVERTING_ROWS), columns=vaf.COLUMNS)
     exact.loc["power-balance", "pitch_step"] = 73.73
-    rounded = published(VAF).loc[list(rounded_table.ROWS), vaf.COLUMNS].astype(float)
+    rounded = published(VAF).loc[list(vaf.INVERTING_ROWS), vaf.COLUMNS].astype(float)
     spread = pd.Series(0.3, index=list(vaf.ROWS))
-    return vaf.cells(ours, spread, rounded_table.reasons(exact, rounded))
+    return vaf.cells(ours, spread, vaf.table_reasons(exact, rounded))
 
 
 def sensitivity_cells(ours: pd.DataFrame) -> list[Cell]:
@@ -87,7 +80,7 @@ def test_the_print_times_one_and_a_half_is_unexplained(name: str) -> None:
 
 
 def test_random_poles_zeros_and_gains_are_unexplained(frigate: Ship) -> None:
-    cells = [cell for cell in pole_cells.cells(frigate) if cell.kind is Kind.FREE]
+    cells = [cell for cell in poles_page.cells(frigate) if cell.kind is Kind.FREE]
     ours, generator = np.array([cell.ours for cell in cells]), np.random.default_rng(7)
     for draw in (
         lambda: generator.uniform(-2.0, 2.0, len(cells)) * ours,
@@ -103,7 +96,7 @@ def test_random_poles_zeros_and_gains_are_unexplained(frigate: Ship) -> None:
 
 def test_every_reason_is_bound_to_one_cell(frigate: Ship) -> None:
     """The shift of one cell's reason does not explain another cell of the same table."""
-    cells = [c for c in pole_cells.plant_cells(frigate) if c.verdict is Verdict.EXPLAINED]
+    cells = [c for c in poles_page.plant_cells(frigate) if c.verdict is Verdict.EXPLAINED]
     assert len(cells) >= 10
     for one, other in zip(cells, cells[1:] + cells[:1], strict=True):
         if one.printed != other.printed:

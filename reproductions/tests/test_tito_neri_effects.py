@@ -21,7 +21,7 @@ def test_errors_are_those_of_the_settled_simulation() -> None:
 def test_a_dead_zone_brings_the_sine_set_nearer() -> None:
     ship = load_ship("tito-neri-sine")
     every = np.arange(5)
-    value = effects.fitted(ship, "command-dead-zone", every)
+    value = effects.fit_effect(ship, "command-dead-zone", every)
     corrected = ship.with_values({"prime_mover.command_dead_zone_V": value})
     before = effects.rms(effects.errors(ship))
     assert effects.rms(effects.errors(corrected)) < 0.7 * before

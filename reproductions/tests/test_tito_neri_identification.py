@@ -9,9 +9,10 @@ import pandas as pd
 import pytest
 
 from reproductions.cells import Kind, Verdict
-from reproductions.tito_neri import experiments, histories, identification_page, least_squares
+from reproductions.tito_neri import experiments, identification, identification_page
 from reproductions.tito_neri import identification as study
-from reproductions.tito_neri.identification_cells import given, left_open, table_five_cells
+from reproductions.tito_neri.identification import given_cells, left_open, table_five_cells
+from shaftline.display.figures import save
 from shaftline.mismatch.identification.frequency import SPEED
 from shaftline.plant import load_ship
 
@@ -29,7 +30,7 @@ def test_table_five() -> None:
 
 def test_both_sets_in_time() -> None:
     """The paper: set I within 3 % everywhere, IV good about C and worse away; its peak is higher."""
-    table, figure = histories.gathered()
+    table, figure = identification_page.simulate_in_time()
     by = table.set_index("set")
     assert by.loc["I", "largest [%]"] < 3.0 < by.loc["IV", "largest [%]"] < 8.5
     assert by.loc["I", "B [rpm]"] == pytest.approx(44.4, abs=0.5)
@@ -88,7 +89,7 @@ def test_kinds_and_tolerances_of_table_five() -> None:
     cells = {(cell.row, cell.column): cell for cell in table_five_cells(rounding)}
     assert len(cells) == 12
     assert {cell.kind for cell in cells.values()} == {Kind.FREE}
-    assert all(cell.kind is Kind.INPUT for cell in given())
+    assert all(cell.kind is Kind.INPUT for cell in given_cells())
     # the torque balance fixes M_f and KQ to K_e, which itself is off
     assert cells["K_e", "set I"].verdict is Verdict.UNEXPLAINED
     assert cells["M_f", "set I"].verdict is Verdict.EXPLAINED
@@ -100,26 +101,27 @@ def test_kinds_and_tolerances_of_table_five() -> None:
 
 def test_no_other_least_squares_gives_the_printed_pair() -> None:
     """The whole table gives 0.01421 and 2.256; points B, C and E come nearest, 0.7 % off."""
-    table = least_squares.tried().set_index("way")
+    table = identification.least_squares_variants().set_index("way")
     assert table.loc["points ABCDE", "K_e"] == pytest.approx(0.014207, abs=1e-6)
     assert table["off [%]"].min() == pytest.approx(0.68, abs=0.01)
     assert table.index[0] == "points BCE"
 
 
-def test_page_and_figure_are_written(tmp_path: Path) -> None:
+def test_page_and_figures(tmp_path: Path) -> None:
     fits, best = study.fits_of_table_two()
     known = pd.DataFrame([{"set": "I", "method": "steady", "worst_percent": 0.1}])
     found = identification_page.Findings(
         study.table_five(), study.rounding_of_column_one(5), identification_page.densities(), fits,
         best, study.five_numbers(), study.dead_time(), study.fitted_dead_time(), known,
-        *histories.gathered(),
+        *identification_page.simulate_in_time(),
     )  # fmt: skip
-    identification_page.write(tmp_path, found)
-    page = (tmp_path / "tito-neri-identification.md").read_text()
-    assert "| IV | L_a | H |" in page
-    assert "dead time of 1.5 ms" in page
-    for name in ("tito-neri-bode.png", "tito-neri-histories.png"):
-        assert (tmp_path / "figures" / name).stat().st_size > 20_000
+    page = identification_page.page(found)
+    assert page.file == "tito-neri-identification"
+    assert "| IV | L_a | H |" in page.body
+    assert "dead time of 1.5 ms" in page.body
+    for name in ("tito-neri-bode", "tito-neri-histories"):
+        save(page.figures[name], tmp_path / f"{name}.png")
+        assert (tmp_path / f"{name}.png").stat().st_size > 20_000
 
 
 def test_experiments_are_the_paper_s() -> None:
@@ -136,7 +138,7 @@ def test_experiments_are_the_paper_s() -> None:
 
 
 def test_a_recorded_experiment_has_what_the_methods_need() -> None:
-    table = experiments.recorded(
+    table = experiments.simulate_test(
         load_ship(study.SETS["IV"]), experiments.staircase((5.0, 6.0), 0.1)
     )
     assert list(table) == ["time_s", "motor_voltage_V", SPEED, "motor_current_A"]

@@ -10,16 +10,16 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from reproductions.tito_neri import experiments, rig, rig_page, rig_results
+from reproductions.tito_neri import experiments, rig, rig_page
 from reproductions.tito_neri.experiments import Experiment
 from shaftline.mismatch.identification.drive_train import CONSTANT, RESISTANCE, SIX, drive_train
 from shaftline.mismatch.identification.free_parameters import number_of
 from shaftline.mismatch.identification.sine import sine
 from shaftline.mismatch.identification.step import step
 
-SHIP = rig_results.truth()
+SHIP = rig_page.truth()
 CLEAN = replace(rig.without_faults(), holes=360)
-"""Nothing but an encoder with so many holes that it tells the speed."""
+"""Perfect instruments with an encoder of many holes, which gives the true speed."""
 
 
 def steady(volts: float = 5.89, seconds: float = 1.0) -> Experiment:
@@ -28,7 +28,7 @@ def steady(volts: float = 5.89, seconds: float = 1.0) -> Experiment:
 
 def test_without_faults_the_rig_is_the_plant() -> None:
     test = experiments.staircase((5.0, 6.0), 0.5)
-    own, plain = rig.measured(SHIP, test, CLEAN), experiments.recorded(SHIP, test)
+    own, plain = rig.record_test(SHIP, test, CLEAN), experiments.simulate_test(SHIP, test)
     assert_allclose(own["motor_voltage_V"], plain["motor_voltage_V"], rtol=1e-12)
     assert_allclose(own["motor_current_A"], plain["motor_current_A"], atol=3e-3)
     assert_allclose(own["shaft_speed_rad_s"][100:], plain["shaft_speed_rad_s"][100:], rtol=3e-3)
@@ -48,7 +48,7 @@ def test_an_encoder_tells_the_last_interval_until_the_next_flank() -> None:
 
 def test_uneven_holes_repeat_every_turn() -> None:
     own = replace(rig.without_faults(), uneven_deg=0.3)
-    table = rig.measured(SHIP, steady(), own)
+    table = rig.record_test(SHIP, steady(), own)
     speed = 3.0 * table["shaft_speed_rad_s"].to_numpy()[2000:]
     values = speed[np.r_[True, np.diff(speed) != 0.0]]
     assert_allclose(values[15:60], values[:45], rtol=2e-3)
@@ -63,7 +63,7 @@ def test_uneven_holes_repeat_every_turn() -> None:
 
 def test_amplifier_gives_less_and_late() -> None:
     own = replace(CLEAN, gain=0.99, lag_s=2e-3)
-    table = rig.measured(SHIP, experiments.staircase((5.0, 6.0), 0.05), own)
+    table = rig.record_test(SHIP, experiments.staircase((5.0, 6.0), 0.05), own)
     volts = table["motor_voltage_V"].to_numpy()
     assert volts[:500] == pytest.approx(np.full(500, 4.95))
     time = (np.arange(500) + 0.5) * 1e-4  # a row's mean is that of its middle, nearly
@@ -73,13 +73,13 @@ def test_amplifier_gives_less_and_late() -> None:
 
 def test_noise_is_the_current_s_alone_and_its_seed_s() -> None:
     own = replace(CLEAN, current_noise_A=0.03)
-    one, same, other = (rig.measured(SHIP, steady(), own, seed) for seed in (1, 1, 2))
+    one, same, other = (rig.record_test(SHIP, steady(), own, seed) for seed in (1, 1, 2))
     pd.testing.assert_frame_equal(one, same)
     assert one["motor_current_A"].std() == pytest.approx(0.03, rel=0.05)
     assert np.corrcoef(one["motor_current_A"], other["motor_current_A"])[0, 1] < 0.05
     noise = experiments.noise(5.0, 1)  # another sequence than a test's own of the same seed
-    table = rig.measured(SHIP, noise, own, 1)
-    clean = rig.measured(SHIP, noise, CLEAN, 1)
+    table = rig.record_test(SHIP, noise, own, 1)
+    clean = rig.record_test(SHIP, noise, CLEAN, 1)
     added = table["motor_current_A"] - clean["motor_current_A"]
     for shift in range(3):
         alike = np.corrcoef(added[shift:], noise.voltage[: len(added) - shift])[0, 1]
@@ -88,12 +88,12 @@ def test_noise_is_the_current_s_alone_and_its_seed_s() -> None:
 
 def test_orders_six_and_twelve_stand_out() -> None:
     """The paper's order tracking, over a ramp of speeds."""
-    table = rig.measured(SHIP, rig.order_ramp(12.0))
+    table = rig.record_test(SHIP, rig.order_ramp(12.0))
     rpm = 3.0 * table["shaft_speed_rad_s"] * 30.0 / math.pi
     assert (rpm.iloc[2000], rpm.iloc[-1]) == pytest.approx((235.0, 1990.0), rel=0.07)
     orders = rig.order_spectrum(table, 3.0, turns=16)
     assert rig_page.peaks(orders) == [6.0, 12.0]
-    plain = rig.order_spectrum(rig.measured(SHIP, rig.order_ramp(12.0), CLEAN), 3.0, turns=16)
+    plain = rig.order_spectrum(rig.record_test(SHIP, rig.order_ramp(12.0), CLEAN), 3.0, turns=16)
     assert plain.query("order > 5")["current_A"].max() < 0.02 * orders["current_A"].max()
 
 
@@ -110,13 +110,15 @@ def test_cogging_hardly_shows_in_the_current_and_ripple_does() -> None:
 
 def test_methods_see_through_the_instruments() -> None:
     """All six and the encoder's delay by sines: 2 %, and the time between two flanks."""
-    tables = [rig.measured(SHIP, test, seed=i) for i, test in enumerate(experiments.sines()[2:8])]
-    found = sine(rig_results.start(), tables, rig_results.LATE)
+    tables = [
+        rig.record_test(SHIP, test, seed=i) for i, test in enumerate(experiments.sines()[2:8])
+    ]
+    found = sine(rig_page.start(), tables, rig_page.LATE)
     values = dict(zip(found.keys, found.values, strict=True))
     for key in SIX:
         assert values[key] == pytest.approx(number_of(SHIP, key).value, rel=0.03), key
-    assert values[rig_results.DELAY] == pytest.approx(2.0 * math.pi / 15.0 / 213.0, rel=0.08)
-    stairs = step(SHIP, [rig.measured(SHIP, experiments.staircase(hold_s=2.5))], SIX)
+    assert values[rig_page.DELAY] == pytest.approx(2.0 * math.pi / 15.0 / 213.0, rel=0.08)
+    stairs = step(SHIP, [rig.record_test(SHIP, experiments.staircase(hold_s=2.5))], SIX)
     values = dict(zip(stairs.keys, stairs.values, strict=True))
     for key in SIX[1:]:
         assert values[key] == pytest.approx(number_of(SHIP, key).value, rel=0.025), key
@@ -124,18 +126,18 @@ def test_methods_see_through_the_instruments() -> None:
 
 def test_scores_are_the_paper_s() -> None:
     """Eqs. 20 and 21 of the plant against itself, and of a wrong constant."""
-    tables = [experiments.recorded(SHIP, experiments.staircase((5.0, 6.0), 0.5))]
-    own = rig_results._scores(SHIP, tables)
+    tables = [experiments.simulate_test(SHIP, experiments.staircase((5.0, 6.0), 0.5))]
+    own = rig_page._scores(SHIP, tables)
     assert own["speed_fit_percent"] > 99.99
     assert own["current_mse"] < 1e-12
-    wrong = rig_results._scores(SHIP.with_values({SIX[1]: 0.02}), tables)
+    wrong = rig_page._scores(SHIP.with_values({SIX[1]: 0.02}), tables)
     assert wrong["speed_fit_percent"] < 90.0
     assert wrong["speed_mse"] > own["speed_mse"]
 
 
-@pytest.mark.parametrize("method", list(rig_results.METHODS))
+@pytest.mark.parametrize("method", list(rig_page.METHODS))
 def test_records_of_thirty_seconds(method: str) -> None:
-    test = rig_results.record_of_30_s(method, 3)
+    test = rig_page.record_of_30_s(method, 3)
     assert len(test.voltage) * test.interval_s == pytest.approx(30.0, abs=0.1)
     assert test.interval_s == 1e-4
 
@@ -144,16 +146,16 @@ def test_records_of_thirty_seconds(method: str) -> None:
 def test_a_change_is_found_in_thirty_seconds() -> None:
     """The staircase: a fouled propeller of 2 % beside the unchanged rig."""
     key = SIX[-1]
-    before = rig_results.estimates("step", SHIP, 0)
+    before = rig_page.estimates("step", SHIP, 0)
     fouled = SHIP.with_values({key: 1.02 * number_of(SHIP, key).value})
-    after = rig_results.estimates("step", fouled, 1)
+    after = rig_page.estimates("step", fouled, 1)
     for way in ("together", "alone"):
         assert after[way][key] / before[way][key] == pytest.approx(1.02, abs=2e-3)
 
 
 def test_output_error_finds_the_rig() -> None:
     test = experiments.staircase((3.91, 5.89, 7.9), 0.8)
-    found = rig_results.numbers_by(rig_results.OUTPUT_ERROR, [rig.measured(SHIP, test, seed=1)])
-    assert set(found) == set(rig_results.LATE)
+    found = rig_page.numbers_by(rig_page.OUTPUT_ERROR, [rig.record_test(SHIP, test, seed=1)])
+    assert set(found) == set(rig_page.LATE)
     for key in (CONSTANT, RESISTANCE):
         assert found[key] == pytest.approx(number_of(SHIP, key).value, rel=0.02), key

@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 
 from reproductions.cells import Kind, Verdict
-from reproductions.towing_tank import page, results
+from reproductions.towing_tank import page
 from reproductions.towing_tank.experiment import Air, Programme
 from shaftline.plant import load_ship
 
 
 @pytest.fixture(scope="module")
-def pair() -> results.Pair:
-    return results.pair(Air().ship(load_ship("towing-tank")), Programme())
+def pair() -> page.Pair:
+    return page.pair(Air().ship(load_ship("towing-tank")), Programme())
 
 
-def test_levels_with_anti_spin_are_the_printed_ones(pair: results.Pair) -> None:
-    assert pair.on[:3] == pytest.approx(results.PRINTED["anti-spin"], rel=0.005)
+def test_levels_with_anti_spin_are_the_printed_ones(pair: page.Pair) -> None:
+    assert pair.on[:3] == pytest.approx(page.PRINTED["anti-spin"], rel=0.005)
 
 
-def test_ratios_of_table_1(pair: results.Pair) -> None:
+def test_ratios_of_table_1(pair: page.Pair) -> None:
     """The test without anti-spin is never calibrated."""
     thrust, power, efficiency = pair.ratios
     assert thrust == pytest.approx(79.2 / 89.1, abs=0.05)
@@ -33,7 +33,7 @@ def test_ratios_of_table_1(pair: results.Pair) -> None:
 
 @pytest.mark.slow
 def test_calibration_is_what_the_file_and_the_programme_hold() -> None:
-    programme, friction = results.calibrated(Air())
+    programme, friction = page.calibrate(Air())
     held = Programme()
     assert programme.thrust_N == pytest.approx(held.thrust_N, rel=0.002)
     assert programme.carriage_m_s == pytest.approx(held.carriage_m_s, rel=0.002)
@@ -55,8 +55,8 @@ def test_programme_turns_the_shaft_against_the_inflow() -> None:
 @pytest.mark.slow
 def test_page_has_every_row(tmp_path: Path) -> None:
     ticks: list[int] = []
-    found = results.measured(lambda: ticks.append(1))
-    assert len(ticks) == results.TICKS
+    found = page.compute_results(lambda: ticks.append(1))
+    assert len(ticks) == page.TICKS
     made = page.page(found)
     kinds = [cell.kind for cell in made.cells if cell.table == "Table 1"]
     assert kinds == [Kind.CALIBRATED] * 3 + [Kind.FREE] * 3

@@ -64,8 +64,8 @@ def test_what_is_wanted_holds_for_who_knows_the_acceleration(run: study.Run) -> 
         assert table.loc["shaft", "rms valid"] < study.WANTED_M_S < table.loc["power", "rms valid"]
         assert table.loc["shaft", "zone 1 called valid %"] <= zone
         assert table.loc["shaft", "valid %"] > 85.0
-    words = study.meaning(clean.reset_index(), noisy.reset_index())
-    assert "Without noise: 1 of 2 hold 0.1 m/s in what they call valid (`shaft`); 1 in all" in words
+    words = study.limits_met(clean.reset_index(), noisy.reset_index())
+    assert "Without noise: 1 of 2 stay below 0.1 m/s where valid (`shaft`); 1 in all" in words
 
 
 def test_a_crash_stop_is_seen_until_the_shaft_reverses() -> None:

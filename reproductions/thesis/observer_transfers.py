@@ -1,26 +1,43 @@
-"""Tables 3-1 to 3-10: transfers of the linear observers and of I&I, from the observers' own matrices.
+"""Compute Tables 3-1 to 3-14: transfer functions of the observers of the thesis.
 
-With a gain K = (k1, k2), k2 < 0, and den(s) = s^2 + k1 s - k2 / I_R, eqs. 3-3 to 3-5 give
+Luenberger and shaft Kalman observers (Tables 3-1 to 3-8): with a gain K = (k1, k2), k2 < 0, and
+den(s) = s^2 + k1 s - k2 / I_R, eqs. 3-3 to 3-5 give
 
     omega^/omega = (k1 s - k2/I_R) / den      M_p^/omega = k2 s / den
     omega^/M_m   = (s/I_R) / den              M_p^/M_m   = (-k2/I_R) / den
 
-so M_p^/omega and omega^/M_m have a zero at 0 exactly; of the first the thesis prints rounding.
+so M_p^/omega and omega^/M_m have a zero at 0 exactly; for the first the thesis prints a rounding error.
+
+Random-walk Kalman filter (Tables 3-11 to 3-14): the printed numbers are those of a discrete predictor
+x+ = (A - K C) x + B u + K y, in z and not in s. The thesis takes the linear model's A = ((a11, a12),
+(0, 1)) for a transition between samples, and Q = diag(1e4, 1e11) with R = 1 makes K dead-beat,
+K = (1 + a11, 1 / a12). Both poles are then 0; the printed poles p1 and p2 are rounding errors. "Steady"
+gains are printed at z = 0, divided by the product of the two, and so mean nothing:
+
+    omega^/omega   zero 1 - 1 / (1 + a11)   gain -a11 / (p1 p2)
+    omega^/M_m     zero 1                   gain -1 / (I_R p1 p2)
+    v_a^/omega     zero a11                 gain -k2 a11 / (p1 p2)
+    v_a^/M_m       no zero                  gain -k2 / (I_R p1 p2)
 """
 
 from __future__ import annotations
 
+import re
+from typing import NamedTuple
+
 import numpy as np
 import pandas as pd
+import scipy
 
 from shaftline.core.lazy import control
 from shaftline.observers import get_observer
 from shaftline.observers.immersion_invariance import ImmersionInvariance
 from shaftline.observers.linear import LinearObserver, shaft_model
 from shaftline.observers.torque_curve import torque_slopes
-from shaftline.plant import Ship, equilibrium
+from shaftline.plant import Ship
 
 from ..side_by_side import published
+from .poles import working_point
 
 OUTPUTS, INPUTS = ("omega", "M_p"), ("omega", "M_m")
 LUENBERGER = ("luenberger-low", "luenberger-moderate", "luenberger-high")
@@ -31,19 +48,14 @@ PRINTED_GAINS = {
     "luenberger-moderate": (1.1e2, -1.4e7),
     "luenberger-low": (11.0, -1.4e5),
 }
-"""K of section 3-1-3, to two digits."""
+"""Gains K of section 3-1-3, to two digits."""
 
 _ROUNDING = 1e-9
 """Zeros and gains below this, over the slowest pole and the gain to the torque, are 0."""
 
 
 def linear_observer(name: str, ship: Ship) -> control.StateSpace:
-    """An observer with a constant gain, from measured omega and M_m to estimated omega and M_p.
-
-    Args:
-        name: of it.
-        ship: as believed.
-    """
+    """Return a linear observer, from measured omega and M_m to estimated omega and M_p."""
     observer = get_observer(name)
     assert isinstance(observer, LinearObserver)
     a, b, c = shaft_model(observer.inertia(ship))
@@ -55,12 +67,7 @@ def linear_observer(name: str, ship: Ship) -> control.StateSpace:
 
 
 def gains(name: str, ship: Ship) -> tuple[float, float]:
-    """K of a linear observer, [1/s] and [N m/rad].
-
-    Args:
-        name: of it.
-        ship: as believed.
-    """
+    """Return the gain K of a linear observer, [1/s] and [N m/rad]."""
     observer = get_observer(name)
     assert isinstance(observer, LinearObserver)
     k1, k2 = map(float, observer.gain(ship)[:, 0])
@@ -70,11 +77,11 @@ def gains(name: str, ship: Ship) -> tuple[float, float]:
 def closed_form(
     k1: float, k2: float, inertia: float, output: str, source: str
 ) -> tuple[float, float]:
-    """Zero [rad/s], NaN where there is none, and steady gain of one of the four transfers.
+    """Return zero [rad/s], NaN where there is none, and steady gain of one of the four transfers.
 
     Args:
         k1: gain on the error of the shaft speed [1/s].
-        k2: the same for the torque [N m/rad].
+        k2: gain on the same error for the torque [N m/rad].
         inertia: I_R [kg m2].
         output: ``omega`` or ``M_p``.
         source: ``omega`` or ``M_m``.
@@ -85,11 +92,7 @@ def closed_form(
 
 
 def linear_transfers(ship: Ship) -> pd.DataFrame:
-    """Tables 3-1 to 3-8: zero and steady gain, printed, by the closed form and of the observer itself.
-
-    Args:
-        ship: the thesis's frigate.
-    """
+    """Return Tables 3-1 to 3-8: printed, by the closed form, and of the observer itself."""
     rows = []
     printed = published("advance_velocity_thesis_observer_transfers").reset_index()
     for cell in printed.itertuples():
@@ -124,17 +127,16 @@ def linear_transfers(ship: Ship) -> pd.DataFrame:
 def immersion_invariance(
     ship: Ship, point: str, gamma: float, *, as_printed: bool
 ) -> control.StateSpace:
-    """I&I linear about A to D, from measured omega and M_m to v_a^ (eq. 3-13).
+    """Return I&I linear about A to D, from measured omega and M_m to v_a^ (eq. 3-13).
 
     Args:
         ship: the thesis's frigate.
         point: A, B, C or D.
         gamma: gain [m/rad].
-        as_printed: whether M_p is taken not to depend on the estimate, as Tables 3-9 and 3-10 do; it is
-            what makes the observer converge.
+        as_printed: leave out the dependence of M_p on the estimate, as Tables 3-9 and 3-10 do; the
+            observer converges by this dependence.
     """
-    inputs = published("advance_velocity_thesis_working_points").loc[point]
-    found = equilibrium(ship, float(inputs["fuel_rack_mm"]), float(inputs["pitch_ratio"]))
+    found = working_point(ship, point)
     by_speed, by_velocity = torque_slopes(
         ship.record(), found.outputs.advance_velocity, found.state.shaft_speed,
         found.outputs.pitch_ratio,
@@ -149,11 +151,7 @@ def immersion_invariance(
 
 
 def invariance_transfers(ship: Ship) -> pd.DataFrame:
-    """Table 3-10: pole of v_a^/M_m, printed and of the observer itself; it has no zero.
-
-    Args:
-        ship: the thesis's frigate.
-    """
+    """Return Table 3-10: pole of v_a^/M_m, printed and of the observer itself; it has no zero."""
     rows = []
     for point in "AD":
         for tuning in ("low", "high"):
@@ -168,3 +166,106 @@ def invariance_transfers(ship: Ship) -> pd.DataFrame:
                  "pole as eq. 3-13 is printed": pole[True], "pole of the observer": pole[False]}
             )  # fmt: skip
     return pd.DataFrame(rows)
+
+
+NOISES = (1e4, 1e11)
+"""Q of omega and v_a, where R is 1."""
+
+_TABLES = ("3-11", "3-12", "3-13", "3-14")
+
+
+class Filter(NamedTuple):
+    """The dead-beat predictor at one point."""
+
+    poles: tuple[complex, complex]  # in z
+    by_speed: float  # zero of omega^/omega
+    velocity_by_speed: float  # zero of v_a^/omega
+    gain: tuple[float, float]  # K
+
+
+def predictor(a11: float, a12: float) -> Filter:
+    """Return the random-walk Kalman filter of the thesis at one point.
+
+    Args:
+        a11: slope of omega' over omega [1/s], used as an element of the transition matrix.
+        a12: slope of omega' over v_a [rad/(s m)].
+    """
+    a, c = np.array([[a11, a12], [0.0, 1.0]]), np.array([[1.0, 0.0]])
+    p = scipy.linalg.solve_discrete_are(a.T, c.T, np.diag(NOISES), np.eye(1))
+    k = a @ p @ c.T / (c @ p @ c.T + 1.0)
+    zeros = [
+        control.ss(a - k @ c, k, np.eye(2)[[row]], [[0.0]], True).zeros().real[0]
+        for row in range(2)
+    ]
+    first, second = np.linalg.eigvals(a - k @ c)
+    return Filter(
+        (complex(first), complex(second)), float(zeros[0]), float(zeros[1]),
+        (float(k[0, 0]), float(k[1, 0])),
+    )  # fmt: skip
+
+
+def random_walk_response(a11: float, a12: float, inertia: float) -> control.StateSpace:
+    """Return the filter in z, from measured omega and M_m to estimated omega and v_a.
+
+    Args:
+        a11: as of :func:`predictor`.
+        a12: as of :func:`predictor`.
+        inertia: I_R [kg m2].
+    """
+    a, c = np.array([[a11, a12], [0.0, 1.0]]), np.array([[1.0, 0.0]])
+    k = np.array(predictor(a11, a12).gain)[:, None]
+    inputs = np.hstack([k, [[1.0 / inertia], [0.0]]])
+    return control.ss(a - k @ c, inputs, np.eye(2), np.zeros((2, 2)), True)
+
+
+def propeller_inertia(ship: Ship) -> float:
+    """Return I_R [kg m2]."""
+    return float(ship.record()["inertia_propeller_side"])
+
+
+def plant_slopes(ship: Ship, point: str) -> tuple[float, float]:
+    """Return a11 and a12 of our plant at A to D."""
+    record, found = ship.record(), working_point(ship, point)
+    by_speed, by_velocity = torque_slopes(
+        record, found.outputs.advance_velocity, found.state.shaft_speed, found.outputs.pitch_ratio
+    )
+    engine = record["torque_per_speed"] * record["gear_ratio"] ** 2
+    engine *= record["transmission_efficiency"]
+    propeller_inertia = float(record["inertia_propeller_side"])
+    whole = propeller_inertia + float(record["inertia_engine_side"])
+    return float((engine - by_speed) / whole), float(-by_velocity / propeller_inertia)
+
+
+def parse_number(text: object) -> float:
+    r"""Return a printed number, such as ``-7.06 \\cdot 10^-2``."""
+    return float(re.sub(r"\s*\\cdot\s*10\^", "e", str(text)))
+
+
+def random_walk_transfers(ship: Ship) -> pd.DataFrame:
+    """Return the calculated zeros and gains beside the printed ones, by point and table."""
+    printed = published("advance_velocity_thesis_poles_zeros_gains").reset_index()
+    printed = printed[printed["table"].isin(_TABLES)]
+    printed = printed.set_index(["table", "working_point_or_source"])
+    propeller_inertia = float(ship.record()["inertia_propeller_side"])
+    rows = []
+    for point in "ABCD":
+        told = {table: printed.loc[(table, point)] for table in _TABLES}
+        product = float(np.prod([parse_number(p) for p in told["3-11"]["poles_rad_s"].split(",")]))
+        a11 = parse_number(told["3-13"]["zeros_rad_s"])
+        k2 = -parse_number(told["3-14"]["dc_gain"]) * propeller_inertia * product
+        ours = predictor(*plant_slopes(ship, point))
+        follows = predictor(a11, 1.0 / k2)
+        for table, transfer, zero, gain, own in (
+            ("3-11", "omega^/omega", follows.by_speed, -a11 / product, ours.by_speed),
+            ("3-12", "omega^/M_m", 1.0, -1.0 / propeller_inertia / product, 1.0),
+            ("3-13", "v_a^/omega", follows.velocity_by_speed, -k2 * a11 / product,
+             ours.velocity_by_speed),
+            ("3-14", "v_a^/M_m", np.nan, -k2 / propeller_inertia / product, np.nan),
+        ):  # fmt: skip
+            cell = told[table]["zeros_rad_s"]
+            rows.append(
+                {"table": table, "transfer": transfer, "point": point, "zero follows": zero,
+                 "zero printed": np.nan if pd.isna(cell) else parse_number(cell), "zero ours": own,
+                 "gain follows": gain, "gain printed": parse_number(told[table]["dc_gain"])}
+            )  # fmt: skip
+    return pd.DataFrame(rows).sort_values("table", kind="stable", ignore_index=True)

@@ -1,20 +1,50 @@
-"""Tables 2-2 to 2-14, 3-5 and 3-9: poles, zeros and steady gains of the linear models."""
+"""Compute the linear models of the frigate, Tables 2-2 to 2-23: poles, zeros and steady gains.
+
+The thesis does not print the mid-range point at which it compares its model with Vrijdag & Stapersma
+2017. Two of its gains, from the fuel rack to shaft and ship speed (Tables 2-18 and 2-19), determine the
+point; the other printed numbers then test it.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy
 
 from shaftline.core.lazy import control
-from shaftline.observers.immersion_invariance import ImmersionInvariance
-from shaftline.observers.linear import shaft_model
-from shaftline.observers.shaft_kalman import ShaftKalman
-from shaftline.observers.torque_curve import torque_slopes
-from shaftline.plant import Ship, equilibrium, linearise, load_ship
+from shaftline.plant import Equilibrium, Ship, equilibrium, linearise
 
-from ..side_by_side import published
+from ..cells import half_digit
+from ..side_by_side import published, published_text
+
+
+class Printed(NamedTuple):
+    """One line of a printed table, numbers by size, with half a unit of their last digits."""
+
+    poles: tuple[float, ...]
+    zeros: tuple[float, ...]
+    gain: float
+    pole_rounding: tuple[float, ...]
+    zero_rounding: tuple[float, ...]
+    gain_rounding: float
+
+
+def _numbers(text: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    parts = sorted((part for part in text.split(",") if part.strip()), key=lambda p: abs(float(p)))
+    return tuple(map(float, parts)), tuple(map(half_digit, parts))
+
+
+def printed_line(table: str, line: str) -> Printed:
+    """Return a line of Tables 2-2 to 2-23."""
+    lines = published_text("advance_velocity_thesis_poles_zeros_gains")
+    found = lines.loc[[table]].set_index("working_point_or_source").loc[line]
+    poles, pole_rounding = _numbers(found["poles_rad_s"])
+    zeros, zero_rounding = _numbers(found["zeros_rad_s"])
+    gain = found["dc_gain"]
+    return Printed(poles, zeros, float(gain), pole_rounding, zero_rounding, half_digit(gain))
+
 
 # table number: (output, input) in our names
 TABLES = {
@@ -34,8 +64,8 @@ TABLES = {
 }
 
 
-def reduced(system: control.StateSpace) -> tuple[list[float], list[float], float]:
-    """Poles, zeros [rad/s] and steady gain of one transfer, common factors cancelled, by size."""
+def poles_zeros_gain(system: control.StateSpace) -> tuple[list[float], list[float], float]:
+    """Return poles, zeros [rad/s] and steady gain of a transfer, by size, without common factors."""
     poles = [complex(p) for p in system.poles()]
     zeros = [complex(z) for z in system.zeros() if abs(z) < 1e6]
     for zero in list(zeros):
@@ -48,7 +78,7 @@ def reduced(system: control.StateSpace) -> tuple[list[float], list[float], float
 
 
 def sorted_numbers(text: Any) -> list[float]:
-    """Numbers of a printed cell, by size."""
+    """Return the numbers of a printed cell, by size."""
     if not isinstance(text, str) or not text.strip():
         return [float(text)] if isinstance(text, float) and np.isfinite(text) else []
     return sorted((float(part) for part in text.split(",")), key=abs)
@@ -64,7 +94,7 @@ def plant_transfers(ship: Ship) -> pd.DataFrame:
     rows = []
     for point, model in models(ship).items():
         for table, (output, source) in TABLES.items():
-            poles, zeros, gain = reduced(model[output, source])
+            poles, zeros, gain = poles_zeros_gain(model[output, source])
             line = printed[
                 (printed["table"] == table) & (printed["working_point_or_source"] == point)
             ].iloc[0]
@@ -87,68 +117,75 @@ def plant_transfers(ship: Ship) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def observer_transfers(ship: Ship) -> pd.DataFrame:
-    """Poles and zeros of the shaft Kalman filter (Table 3-5) and of the I&I observer (3-9)."""
-    a, _, c = shaft_model(float(ship.record()["inertia_propeller_side"]))
-    gain = ShaftKalman().gain(ship)
-    speed = control.ss(a - gain @ c, gain, c, [[0.0]])
-    rows = [
-        {
-            "table": "3-5",
-            "observer": "shaft-kalman",
-            "transfer": "omega estimated / omega",
-            "poles": ", ".join(f"{p:.2f}" for p in ShaftKalman().poles(ship)),
-            "poles_thesis": "-10.53 ± 10.41i",
-            "zeros": ", ".join(f"{z.real:.2f}" for z in speed.zeros()),
-            "zeros_thesis": "-10.42",
-        }
-    ]
-    points = published("advance_velocity_thesis_working_points")
-    inertia = float(ship.record()["inertia_propeller_side"])
-    for point, printed in (("A", "-0.1481"), ("D", "-8.6677")):
-        inputs = points.loc[point]
-        found = equilibrium(ship, float(inputs["fuel_rack_mm"]), float(inputs["pitch_ratio"]))
-        by_speed, by_velocity = torque_slopes(
-            ship.record(),
-            found.outputs.advance_velocity,
-            found.state.shaft_speed,
-            found.outputs.pitch_ratio,
-        )
-        for name, gamma in (
-            ("low", ImmersionInvariance.tunings["low"].gain),
-            ("high", ImmersionInvariance.tunings["high"].gain),
-        ):
-            rows.append(
-                {
-                    "table": "3-9",
-                    "observer": f"immersion-invariance-{name}",
-                    "transfer": f"v_a estimated / omega at {point}",
-                    "poles": f"{gamma * by_velocity / inertia:.4f}",
-                    "poles_thesis": "0",
-                    "zeros": f"{-by_speed / inertia:.4f}",
-                    "zeros_thesis": printed,
-                }
-            )
-    return pd.DataFrame(rows)
+def working_point(ship: Ship, point: str) -> Equilibrium:
+    """Return the steady state of the ship at the printed rack and pitch of point A to D."""
+    inputs = published("advance_velocity_thesis_working_points").loc[point]
+    return equilibrium(ship, float(inputs["fuel_rack_mm"]), float(inputs["pitch_ratio"]))
 
 
 def models(ship: Ship) -> dict[str, control.StateSpace]:
-    """Linear models at A to D, for the Bode plot of Figure 2-5."""
-    points = published("advance_velocity_thesis_working_points")
-    return {
-        point: linearise(
-            ship,
-            equilibrium(
-                ship,
-                float(points.loc[point, "fuel_rack_mm"]),
-                float(points.loc[point, "pitch_ratio"]),
-            ),
-        )
-        for point in "ABCD"
-    }
+    """Return the linear models at A to D (Figure 2-5)."""
+    return {point: linearise(ship, working_point(ship, point)) for point in "ABCD"}
 
 
-def compared() -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Plant and observer transfers of the frigate."""
-    frigate = load_ship("frigate")
-    return plant_transfers(frigate), observer_transfers(frigate)
+MID_RANGE_TABLES = {
+    "2-16": ("shaft_speed", "pitch_command"),
+    "2-17": ("ship_speed", "pitch_command"),
+    "2-18": ("shaft_speed", "drive"),
+    "2-19": ("ship_speed", "drive"),
+    "2-20": ("shaft_speed", "resistance_factor"),
+    "2-21": ("ship_speed", "resistance_factor"),
+    "2-22": ("shaft_speed", "inflow"),
+    "2-23": ("ship_speed", "inflow"),
+}
+SOURCES = ("This thesis", "Vrijdag paper")
+
+
+def _printed_row(table: str, source: str) -> Any:
+    lines = published("advance_velocity_thesis_poles_zeros_gains").reset_index()
+    return lines[(lines["table"] == table) & (lines["working_point_or_source"] == source)].iloc[0]
+
+
+def mid_range_point(ship: Ship) -> Equilibrium:
+    """Return the working point at which our gains from the rack equal the thesis's."""
+    wanted = [float(_printed_row(table, SOURCES[0])["dc_gain"]) for table in ("2-18", "2-19")]
+
+    def difference(inputs: Any) -> list[float]:
+        model = linearise(ship, equilibrium(ship, float(inputs[0]), float(inputs[1])))
+        gains = [float(np.real(model[o, "drive"].dcgain())) for o in ("shaft_speed", "ship_speed")]
+        return [ours - theirs for ours, theirs in zip(gains, wanted, strict=True)]
+
+    rack, pitch = scipy.optimize.root(difference, [22.0, 1.2]).x
+    return equilibrium(ship, float(rack), float(pitch))
+
+
+def mid_range(ship: Ship) -> pd.DataFrame:
+    """Return our poles, zeros and gains at the mid-range point beside those of both printed models."""
+    model = linearise(ship, mid_range_point(ship))
+    rows = []
+    for table, (output, source) in MID_RANGE_TABLES.items():
+        poles, zeros, gain = poles_zeros_gain(model[output, source])
+        row = {"table": table, "transfer": f"{output} / {source}"}
+        for name, values in (("poles", poles), ("zeros", zeros), ("gain", [gain])):
+            row[name] = ", ".join(f"{value:.4f}" for value in values) or "–"
+            for who in SOURCES:
+                key = {"poles": "poles_rad_s", "zeros": "zeros_rad_s", "gain": "dc_gain"}[name]
+                text = str(_printed_row(table, who)[key])
+                row[f"{name}, {who}"] = "–" if text == "nan" else text
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def printed_model(source: str) -> control.TransferFunction:
+    """Return one of the two models of Figure 2-6, composed from its printed tables."""
+    grid: list[list[Any]] = []
+    for output in ("shaft_speed", "ship_speed"):
+        line = []
+        for name in ("pitch_command", "drive", "resistance_factor", "inflow"):
+            table = next(t for t, pair in MID_RANGE_TABLES.items() if pair == (output, name))
+            row = _printed_row(table, source)
+            poles, zeros = sorted_numbers(row["poles_rad_s"]), sorted_numbers(row["zeros_rad_s"])
+            shape = control.zpk(zeros, poles, 1.0)
+            line.append(float(row["dc_gain"]) / float(np.real(shape.dcgain())) * shape)
+        grid.append(line)
+    return control.combine_tf(grid)

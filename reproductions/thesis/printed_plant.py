@@ -25,8 +25,7 @@ from shaftline.plant import Ship
 from shaftline.plant.open_water import MAX_ADVANCE_RATIO, open_water
 
 from ..side_by_side import published
-from .poles import reduced
-from .printed_lines import printed
+from .poles import poles_zeros_gain, printed_line
 
 POINTS = "ABCD"
 GAUGE = {"2-5": "pitch_command", "2-8": "drive", "2-11": "resistance_factor", "2-14": "inflow"}
@@ -36,7 +35,7 @@ _INPUTS = ("pitch_command", "drive", "resistance_factor", "inflow")
 
 
 class PrintedPlant(NamedTuple):
-    """The linear model that the print implies at one point."""
+    """The linear model that the printed numbers imply at one point."""
 
     system: control.StateSpace
     """From pitch command, rack, resistance factor and inflow to pitch ratio, omega, v_s and M_m."""
@@ -53,13 +52,10 @@ class PrintedPlant(NamedTuple):
     """dKT/dJ."""
 
 
-def implied(ship: Ship, point: str, gauge_point: str | None = None) -> PrintedPlant:
+def implied_plant(ship: Ship, point: str, gauge_point: str | None = None) -> PrintedPlant:
     """Return the linear model that the printed numbers of one point imply.
 
-    Args:
-        ship: the thesis's frigate, for the numbers of Table B-1.
-        point: A, B, C or D.
-        gauge_point: point whose row of M_m is taken; the point itself by default.
+    Its row of M_m is that of ``gauge_point``, the point itself by default.
     """
     record = ship.record()
     behind, ahead = (float(record[f"inertia_{side}_side"]) for side in ("propeller", "engine"))
@@ -76,13 +72,13 @@ def implied(ship: Ship, point: str, gauge_point: str | None = None) -> PrintedPl
     diameter, density = float(record["diameter"]), float(record["density"])
     resisting = float(record["resistance_coefficient"]) * speed / mass  # c1 v / m [1/s]
 
-    poles = printed("2-6", point).poles
+    poles = printed_line("2-6", point).poles
     product, total = poles[0] * poles[1], poles[0] + poles[1]
-    a22 = printed("2-10", point).zeros[0]
+    a22 = printed_line("2-10", point).zeros[0]
     a33 = total - a22
-    a23 = -printed("2-9", point).gain * product / (resisting * speed)
+    a23 = -printed_line("2-9", point).gain * product / (resisting * speed)
     a32 = (a22 * a33 - product) / a23
-    to_omega, to_speed = (printed(table, point).gain for table in ("2-3", "2-4"))
+    to_omega, to_speed = (printed_line(table, point).gain for table in ("2-3", "2-4"))
     a21, a31 = (-(row[0] * to_omega + row[1] * to_speed) for row in ((a22, a23), (a32, a33)))
     lag = 1.0 / float(record["pitch_time_constant"])
 
@@ -96,7 +92,7 @@ def implied(ship: Ship, point: str, gauge_point: str | None = None) -> PrintedPl
         (-ahead * a21, ahead * (by_speed - a22) + behind * by_speed, -ahead * a23),
         (0.0, behind * by_rack, 0.0, -ahead * a23 / inflow),
     )
-    gauge = row if gauge_point is None else implied(ship, gauge_point).gauge
+    gauge = row if gauge_point is None else implied_plant(ship, gauge_point).gauge
     c, d = np.vstack([np.eye(3), gauge[0]]), np.vstack([np.zeros((3, 4)), gauge[1]])
     outputs = ["pitch_ratio", "shaft_speed", "ship_speed", "shaft_torque"]
     system = control.ss(a, b, c, d, inputs=list(_INPUTS), outputs=outputs)
@@ -145,16 +141,13 @@ def _pitch(point: str) -> float:
 
 
 def other_propellers(ship: Ship) -> pd.DataFrame:
-    """Return B-series propellers, those first whose KQ, KT and slopes are nearest to the implied ones.
-
-    Args:
-        ship: the thesis's frigate.
+    """Return B-series propellers, sorted by the distance of KQ, KT and slopes from the implied ones.
 
     Returns:
         Columns blades, area ratio, rms of the eight relative differences, and the differences of the
         slopes at A [%]; the closest first.
     """
-    wanted = {point: implied(ship, point) for point in "AC"}
+    wanted = {point: implied_plant(ship, point) for point in "AC"}
     rows = []
     for blades in range(2, 8):
         for area in np.arange(0.3, 1.051, 0.05).round(2):
@@ -175,10 +168,10 @@ def other_propellers(ship: Ship) -> pd.DataFrame:
 
 
 def slopes(ship: Ship) -> pd.DataFrame:
-    """Return KQ, KT and their slopes that the print implies at A to D, beside B5-90's."""
+    """Return KQ, KT and their slopes implied by the printed numbers at A to D, beside those of B5-90."""
     rows = []
     for point in POINTS:
-        found, pitch = implied(ship, point), _pitch(point)
+        found, pitch = implied_plant(ship, point), _pitch(point)
         for name, value, slope in (
             ("KQ", found.torque, found.torque_slope),
             ("KT", found.thrust, found.thrust_slope),
@@ -209,10 +202,10 @@ def common_row() -> tuple[dict[str, float], float]:
     for table in GAUGE:
         for point in POINTS:
             line = dict.fromkeys(signals, 0.0)
-            line["omega"], line["v_s"] = (printed(one, point).gain for one in beside[table])
+            line["omega"], line["v_s"] = (printed_line(one, point).gain for one in beside[table])
             if table in direct:
                 line[direct[table]] = 1.0
-            lines.append([line[name] / printed(table, point).gain for name in signals])
+            lines.append([line[name] / printed_line(table, point).gain for name in signals])
     row = np.linalg.lstsq(np.array(lines), np.ones(len(lines)), rcond=None)[0]
     worst = float(np.max(np.abs(np.array(lines) @ row - 1.0)))
     return dict(zip(signals, row.tolist(), strict=True)), worst
@@ -222,12 +215,15 @@ def repeated_row(ship: Ship) -> pd.DataFrame:
     """Return gains and zeros to M_m at B, C and D: by the point's own row, by A's row, and printed."""
     rows = []
     for point in POINTS[1:]:
-        systems = {"own": implied(ship, point).system, "A": implied(ship, point, "A").system}
+        systems = {
+            "own": implied_plant(ship, point).system,
+            "A": implied_plant(ship, point, "A").system,
+        }
         for table, source in GAUGE.items():
-            told = printed(table, point)
+            told = printed_line(table, point)
             line: dict[str, object] = {"table": table, "input": source, "point": point}
             for who, system in systems.items():
-                _, zeros, gain = reduced(system["shaft_torque", source])
+                _, zeros, gain = poles_zeros_gain(system["shaft_torque", source])
                 line[f"gain, row of {who}"] = gain
                 line[f"zeros, row of {who}"] = ", ".join(f"{zero:.4f}" for zero in zeros)
             line["gain printed"] = told.gain

@@ -1,23 +1,40 @@
-"""Table 5-1: what wrong knowledge of the ship does to each observer (4 rad/s inflow)."""
+"""Compute Table 5-1: the change of VAF of each observer with wrong parameters of the ship."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from shaftline.observers import follow_record, get_observer, readings_of, variance_accounted_for
+from shaftline.observers import (
+    follow_record,
+    get_observer,
+    simulated_measurements,
+    variance_accounted_for,
+)
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.load_cases import CASES
 
 from ..cells import Cell, Kind, half_digit
-from ..side_by_side import Judged, compare, published_text
-from .vaf import ROWS
+from ..pages import fill_template
+from ..side_by_side import (
+    Judged,
+    Page,
+    Study,
+    Tick,
+    compare,
+    numbers_by_row,
+    published_text,
+    side_by_side,
+)
+from . import figures
+from .vaf import ROWS, wrong_curve_changes
 
 
 def _beliefs(ship: Ship) -> dict[str, tuple[Ship, float]]:
-    """The ship as believed, and a factor on its torque curve, for each column of the table."""
+    """Return the assumed ship, and a factor on its open-water curves, for each column of the table."""
     line = ship.transmission
 
     def inertia(factor: float) -> Ship:
@@ -44,17 +61,14 @@ def _beliefs(ship: Ship) -> dict[str, tuple[Ship, float]]:
 
 
 _ROUNDED = 0.008
-"""By how much a standard deviation of changes to two digits may miss the one that is printed to two."""
+"""Tolerance of the printed standard deviation: changes and deviation are printed to two digits."""
 
 
-def sign_slips(printed: pd.DataFrame) -> list[tuple[str, str]]:
-    """Cells whose sign is a misprint, as (row, column): found by the row's own standard deviation.
+def find_sign_misprints(printed: pd.DataFrame) -> list[tuple[str, str]]:
+    """Return the cells with a misprinted sign, as (row, column), by the row's own standard deviation.
 
-    A row belongs here if its printed standard deviation does not follow from its changes, and does once
-    the sign of one of them is turned; there is then only one such change.
-
-    Args:
-        printed: the thesis's table.
+    The printed standard deviation of the row does not follow from its changes, but follows with the
+    other sign of exactly one of them.
     """
     found = []
     for row, cells in printed.iterrows():
@@ -71,7 +85,7 @@ def sign_slips(printed: pd.DataFrame) -> list[tuple[str, str]]:
     return found
 
 
-def _believing(observer: str, believed: Ship, curve: float, readings: Any, dt: float) -> Any:
+def _estimate(observer: str, believed: Ship, curve: float, readings: Any, dt: float) -> Any:
     record = get_observer(observer).discretise(believed, dt)
     record["ship"]["kq"] *= curve
     record["ship"]["kt"] *= curve
@@ -79,30 +93,26 @@ def _believing(observer: str, believed: Ship, curve: float, readings: Any, dt: f
 
 
 def wrong_estimates(ship: Ship) -> tuple[Any, dict[tuple[str, str], Any]]:
-    """Samples of the 4 rad/s case, and the estimate [m/s] of every row with every belief, shape (n,).
-
-    Args:
-        ship: the thesis's frigate.
-    """
+    """Return the samples of the 4 rad/s case, and the estimates [m/s], shape (n,)."""
     samples = CASES["inflow_sine_high"].run(ship)
-    readings, beliefs = readings_of(samples), _beliefs(ship)
+    readings, beliefs = simulated_measurements(samples), _beliefs(ship)
     return samples, {
-        (row, name): _believing(observer, believed, curve, readings, ship.time_step_s)
+        (row, name): _estimate(observer, believed, curve, readings, ship.time_step_s)
         for row, observer in ROWS.items()
         for name, (believed, curve) in beliefs.items()
     }
 
 
 def sensitivity_table(tick: Callable[[], None] = lambda: None) -> pd.DataFrame:
-    """VAF [%] with right knowledge, and its change in points with each wrong one."""
+    """Return the VAF [%] with the right ship, and its change in points with each wrong one."""
     frigate = load_ship("frigate")
     samples = CASES["inflow_sine_high"].run(frigate)
-    readings, truth = readings_of(samples), samples["advance_velocity"]
+    readings, truth = simulated_measurements(samples), samples["advance_velocity"]
     columns = {}
     for name, (believed, curve) in _beliefs(frigate).items():
         columns[name] = [
             variance_accounted_for(
-                truth, _believing(row, believed, curve, readings, frigate.time_step_s)
+                truth, _estimate(row, believed, curve, readings, frigate.time_step_s)
             )
             for row in ROWS.values()
         ]
@@ -120,11 +130,7 @@ _CHANGES = "the change is a difference of two scores that are rounded to two dig
 
 
 def cells(ours: pd.DataFrame) -> list[Cell]:
-    """Return the cells of Table 5-1 for our changes, from :func:`sensitivity_table`.
-
-    Args:
-        ours: scores with right knowledge, and their changes.
-    """
+    """Return the cells of Table 5-1 for our changes, from :func:`sensitivity_table`."""
 
     def judge(row: str, column: str, text: str) -> Judged:
         half = half_digit(text, 2)
@@ -135,3 +141,21 @@ def cells(ours: pd.DataFrame) -> list[Cell]:
         return Kind.FREE, 2.0 * half, _CHANGES
 
     return compare("5-1", ours, published_text("advance_velocity_thesis_sensitivity"), judge)
+
+
+def page(tick: Tick) -> Page:
+    """Return the page of Table 5-1 and Figures A-23 to A-33."""
+    ours = sensitivity_table(tick)
+    compared = cells(ours)
+    shown = side_by_side(ours, compared)
+    curves = wrong_curve_changes()
+    body = fill_template(Path(__file__).with_suffix(".md"), shown=shown, curves=curves)
+    frigate = load_ship("frigate")
+    samples, estimates = wrong_estimates(frigate)
+    drawn = {"beliefs": figures.belief_figure(samples, estimates, list(ROWS))}
+    return Page(compared, body, drawn, numbers_by_row(ours), ours.reset_index(), shown, 60)
+
+
+STUDY = Study(
+    "Change of VAF with wrong parameters of the ship, points (thesis, Table 5-1)", page, 7
+)

@@ -1,6 +1,8 @@
-"""Table 2-1: the working points A to D, and the steady state of the load cases."""
+"""Compute Table 2-1: the working points A to D, and the steady state of the load cases."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -8,7 +10,19 @@ import pandas as pd
 from shaftline.plant import Ship, equilibrium, load_ship
 
 from ..cells import Cell, Kind, half_digit, number
-from ..side_by_side import Judged, compare, published, published_text
+from ..pages import fill_template
+from ..side_by_side import (
+    Judged,
+    Page,
+    Study,
+    Tick,
+    compare,
+    numbers_by_row,
+    published,
+    published_text,
+    side_by_side,
+)
+from . import figures
 from .poles import models, sorted_numbers
 
 TABLE = "advance_velocity_thesis_working_points"
@@ -34,7 +48,7 @@ def working_points() -> pd.DataFrame:
     return pd.DataFrame.from_dict(rows, orient="index", columns=[*INPUTS, *COLUMNS])
 
 
-def _spread() -> pd.DataFrame:
+def _change_by_rack_rounding() -> pd.DataFrame:
     """Return by how much half a digit of the printed rack changes our steady states."""
     frigate, texts = load_ship("frigate"), published_text(TABLE)
     rows = {}
@@ -53,7 +67,7 @@ def cells(ours: pd.DataFrame) -> list[Cell]:
     The steady states are calibrated: the thesis does not print the number of blades, and five was
     chosen by this table.
     """
-    spread = _spread()
+    spread = _change_by_rack_rounding()
 
     def judge(row: str, column: str, text: str) -> Judged:
         if column in INPUTS:
@@ -67,26 +81,17 @@ def cells(ours: pd.DataFrame) -> list[Cell]:
     return compare("2-1", ours, published_text(TABLE), judge)
 
 
-def said_cells(said_table: pd.DataFrame) -> list[Cell]:
-    """Return the cells of the changes of shaft speed that sections 4-1-1 and 4-1-2 print.
-
-    Args:
-        said_table: from :func:`said`.
-    """
+def text_cells(table: pd.DataFrame) -> list[Cell]:
+    """Return the cells of the changes of shaft speed that sections 4-1-1 and 4-1-2 print."""
     return [
         number(f"section 4-1-{i}", line.what, "", line.ours, float(line.printed),
                half_digit(line.printed), "half a unit of the last printed digit")
-        for i, line in enumerate(said_table.head(2).itertuples(), 1)
+        for i, line in enumerate(table.head(2).itertuples(), 1)
     ]  # fmt: skip
 
 
-SAID = """\
-Of the gain from the inflow to the shaft speed section 2-7-3 says about 0 dB at 0.1 rad/s and about
--20 dB at 4. The numbers under *printed* follow from the poles, zero and gain of its Table 2-12."""
-
-
-def _of_table(point: str, frequency: float) -> float:
-    """Gain [dB] from the inflow to the shaft speed by the thesis's Table 2-12."""
+def _gain_of_table_2_12(point: str, frequency: float) -> float:
+    """Return the gain [dB] from the inflow to the shaft speed by Table 2-12."""
     table = published("advance_velocity_thesis_poles_zeros_gains").reset_index()
     own = table[(table["table"] == "2-12") & (table["working_point_or_source"] == point)].iloc[0]
     s = 1j * frequency
@@ -95,12 +100,8 @@ def _of_table(point: str, frequency: float) -> float:
     return 20.0 * float(np.log10(abs(float(own["dc_gain"]) * np.prod(above) / np.prod(below))))
 
 
-def said(ship: Ship) -> pd.DataFrame:
-    """Numbers of the thesis's text, ours beside them.
-
-    Args:
-        ship: the frigate.
-    """
+def numbers_of_text(ship: Ship) -> pd.DataFrame:
+    """Return numbers of the thesis's text with ours."""
     rows = []
     for what, before, after, printed in (
         ("rack 20 to 27.5 mm at P/D 1.4: shaft speed [%]", (20.0, 1.4), (27.5, 1.4), "24.62"),
@@ -113,6 +114,25 @@ def said(ship: Ship) -> pd.DataFrame:
         for point in "AD":
             answer = abs(complex(linear[point]["shaft_speed", "inflow"](1j * frequency)))
             what = f"inflow to shaft speed at {frequency:g} rad/s, {point} [dB]"
-            printed = f"{_of_table(point, frequency):.1f}"
+            printed = f"{_gain_of_table_2_12(point, frequency):.1f}"
             rows.append((what, 20.0 * float(np.log10(answer)), printed))
     return pd.DataFrame(rows, columns=["what", "ours", "printed"])
+
+
+def page(tick: Tick) -> Page:
+    """Return the page of Table 2-1, Figures 2-4 and 4-1, and the numbers of sections 2-7-3 and 4-1."""
+    ours, frigate = working_points(), load_ship("frigate")
+    text = numbers_of_text(frigate)
+    compared = cells(ours)
+    shown = side_by_side(ours, compared, 3)
+    drawn = {
+        "fuel-rack-map": figures.fuel_rack_map(frigate),
+        "load-cases": figures.load_case_overview(frigate),
+    }
+    tick()
+    body = fill_template(Path(__file__).with_suffix(".md"), shown=shown, text=text)
+    numbers = numbers_by_row(ours)
+    return Page([*compared, *text_cells(text)], body, drawn, numbers, ours.reset_index(), shown, 75)
+
+
+STUDY = Study("Working points of the frigate (thesis, Table 2-1)", page, 1)

@@ -1,15 +1,14 @@
-"""Tito Neri's table under the catalogue: which effect brings the model nearest five steady states.
+"""Fit each effect of the catalogue to the five published steady states of the Tito Neri drive train.
 
-Only a table was published, so this is no diagnosis: there is no time, no noise and no transient, and
-ten numbers. Each effect of the catalogue that acts on a motor in steady running ahead is fitted to the
-points, and judged on each point that it was not fitted to.
+Only a table of ten numbers was published, without time, noise and transients, so this is no diagnosis.
+Each effect of the catalogue that acts on a motor in steady running ahead is fitted to the points, and
+tested on each point that it was not fitted to.
 
 Run ``python -m reproductions tito_neri.effects --out docs/results``.
 """
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +18,10 @@ import scipy
 from numpy.typing import NDArray
 
 from shaftline.cli.tour_command import MODELS
-from shaftline.display.tables import markdown, write_table
+from shaftline.display.tables import write_table
 from shaftline.plant import Ship, equilibrium, load_ship
 
+from ..pages import fill_template, make_parser
 from ..side_by_side import published
 
 EFFECTS = {
@@ -31,26 +31,11 @@ EFFECTS = {
     "quadratic-drag": ("transmission.quadratic_drag_N_m_s2_rad2", 0.0, 1e-5),
     "supply-limit": ("prime_mover.supply_limit_V", 3.0, 9.0),
 }
-"""Key of the ship's file, and the range that is searched."""
-
-REASONS = """\
-The table holds five steady states and no time series. `shaftline diagnose` needs one: it works on what
-moves, and its noise is estimated from the record. What the table allows is below; a recording of the
-voltage, speed and current of the staircase at 50 Hz or more, rests included, is what is missing.
-
-Errors are rms over motor speed and current at the five points, in percent of the measured value.
-*Unseen*: each point predicted by the effect as fitted to the other four. Coulomb friction stands in
-both files already; there its value replaces the file's.
-"""
-
-READING = """\
-Both sets describe one drive train. An effect that one set asks for and the other does not is as likely a
-wrong number as missing physics.
-"""
+"""Key of the ship file, and the range of the search."""
 
 
 def errors(ship: Ship) -> NDArray[np.float64]:
-    """Simulated minus measured speed and current [%], shape (points, 2)."""
+    """Return simulated minus measured speed and current [%], shape (points, 2)."""
     found = []
     for point in published("tito_neri_operating_points").itertuples():
         steady = equilibrium(ship, float(point.motor_voltage_V), ship.propeller.pitch_ratio_max)
@@ -64,12 +49,12 @@ def errors(ship: Ship) -> NDArray[np.float64]:
 
 
 def rms(values: Any) -> float:
-    """Root of the mean square."""
+    """Return the root mean square."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def fitted(ship: Ship, effect: str, points: Any) -> float:
-    """The value of an effect that brings some points nearest."""
+def fit_effect(ship: Ship, effect: str, points: Any) -> float:
+    """Return the value of an effect with the smallest error at some points."""
     key, low, high = EFFECTS[effect]
 
     def loss(value: float) -> float:
@@ -83,15 +68,15 @@ def fitted(ship: Ship, effect: str, points: Any) -> float:
 
 
 def table() -> pd.DataFrame:
-    """Every effect on either set of parameters: its value, and the errors before, after and unseen."""
+    """Return the value of every effect on either set, and errors before, after and unseen."""
     rows = []
     for name in MODELS:
         ship = load_ship(name)
         every = np.arange(len(errors(ship)))
         for effect, (key, _, _) in EFFECTS.items():
-            value = fitted(ship, effect, every)
+            value = fit_effect(ship, effect, every)
             unseen = [
-                errors(ship.with_values({key: fitted(ship, effect, every != left)}))[left]
+                errors(ship.with_values({key: fit_effect(ship, effect, every != left)}))[left]
                 for left in every
             ]
             rows.append(
@@ -109,7 +94,7 @@ def table() -> pd.DataFrame:
 
 
 def findings(found: pd.DataFrame) -> str:
-    """What the table comes to, a sentence for each model."""
+    """Return the result of the table, one list item for each model."""
     lines = []
     for name, group in found.groupby("model", sort=False):
         best = group.loc[group["unseen_percent"].idxmin()]
@@ -131,15 +116,14 @@ def findings(found: pd.DataFrame) -> str:
 
 
 def main() -> None:
-    """Fit, and write ``tito-neri.md`` and its table."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--out", type=Path, default=Path("out/tito-neri"), help="folder")
-    folder = parser.parse_args().out
+    """Fit the effects, and write ``tito-neri.md`` and its table."""
+    folder = make_parser("tito_neri.effects", __doc__, "out/tito-neri").parse_args().out
     found = table()
     shown = found.assign(value=[f"{v:.3g}" for v in found["value"]])
-    body = f"{REASONS}\n{markdown(shown)}\n\n{findings(found)}\n\n{READING}"
+    body = fill_template(Path(__file__).with_suffix(".md"), shown=shown, findings=findings(found))
     command = "python -m reproductions tito_neri.effects --out docs/results"
-    write_table(folder, "tito-neri", "Tito Neri: what its table can say", command, found, body)
+    title = "Tito Neri: effects that explain five steady states"
+    write_table(folder, "tito-neri", title, command, found, body)
     print(findings(found))
 
 

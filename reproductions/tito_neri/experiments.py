@@ -1,8 +1,8 @@
-"""The experiments of Vrijdag & Martelli 2021 (Table 3): voltages, and recordings of a simulated rig.
+"""Make the experiments of Vrijdag & Martelli 2021 (Table 3): voltages, and simulated recordings.
 
 The paper prints the voltages of the staircase and the frequencies of the sines. Assumed, for it does
 not print them: 5 s per level, amplitudes of 5 % of the voltage at point C, noise of 5 % rms that is
-flat to 1000 rad/s, sampling at 10 kHz (noise and mix 5 kHz), and what the mix is mixed of.
+flat to 1000 rad/s, sampling at 10 kHz (noise and mix 5 kHz), and the parts of the mix.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from shaftline.plant import Ship, simulate_recording
 from ..side_by_side import published
 
 POINT_C_V = 5.89
-"""Voltage about which sines and noise swing."""
+"""Mean voltage of sines and noise."""
 
 HOLD_S, AMPLITUDE, NOISE_TOP_RAD_S = 5.0, 0.05, 1000.0
 FAST_S, USUAL_S = 1e-4, 2e-4
@@ -35,11 +35,11 @@ class Experiment(NamedTuple):
 
 
 def staircase(levels_V: tuple[float, ...] | None = None, hold_s: float = HOLD_S) -> Experiment:
-    """The five voltages of Table 4 one after the other, from the lowest up.
+    """Return the five voltages of Table 4 one after the other, from the lowest up.
 
     Args:
-        levels_V: others.
-        hold_s: time on each [s].
+        levels_V: other voltages [V].
+        hold_s: time at each voltage [s].
     """
     table = published("tito_neri_operating_points")["motor_voltage_V"]
     levels = tuple(map(float, table)) if levels_V is None else levels_V
@@ -47,12 +47,12 @@ def staircase(levels_V: tuple[float, ...] | None = None, hold_s: float = HOLD_S)
 
 
 def frequencies() -> tuple[float, ...]:
-    """The nine of Table 2 [rad/s]."""
+    """Return the nine frequencies of Table 2 [rad/s]."""
     return tuple(float(value) for value in published("tito_neri_frequency_response").index)
 
 
 def sine(frequency: float, amplitude: float = AMPLITUDE) -> Experiment:
-    """A sine about point C, long enough for a second's start and three periods, or two slow ones.
+    """Return a sine about point C of one second and three periods, or two periods of slow sines.
 
     Args:
         frequency: [rad/s].
@@ -65,16 +65,12 @@ def sine(frequency: float, amplitude: float = AMPLITUDE) -> Experiment:
 
 
 def sines(amplitude: float = AMPLITUDE) -> list[Experiment]:
-    """The nine sines.
-
-    Args:
-        amplitude: share of the voltage.
-    """
+    """Return the nine sines."""
     return [sine(frequency, amplitude) for frequency in frequencies()]
 
 
 def noise(seconds: float = 120.0, seed: int = 0, rms: float = AMPLITUDE) -> Experiment:
-    """Band-limited white noise about point C.
+    """Return band-limited white noise about point C.
 
     Args:
         seconds: length [s].
@@ -90,11 +86,7 @@ def noise(seconds: float = 120.0, seed: int = 0, rms: float = AMPLITUDE) -> Expe
 
 
 def mix(seed: int = 1) -> Experiment:
-    """Steps, a strong sine, noise and a ramp, 20 s in all: for validation.
-
-    Args:
-        seed: of the noise.
-    """
+    """Return steps, a strong sine, noise and a ramp, 20 s in all, for validation."""
     steps = np.repeat([4.91, 6.88, 3.91, 5.89, 7.87], round(2.0 / USUAL_S))
     swing = np.arange(round(3.0 / USUAL_S)) * USUAL_S
     sine_part = POINT_C_V * (1.0 + 0.2 * np.sin(4.0 * math.pi * swing))
@@ -103,13 +95,8 @@ def mix(seed: int = 1) -> Experiment:
     return Experiment("mix", USUAL_S, np.concatenate(parts))
 
 
-def recorded(ship: Ship, test: Experiment) -> pd.DataFrame:
-    """A test on a simulated drive train, in canonical columns and without any instrument's fault.
-
-    Args:
-        ship: of a Tito Neri kind.
-        test: voltage over time.
-    """
+def simulate_test(ship: Ship, test: Experiment) -> pd.DataFrame:
+    """Simulate a test on a drive train with perfect instruments, in canonical columns."""
     time = np.arange(len(test.voltage)) * test.interval_s
     table = pd.DataFrame({"time_s": time, "motor_voltage_V": test.voltage, "motor_current_A": 0.0})
     found = simulate_recording(ship, table)

@@ -1,18 +1,23 @@
-"""The identification of Vrijdag & Martelli 2021: Tables 2, 4 and 5, and its methods on known truth.
+"""Repeat the identification of Vrijdag & Martelli 2021: Tables 2, 4 and 5, and its methods on known
+truth.
 
-What was measured and printed are five steady states (Table 4) and a response at nine frequencies
-(Table 2). The first give four numbers of Table 5's column I again; the five numbers that the authors
-read off the second give all of column IV. Each method is then tried on recordings without noise of a
-drive train that is known.
+Measured and printed are five steady states (Table 4) and a response at nine frequencies (Table 2). The
+first give four parameters of Table 5's column I; the five numbers that the authors read off the second
+give all of column IV. Each method is then tried on recordings without noise of a known drive train. The
+last part of the module compares the printed numbers as cells, with the uncertainty that their digits
+leave.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import itertools
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from shaftline.mismatch.identification.drive_train import (
     CONSTANT,
@@ -26,22 +31,23 @@ from shaftline.mismatch.identification.drive_train import (
     from_poles,
     keys_of,
 )
-from shaftline.mismatch.identification.free_parameters import freed, number_of
+from shaftline.mismatch.identification.free_parameters import number_of, parse_free
 from shaftline.mismatch.identification.frequency import (
     SPEED,
     FrequencyResponse,
     closed_form,
     fit,
-    modelled,
+    modelled_response,
 )
-from shaftline.mismatch.identification.results import Found
+from shaftline.mismatch.identification.results import MethodResult
 from shaftline.mismatch.identification.sine import sine
 from shaftline.mismatch.identification.steady import CURRENT, steady
 from shaftline.mismatch.identification.step import step
 from shaftline.mismatch.identification.welch import welch
 from shaftline.plant import Ship, load_ship
 
-from ..side_by_side import published
+from ..cells import Cell, Kind, Reason, half_digit, number
+from ..side_by_side import published, published_text
 from . import experiments
 
 SETS = {"I": "tito-neri-staircase", "IV": "tito-neri-sine"}
@@ -53,21 +59,16 @@ READ_OFF = {"fast": -2500.0, "slow": -9.0, "zero": -2.0, "speed_gain": 1.24, "cu
 
 DELAY = "sensors.speed_delay_s"
 KEPT_BELOW = 900.0
-"""The authors discard what lies above [rad/s]."""
+"""The authors discard higher frequencies [rad/s]."""
 
 SHARE, ROUNDED = 0.05, 0.003
-"""Errors assumed of Table 2 where points weigh by their size: share of a response, and its rounding."""
+"""Assumed errors of Table 2 with weights by size: share of a response, and its rounding."""
 
 Tick = Callable[[], None]
 
 
 def parameters_of(train: DriveTrain, ship: Ship) -> dict[str, float]:
-    """The six numbers by the names of Table 5, at the motor.
-
-    Args:
-        train: a drive train.
-        ship: the ship whose propeller turns its load's coefficient into KQ.
-    """
+    """Return the six parameters by the names of Table 5, at the motor."""
     return {
         "L_a": train.inductance, "K_e": train.constant, "R_a": train.resistance, "I_p": train.inertia,
         "M_f": train.friction, "KQ0_over_eta_R": keys_of(ship, train)[LOAD],
@@ -75,7 +76,7 @@ def parameters_of(train: DriveTrain, ship: Ship) -> dict[str, float]:
 
 
 def steady_points() -> pd.DataFrame:
-    """Table 4 in canonical columns."""
+    """Return Table 4 in canonical columns."""
     table = published("tito_neri_operating_points")
     ratio = load_ship(SETS["I"]).transmission.gear_ratio
     return pd.DataFrame(
@@ -90,12 +91,7 @@ def steady_points() -> pd.DataFrame:
 def column_one(
     points: pd.DataFrame | None = None, density_kg_m3: float | None = None
 ) -> dict[str, float]:
-    """Four of Table 5's column I by least squares on Table 4 (eqs. 22 to 28): values by name.
-
-    Args:
-        points: other steady states.
-        density_kg_m3: another density of the water.
-    """
+    """Return four parameters of Table 5's column I by least squares on Table 4 (eqs. 22 to 28)."""
     ship = load_ship(SETS["I"])
     if density_kg_m3 is not None:
         ship = ship.with_values({"water.density_kg_m3": density_kg_m3})
@@ -106,12 +102,7 @@ def column_one(
 
 
 def rounding_of_column_one(draws: int = 300, seed: int = 0) -> pd.DataFrame:
-    """What the rounding of Table 4 leaves open: each entry drawn within half of its last digit.
-
-    Args:
-        draws: how many.
-        seed: of the draws.
-    """
+    """Return the spread of column I with each entry of Table 4 drawn within half of its last digit."""
     rng, points = np.random.default_rng(seed), steady_points()
     ratio = load_ship(SETS["I"]).transmission.gear_ratio
     half = np.array([0.005, 0.5 / ratio, 0.005])
@@ -120,18 +111,13 @@ def rounding_of_column_one(draws: int = 300, seed: int = 0) -> pd.DataFrame:
 
 
 def column_four(ship: Ship | None = None, read: Mapping[str, float] = READ_OFF) -> dict[str, float]:
-    """Table 5's column IV in closed form from the printed poles, zero and steady gains.
-
-    Args:
-        ship: whose water and propeller turn a torque into KQ; that of column IV by default.
-        read: other values than the printed ones.
-    """
+    """Return Table 5's column IV in closed form from the printed poles, zero and steady gains."""
     own = load_ship(SETS["IV"]) if ship is None else ship
     return parameters_of(from_poles(**read, point=POINT_C), own)
 
 
 def table_five() -> pd.DataFrame:
-    """Ours beside the printed numbers, a row for each set and parameter."""
+    """Return our parameters beside the printed ones, a row for each set and parameter."""
     printed = published("tito_neri_identified_parameters")
     columns = {"I": "staircase_method_1", "IV": "sine_correlation_method_4"}
     ours = {"I": column_one(), "IV": column_four()}
@@ -150,11 +136,10 @@ def table_five() -> pd.DataFrame:
 
 
 def table_two(weighed_by_size: bool = True, kept: bool = True) -> FrequencyResponse:
-    """Table 2 as a frequency response about point C.
+    """Return Table 2 as a frequency response about point C.
 
-    Args:
-        weighed_by_size: errors in proportion to the response; else none known, and all weigh alike.
-        kept: without the two frequencies that the authors discard.
+    Errors are in proportion to the response where ``weighed_by_size``, else equal. ``kept`` leaves out
+    the two frequencies that the authors discard.
     """
     table = published("tito_neri_frequency_response")
     table = table[table.index < KEPT_BELOW] if kept else table
@@ -172,9 +157,9 @@ def table_two(weighed_by_size: bool = True, kept: bool = True) -> FrequencyRespo
 
 
 def fits_of_table_two() -> tuple[pd.DataFrame, Ship]:
-    """Numbers fitted to Table 2 in several ways, a row each; and the ship that does best.
+    """Return parameters fitted to Table 2 in several ways, a row each, and the best ship.
 
-    The last row is the best: points weighed by their size, and the speed allowed to be late.
+    The last row is the best: points weighted by their size, and the delay of the speed free.
     """
     ship = load_ship(SETS["IV"])
     ways: list[tuple[str, bool, bool, tuple[str, ...]]] = [
@@ -187,7 +172,7 @@ def fits_of_table_two() -> tuple[pd.DataFrame, Ship]:
     ]
     rows, best = [], ship
     for name, sized, kept, free in ways:
-        chosen = freed(ship, free, SIX)
+        chosen = parse_free(ship, free, SIX)
         found = fit(chosen, table_two(sized, kept), "sine")
         best = chosen.on(found.values)
         errors = dict(zip(free, np.sqrt(np.diag(found.covariance)), strict=True))
@@ -202,21 +187,21 @@ def fits_of_table_two() -> tuple[pd.DataFrame, Ship]:
 
 
 def five_numbers() -> dict[str, float]:
-    """Poles, zero and steady gains that meet Table 2 best, all alike."""
+    """Return poles, zero and steady gains fitted to Table 2 with equal weights."""
     found = closed_form(load_ship(SETS["IV"]), table_two(weighed_by_size=False))
     assert found is not None
     return found[1]
 
 
 def dead_time() -> pd.DataFrame:
-    """Measured less modelled phase of the speed, and the delay that it amounts to, by frequency.
+    """Return measured less modelled phase of the speed, and the equivalent delay, by frequency.
 
     Of the first set alone and of column IV; the encoder's pulses at point C are 1.95 ms apart.
     """
     measured = table_two(kept=True)
     rows: dict[str, Any] = {"frequency_rad_s": measured.frequency}
     for name, file in SETS.items():
-        answer = modelled(load_ship(file), measured)[SPEED]
+        answer = modelled_response(load_ship(file), measured)[SPEED]
         late = np.angle(measured.response[SPEED] / answer)
         rows[f"{name}_deg"] = np.degrees(late)
         rows[f"{name}_ms"] = -1e3 * late / measured.frequency
@@ -225,30 +210,26 @@ def dead_time() -> pd.DataFrame:
 
 
 def fitted_dead_time() -> dict[str, tuple[float, float]]:
-    """Delay and its standard error [ms] that each printed set asks for, all else as it is."""
+    """Return delay and standard error [ms] fitted to each printed set, all else fixed."""
     found = {}
     for name, file in SETS.items():
-        part = fit(freed(load_ship(file), (DELAY,), ()), table_two(), "sine")
+        part = fit(parse_free(load_ship(file), (DELAY,), ()), table_two(), "sine")
         found[name] = (1e3 * float(part.values[0]), 1e3 * float(np.sqrt(part.covariance[0, 0])))
     return found
 
 
 FOUR = (FRICTION, CONSTANT, RESISTANCE, LOAD)
-METHODS: dict[str, tuple[Callable[..., Found], str, tuple[str, ...], float]] = {
+METHODS: dict[str, tuple[Callable[..., MethodResult], str, tuple[str, ...], float]] = {
     "steady": (steady, "staircase", FOUR, 0.5),
     "step": (step, "staircase", SIX, 1.5),
     "sine": (sine, "sines", SIX, 2.0),
     "welch": (welch, "noise", SIX, 5.0),
 }
-"""Each method, the test that it works on, what it finds, and the error that it is allowed [%]."""
+"""Each method with its test, its free parameters, and its error limit [%]."""
 
 
 def on_known_truth(tick: Tick = lambda: None) -> pd.DataFrame:
-    """Error of each method on recordings without noise, either set found from the other.
-
-    Args:
-        tick: called after each method and set.
-    """
+    """Return the errors of each method on recordings without noise, starting from the other set."""
     rows = []
     for name, file in SETS.items():
         truth = load_ship(file)
@@ -258,7 +239,7 @@ def on_known_truth(tick: Tick = lambda: None) -> pd.DataFrame:
         for method, (find, test, free, allowed) in METHODS.items():
             if test not in runs:
                 tests = experiments.MATRIX[test]()
-                runs[test] = [experiments.recorded(truth, one) for one in tests]
+                runs[test] = [experiments.simulate_test(truth, one) for one in tests]
             found = find(start, runs[test], free)
             errors = {
                 key: 100.0 * (value / number_of(truth, key).value - 1.0)
@@ -276,3 +257,152 @@ def on_known_truth(tick: Tick = lambda: None) -> pd.DataFrame:
 
 
 TICKS = len(SETS) * len(METHODS)
+
+
+Floats = NDArray[np.float64]
+
+
+def _points() -> tuple[Floats, Floats, Floats]:
+    """Return voltage [V], motor speed [rad/s] and current [A] of Table 4, shape (5,) each."""
+    table = published("tito_neri_operating_points")
+    names = ("motor_voltage_V", "motor_speed_rad_s", "motor_current_A")
+    voltage, speed, current = (table[name].to_numpy(dtype=np.float64) for name in names)
+    return voltage, speed, current
+
+
+def _solved(columns: Floats, target: Floats) -> Floats:
+    return np.asarray(np.linalg.lstsq(columns, target, rcond=None)[0])
+
+
+def _pairs() -> Iterator[tuple[str, float, float]]:
+    """Yield a name, K_e [V s/rad] and R_a [ohm] of each way to solve U = K_e w + R_a i."""
+    voltage, speed, current = _points()
+    both, letters = np.column_stack([speed, current]), np.array(list("ABCDE"))
+    for count in range(2, 6):
+        for kept in map(list, itertools.combinations(range(5), count)):
+            constant, ohm = _solved(both[kept], voltage[kept])
+            yield f"points {''.join(letters[kept])}", constant, ohm
+    for name, weight in (
+        ("1/U", 1 / voltage),
+        ("1/i", 1 / current),
+        ("1/w", 1 / speed),
+        ("U", voltage),
+    ):
+        constant, ohm = _solved(both * weight[:, None], voltage * weight)
+        yield f"weights {name}", constant, ohm
+    a, b = _solved(np.column_stack([voltage, current]), speed)
+    yield "speed as the dependent variable", 1.0 / a, -b / a
+    a, b = _solved(np.column_stack([voltage, speed]), current)
+    yield "current as the dependent variable", -b / a, 1.0 / a
+    last = np.linalg.svd(np.column_stack([speed, current, voltage]))[2][-1]
+    yield "total least squares", -last[0] / last[2], -last[1] / last[2]
+    constant, ohm, _ = _solved(np.column_stack([speed, current, np.ones(5)]), voltage)
+    yield "with a constant drop of the brushes", constant, ohm
+
+
+def least_squares_variants() -> pd.DataFrame:
+    """Return every pair, the nearest to the printed one first.
+
+    Returns:
+        Columns way, K_e, R_a and off [%], the larger of the two differences from the printed pair.
+    """
+    printed = published("tito_neri_identified_parameters")["staircase_method_1"]
+    rows = [
+        (way, constant, ohm,
+         100.0 * max(abs(constant / printed["K_e"] - 1.0), abs(ohm / printed["R_a"] - 1.0)))
+        for way, constant, ohm in _pairs()
+    ]  # fmt: skip
+    table = pd.DataFrame(rows, columns=["way", "K_e", "R_a", "off [%]"])
+    return table.sort_values("off [%]", ignore_index=True)
+
+
+COLUMNS = {"I": "staircase_method_1", "IV": "sine_correlation_method_4"}
+_DIGIT = "half a unit of the last printed digit"
+_GAIN_HALF_DIGIT = 0.005
+
+
+def given_cells() -> list[Cell]:
+    """Return the cells of what the methods were given: Tables 2 and 4 and the values of section 5.2."""
+    cells = []
+    for name, table in (("2", "frequency_response"), ("4", "operating_points")):
+        frame = published_text(f"tito_neri_{table}")
+        for row, column in itertools.product(frame.index, frame.columns):
+            text = str(frame.loc[row, column])
+            value = float(text)
+            cells.append(number(f"Table {name}", str(row), column, value, value, half_digit(text),
+                                _DIGIT, Kind.INPUT))  # fmt: skip
+    for name, value in READ_OFF.items():
+        cells.append(number("section 5.2", name, "", value, value, 0.0, "as printed", Kind.INPUT))
+    return cells
+
+
+def left_open(rounding: pd.DataFrame) -> dict[tuple[str, str], float]:
+    """Return the change of Table 5 by the printed digits of its sources, by set and parameter."""
+    own = column_one()
+    found = {
+        ("I", name): float(max(abs(rounding.loc[end, name] - value) for end in ("min", "max")))
+        for name, value in own.items()
+    }
+    corners = [
+        column_four(
+            read=READ_OFF
+            | {
+                "speed_gain": READ_OFF["speed_gain"] + a * _GAIN_HALF_DIGIT,
+                "current_gain": READ_OFF["current_gain"] + b * _GAIN_HALF_DIGIT,
+            }
+        )
+        for a, b in itertools.product((-1.0, 1.0), repeat=2)
+    ]
+    for name, value in column_four().items():
+        found["IV", name] = max(abs(corner[name] - value) for corner in corners)
+    return found
+
+
+def table_five_cells(rounding: pd.DataFrame) -> list[Cell]:
+    """Return Table 5 with ours."""
+    printed, slack = published_text("tito_neri_identified_parameters"), left_open(rounding)
+    ours = {"I": column_one(), "IV": column_four()}
+    bases = {
+        "I": "half a unit of the last printed digit, and the rounding of Table 4 (300 draws)",
+        "IV": "half a unit of the last printed digit, and half a digit of the gains 1.24 and 0.71",
+    }
+    constant = float(printed.loc["K_e", COLUMNS["I"]])
+    cells = []
+    for name, column in COLUMNS.items():
+        for parameter in printed.index:
+            text = printed.loc[parameter, column]
+            value = ours[name].get(parameter, math.nan)
+            reason = None
+            if name == "I" and parameter in ("M_f", "KQ0_over_eta_R"):
+                moved = value * constant / ours["I"]["K_e"]
+                reason = Reason(
+                    f"eq. 22 fixes the ratio to K_e alone: ours is {value / ours['I']['K_e']:.4g}; with "
+                    f"the printed K_e of {constant:g} it gives {moved:.4g}",
+                    moved - value,
+                )
+            tolerance = half_digit(text) + slack.get((name, parameter), 0.0)
+            cells.append(
+                number("Table 5", parameter, f"set {name}", value, float(text), tolerance, bases[name],
+                       Kind.FREE, reason)
+            )  # fmt: skip
+    return cells
+
+
+def text_cells(stairs: pd.DataFrame) -> list[Cell]:
+    """Return the sentences of section 5.1 with ours."""
+    by = stairs.set_index("set")
+    away = abs(by.loc["IV", "A [rpm]"]) / abs(by.loc["IV", "C [rpm]"])
+    return [
+        Cell("Figure 10", "set I: largest error of the steady speed [%]", "",
+             float(by.loc["I", "largest [%]"]), 0.0, 3.0, "the limit that the words name",
+             words="within 3 %"),
+        Cell("Figure 10", "set IV: error of the speed at A over that at C [-]", "", float(away), 1.0,
+             np.inf, "more than at C", words="increases away from C"),
+        Cell("Figure 13", "bias of the speed on the mix [rpm]", "", math.nan, 45.0, 55.0,
+             "'around 50', a number rounded to 10", Kind.FREE, 50.0),
+    ]  # fmt: skip
+
+
+def cells_of(rounding: pd.DataFrame, stairs: pd.DataFrame) -> list[Cell]:
+    """Return every printed number that the study compares."""
+    return [*given_cells(), *table_five_cells(rounding), *text_cells(stairs)]

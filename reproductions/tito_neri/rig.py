@@ -1,13 +1,13 @@
-"""A synthetic Tito Neri: the house's plant behind the instruments that the paper describes.
+"""Simulate a Tito Neri rig: a known drive train behind the instruments that the paper describes.
 
-The recordings of Vrijdag & Martelli 2021 were never published; what disturbed them is told in section
-4. Here it is put on a drive train whose numbers are known:
+The recordings of Vrijdag & Martelli 2021 were never published; section 4
+describes their disturbances. Here these act on a drive train with known parameters:
 
 - cogging: a torque of orders 6 and 12 of the motor's turn, and a ripple of its back EMF of the same
   orders (Figures 5 and 6), as terms of the ship;
 - an encoder of 15 holes that are not quite evenly spaced (Figures 7 and 8): the speed is that of the
   last interval between two flanks, held until the next, and so comes late;
-- an amplifier that gives 1 % less than it is told, a little late (section 4.1);
+- an amplifier that gives 1 % less than its command, with a lag (section 4.1);
 - noise of the current sensor.
 
 Sizes that the paper does not print are assumed, and stand in :class:`Instruments`.
@@ -31,7 +31,7 @@ from shaftline.plant.memory import MEMORY
 from shaftline.plant.state import STATE
 from shaftline.plant.stepping import UNDISTURBED, prepare, step
 from shaftline.plant.terms import Term
-from shaftline.plant.waves import calm
+from shaftline.plant.waves import calm_sea
 
 from .experiments import Experiment
 
@@ -43,33 +43,20 @@ COGGING, RIPPLE = "cogging", "emf-ripple"
 
 @dataclass(frozen=True)
 class Instruments:
-    """What stands between the drive train and its recording.
+    """Instruments between the drive train and its recording."""
 
-    Args:
-        cogging_6_N_m: torque of order 6 at the motor, 0.15 K_e i_0.
-        cogging_12_N_m: of order 12.
-        ripple_6: of the back EMF, as a share of it. The shaft's inertia keeps a torque of this order
-            out of the current (3.5 mN m move it by 1 mA), so what makes it swing by 10 to 15 % has to
-            be a voltage.
-        ripple_12: of order 12.
-        holes: of the encoder's disk.
-        uneven_deg: standard deviation of a hole's place.
-        disk: seed of the places, which are the rig's own.
-        gain: voltage of the amplifier by the voltage set.
-        lag_s: of the amplifier; 2 degrees at 500 rad/s.
-        current_noise_A: rms, white.
-    """
-
-    cogging_6_N_m: float = 3.5e-3
+    cogging_6_N_m: float = 3.5e-3  # torque of order 6 at the motor, 0.15 K_e i_0
     cogging_12_N_m: float = 1.75e-3
+    # Ripple of the back EMF, as a share of it. The shaft's inertia keeps a torque of this order out of
+    # the current (3.5 mN m change it by 1 mA), so the printed 10 to 15 % require a voltage.
     ripple_6: float = 0.045
     ripple_12: float = 0.03
-    holes: int = 15
-    uneven_deg: float = 0.3
-    disk: int = 7
-    gain: float = 0.99
-    lag_s: float = 7e-5
-    current_noise_A: float = 0.03
+    holes: int = 15  # of the encoder's disk
+    uneven_deg: float = 0.3  # standard deviation of a hole's position
+    disk: int = 7  # seed of the positions, which belong to the rig
+    gain: float = 0.99  # voltage of the amplifier over its command
+    lag_s: float = 7e-5  # of the amplifier; 2 degrees at 500 rad/s
+    current_noise_A: float = 0.03  # rms, white
 
     @property
     def flanks_rad(self) -> NDArray[np.float64]:
@@ -80,18 +67,14 @@ class Instruments:
         return np.asarray(even + np.radians(off))
 
 
-def cogged(ship: Ship, instruments: Instruments) -> Ship:
-    """The ship with its motor's cogging and ripple as terms.
+def with_cogging(ship: Ship, instruments: Instruments) -> Ship:
+    """Return the ship with its motor's cogging and ripple as terms.
 
     ``turned`` and ``since`` are the motor's angle [rad] at a time [s]; the simulation keeps them.
-
-    Args:
-        ship: the drive train.
-        instruments: with their sizes.
     """
     ratio, own = ship.transmission.gear_ratio, instruments
     factor = ratio * ship.transmission.efficiency
-    constant = ratio * ship.number(CONSTANT).value  # back EMF by the shaft's speed
+    constant = ratio * ship.parameter(CONSTANT).value  # back EMF by the shaft's speed
     angle = f"(turned + {ratio!r} * shaft_speed * (time - since))"
     swing = f"(a6 * sin(6 * {angle}) + a12 * sin(12 * {angle}))"
     torque = {"a6": factor * own.cogging_6_N_m, "a12": factor * own.cogging_12_N_m}
@@ -120,7 +103,7 @@ def _turn(
     angle: NDArray[np.float64],
     current: NDArray[np.float64],
 ) -> None:
-    """Motor's angle [rad] and current [A] at every step's start; the last two filled."""
+    """Simulate; fill the motor's angle [rad] and current [A] at the start of every step."""
     turned = angle[0]
     for k in range(len(voltage)):
         angle[k] = turned
@@ -136,32 +119,25 @@ def _turn(
         turned += 0.5 * dt * plant.gear_ratio * (before + state.shaft_speed)
 
 
-def measured(
+def record_test(
     ship: Ship, test: Experiment, instruments: Instruments | None = None, seed: int = 0
 ) -> pd.DataFrame:
-    """A test on the rig, as its instruments record it.
+    """Simulate a test on the rig, as its instruments record it.
 
-    Args:
-        ship: the drive train, whose hull is fixed.
-        test: voltage that the amplifier is told, held between rows.
-        instruments: of the rig; the usual ones by default.
-        seed: of the current's noise and of the motor's first angle.
-
-    Returns:
-        Canonical columns at the test's interval. ``motor_voltage_V`` is what the amplifier gave, on
-        average from a row to the next; ``shaft_speed_rad_s`` the encoder's, by the gear ratio;
-        ``motor_current_A`` with its noise; ``voltage_set_V`` what the amplifier was told.
+    ``motor_voltage_V`` is the mean voltage of the amplifier from a row to the next, ``voltage_set_V``
+    its command; ``shaft_speed_rad_s`` is the encoder's speed by the gear ratio. ``seed`` sets the noise
+    of the current and the first angle of the motor.
     """
     own = Instruments() if instruments is None else instruments
     rng = np.random.default_rng([seed, 1])  # not that of a noise which is the test's own
     per_row = round(test.interval_s / FINE_S)
     fine = _amplified(test, own, per_row)
-    host = cogged(ship.with_values({"integration.time_step_s": FINE_S}), own)
+    host = with_cogging(ship.with_values({"integration.time_step_s": FINE_S}), own)
     start = equilibrium(ship, float(fine[0]), ship.propeller.pitch_ratio_max).state
     state, memory = np.zeros(1, STATE), np.zeros(1, MEMORY)
     state[0] = tuple(map(float, start))
-    plant, sea = host.record(), calm()
-    slots = np.array([host.number(f"term.{name}.turned").place[0] for name in (COGGING, RIPPLE)])
+    plant, sea = host.record(), calm_sea()
+    slots = np.array([host.parameter(f"term.{name}.turned").place[0] for name in (COGGING, RIPPLE)])
     prepare(plant, state[0], memory[0], sea, float(fine[0]), UNDISTURBED, FINE_S)
     angle, current = np.empty(len(fine)), np.empty(len(fine))
     angle[0] = rng.uniform(0.0, 2.0 * math.pi)
@@ -182,7 +158,7 @@ def measured(
 
 
 def _amplified(test: Experiment, own: Instruments, per_row: int) -> NDArray[np.float64]:
-    """Voltage [V] at every fine step, on average over it, of an amplifier long at its first voltage."""
+    """Return the amplifier's mean voltage [V] over every fine step, initially at rest."""
     told = own.gain * np.repeat(test.voltage, per_row)
     if own.lag_s == 0.0:
         return np.asarray(told, dtype=np.float64)
@@ -197,16 +173,12 @@ def _amplified(test: Experiment, own: Instruments, per_row: int) -> NDArray[np.f
 def encoder_speed(
     angle: NDArray[np.float64], interval_s: float, own: Instruments
 ) -> NDArray[np.float64]:
-    """Motor speed [rad/s] as an encoder tells it, at each sample of the angle.
+    """Return the motor speed [rad/s] that the encoder measures, at each sample of the angle.
 
     Args:
         angle: of the motor [rad], rising, shape (n,).
         interval_s: between samples [s].
         own: with the disk.
-
-    Returns:
-        The nominal angle between two holes over the time between the last two flanks; before the second
-        flank, the mean speed up to it.
     """
     turn, flanks = 2.0 * math.pi, own.flanks_rad
     first, last = math.floor(angle[0] / turn) - 1, math.floor(angle[-1] / turn) + 1
@@ -223,23 +195,15 @@ def encoder_speed(
 
 
 def without_faults() -> Instruments:
-    """Instruments that hide nothing but the encoder's holes: no cogging, an even disk, no noise."""
+    """Return perfect instruments except the encoder's holes: no cogging, an even disk, no noise."""
     return Instruments(0.0, 0.0, 0.0, 0.0, 15, 0.0, 7, 1.0, 0.0, 0.0)
 
 
 def order_spectrum(table: pd.DataFrame, gear_ratio: float, turns: int = 32) -> pd.DataFrame:
-    """Amplitude of the current by order of the motor's turn (the paper's Figures 5 and 6).
+    """Return the amplitude of the current by order of the motor's turn (the paper's Figures 5 and 6).
 
-    The current is taken anew at even angles, which the encoder's speed adds up to, and averaged over
+    The current is resampled at even angles, the integral of the encoder's speed, and averaged over
     windows of whole turns.
-
-    Args:
-        table: of :func:`measured`.
-        gear_ratio: motor's speed over the shaft's.
-        turns: length of a window.
-
-    Returns:
-        ``order`` and ``current_A``, orders up to 20 in steps of 1 / turns.
     """
     time = table["time_s"].to_numpy(dtype=np.float64)
     speed = gear_ratio * table["shaft_speed_rad_s"].to_numpy(dtype=np.float64)
@@ -261,7 +225,7 @@ def order_spectrum(table: pd.DataFrame, gear_ratio: float, turns: int = 32) -> p
 
 
 def order_ramp(seconds: float = 30.0) -> Experiment:
-    """Voltages that take the motor from 220 to 1995 rpm, as in the paper's order tracking.
+    """Return a ramp of the voltage from 220 to 1995 rpm, as in the paper's order tracking.
 
     Args:
         seconds: length [s].

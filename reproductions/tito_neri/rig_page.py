@@ -1,43 +1,246 @@
-"""The page of the synthetic rig: its orders, Table 3, and the smallest changes that are detected.
+"""Test the identification methods on the synthetic rig: Table 3 as a programme, and condition
+monitoring.
+
+Table 3 of Vrijdag & Martelli 2021 states which test serves which method, and which validates it; here
+every method meets every test (eqs. 20 and 21). Condition monitoring is the purpose that the paper
+states in section 6: the smallest change of a parameter that each method detects from a recording of 30
+s.
 
 Run ``python -m reproductions tito_neri.rig_page --out docs/results``; about five minutes.
 """
 
 from __future__ import annotations
 
-import argparse
-from dataclasses import replace
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from shaftline.display.figures import ESTIMATE, TRUTH, new_figure, save
 from shaftline.display.tables import markdown, write_table
-from shaftline.mismatch.identification.frequency import SPEED
+from shaftline.mismatch import fit_percent, identify
+from shaftline.mismatch.identification.drive_train import CONSTANT, FRICTION, LOAD, RESISTANCE, SIX
+from shaftline.mismatch.identification.free_parameters import number_of, parse_free
+from shaftline.mismatch.identification.frequency import SPEED, fit
+from shaftline.mismatch.identification.sine import sine, sine_response
+from shaftline.mismatch.identification.steady import CURRENT
+from shaftline.mismatch.identification.step import step
+from shaftline.mismatch.identification.welch import keep_coherent, noise_response, welch
+from shaftline.plant import Ship, load_ship, simulate_recording
 
-from . import rig, rig_results
-from .experiments import staircase
+from ..pages import fill_template, make_parser
+from . import experiments, rig
+from .experiments import FAST_S, POINT_C_V, Experiment, staircase
+from .rig import FINE_S, record_test
 
-NAME, TITLE = "tito-neri-rig", "Tito Neri: a synthetic rig, its methods and its watch"
-FIGURE = "tito-neri-rig.png"
-COMMAND = "python -m reproductions tito_neri.rig_page --out docs/results"
+Tick = Callable[[], None]
+
+TRUE_SHIP, START = "tito-neri-sine", "tito-neri-staircase"
+"""Ship files of the rig's drive train, and of the start of the searches."""
+
+DELAY = "sensors.speed_delay_s"
+LATE = (*SIX, DELAY)
+
+METHODS: dict[str, tuple[Callable[..., Any], str, tuple[str, ...]]] = {
+    "step": (step, "staircase", SIX),
+    "sine": (sine, "sines", LATE),
+    "welch": (welch, "noise", LATE),
+}
+"""Each method with its test (Table 3) and its free parameters."""
+
+OUTPUT_ERROR = "output-error"
+"""The paper's method 3, for any test; it is not used for monitoring."""
+
+THINNED = 10
+"""Output error uses one row in this many."""
+
+WATCHED = {FRICTION: 0.20, LOAD: 0.10, RESISTANCE: 0.15, CONSTANT: -0.05}
+"""Monitored parameters, and a change of each: worn bearings, a fouled propeller, a warm winding,
+weak magnets."""
+
+RECORDS, TRIALS = 12, 4
+"""Records of the unchanged rig, and of each change."""
+
+ALARM, SURE = 1.96, 1.645
+"""Standard deviations of an alarm in 5 % of the unchanged and in 95 % of the changed records."""
 
 
-def picture(orders: pd.DataFrame) -> Figure:
-    """Orders of the current (the paper's Figure 5), and three turns of the encoder (its Figure 8).
+def truth() -> Ship:
+    """Return the rig's drive train."""
+    return load_ship(TRUE_SHIP)
+
+
+def start() -> Ship:
+    """Return the start of the searches: the other published set, in the rig's water."""
+    ship = truth()
+    return ship.with_values({key: number_of(load_ship(START), key).value for key in SIX})
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Table 3 as a programme.
 
     Args:
-        orders: from :func:`.rig.order_spectrum`.
+        numbers: found by each method, with the error of each [%].
+        fits: FitPercent and MSE of speed and current for every pair of method and test.
     """
+
+    numbers: pd.DataFrame
+    fits: pd.DataFrame
+
+
+def validation(tick: Tick = lambda: None) -> Validation:
+    """Return each method's parameters from its test, and their fit on every test."""
+    records: dict[str, list[pd.DataFrame]] = {}
+    for name, make in experiments.MATRIX.items():
+        records[name] = [record_test(truth(), test, seed=i) for i, test in enumerate(make())]
+        tick()
+    ships, numbers = {"the truth": truth()}, []
+    for method, test in TESTS.items():
+        values = numbers_by(method, records[test])
+        ships[method] = start().with_values({**values, "integration.time_step_s": FINE_S})
+        off = {
+            k.split(".")[1]: 100.0 * (values[k] / number_of(truth(), k).value - 1.0) for k in SIX
+        }
+        numbers.append({"method": method, **off, "delay_ms": 1e3 * values.get(DELAY, math.nan)})
+        tick()
+    rows = []
+    for method, ship in ships.items():
+        for test, tables in records.items():
+            scores = _scores(ship, tables)
+            used = TESTS.get(method) == test
+            rows.append({"method": method, "test": test, "used": "yes" if used else "", **scores})
+    return Validation(pd.DataFrame(numbers), pd.DataFrame(rows))
+
+
+TESTS = {name: test for name, (_, test, _) in METHODS.items()} | {OUTPUT_ERROR: "staircase"}
+"""The test of each method."""
+
+
+def numbers_by(method: str, tables: list[pd.DataFrame]) -> dict[str, float]:
+    """Return the parameters that a method identifies from its test, by key."""
+    if method in METHODS:
+        find, _, free = METHODS[method]
+        found = find(start(), tables, free)
+        return dict(zip(found.keys, found.values, strict=True))
+    ship = start().with_values({"integration.time_step_s": FINE_S})
+    thinned = [table.iloc[::THINNED].reset_index(drop=True) for table in tables]
+    return identify(ship, *thinned, free=LATE, method=method).parameters
+
+
+def _scores(ship: Ship, tables: list[pd.DataFrame]) -> dict[str, float]:
+    """Return FitPercent (eq. 20) and MSE (eq. 21) over all recordings of a test."""
+    simulated = [simulate_recording(ship, table) for table in tables]
+    found = {}
+    for name, column in (("speed", SPEED), ("current", CURRENT)):
+        y = np.concatenate([table[column] for table in tables])
+        model = np.concatenate([table[column] for table in simulated])
+        found[f"{name}_fit_percent"] = fit_percent(y, model)
+        found[f"{name}_mse"] = float(np.mean((y - model) ** 2))
+    return found
+
+
+def record_of_30_s(method: str, seed: int) -> Experiment:
+    """Return the test of a method that fits into 30 s."""
+    if method == "step":
+        return experiments.staircase(hold_s=6.0)
+    if method == "welch":
+        values = experiments.noise(30.0, seed).voltage
+        return Experiment("noise", FAST_S, np.repeat(values, round(experiments.USUAL_S / FAST_S)))
+    parts = []
+    for frequency, seconds in zip(SINES_RAD_S, SECONDS, strict=True):
+        period = 2.0 * math.pi / frequency
+        rows = round(round(seconds / period) * period / FAST_S)
+        swing = experiments.AMPLITUDE * np.sin(frequency * np.arange(rows) * FAST_S)
+        parts.append(POINT_C_V * (1.0 + swing))
+    return Experiment("sines", FAST_S, np.concatenate(parts))
+
+
+SINES_RAD_S = (1.2, 3.0, 6.0, 10.0, 20.0, 60.0, 200.0, 500.0)
+SECONDS = (10.5, 4.2, 3.2, 2.5, 2.4, 2.4, 2.4, 2.4)
+"""Durations [s] of the sines within a record of 30 s."""
+
+
+def estimates(method: str, ship: Ship, seed: int) -> dict[str, dict[str, float]]:
+    """Return the monitored parameters from one record of 30 s, all free together and each alone.
+
+    Alone, the other parameters and the delay are those of the unchanged rig.
+    """
+    table = record_test(ship, record_of_30_s(method, seed), seed=seed)
+    known = truth()
+    if method == "step":
+        found = step(known, [table], SIX)
+        together = dict(zip(found.keys, found.values, strict=True))
+        alone = {key: step(known, [table], (key,)).values[0] for key in WATCHED}
+    else:
+        response = (
+            keep_coherent(noise_response(known, [table]))
+            if method == "welch"
+            else sine_response(known, [table])
+        )
+        late = fit(parse_free(known, LATE, ()), response, method).values
+        together = dict(zip(LATE, map(float, late), strict=True))
+        known = known.with_values({DELAY: USUAL_DELAY_S})
+        alone = {
+            key: float(fit(parse_free(known, (key,), ()), response, method).values[0])
+            for key in WATCHED
+        }
+    return {"together": {key: together[key] for key in WATCHED}, "alone": alone}
+
+
+USUAL_DELAY_S = 1.95e-3
+"""Delay of the encoder at point C: the time between two flanks."""
+
+
+def monitoring(tick: Tick = lambda: None) -> pd.DataFrame:
+    """Return the smallest change of each monitored parameter that each method detects in 30 s.
+
+    One row for each method, parameter and way (all free together, or this one alone): scatter of the
+    estimates, alarm that 5 % of the unchanged exceed, smallest change that exceeds it in 95 % of the
+    records; and for the change that was tried, its mean estimate and the share of alarms.
+    """
+    rows: list[dict[str, Any]] = []
+    for method in METHODS:
+        usual = [estimates(method, truth(), seed) for seed in range(RECORDS)]
+        tick()
+        for key, change in WATCHED.items():
+            value = number_of(truth(), key).value
+            changed_ship = truth().with_values({key: (1.0 + change) * value})
+            tried = [estimates(method, changed_ship, 100 + seed) for seed in range(TRIALS)]
+            tick()
+            for way in ("together", "alone"):
+                before = np.array([one[way][key] for one in usual]) / value
+                after = np.array([one[way][key] for one in tried]) / value - before.mean()
+                scatter = float(before.std(ddof=1))
+                alarm = ALARM * scatter * math.sqrt(1.0 + 1.0 / RECORDS)
+                rows.append(
+                    {
+                        "method": method, "number": key.split(".")[1], "free": way,
+                        "bias_percent": 100.0 * (before.mean() - 1.0),
+                        "scatter_percent": 100.0 * scatter, "alarm_percent": 100.0 * alarm,
+                        "smallest_percent": 100.0 * (alarm + SURE * scatter),
+                        "change_percent": 100.0 * change, "found_percent": 100.0 * after.mean(),
+                        "alarmed": float(np.mean(np.abs(after) > alarm)),
+                    }
+                )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def draw_rig(orders: pd.DataFrame) -> Figure:
+    """Draw the orders of the current (Figure 5), and three turns of the encoder (Figure 8)."""
     figure, axes = new_figure(1, 2, (10.5, 3.6))
     left, right = axes[0]
     left.plot(orders["order"], orders["current_A"], color=TRUTH, linewidth=0.8)
     left.set_xlabel("order of the motor's turn")
     left.set_ylabel("current [A]")
-    table = rig.measured(rig_results.truth(), staircase((5.89,), 1.5))
+    table = rig.record_test(truth(), staircase((5.89,), 1.5))
     last = table.iloc[-900:]
-    ratio = rig_results.truth().transmission.gear_ratio
+    ratio = truth().transmission.gear_ratio
     right.plot(last["time_s"], ratio * last[SPEED], color=ESTIMATE, drawstyle="steps-post")
     right.set_xlabel("time [s]")
     right.set_ylabel("motor speed [rad/s]")
@@ -45,112 +248,42 @@ def picture(orders: pd.DataFrame) -> Figure:
 
 
 def cogs_in_current() -> tuple[float, float]:
-    """Amplitude [A] of order 6 in the current at point C by cogging alone, and by all the rig has."""
+    """Return the current of order 6 [A] at point C by cogging alone, and by all effects."""
     own = rig.Instruments(current_noise_A=0.0)
     found = []
     for some in (replace(own, ripple_6=0.0, ripple_12=0.0), own):
-        table = rig.measured(rig_results.truth(), staircase((5.89,), 4.0), some)
-        ratio = rig_results.truth().transmission.gear_ratio
+        table = rig.record_test(truth(), staircase((5.89,), 4.0), some)
+        ratio = truth().transmission.gear_ratio
         orders = rig.order_spectrum(table, ratio).set_index("order")
         found.append(float(orders.loc[5.9:6.1, "current_A"].max()))
     return found[0], found[1]
 
 
 def peaks(orders: pd.DataFrame, count: int = 2) -> list[float]:
-    """Orders, to the whole, at which the current's spectrum is highest.
-
-    Args:
-        orders: from :func:`.rig.order_spectrum`.
-        count: how many.
-    """
+    """Return the integer orders with the highest amplitude of the current."""
     some = orders[orders["order"] >= 1.0]
     best = some.groupby(some["order"].round())["current_A"].max().nlargest(count)
     return sorted(float(order) for order in best.index)
 
 
-def body(found: rig_results.Validation, watch: pd.DataFrame, orders: pd.DataFrame) -> str:
-    """The page below its title.
-
-    Args:
-        found: Table 3.
-        watch: condition monitoring.
-        orders: of the current.
-    """
-    own = rig.Instruments()
-    two = " and ".join(f"{order:g}" for order in peaks(orders))
-    shown = watch.drop(columns=["bias_percent"])
+def main() -> None:
+    """Write ``tito-neri-rig.md``, its table and its figure."""
+    folder = make_parser("tito_neri.rig_page", __doc__, "out/tito-neri").parse_args().out
+    ratio = truth().transmission.gear_ratio
+    orders = rig.order_spectrum(rig.record_test(truth(), rig.order_ramp()), ratio)
+    found, watch = validation(), monitoring()
     best = watch[watch["free"] == "together"]
     best = best.loc[best.groupby("number", sort=False)["smallest_percent"].idxmin()]
-    said = "; ".join(
-        f"{row.number} {row.smallest_percent:.2g} % ({row.method})" for row in best.itertuples()
-    )
-    cogs = f"{1e3 * own.cogging_6_N_m:g} and {1e3 * own.cogging_12_N_m:g} mN m"
-    ripple = f"{100 * own.ripple_6:g} and {100 * own.ripple_12:g} %"
-    supply = f"{100 * (1 - own.gain):.0f} % less and {1e6 * own.lag_s:g} us late"
-    only, both = (f"{1e3 * size:.3g} mA" for size in cogs_in_current())
-    records, trials = rig_results.RECORDS, rig_results.TRIALS
-    return f"""\
-The recordings of Vrijdag & Martelli 2021 were not published. This rig is the house's plant with the
-numbers of Table 5's column IV behind the instruments that the paper describes: cogging of {cogs}, a
-ripple of the back EMF of {ripple}, an encoder of {own.holes} holes that lie {own.uneven_deg:g}
-degrees off (rms), an amplifier that gives {supply}, {own.current_noise_A:g} A rms of noise. These
-sizes are assumed; the paper prints none.
-
-A cogging torque alone would hardly be seen in the current, whose orders 6 and 12 the paper found
-dominant: at point C the shaft's inertia keeps all of it out but {only}. The ripple of the back EMF
-makes {both}. Highest orders of the rig's current from 220 to 1995 rpm: {two}.
-
-![Orders of the current, and three turns of the encoder](figures/{FIGURE})
-
-## Table 3 as a programme
-
-Every method on its own test, begun at the numbers of column I; errors in percent. The encoder tells
-a mean speed between two flanks and holds it until the next, and the delay that `sine` and `welch`
-find is the time between two flanks, 1.95 ms.
-
-{markdown(found.numbers)}
-
-Their ships on every test, driven by the recorded voltage: FitPercent (eq. 20) and MSE (eq. 21) of
-speed and current. *used*: the method's own test. The truth's row is what the instruments leave of a
-perfect model.
-
-{markdown(found.fits, 4)}
-
-Of output error, one row in ten is read (1 kHz), which says little of an inductance that acts within
-half a millisecond.
-
-The inductance of `step` comes from two or three samples of each step, into which a ripple of ±0.12
-A falls as the motor happens to stand.
-
-## Condition monitoring
-
-What a record of 30 s detects: the staircase with 6 s on a level, eight sines one after the other,
-or noise. `scatter`: of the estimates over {records} records of the unchanged rig. `alarm`: beyond
-it lie 5 % of the unchanged. `smallest`: a change that passes the alarm in 95 % of the records.
-Tried on {trials} records each: the change that was made, what was found of it on average, and the
-share of records that alarmed. *together*: all six numbers are free (and the delay); *alone*: this
-one, all others known as they were.
-
-{markdown(shown)}
-
-With all numbers free, the smallest changes by the best method: {said}. The staircase reads means
-over seconds, in which cogging and encoder average out, and drives the shaft from 3.9 to 7.9 V;
-sines and noise of 5 % about one point must tell friction from load by a slope. What differs from
-day to day on a real machine, such as the warmth of its winding and oil or the depth of its water,
-is not in these scatters; it adds to them."""
-
-
-def main() -> None:
-    """Make the page."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--out", type=Path, default=Path("out/tito-neri"), help="folder")
-    folder = parser.parse_args().out
-    ratio = rig_results.truth().transmission.gear_ratio
-    orders = rig.order_spectrum(rig.measured(rig_results.truth(), rig.order_ramp()), ratio)
-    found = rig_results.validation()
-    watch = rig_results.monitoring()
-    save(picture(orders), folder / "figures" / FIGURE)
-    write_table(folder, NAME, TITLE, COMMAND, watch, body(found, watch, orders))
+    body = fill_template(
+        Path(__file__).with_name("rig.md"), own=rig.Instruments(), found=found, peaks=peaks(orders),
+        currents=cogs_in_current(), watch=watch.drop(columns=["bias_percent"]),
+        best=best.to_dict("records"),
+        records=RECORDS, trials=TRIALS,
+    )  # fmt: skip
+    save(draw_rig(orders), folder / "figures" / "tito-neri-rig.png")
+    title = "Identification and monitoring on a synthetic Tito Neri rig"
+    command = "python -m reproductions tito_neri.rig_page --out docs/results"
+    write_table(folder, "tito-neri-rig", title, command, watch, body)
     print(markdown(found.fits, 4), markdown(watch), sep="\n\n")
 
 

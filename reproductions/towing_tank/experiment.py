@@ -1,7 +1,7 @@
-"""The rig's tests under the thrust controller: calm water, and motion near the surface.
+"""Simulate the rig under the thrust controller, in calm water and with motion near the surface.
 
 Pivano et al. 2008, section 5. The paper prints neither the programme of thrust, carriage and motion nor
-how its propeller ventilates; what is assumed stands in :class:`Programme` and :class:`Air`.
+the ventilation of its propeller; the assumptions are :class:`Programme` and :class:`Air`.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from shaftline.plant.signals import SAMPLE
 from shaftline.plant.simulation import write_sample
 from shaftline.plant.state import STATE, get_state
 from shaftline.plant.stepping import Disturbance, prepare, step
-from shaftline.plant.waves import calm
+from shaftline.plant.waves import calm_sea
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Programme:
-    """What is done: thrust and carriage ahead, then astern, the propeller moved up and down."""
+    """Programme of a test: thrust and carriage ahead, then astern, the propeller moved up and down."""
 
     thrust_N: float = 134.3  # T_pd, either way; calibrated
     carriage_m_s: float = 0.5849  # either way; calibrated
@@ -43,19 +43,19 @@ class Programme:
 
     @property
     def duration_s(self) -> float:
-        """Both halves."""
+        """Return the duration of both halves [s]."""
         return 2.0 * self.half_s
 
     def thrust(self, times: Floats) -> Any:
-        """T_pd [N]: from rest, reversed at half time."""
+        """Return T_pd [N]: from rest, reversed at half time."""
         return self.thrust_N * self._turned(times, self.thrust_ramp_s)
 
     def carriage(self, times: Floats) -> Any:
-        """Speed of the carriage [m/s]; it begins when the thrust does, and takes longer."""
+        """Return the speed of the carriage [m/s]; it starts with the thrust, and takes longer."""
         return self.carriage_m_s * self._turned(times, self.carriage_ramp_s)
 
     def submergence(self, times: Floats) -> Any:
-        """h/R of the propeller's centre [-]."""
+        """Return h/R of the propeller's centre [-]."""
         swing = np.sin(2.0 * np.pi * times / self.motion_period_s + self.phase)
         return self.mean_submergence + self.motion * swing
 
@@ -66,7 +66,7 @@ class Programme:
 
 @dataclass(frozen=True)
 class Air:
-    """How the propeller ventilates; see :mod:`shaftline.plant.ventilation`.
+    """Ventilation of the propeller; see :mod:`shaftline.plant.ventilation`.
 
     The losses are those of the theory. Onset, gain and hysteresis are the plant's defaults, assumed; the
     times are its defaults for a propeller of 4.2 m, scaled by Froude with the square root of the size.
@@ -82,7 +82,7 @@ class Air:
     washout_s: float = 0.37
 
     def ship(self, rig: Ship) -> Ship:
-        """The rig with it."""
+        """Return the rig with this ventilation."""
         return rig.with_values(
             {
                 "ventilation.thrust_loss": self.thrust_loss,
@@ -99,16 +99,16 @@ class Air:
 
 @dataclass(frozen=True)
 class Instruments:
-    """What is wrong with the instruments, or more than they can tell."""
+    """Errors of the instruments, or perfect detection."""
 
-    shaft_speed: float = 0.0  # white noise of each reading, standard deviation [rad/s]
-    torque_gain: float = 1.0  # torque of the motor over the torque it is told
+    shaft_speed: float = 0.0  # white noise, standard deviation [rad/s]
+    torque_gain: float = 1.0  # torque of the motor over its command
     seed: int = 1
     tell_air: bool = False  # nu is the truth, for a bound
 
 
 class TankRun(NamedTuple):
-    """A test, every time step."""
+    """The samples of a test at every time step."""
 
     samples: NDArray[Any]  # SAMPLE, shape (n,)
     thrust_order: Floats  # T_pd [N]
@@ -120,7 +120,7 @@ class TankRun(NamedTuple):
 
     @property
     def times(self) -> Floats:
-        """[s]."""
+        """Return the times [s]."""
         return np.asarray(self.samples["time"])
 
 
@@ -179,19 +179,13 @@ def _run(
         seen[k].detected = held.detection.ventilating
 
 
-def sail(
+def simulate_test(
     ship: Ship,
     controller: ThrustControl,
     programme: Programme,
     instruments: Instruments | None = None,
 ) -> TankRun:
-    """One test from rest, the controller called at every time step.
-
-    Args:
-        ship: the rig as it is; the controller may believe in another.
-        controller: its interval is the ship's time step.
-        programme: what is done.
-        instruments: what is wrong with them; nothing by default.
+    """Simulate one test from rest, with the controller called at every time step.
 
     Raises:
         ValueError: the controller's interval is not the ship's time step.
@@ -200,7 +194,7 @@ def sail(
     if controller.interval_s != dt:
         raise ValueError(f"the controller's interval must be the time step, {dt:g} s")
     instruments = Instruments() if instruments is None else instruments
-    if instruments.tell_air:  # a detector that never speaks for itself
+    if instruments.tell_air:  # a detector that never switches by itself
         controller = ThrustControl(ship, on_below=1e-9, off_above=1e-8, hold_s=1e9)
     steps = round(programme.duration_s / dt)
     times = np.arange(steps, dtype=np.float64) * dt
@@ -213,9 +207,9 @@ def sail(
     thrust = programme.thrust(times)
     white = np.random.default_rng(instruments.seed).standard_normal(steps)
     samples, seen = np.zeros(steps, SAMPLE), np.zeros(steps, _SEEN)
-    held = controller.fresh()
+    held = controller.initial_state()
     _run(
-        plant, controller.settings, state[0], memory[0], held[0], calm(), thrust,
+        plant, controller.settings, state[0], memory[0], held[0], calm_sea(), thrust,
         programme.carriage(halves), elevation, instruments.shaft_speed * white,
         instruments.torque_gain, instruments.tell_air, dt, samples, seen,
     )  # fmt: skip

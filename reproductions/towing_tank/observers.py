@@ -1,11 +1,10 @@
-"""Observers through a reversal: the towing tank's calm test, and a destroyer that stops.
+"""Compare observers during a thrust reversal: the towing tank in calm water, and a destroyer that stops.
 
 Run ``python -m reproductions towing_tank.observers --out docs/results``; half a minute.
 """
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,8 +15,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from shaftline.display import figures
-from shaftline.display.tables import markdown, write_table
-from shaftline.observers import Observer, follow, get_observer, readings_of
+from shaftline.display.tables import write_table
+from shaftline.observers import Observer, follow, get_observer, simulated_measurements
 from shaftline.observers.immersion_invariance import ImmersionInvariance
 from shaftline.observers.luenberger import Luenberger
 from shaftline.observers.random_walk_kalman import RandomWalkKalman
@@ -26,6 +25,8 @@ from shaftline.observers.shaft_kalman import ShaftKalman
 from shaftline.plant import Schedule, Ship, State, equilibrium, load_ship, simulate
 from shaftline.plant.propeller import propeller_load
 from shaftline.plant.shaft import brake_torque_of, load_torque
+
+from ..pages import fill_template, make_parser
 
 THRUST_N, CARRIAGE_M_S = 80.0, 1.0
 HALF_PERIOD_S, RAMP_S, DURATION_S = 10.0, 2.0, 60.0
@@ -40,7 +41,7 @@ NAMES = (
     "immersion-invariance-high", "random-walk-kalman", "random-walk-kalman-printed",
     "immersion-invariance-adaptive",
 )  # fmt: skip
-"""As they are tuned for the frigate."""
+"""Observers with their tuning for the frigate."""
 
 OF_THE_RIG: dict[str, Observer] = {
     "shaft-acceleration-derived, T 0.02 s": ShaftAccelerationDerived(0.02),
@@ -49,11 +50,11 @@ OF_THE_RIG: dict[str, Observer] = {
     "random-walk-kalman, noise of the rig": RandomWalkKalman(1.0, 0.0, 0.05, 0.05),
     "immersion-invariance, gamma 1.5": ImmersionInvariance(1.5),
 }
-"""The same with settings for a propeller of 0.25 m."""
+"""Observers with a tuning for a propeller of 0.25 m."""
 
 
 class Noise(NamedTuple):
-    """Standard deviation of the white noise of each reading."""
+    """Standard deviation of the white noise of each measurement."""
 
     shaft_speed: float = 0.05  # [rad/s], 0.1 % of the speed
     torque: float = 0.025  # [N m], 0.5 % of the torque
@@ -61,7 +62,7 @@ class Noise(NamedTuple):
 
 
 class Run(NamedTuple):
-    """A test: who it is, its samples, and what the instruments read."""
+    """A test: the ship, its samples, and the measurements."""
 
     ship: Ship
     samples: NDArray[Any]
@@ -69,18 +70,18 @@ class Run(NamedTuple):
 
     @property
     def against(self) -> NDArray[np.bool_]:
-        """Samples in which the shaft turns against the inflow: zone 1."""
+        """Return the samples in which the shaft turns against the inflow: zone 1."""
         return np.asarray(self.samples["shaft_speed"] * self.samples["advance_velocity"] < 0.0)
 
     def noisy(self, noise: Noise, seed: int) -> NDArray[np.float64]:
-        """Readings with noise."""
+        """Return the measurements with noise."""
         size = [noise.shaft_speed, noise.torque, 0.0, noise.acceleration, 0.0]
         white = np.random.default_rng(seed).standard_normal(self.readings.shape)
         return self.readings + white * size
 
 
 def programme(times: NDArray[np.float64]) -> Any:
-    """The carriage's speed over its largest: square, from rest, with ramps of 2 s."""
+    """Return the carriage speed over its largest: square, from rest, with ramps of 2 s."""
     corners, values = [0.0, 0.5 * RAMP_S], [0.0, 1.0]
     for k in range(1, 1 + int(DURATION_S / HALF_PERIOD_S)):
         corners += [k * HALF_PERIOD_S - 0.5 * RAMP_S, k * HALF_PERIOD_S + 0.5 * RAMP_S]
@@ -89,7 +90,7 @@ def programme(times: NDArray[np.float64]) -> Any:
 
 
 def steady_torque(ship: Ship, thrust: float, inflow: float) -> float:
-    """Torque of the drive [N m] at which it keeps a thrust [N] in an inflow [m/s] of the same sign."""
+    """Return the drive torque [N m] for a steady thrust [N] in an inflow [m/s] of the same sign."""
     plant = ship.record()
     pitch = ship.propeller.pitch_ratio_max
 
@@ -103,7 +104,7 @@ def steady_torque(ship: Ship, thrust: float, inflow: float) -> float:
 
 
 def calm_test(ship: Ship) -> Run:
-    """Thrust of +-80 N by a torque programme, the carriage at +-1 m/s with its sign, 60 s."""
+    """Simulate a torque programme for +-80 N of thrust, the carriage at +-1 m/s with its sign, 60 s."""
     ahead = steady_torque(ship, THRUST_N, CARRIAGE_M_S)
     astern = steady_torque(ship, -THRUST_N, -CARRIAGE_M_S)
 
@@ -114,11 +115,11 @@ def calm_test(ship: Ship) -> Run:
     pitch = ship.propeller.pitch_ratio_max
     schedule = Schedule(torque, pitch, inflow=lambda t: CARRIAGE_M_S * programme(t))
     samples = simulate(ship, schedule, DURATION_S, initial=State(pitch, 0.0, 0.0))
-    return Run(ship, samples, readings_of(samples, ship))
+    return Run(ship, samples, simulated_measurements(samples, ship))
 
 
 def crash_stop() -> Run:
-    """The destroyer with four-quadrant curves: half torque ahead, from 10 s on half torque astern."""
+    """Simulate the destroyer with four-quadrant curves: half torque ahead, from 10 s on half astern."""
     ship = load_ship("ddg-51-surrogate").with_values({"propeller.model": "four-quadrant"})
     torque = 0.5 * float(ship.record()["drive_max"])
     pitch = ship.propeller.pitch_ratio_max
@@ -126,7 +127,7 @@ def crash_stop() -> Run:
     order = Schedule(lambda t: np.interp(t, [10.0, 30.0], [torque, -torque]), pitch)
     samples = simulate(ship, order, 300.0, initial=start.state)
     samples = samples[: int(np.argmax(samples["ship_speed"] <= 0.0))]
-    return Run(ship, samples, readings_of(samples, ship))
+    return Run(ship, samples, simulated_measurements(samples, ship))
 
 
 def _rms(error: NDArray[np.float64]) -> float:
@@ -134,7 +135,7 @@ def _rms(error: NDArray[np.float64]) -> float:
 
 
 def scores(run: Run, observer: Observer, readings: NDArray[np.float64]) -> dict[str, float]:
-    """Errors [m/s] and shares [%] of one estimate."""
+    """Return errors [m/s] and shares [%] of one estimate."""
     velocity, valid = follow(observer, run.ship, readings, run.ship.time_step_s)
     error = velocity - run.samples["advance_velocity"]
     against = run.against
@@ -150,7 +151,7 @@ def scores(run: Run, observer: Observer, readings: NDArray[np.float64]) -> dict[
 def table_of(
     run: Run, observers: dict[str, Observer], noise: Noise | None, seeds: int
 ) -> pd.DataFrame:
-    """A row an observer; with noise the mean over the seeds."""
+    """Return the scores of the observers; with noise the mean over the seeds."""
     rows = []
     for name, observer in observers.items():
         found = [
@@ -161,8 +162,8 @@ def table_of(
     return pd.DataFrame(rows)
 
 
-def drawn(rig: Run, stop: Run) -> Figure:
-    """Truth and three estimates; grey where the shaft turns against the inflow."""
+def draw(rig: Run, stop: Run) -> Figure:
+    """Draw the truth and three estimates; grey where the shaft turns against the inflow."""
     shown = {
         "luenberger, both poles -50 rad/s": OF_THE_RIG["luenberger, both poles -50 rad/s"],
         "random-walk-kalman": OF_THE_RIG["random-walk-kalman, noise of the rig"],
@@ -198,45 +199,8 @@ def drawn(rig: Run, stop: Run) -> Figure:
     return figure
 
 
-INTRODUCTION = """\
-Torque tells the inflow in any quadrant, but for one zone. Where a shaft turns against the inflow (J
-below 0, zone 1 of Pivano et al. 2008, section 4.1) the flow is a ring vortex and the curve KQ(J)
-folds, so that one torque has three inflows; `valid` has to be 0 there. From the fold's torques an
-estimate comes back only by one that no ring vortex has, 5 % below the fold's dip
-([observers](../observers.md)).
-
-**The calm test of the rig** ([`{ship}`](../../plant/ships/towing-tank.toml), most of it
-assumed): a torque programme that keeps a thrust of ±{thrust:g} N in steady running, the carriage at
-±{speed:g} m/s with its sign, a reversal every {half:g} s with ramps of {ramp:g} s, {duration:g} s.
-In {zone:.1f} % of the time the shaft turns against the inflow. It has no torque gauge: the torque
-is the drive's less friction, and I_R the inertia of the whole line. Wanted: an error below
-{wanted:g} m/s (rms) outside zone 1.
-
-- *rms valid*: of what the observer calls valid; *rms outside zone 1*: of all estimates while the
-  shaft truly turns with the inflow, called valid or not, so that the seconds after a reversal
-  count; *rms in zone 1*.
-- *noise*: encoder {noise.shaft_speed:g} rad/s, torque {noise.torque:g} N m, accelerometer
-  {noise.acceleration:g} rad/s², white at {rate:.0f} Hz; means of {seeds} seeds."""
-
-STOP = """\
-## A destroyer stops
-
-`ddg-51-surrogate` with four-quadrant curves, half torque ahead and from 10 s on, within 20 s, half
-torque astern; she lies still after {seconds:.0f} s, and in {zone:.0f} % of that time her shaft
-turns against the inflow. No noise; the observers as they are tuned for the frigate."""
-
-STOP_MEANS = """\
-While her shaft still turns ahead every observer follows as it does in a seaway. From its reversal
-at {reversed:.0f} s until she lies still it turns against the inflow: that is zone 1 to the end, and
-no estimate is valid. The one that is given all the same follows on below the fold's dip, where KQ
-falls again ({follows:.2f} m/s rms with `immersion-invariance`), and is lost from {lost:.0f} s on,
-when J comes into the fold. This is on curves of steady mean torque; in a real ring vortex, which is
-unsteady, nobody should rely on it. A crash stop's second half is thus not observed from the torque,
-as the paper's own rule has it."""
-
-
 def followed_against_inflow(run: Run) -> dict[str, float]:
-    """When the shaft reverses [s], from when an error of 0.3 m/s stands [s], and the rms until then."""
+    """Return the time of the reversal [s], that of an error of 0.3 m/s [s], and the rms in between."""
     observer = get_observer("immersion-invariance")
     velocity, _ = follow(observer, run.ship, run.readings, run.ship.time_step_s)
     error = velocity - run.samples["advance_velocity"]
@@ -250,8 +214,8 @@ def followed_against_inflow(run: Run) -> dict[str, float]:
     }
 
 
-def meaning(clean: pd.DataFrame, noisy: pd.DataFrame) -> str:
-    """Which observers hold what is wanted, counted from the tables."""
+def limits_met(clean: pd.DataFrame, noisy: pd.DataFrame) -> str:
+    """Return list items with the observers whose error is below the limit."""
 
     def holding(table: pd.DataFrame, column: str) -> list[str]:
         return [f"`{name}`" for name in table.loc[table[column] < WANTED_M_S, "observer"]]
@@ -260,35 +224,18 @@ def meaning(clean: pd.DataFrame, noisy: pd.DataFrame) -> str:
     for words, table in (("Without noise", clean), ("With noise", noisy)):
         valid, outside = holding(table, "rms valid"), holding(table, "rms outside zone 1")
         lines.append(
-            f"- {words}: {len(valid)} of {len(table)} hold {WANTED_M_S:g} m/s in what they call valid "
-            f"({', '.join(valid)}); {len(outside)} in all that lies outside zone 1."
+            f"- {words}: {len(valid)} of {len(table)} stay below {WANTED_M_S:g} m/s where valid "
+            f"({', '.join(valid)}); {len(outside)} in all samples outside zone 1."
         )
     return "\n".join(lines)
 
 
-WHY = """\
-- `power-balance` and `random-walk-kalman-printed` take the drive's torque for the propeller's. On
-  the rig that torque also turns the line round: they fail at every reversal, with or without noise.
-- `shaft-acceleration-derived` and `luenberger-low` lag by their filters' 0.1 s and 1 s, an inflow
-  that changes by 1 m/s in a second; faster ones hold it.
-- `luenberger-high`, `shaft-kalman` and `immersion-invariance-high` differentiate the encoder: on a
-  line of 0.05 kg m² instead of 14 411 their gains make noise of every reading.
-- `random-walk-kalman` as it is believes in the frigate's gauge (2 kN m) and follows nothing here;
-  with the noise of the rig it holds. `immersion-invariance-adaptive` finds the noise by itself, but
-  takes each reversal for a sea and with it a gain that lets noise through.
-- Zone 1 called valid: an estimate that lags is still ahead when the inflow has turned; and at low
-  speed the torque is so small that its noise passes for one below the fold's dip."""
-
-
 def main(arguments: list[str] | None = None) -> None:
     """Write ``four-quadrant-observers.md``, its table and its figure."""
-    parser = argparse.ArgumentParser(
-        "python -m reproductions towing_tank.observers", description=__doc__.split("\n")[0]
-    )
-    add = parser.add_argument
-    add("--out", type=Path, default=Path("out/four-quadrant-observers"), help="folder")
-    add("--ship", default=RIG, help="with an electric drive and four-quadrant curves")
-    add("--seeds", type=int, default=SEEDS, help="of the noise")
+    parser = make_parser("towing_tank.observers", __doc__, "out/four-quadrant-observers")
+    ship_help = "ship with an electric drive and four-quadrant curves"
+    parser.add_argument("--ship", default=RIG, help=ship_help)
+    parser.add_argument("--seeds", type=int, default=SEEDS, help="number of seeds of the noise")
     options = parser.parse_args(arguments)
     if options.seeds < 1:
         parser.error("--seeds must be above zero")
@@ -297,28 +244,20 @@ def main(arguments: list[str] | None = None) -> None:
     clean = table_of(rig, named | OF_THE_RIG, None, 1)
     noisy = table_of(rig, named | OF_THE_RIG, Noise(), options.seeds)
     stopped = table_of(stop, named, None, 1)
-    figures.save(drawn(rig, stop), options.out / "figures" / "four-quadrant-observers.png")
-    introduction = INTRODUCTION.format(
-        ship=rig.ship.name, thrust=THRUST_N, speed=CARRIAGE_M_S, half=HALF_PERIOD_S, ramp=RAMP_S,
-        duration=DURATION_S, zone=100.0 * rig.against.mean(), wanted=WANTED_M_S, noise=Noise(),
-        rate=1.0 / rig.ship.time_step_s, seeds=options.seeds,
+    figures.save(draw(rig, stop), options.out / "figures" / "four-quadrant-observers.png")
+    body = fill_template(
+        Path(__file__).with_suffix(".md"), ship=rig.ship.name, thrust=THRUST_N, speed=CARRIAGE_M_S,
+        half=HALF_PERIOD_S, ramp=RAMP_S, duration=DURATION_S, zone=100.0 * rig.against.mean(),
+        limit=WANTED_M_S, noise=Noise(), rate=1.0 / rig.ship.time_step_s, seeds=options.seeds,
+        clean=clean, noisy=noisy, stopped=stopped, meeting=limits_met(clean, noisy),
+        seconds=float(stop.samples["time"][-1]), stop_zone=100.0 * stop.against.mean(),
+        stop=followed_against_inflow(stop),
     )  # fmt: skip
-    seconds = float(stop.samples["time"][-1])
-    body = [
-        introduction, "## Without noise", markdown(clean, 3), "## With noise", markdown(noisy, 3),
-        meaning(clean, noisy), WHY,
-        STOP.format(seconds=seconds, zone=100.0 * stop.against.mean()), markdown(stopped, 3),
-        STOP_MEANS.format(**followed_against_inflow(stop)),
-        "![Reversals](figures/four-quadrant-observers.png)\n\n"
-        "Left: the rig with noise, observers tuned to it; right: the destroyer. Thin lines: estimates "
-        "that are not valid. Grey: the shaft turns against the inflow.",
-    ]  # fmt: skip
     frames = {"rig": clean, "rig with noise": noisy, "crash stop": stopped}
     table = pd.concat([frame.assign(test=name) for name, frame in frames.items()])
     write_table(
-        options.out, "four-quadrant-observers", "Observers through a reversal",
-        "python -m reproductions towing_tank.observers --out docs/results", table,
-        "\n\n".join(body),
+        options.out, "four-quadrant-observers", "Observers during a thrust reversal",
+        "python -m reproductions towing_tank.observers --out docs/results", table, body,
     )  # fmt: skip
     print(f"page: {options.out / 'four-quadrant-observers.md'}")
 

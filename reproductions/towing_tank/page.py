@@ -1,111 +1,377 @@
-"""The page and the figures of the rig: :mod:`.results` beside the paper."""
+"""Compare the towing-tank tests of the anti-spin paper with ours: Table 1 and Figures 3 to 6.
+
+Pivano et al. 2008, section 5. Three assumed numbers are calibrated to the test with anti-spin; the test
+without anti-spin, and so the effect of anti-spin, is predicted.
+"""
 
 from __future__ import annotations
 
-from dataclasses import fields
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from shaftline.baselines.thrust_control import ThrustControlTuning
-from shaftline.display.tables import markdown
-from shaftline.plant import load_ship
+from shaftline.baselines.thrust_control import ThrustControl, ThrustControlTuning
+from shaftline.display.figures import ESTIMATE, PALETTE, THESIS, TRUTH, new_figure
+from shaftline.plant import Ship, load_ship
+from shaftline.plant.propeller import propeller_load
+from shaftline.plant.ventilation import suction_head, ventilation_rate
 
 from ..cells import Cell, Kind, half_digit, number
-from ..side_by_side import Page, cell_table, published_text
-from .experiment import Air, Programme, TankRun
-from .figures import power_panels, with_panels, without_panels
-from .results import NEAR, PRINTED, RIG, Numbers, Pair, Results
+from ..pages import fill_template
+from ..side_by_side import Page, Study, cell_table, published_text
+from .experiment import Air, Instruments, Programme, TankRun, simulate_test
 
-TITLE = "Anti-spin on the towing-tank rig (Pivano et al. 2008, section 5)"
-INTRO = """\
-The paper's own rig: `towing-tank`, under `shaftline.baselines.ThrustControl` at every time step of
-2 ms. Thrust is ordered ahead, then astern; the carriage follows it; in the harsh tests the
-propeller moves up and down near the surface. Ventilation is that of [the plant](../plant.md), by
-the suction of the blades against the static head above them.
+RIG = "towing-tank"
+PRINTED = {"anti-spin": (79.2, 290.0, 0.151), "no anti-spin": (89.1, 378.0, 0.123)}
+"""Table 1: mean thrust [N], mean power [W], eta_E [-]."""
+FRICTION = "transmission.coulomb_friction_engine_side_N_m"
+NEAR = 0.5
+"""h/R up to which the propeller is called near the surface."""
+CALM = Programme(mean_submergence=3.2, motion=0.0)
 
-**What is calibrated, and to what.** The order of thrust ({thrust:g} N), the carriage's speed
-({carriage:g} m/s) and the Coulomb friction ({friction:g} N m): three numbers, so that the test
-*with* anti-spin has the printed mean thrust, mean power and eta_E. These three rows are therefore
-no result. The test without anti-spin, and so every change, is predicted.
+AIRS = {
+    "as above": Air(),
+    "thrust loss 0.95, torque loss 0.91": Air(thrust_loss=0.95, torque_loss=0.91),
+    "thrust loss 0.6, torque loss 0.52": Air(thrust_loss=0.6, torque_loss=0.52),
+    "suction gain 0.35": Air(suction_gain=0.35),
+    "suction gain 0.7": Air(suction_gain=0.7),
+    "onset 0.3": Air(onset_submergence=0.3),
+    "no loss of disc area": Air(surface_loss=0.0),
+    "times of a propeller of 4.2 m": Air(growth_s=0.5, washout_s=1.5),
+}
+LIMITS_RAD_S = (25.0, 30.0, 38.0, 45.0, 52.0, 60.0, 75.0)
 
-**What is assumed** because the paper does not print it: the programme, the inception of air, all of
-the gains, and the propeller (Wageningen B4-70 curves scaled to a B4-58 of P/D 1.0). The losses of a
-ventilated blade are those of the theory. None of this was chosen by what the tests without
-anti-spin give.
+SPEEDS_RAD_S = (20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0, 55.0, 60.0, 65.0, 70.0, 75.0)
+SUBMERGENCES = (0.25, 0.5, 0.8, 1.0, 1.5)
+"""h/R at which the steady thrust is shown over the shaft speed."""
 
-{assumed}
 
-## Beside the print
+class Numbers(NamedTuple):
+    """Key numbers of a test."""
 
-A number is met within its printed digits, since the paper prints neither a repeat nor an error of its
-instruments. The effect of anti-spin is the change of Table 1, here in percent:
+    thrust: float  # mean of |T| [N]
+    power: float  # mean [W]
+    efficiency: float  # eta_E, eq. 27 [-]
+    thrust_near: float  # mean of |T| near the surface [N]
+    highest_speed: float  # [rad/s]
+    highest_power: float  # [W]
+    tracking: float  # rms of T - T_pd [N]
 
-{changes}
 
-{table}
+def numbers_of(test: TankRun, programme: Programme) -> Numbers:
+    """Return key numbers of a test; thrust counts in the direction of its set-point."""
+    thrust = test.samples["thrust"] * np.sign(test.thrust_order)
+    power = float(test.motor_power.mean())
+    near = programme.submergence(test.times) < NEAR
+    useful = float(np.mean(test.samples["thrust"] * test.samples["advance_velocity"]))
+    return Numbers(
+        float(thrust.mean()),
+        power,
+        useful / power,
+        float(thrust[near].mean()) if near.any() else float("nan"),
+        float(np.abs(test.samples["shaft_speed"]).max()),
+        float(test.motor_power.max()),
+        float(np.sqrt(np.mean((test.samples["thrust"] - test.thrust_order) ** 2))),
+    )
 
-What was calculated about the differences:
 
-{calculated}
+def calibrate(air: Air) -> tuple[Programme, float]:
+    """Return programme and Coulomb friction [N m] that give the first row of Table 1.
 
-![Calm water](figures/towing-tank-calm.png)
+    Thrust set-point, carriage speed and friction are fitted to thrust, power and eta_E of the test with
+    anti-spin. The other test is not used.
+    """
+    begin = np.array([120.0, 0.58, 0.1])
 
-Calm water, as the paper's Figure 3. The thrust is tracked to {tracking:.1f} N rms, the reversals
-included.
+    def off(scales: Any) -> Any:
+        thrust, carriage, friction = begin * scales
+        programme = Programme(thrust_N=thrust, carriage_m_s=carriage)
+        ship = air.ship(load_ship(RIG).with_values({FRICTION: max(friction, 0.0)}))
+        found = numbers_of(simulate_test(ship, ThrustControl(ship), programme), programme)
+        return np.array(found[:3]) / PRINTED["anti-spin"] - 1.0
 
-![With anti-spin](figures/towing-tank-anti-spin.png)
+    best = scipy.optimize.least_squares(
+        off, np.ones(3), diff_step=[0.01, 0.01, 0.01], x_scale=[0.1, 0.1, 1.0], max_nfev=15,
+        bounds=([0.5, 0.5, 0.0], [2.0, 2.0, 9.0]),
+    )  # fmt: skip
+    thrust, carriage, friction = begin * best.x
+    return Programme(thrust_N=float(thrust), carriage_m_s=float(carriage)), float(friction)
 
-Near the surface with anti-spin, as Figure 4. {found:.0f} % of the time in air is called air,
-{right:.0f} % of what is called air is.
 
-![Without](figures/towing-tank-without.png)
+class Pair(NamedTuple):
+    """Key numbers of a test with and without anti-spin."""
 
-The same without anti-spin, as Figure 5. The motor then takes {peaks:.1f} times the power in air, the
-"large peaks" of the paper.
+    on: Numbers
+    off: Numbers
 
-![Power](figures/towing-tank-power.png)
+    @property
+    def ratios(self) -> tuple[float, float, float]:
+        """Return thrust, power and eta_E with over without anti-spin [-]."""
+        thrust, power, efficiency = (a / b for a, b in zip(self.on[:3], self.off[:3], strict=True))
+        return thrust, power, efficiency
 
-Motor power of the three tests, as Figure 6.
+    @property
+    def carriage(self) -> float:
+        """Return the carriage speed weighted by thrust, eta_E P / T, with over without [-]."""
+        on, off = (n.efficiency * n.power / n.thrust for n in self)
+        return on / off
 
-## Thrust over the shaft speed
+    @property
+    def near(self) -> float:
+        """Return the thrust near the surface, with over without [-]."""
+        return self.on.thrust_near / self.off.thrust_near
 
-Steady thrust [N] at bollard pull, each shaft speed reached from the one below. It rises, drops
-where air comes, and rises again more slowly. So a slower shaft can give more thrust, which is the
-paper's motive.
 
-{steady}
+def pair(
+    ship: Ship,
+    programme: Programme,
+    *,
+    believed: Ship | None = None,
+    instruments: Instruments | None = None,
+    **tuning: Any,
+) -> Pair:
+    """Simulate both tests of a rig; ``believed`` is the controller's model of it, exact by default."""
+    believed = ship if believed is None else believed
+    on, off = (
+        numbers_of(
+            simulate_test(
+                ship, ThrustControl(believed, anti_spin=switch, **tuning), programme, instruments
+            ),
+            programme,
+        )
+        for switch in (True, False)
+    )
+    return Pair(on, off)
 
-The drop begins at {onset_half:.0f} rad/s for h/R = 0.5 and at {onset_one:.0f} rad/s for h/R = 1.
-The printed limits of 45 and 54 rad/s are above the first: where h/R < {near:g} the shaft still
-ventilates there.
 
-## What a detector and another limit could reach
+@dataclass(frozen=True)
+class Results:
+    """All results of the page."""
 
-A detector that knows when the propeller ventilates gives {oracle.thrust:.1f} N, {oracle.power:.0f} W
-and eta_E {oracle.efficiency:.3f} against {on.thrust:.1f} N, {on.power:.0f} W and {on.efficiency:.3f}.
-The columns of the next tables from "thrust" on are ratios, with over without anti-spin; "carriage by
-thrust" is the carriage's speed weighted by thrust.
+    calm: TankRun
+    on: TankRun
+    off: TankRun
+    programme: Programme
+    calm_numbers: Numbers
+    pair: Pair
+    oracle: Numbers
+    detection: tuple[float, float]
+    """Shares of the time in air that is called air, and of the time called air that is."""
+    steady: pd.DataFrame
+    limits: pd.DataFrame
+    airs: pd.DataFrame
+    others: pd.DataFrame
 
-{limits}
 
-## Other air
+def over_shaft_speed(ship: Ship) -> pd.DataFrame:
+    """Return the steady thrust [N] at bollard pull, by shaft speed (rows) and h/R (columns).
 
-Each calibrated anew to the same three numbers.
+    Each shaft speed is reached from the one below, with its ventilation.
+    """
+    plant, pitch = ship.record(), ship.propeller.pitch_ratio_max
+    found: dict[str, Any] = {"shaft speed [rad/s]": SPEEDS_RAD_S}
+    for relative in SUBMERGENCES:
+        depth, degree, column = 0.5 * relative * ship.propeller.diameter_m, 0.0, []
+        for speed in SPEEDS_RAD_S:
+            wetted = propeller_load(plant, 0.0, speed, pitch, depth, 0.0)
+            suction = suction_head(plant, wetted.thrust_coefficient, speed)
+            for _ in range(2000):  # 20 s
+                degree += 0.01 * ventilation_rate(plant, degree, relative, suction)
+            column.append(propeller_load(plant, 0.0, speed, pitch, depth, degree).thrust)
+        found[f"h/R {relative:g}"] = column
+    return pd.DataFrame(found)
 
-{airs}
 
-## Another programme, a wrong model, other instruments
+def _row(name: str, found: Pair) -> dict[str, Any]:
+    thrust, power, efficiency = found.ratios
+    return {
+        "what": name, "thrust": thrust, "power": power, "eta_E": efficiency,
+        "thrust near the surface": found.near, "carriage by thrust": found.carriage,
+    }  # fmt: skip
 
-As calibrated above, one thing changed at a time.
 
-{others}
-"""
+def _variants(ship: Ship, programme: Programme) -> dict[str, Callable[[], Pair]]:
+    """Return the variants that are simulated without a new calibration."""
+
+    def moved(**changes: float) -> Callable[[], Pair]:
+        return lambda: pair(ship, replace(programme, **changes))
+
+    def believes(key: str, value: float) -> Callable[[], Pair]:
+        return lambda: pair(ship, programme, believed=ship.with_values({key: value}))
+
+    def reads(**wrong: Any) -> Callable[[], Pair]:
+        return lambda: pair(ship, programme, instruments=Instruments(**wrong))
+
+    return {
+        "as above": moved(),
+        "motion's period 4 s": moved(motion_period_s=4.0),
+        "motion's period 8 s": moved(motion_period_s=8.0),
+        "motion half a period later": moved(phase=np.pi),
+        "motion 0.3 R deeper": moved(mean_submergence=1.55),
+        "motion 0.3 R higher": moved(mean_submergence=0.95),
+        "ahead and astern 15 s each": moved(half_s=15.0),
+        "thrust order 20 % lower": moved(thrust_N=0.8 * programme.thrust_N),
+        "carriage 1 m/s": moved(carriage_m_s=1.0),
+        "KQ believed 3 % low": believes("propeller.relative_rotative_efficiency", 1.03),
+        "KQ believed 3 % high": believes("propeller.relative_rotative_efficiency", 0.97),
+        "viscous friction believed half": believes(
+            "transmission.viscous_friction_engine_side_N_m_s_rad", 0.004
+        ),
+        "motor gives 2 % less than ordered": reads(torque_gain=0.98),
+        "motor gives 2 % more": reads(torque_gain=1.02),
+        "speed read with 0.05 rad/s of noise": reads(shaft_speed=0.05),
+    }
+
+
+TICKS = 3 + 1 + len(LIMITS_RAD_S) + len(AIRS) + 15
+
+
+def compute_results(tick: Callable[[], None]) -> Results:
+    """Simulate every test of the page."""
+    programme, air, rig = Programme(), Air(), load_ship(RIG)
+    calm = simulate_test(rig, ThrustControl(rig), CALM)
+    tick()
+    ship = air.ship(rig)
+    on = simulate_test(ship, ThrustControl(ship), programme)
+    tick()
+    off = simulate_test(ship, ThrustControl(ship, anti_spin=False), programme)
+    tick()
+    oracle = simulate_test(ship, ThrustControl(ship), programme, Instruments(tell_air=True))
+    tick()
+    limits = []
+    for limit in LIMITS_RAD_S:
+        astern = limit * 54.0 / 45.0
+        found = pair(ship, programme, ventilated_ahead_rad_s=limit, ventilated_astern_rad_s=astern)
+        limits.append({"ahead [rad/s]": limit, "astern [rad/s]": astern, **_row("", found)})
+        tick()
+    airs = []
+    for name, other in AIRS.items():
+        fitted, friction = calibrate(other)
+        found = pair(other.ship(rig.with_values({FRICTION: friction})), fitted)
+        airs.append(
+            _row(name, found)
+            | {"T_pd [N]": fitted.thrust_N, "carriage [m/s]": fitted.carriage_m_s,
+               "k_f1 [N m]": friction, "T with [N]": found.on.thrust, "P with [W]": found.on.power,
+               "T without [N]": found.off.thrust, "P without [W]": found.off.power}
+        )  # fmt: skip
+        tick()
+    others = []
+    for name, tried in _variants(ship, programme).items():
+        others.append(_row(name, tried()))
+        tick()
+    air_is = on.samples["ventilation"] > 0.5
+    both = float(np.sum(air_is & on.detected))
+    return Results(
+        calm, on, off, programme, numbers_of(calm, CALM),
+        Pair(numbers_of(on, programme), numbers_of(off, programme)),
+        numbers_of(oracle, programme),
+        (both / float(air_is.sum()), both / float(on.detected.sum())),
+        over_shaft_speed(ship), pd.DataFrame(limits).drop(columns="what"),
+        pd.DataFrame(airs), pd.DataFrame(others),
+    )  # fmt: skip
+
+
+def _line(
+    axis: Axes, test: TankRun, values: Any, label: str, colour: str, style: str = "-"
+) -> None:
+    axis.plot(test.times, values, color=colour, linewidth=0.9, linestyle=style, label=label)
+
+
+def _named(axis: Axes, words: str) -> None:
+    axis.set_ylabel(words, fontsize=8)
+    axis.tick_params(labelsize=8)
+    if axis.get_legend_handles_labels()[0]:
+        axis.legend(fontsize=7, loc="upper right", ncols=2)
+
+
+def _thrust(axis: Axes, test: TankRun) -> None:
+    _line(axis, test, test.samples["thrust"], "T_p", TRUTH)
+    _line(axis, test, test.thrust_order, "T_pd", ESTIMATE, "--")
+    speed = axis.twinx()
+    speed.plot(test.times, test.samples["advance_velocity"], color=THESIS, linewidth=0.9)
+    speed.set_ylabel("u_a [m/s] (grey)", fontsize=8)
+    speed.tick_params(labelsize=8)
+    _named(axis, "thrust [N]")
+
+
+def _speed(axis: Axes, test: TankRun) -> None:
+    _line(axis, test, test.samples["shaft_speed"], "omega", TRUTH)
+    _line(axis, test, test.reference, "omega_d", ESTIMATE, "--")
+    _named(axis, "shaft speed [rad/s]")
+
+
+def _errors(thrust: Axes, speed: Axes, test: TankRun) -> None:
+    _line(thrust, test, test.samples["thrust"] - test.thrust_order, "", TRUTH)
+    _named(thrust, "T_p - T_pd [N]")
+    _line(speed, test, test.samples["shaft_speed"] - test.reference, "", TRUTH)
+    _named(speed, "omega - omega_d [rad/s]")
+
+
+def _torque(axis: Axes, test: TankRun) -> None:
+    _line(axis, test, test.samples["brake_torque"], "", TRUTH)
+    _named(axis, "motor torque Q_md [N m]")
+
+
+def without_panels(test: TankRun) -> Figure:
+    """Draw five panels, as Figures 3 and 5."""
+    figure, axes = new_figure(5, 1, (8.0, 9.5))
+    a, b, c, d, e = axes.flat
+    _thrust(a, test)
+    _errors(b, d, test)
+    _speed(c, test)
+    _torque(e, test)
+    e.set_xlabel("time [s]", fontsize=8)
+    return figure
+
+
+def with_panels(test: TankRun, programme: Programme) -> Figure:
+    """Draw eight panels, as Figure 4."""
+    figure, axes = new_figure(4, 2, (11.0, 9.5))
+    a, e, b, f, c, g, d, h = axes.flat
+    _line(a, test, test.samples["propeller_torque"], "Q_p", TRUTH)
+    _line(a, test, test.torque_estimate, "estimated", ESTIMATE, "--")
+    _named(a, "propeller torque [N m]")
+    _line(b, test, np.clip(test.torque_ratio, -0.5, 2.0), "", TRUTH)
+    for level in (
+        ThrustControlTuning().detector.on_below,
+        ThrustControlTuning().detector.off_above,
+    ):
+        b.axhline(level, color=ESTIMATE, linewidth=0.7, linestyle=":")
+    _named(b, "beta_Q (cut at -0.5 and 2)")
+    _line(c, test, programme.submergence(test.times), "h/R", TRUTH)
+    _line(c, test, test.detected, "nu", ESTIMATE)
+    _line(c, test, test.samples["ventilation"], "air", PALETTE[1], ":")
+    _named(c, "submergence, ventilation [-]")
+    _torque(d, test)
+    _thrust(e, test)
+    _errors(f, h, test)
+    _speed(g, test)
+    for axis in (d, h):
+        axis.set_xlabel("time [s]", fontsize=8)
+    return figure
+
+
+def power_panels(found: Results) -> Figure:
+    """Draw the motor power, as Figure 6."""
+    figure, axes = new_figure(3, 1, (8.0, 6.5))
+    tests = {"calm water": found.calm, "with anti-spin": found.on, "without": found.off}
+    for axis, (name, test) in zip(axes.flat, tests.items(), strict=True):
+        _line(axis, test, test.motor_power, name, TRUTH)
+        axis.set_ylim(-100.0, 1.05 * max(t.motor_power.max() for t in tests.values()))
+        _named(axis, "P_m [W]")
+    axes[-1, 0].set_xlabel("time [s]", fontsize=8)
+    return figure
 
 
 def _assumed() -> pd.DataFrame:
-    """Everything that the paper does not print, with its value."""
+    """Return all assumed values, which the paper does not print."""
     rows: list[dict[str, Any]] = []
     tuning = ThrustControlTuning()
     for title, thing in (
@@ -120,7 +386,7 @@ def _assumed() -> pd.DataFrame:
 
 WORDS = ("mean thrust [N]", "mean power [W]", "eta_E")
 TEXT = "section 5"
-"""Where the paper's words stand."""
+"""Section of the paper's words."""
 
 
 def _change(ratio: float) -> float:
@@ -128,11 +394,7 @@ def _change(ratio: float) -> float:
 
 
 def cells(found: Results) -> list[Cell]:
-    """Return the printed numbers and words of section 5 beside ours.
-
-    Args:
-        found: of the study.
-    """
+    """Return the printed numbers and words of section 5 with ours."""
     digits = published_text("anti_spin_towing_tank")
     compared = []
     for row, values, kind in (
@@ -167,50 +429,13 @@ def _changes(found: Results) -> pd.DataFrame:
     )
 
 
-def _efficiency(found: Results) -> str:
-    """Split the change of eta_E = (T / P) u, with u the carriage's speed weighted by thrust."""
-    thrust, power, efficiency = found.pair.ratios
-    (t, p, e), (t0, p0, e0) = PRINTED["anti-spin"], PRINTED["no anti-spin"]
-    print_u, print_tp = (e * p / t) / (e0 * p0 / t0), (t / p) / (t0 / p0)
-    tried = pd.concat([found.airs, found.others])["carriage by thrust"]
-    return (
-        f"a gain of {_change(efficiency):.0f} % against {_change(e / e0):.0f} %. eta_E is thrust per "
-        "power times the carriage's speed weighted by thrust. Ours rise by "
-        f"{_change(thrust / power):.1f} % and {_change(found.pair.carriage):.1f} %, the print's by "
-        f"{_change(print_tp):.1f} % and {_change(print_u):.1f} %. In the {len(tried)} tests below the "
-        f"second lies between {_change(tried.min()):.1f} and {_change(tried.max()):.1f} %: how the "
-        "print comes to its value is not known"
-    )
-
-
-def _near(found: Results) -> str:
-    steady = found.steady.set_index("shaft speed [rad/s]")
-    shares = [steady.loc[45.0, f"h/R {h:g}"] / steady.loc[75.0, f"h/R {h:g}"] for h in (0.25, 0.5)]
-    return (
-        "a ventilated propeller of the plant gives more thrust at 75 rad/s than at 45: by the steady "
-        f"thrust below, 45 rad/s gives {shares[0]:.2f} of it at h/R 0.25 and {shares[1]:.2f} at 0.5. "
-        "The theory leaves a quarter of the wetted lift, which grows with the square of the shaft "
-        "speed; the print asks for a thrust that does not grow at all. See the table of other air for "
-        "a blade that keeps less"
-    )
-
-
-def _speed(found: Results) -> str:
-    ahead, astern = (_speeds_in_air(found, sign) for sign in (1.0, -1.0))
-    return (
-        "the printed limits allow 75 / 45 = 1.67 ahead and 75 / 54 = 1.39 astern, and "
-        f"(75 + 75) / (45 + 54) = 1.52 over both; ours are {ahead:.2f} ahead and {astern:.2f} astern. "
-        "No run within the printed limits can come to 2"
-    )
-
-
 def _in_air(test: TankRun, values: Any) -> float:
-    """Mean of the values while the propeller is in air and the controller knows it."""
+    """Return the mean of the values while the propeller is in air and this is detected."""
     return float(np.mean(values[(test.samples["ventilation"] > 0.8) & test.detected]))
 
 
 def _speeds_in_air(found: Results, direction: float = 0.0) -> float:
-    """Shaft speed in air, without over with anti-spin, of one direction of thrust or of both."""
+    """Return the shaft speed in air, without over with anti-spin, by direction of thrust or for both."""
 
     def speed(test: TankRun) -> float:
         air = (test.samples["ventilation"] > 0.8) & test.detected
@@ -225,23 +450,29 @@ def _power_in_air(found: Results) -> float:
     return _in_air(found.off, found.off.motor_power) / _in_air(found.on, found.on.motor_power)
 
 
-def page(found: Results) -> Page:
-    """Return the page's parts."""
-    compared = cells(found)
-    calculated = {
-        "change of eta_E": _efficiency(found), "thrust near the surface": _near(found),
-        "shaft speed in air": _speed(found),
+def _fields(found: Results) -> dict[str, Any]:
+    """Return the numbers that the text of the page names."""
+    thrust, power, _ = found.pair.ratios
+    (t, p, e), (t0, p0, e0) = PRINTED["anti-spin"], PRINTED["no anti-spin"]
+    steady = found.steady.set_index("shaft speed [rad/s]")
+    return {
+        # eta_E = (T / P) u, with u the carriage's speed weighted by thrust
+        "gains": [_change(r) for r in (thrust / power, found.pair.carriage, found.pair.ratios[2])],
+        "printed": [_change(r) for r in ((t / p) / (t0 / p0), (e * p / t) / (e0 * p0 / t0), e / e0)],
+        "tried": [_change(r) for r in pd.concat([found.airs, found.others])["carriage by thrust"]],
+        "shares": [steady.loc[45.0, f"h/R {h:g}"] / steady.loc[75.0, f"h/R {h:g}"] for h in (0.25, 0.5)],
+        "ahead": _speeds_in_air(found, 1.0), "astern": _speeds_in_air(found, -1.0),
+        "onsets": [_onset(found, h) for h in (0.5, 1.0)], "peaks": _power_in_air(found),
+        "friction": float(load_ship(RIG).record()["coulomb_engine_side"]), "near": NEAR,
     }  # fmt: skip
-    body = INTRO.format(
-        thrust=found.programme.thrust_N, carriage=found.programme.carriage_m_s,
-        assumed=markdown(_assumed()), table=markdown(cell_table(compared)),
-        changes=markdown(_changes(found)), peaks=_power_in_air(found),
-        calculated="\n".join(f"- {name}: {text}" for name, text in calculated.items()),
-        tracking=found.calm_numbers.tracking, found=100.0 * found.detection[0],
-        right=100.0 * found.detection[1], oracle=found.oracle, on=found.pair.on, near=NEAR,
-        steady=markdown(found.steady, 1), onset_half=_onset(found, 0.5), onset_one=_onset(found, 1.0),
-        limits=markdown(found.limits, 3), airs=markdown(found.airs, 3),
-        others=markdown(found.others, 3), friction=float(load_ship(RIG).record()["coulomb_engine_side"]),
+
+
+def page(found: Results) -> Page:
+    """Return the page of the results."""
+    compared = cells(found)
+    body = fill_template(
+        Path(__file__).with_suffix(".md"), found=found, assumed=_assumed(), table=cell_table(compared),
+        changes=_changes(found), **_fields(found),
     )  # fmt: skip
     figures = {
         "towing-tank-calm": without_panels(found.calm),
@@ -253,7 +484,7 @@ def page(found: Results) -> Page:
 
 
 def _onset(found: Results, relative: float) -> float:
-    """Shaft speed [rad/s] of the table from which the thrust drops."""
+    """Return the shaft speed [rad/s] of the table at which the thrust begins to drop."""
     thrust = found.steady[f"h/R {relative:g}"].to_numpy()
     return float(found.steady["shaft speed [rad/s]"][int(np.argmax(np.diff(thrust) < 0.0))])
 
@@ -264,3 +495,10 @@ def _numbers(found: Pair, calm: Numbers) -> dict[str, Any]:
         "anti-spin": found.on._asdict(), "no anti-spin": found.off._asdict(), "calm": calm._asdict(),
         "ratios": {"thrust": thrust, "power": power, "eta_E": efficiency},
     }  # fmt: skip
+
+
+STUDY = Study(
+    "Anti-spin on the towing-tank rig (Pivano et al. 2008, section 5)",
+    lambda tick: page(compute_results(tick)),
+    TICKS,
+)

@@ -1,4 +1,4 @@
-"""The public door: what a user imports, and that nothing imports torch before something learns."""
+"""The public API of the package; torch is imported for training only."""
 
 from __future__ import annotations
 

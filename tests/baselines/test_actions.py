@@ -1,4 +1,4 @@
-"""Commands and actions: there and back, and at the ends."""
+"""Conversion of commands to actions and back."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ number = st.floats(-1e4, 1e4)
 
 
 @given(action=st.floats(-1.0, 1.0), low=number, width=st.floats(1e-3, 1e4))
-def test_an_action_comes_back(action: float, low: float, width: float) -> None:
+def test_conversion_and_inverse(action: float, low: float, width: float) -> None:
     there = decode(action, low, low + width)
-    scale = max(abs(low), width) / width  # digits that the range's place costs
+    scale = max(abs(low), width) / width  # rounding error from the offset of the range
     assert encode(there, low, low + width) == pytest.approx(action, abs=1e-14 * (1.0 + scale))
     assert low - 1e-9 <= there <= low + width + 1e-9
 
@@ -26,7 +26,7 @@ def test_an_action_comes_back(action: float, low: float, width: float) -> None:
 def test_ends_and_middle_by_hand() -> None:
     assert [decode(a, 0.6, 1.4) for a in (-1.0, 0.0, 0.5, 1.0)] == pytest.approx([0.6, 1, 1.2, 1.4])
     assert [encode(c, 0.6, 1.4) for c in (0.6, 1.0, 1.2, 1.4)] == pytest.approx([-1.0, 0, 0.5, 1])
-    assert decode(-1.0, 0.3, 0.7) == 0.3  # to the bit: a closed rack is closed
+    assert decode(-1.0, 0.3, 0.7) == 0.3  # exact: a closed rack stays closed
 
 
 def test_beyond_the_range_is_clipped() -> None:

@@ -63,11 +63,11 @@ def test_gains_within_the_conditions_pass(gains: tuple[float, float, float]) -> 
     ],
 )
 def test_bad_tuning_is_refused(frigate: Ship, change: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match=r"anti-spin|thrust law|observer|detector"):
+    with pytest.raises(ValueError, match=r"anti-spin|thrust control|observer|detector"):
         AntiSpin(frigate, tuning=replace(AntiSpinTuning(), **change))
 
 
-def test_numbers_of_the_tuning_go_by_name(frigate: Ship) -> None:
+def test_values_of_the_tuning_are_set_by_name(frigate: Ship) -> None:
     settings = AntiSpin(frigate, ventilated_speed=0.8, sea_margin=3.0, speed_rate=9.0).settings
     assert settings["ventilated_speed"] == 0.8
     assert settings["law"]["detector"]["sea_margin"] == 3.0
@@ -77,7 +77,7 @@ def test_numbers_of_the_tuning_go_by_name(frigate: Ship) -> None:
 
 
 def test_engine_stays_within_its_envelope(controller: AntiSpin, frigate: Ship) -> None:
-    # full ahead ordered at idle speed: the law asks for far more than the engine has there
+    # At full ahead and idle speed the torque set-point is far above the torque limit.
     observation = np.array([12.0, 5.0, 3e4, 1.4, 15.0, 2.0, 2.0, 1.0])
     state: Any = None
     for _ in range(10):
@@ -88,11 +88,11 @@ def test_engine_stays_within_its_envelope(controller: AntiSpin, frigate: Ship) -
     assert state["shaft_torque"][0] > 7.38 * 0.95 * limit
     rack = 0.5 * (float(action[1]) + 1.0) * float(plant["drive_max"])
     assert rack_torque(plant, engine_speed, rack) == pytest.approx(limit, rel=1e-5)
-    # and the integral has not wound up meanwhile
+    # There was no integrator windup.
     assert state["error_integral"][0] == 0.0
 
 
-def test_only_diesel_ships_with_a_b_series_propeller_are_taken(frigate: Ship) -> None:
+def test_only_diesel_ships_with_a_b_series_propeller_are_allowed(frigate: Ship) -> None:
     with pytest.raises(ValueError, match="diesel"):
         AntiSpin(load_ship("tito-neri-sine"))
     with pytest.raises(ValueError, match="B-series"):
@@ -104,13 +104,13 @@ def test_only_diesel_ships_with_a_b_series_propeller_are_taken(frigate: Ship) ->
 
 def test_set_points_are_steady_states(frigate: Ship) -> None:
     curve = combinator_curve(frigate)
-    steady = equilibrium(frigate, 19.5, float(curve.at(8.0).pitch_ratio))
-    at = curve.at(steady.state.ship_speed)
+    steady = equilibrium(frigate, 19.5, float(curve.set_points(8.0).pitch_ratio))
+    at = curve.set_points(steady.state.ship_speed)
     assert at.shaft_speed == pytest.approx(steady.state.shaft_speed, rel=1e-3)
     assert at.thrust == pytest.approx(steady.outputs.thrust, rel=1e-3)
 
 
-def test_a_fixed_pitch_is_taken(frigate: Ship) -> None:
+def test_a_fixed_pitch_is_allowed(frigate: Ship) -> None:
     fixed = frigate.with_values(
         {"propeller.pitch_ratio_min": 1.2, "propeller.pitch_ratio_max": 1.2}
     )
@@ -122,10 +122,10 @@ def test_a_fixed_pitch_is_taken(frigate: Ship) -> None:
 # predict
 
 
-def test_filter_is_the_papers(frigate: Ship) -> None:
+def test_filter_is_that_of_the_paper(frigate: Ship) -> None:
     tuning = AntiSpinTuning(cutoff_rad_s=1.5, damping=1.0)
     turn = AntiSpin(frigate, 0.5, tuning=tuning).settings["law"]["filter"]
-    # a critically damped filter: what is left of a step after t is (1 + w t) exp(-w t)
+    # In a critically damped filter the remaining error of a step is (1 + w t) exp(-w t).
     assert turn[0, 0] == pytest.approx((1.0 + 0.75) * math.exp(-0.75))
     assert turn[0, 1] == pytest.approx(0.5 * math.exp(-0.75))
 
@@ -146,7 +146,7 @@ def test_single_equals_batch(frigate: Ship, controller: AntiSpin) -> None:
             np.testing.assert_array_equal(states[i][0], fleet_state[i])
 
 
-def test_the_state_passed_in_is_left_alone(controller: AntiSpin) -> None:
+def test_the_state_argument_is_not_changed(controller: AntiSpin) -> None:
     _, state = controller.predict(CRUISE)
     before = state.copy()
     first, _ = controller.predict(CRUISE, state)
@@ -155,32 +155,30 @@ def test_the_state_passed_in_is_left_alone(controller: AntiSpin) -> None:
     np.testing.assert_array_equal(first, second)
 
 
-def test_an_episodes_start_forgets(controller: AntiSpin) -> None:
+def test_an_episode_starts_with_the_initial_state(controller: AntiSpin) -> None:
     fresh, _ = controller.predict(CRUISE)
     _, state = controller.predict(np.array(CRUISE) * 0.7)
     again, _ = controller.predict(CRUISE, state, np.array([True]))
     np.testing.assert_array_equal(again, fresh)
 
 
-def test_a_lost_reading_is_the_last_good_one_and_at_first_that_of_a_slow_ship(
-    controller: AntiSpin,
-) -> None:
+def test_a_lost_measurement_is_replaced_by_the_last_plausible_one(controller: AntiSpin) -> None:
     curve = controller.curve
     slow = [curve.ship_speed[0], curve.shaft_speed[0], 0.0, curve.pitch_ratio[0], 0.0,
             curve.ship_speed[0], 0.0, 0.0]  # fmt: skip
     _, first = controller.predict(np.full(8, math.nan))
-    assert first["reading"][0].tolist() == pytest.approx(slow)
+    assert first["measured"][0].tolist() == pytest.approx(slow)
     _, second = controller.predict(CRUISE, first)
-    assert second["reading"][0].tolist() == CRUISE
+    assert second["measured"][0].tolist() == CRUISE
     bounds = np.array([40.0, 1e4, 1e8, 2.6, 200.0, 40.0, 40.0, 1.0])  # of the signal registry
     for sign in (1.0, -1.0):
         _, inside = controller.predict(sign * bounds, second)
-        assert inside["reading"][0].tolist() == (sign * bounds).tolist()
+        assert inside["measured"][0].tolist() == (sign * bounds).tolist()
         _, beyond = controller.predict(sign * bounds * 1.000001, second)
-        assert beyond["reading"][0].tolist() == CRUISE
+        assert beyond["measured"][0].tolist() == CRUISE
 
 
-def test_settings_are_the_tunings_over_the_ships_numbers() -> None:
+def test_settings_scale_with_the_ship() -> None:
     ship = load_ship("frigate").with_values(
         {
             "propeller.entrained_inertia_kg_m2": 1600.0,
@@ -206,7 +204,9 @@ def test_settings_are_the_tunings_over_the_ships_numbers() -> None:
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e300])
 @pytest.mark.parametrize("first", [True, False])
-def test_bad_readings_give_a_finite_action(controller: AntiSpin, bad: float, first: bool) -> None:
+def test_bad_measurements_give_a_finite_action(
+    controller: AntiSpin, bad: float, first: bool
+) -> None:
     state = None if first else controller.predict(CRUISE)[1]
     for columns in [[c] for c in range(8)] + [list(range(8))]:
         observation = np.array(CRUISE)
@@ -219,7 +219,7 @@ def test_bad_readings_give_a_finite_action(controller: AntiSpin, bad: float, fir
         assert np.all(np.isfinite(action))
 
 
-def test_random_readings_give_a_finite_action(controller: AntiSpin) -> None:
+def test_random_measurements_give_a_finite_action(controller: AntiSpin) -> None:
     rng = np.random.default_rng(5)
     state: Any = None
     for _ in range(200):

@@ -1,4 +1,4 @@
-"""The anti-spin law, one instant at a time, against the paper's equations written out."""
+"""Anti-spin controller at one instant: the equations of the paper written out."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.baselines.anti_spin import ANTI_SPIN_MEMORY, AntiSpin, control_all, gauge_jump
+from shaftline.baselines.anti_spin import ANTI_SPIN_MEMORY, AntiSpin, control_all, torque_meter_step
 from shaftline.baselines.thrust_control import desired_speed, thrust_per_torque
 from shaftline.baselines.ventilation import TORQUE_LOSS, bollard_gain, shaft_load
 from shaftline.observers.torque_curve import model_torque
@@ -34,26 +34,26 @@ def controller() -> AntiSpin:
     return AntiSpin(ROUGH, 0.5)
 
 
-def test_gauge_jumps_with_the_fuel_as_the_plant_says(frigate: Ship) -> None:
+def test_step_of_the_measured_torque_is_that_of_the_plant(frigate: Ship) -> None:
     plant = frigate.record()
     start = equilibrium(frigate, 20.0, 1.4)
-    readings = [
+    measurements = [
         evaluate(plant, start.state, start.inputs._replace(drive=rack), 1.4)[1].shaft_torque
         for rack in (20.0, 26.0)
     ]
     engine_speed = float(plant["gear_ratio"]) * start.state.shaft_speed
-    jump = gauge_jump(plant, engine_speed, 20.0, 26.0)
-    assert jump == pytest.approx(readings[1] - readings[0])
+    jump = torque_meter_step(plant, engine_speed, 20.0, 26.0)
+    assert jump == pytest.approx(measurements[1] - measurements[0])
 
 
-def test_thrust_per_torque_is_the_propellers(frigate: Ship) -> None:
+def test_thrust_per_torque_is_that_of_the_propeller(frigate: Ship) -> None:
     plant, settings = frigate.record(), AntiSpin(frigate).settings["law"]
     for j in (0.2, 0.7, 1.1):
         torque = model_torque(plant, j * 4.2 * 10.0 / (2.0 * math.pi), 10.0, 1.4)
         expected = open_water(plant["kt"], j, 1.4) / (4.2 * open_water(plant["kq"], j, 1.4))
         found = thrust_per_torque(settings, torque, 10.0, 1.4)
         assert found == pytest.approx(expected)
-    # held at the end of the working range, however little torque is left
+    # Limited to the end of the working range at a small torque.
     ends = [thrust_per_torque(settings, torque, 10.0, 1.4) for torque in (1e3, -1e5)]
     assert ends[0] == ends[1] > 0.0
 
@@ -74,12 +74,12 @@ def test_thrust_per_torque_from_bollard_to_the_working_ranges_end(controller: An
 def estimate_of(shaft_speed: float, loss: float, pitch: float) -> Any:
     estimate = np.zeros(1, TORQUE_LOSS)[0]
     estimate["shaft_speed"], estimate["torque_loss"] = shaft_speed, loss
-    estimate["pitch_reading"] = pitch
+    estimate["measured_pitch"] = pitch
     return estimate
 
 
 def desired(settings: Any, estimate: Any, thrust: float, pitch: float) -> float:
-    """Eqs. 17 and 19, within the engine's speeds."""
+    """Eqs. 17 and 19, within the speeds of the engine."""
     plant = ROUGH.record()
     gain = bollard_gain(plant, pitch)
     torque = gain * estimate["shaft_speed"] ** 2 + estimate["torque_loss"]
@@ -112,13 +112,13 @@ def test_desired_speeds_reach_both_ends(controller: AntiSpin) -> None:
 def test_engines_that_do_not_step_make_no_jump(frigate: Ship) -> None:
     for key, value in (("lag_s", 0.5), ("dead_time_s", 0.2), ("rack_rate_limit_mm_s", 5.0)):
         slow = frigate.with_values({f"prime_mover.{key}": value})
-        assert gauge_jump(slow.record(), 74.0, 20.0, 26.0) == 0.0
-    assert gauge_jump(frigate.record(), 74.0, 20.0, 20.0) == 0.0
+        assert torque_meter_step(slow.record(), 74.0, 20.0, 26.0) == 0.0
+    assert torque_meter_step(frigate.record(), 74.0, 20.0, 20.0) == 0.0
 
 
 def instant(controller: AntiSpin, memory: Any, *, calm: float, thrust: float, speed: float,
             torque: float, pitch: float, ship: float, rack: float) -> float:  # fmt: skip
-    """Rack of one ship at one instant; the memory changes."""
+    """Return the rack of one ship at one instant; the memory changes."""
     out = np.zeros(1)
     given = [np.array([x]) for x in (calm, thrust, speed, torque, pitch, ship, rack)]
     arguments: list[Any] = [controller.settings, memory, *given, out]
@@ -128,7 +128,7 @@ def instant(controller: AntiSpin, memory: Any, *, calm: float, thrust: float, sp
 
 def written_out(controller: AntiSpin, before: Any, after: Any, calm: float, thrust: float,
                 speed: float, pitch: float) -> tuple[float, float]:  # fmt: skip
-    """Eqs. 20 and 21 from what the estimator and the detector say: the reference and Q_m."""
+    """Eqs. 20 and 21 give the reference and Q_m from estimates and detection."""
     settings = controller.settings["law"]
     loss = float(after["estimate"]["torque_loss"])
     wanted = desired(settings, after["estimate"], thrust, pitch)
@@ -149,7 +149,7 @@ def written_out(controller: AntiSpin, before: Any, after: Any, calm: float, thru
     return reference, demand
 
 
-def test_law_over_a_voyage_with_and_without_air(controller: AntiSpin) -> None:
+def test_controller_over_a_voyage_with_and_without_air(controller: AntiSpin) -> None:
     rng = np.random.default_rng(4)
     memory = np.zeros(1, ANTI_SPIN_MEMORY)
     plant, rack, detected, free = ROUGH.record(), 18.0, 0, 0
@@ -176,8 +176,8 @@ def test_law_over_a_voyage_with_and_without_air(controller: AntiSpin) -> None:
             free += 1
             assert after["error_integral"] == pytest.approx(integral + 0.5 * e2, abs=1e-12)
         detected += int(after["detection"]["ventilating"])
-        jump = gauge_jump(plant, engine, rack_before, rack)
-        assert after["estimate"]["torque_reading"] == pytest.approx(torque + jump)
+        jump = torque_meter_step(plant, engine, rack_before, rack)
+        assert after["estimate"]["measured_torque"] == pytest.approx(torque + jump)
     assert 5 < detected < 55
     assert free > 40
 
@@ -198,7 +198,7 @@ def test_pitch_is_taken_within_the_ships_range(controller: AntiSpin, pitch: floa
 def wound(
     controller: AntiSpin, reference: float, speed: float, torque: float, integral: float
 ) -> Any:
-    """Rack, and how far the integral moves, from a reference that stands."""
+    """Return the rack and the change of the integral at a constant reference."""
     memory = np.zeros(1, ANTI_SPIN_MEMORY)
     instant(controller, memory, calm=9.0, thrust=1e5, speed=speed, torque=torque, pitch=1.3, ship=7.0,
             rack=15.0)  # fmt: skip
@@ -214,24 +214,24 @@ def wound(
 
 def test_integral_moves_away_from_a_limit_only(controller: AntiSpin) -> None:
     plant = ROUGH.record()
-    # far too slow: the engine gives all it has, and the integral waits
+    # Much too slow: the engine is at its limit, and the integral is held.
     rack, moved, e2 = wound(controller, 14.0, 8.0, 1e5, 0.0)
     assert rack_torque(plant, 7.38 * 8.0, rack) == pytest.approx(torque_limit(plant, 7.38 * 8.0))
     assert e2 < 0.0
     assert moved == 0.0
-    # so it does at the rack's end stop, inside the envelope
+    # The integral is also held at the end stop of the rack.
     short = AntiSpin(ROUGH.with_values({"prime_mover.rack_max_mm": 14.0}))
     rack, moved, e2 = wound(short, 11.0, 10.0, 1e5, 0.0)
     assert rack == 14.0
     assert rack_torque(plant, 73.8, rack) < 0.9 * torque_limit(plant, 73.8)
     assert e2 < 0.0
     assert moved == 0.0
-    # far too fast: no fuel, and it waits
+    # Much too fast: no fuel, and the integral is held.
     rack, moved, e2 = wound(controller, 6.0, 12.0, 1e5, 0.0)
     assert rack == 0.0
     assert e2 > 0.0
     assert moved == 0.0
-    # at a limit because of the integral, with an error that brings it back: it moves
+    # At a limit with an error that reduces the integral, the integral changes.
     rack, moved, e2 = wound(controller, 6.0, 9.0, 1e5, -200.0)
     assert rack_torque(plant, 7.38 * 9.0, rack) == pytest.approx(torque_limit(plant, 7.38 * 9.0))
     assert moved == pytest.approx(0.5 * e2)
@@ -242,7 +242,7 @@ def test_integral_moves_away_from_a_limit_only(controller: AntiSpin) -> None:
     assert e2 < 0.0
 
 
-def test_without_the_switch_air_changes_nothing() -> None:
+def test_without_anti_spin_air_changes_nothing() -> None:
     speeds = {}
     for switch in (True, False):
         controller, memory = AntiSpin(ROUGH, anti_spin=switch), np.zeros(1, ANTI_SPIN_MEMORY)

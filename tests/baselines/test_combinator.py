@@ -15,7 +15,7 @@ from shaftline.baselines.steady_points import steady_point
 from shaftline.envs import CLASSIC, FrigateVectorEnv
 from shaftline.plant import Ship, ShipError, load_ship
 
-from .voyage import sail, with_blades_from
+from .voyage import run_voyage, with_blades_from
 
 SHIPS = [load_ship("frigate"), load_ship("ferry")]
 by_ship = pytest.mark.parametrize("ship", SHIPS, ids=lambda ship: ship.name)
@@ -90,13 +90,13 @@ def test_full_pitch_takes_its_share_of_the_torque() -> None:
     )
     assert full_pitch(strong) == 1.4
     weak = ferry.with_values({"propeller.pitch_ratio_min": 1.1})
-    with pytest.raises(ValueError, match="ferry: even the lowest pitch overloads the engine"):
+    with pytest.raises(ValueError, match="ferry: the lowest pitch overloads the engine"):
         full_pitch(weak)
 
 
 def test_set_points_are_interpolated_and_held_at_the_ends() -> None:
     curve = Curve(*(np.array(x) for x in ([0, 1], [0.5, 0.9], [4.0, 8.0], [2.0, 6.0], [1e3, 9e3])))
-    found = curve.at(np.array([1.0, 2.0, 3.0, 6.0, 99.0]))
+    found = curve.set_points(np.array([1.0, 2.0, 3.0, 6.0, 99.0]))
     assert found.pitch_ratio == pytest.approx([0.5, 0.5, 0.6, 0.9, 0.9])
     assert found.shaft_speed == pytest.approx([4.0, 4.0, 5.0, 8.0, 8.0])
     assert found.thrust == pytest.approx([1e3, 1e3, 3e3, 9e3, 9e3])
@@ -113,7 +113,7 @@ def test_commands_are_the_curves_pitch_and_the_governors_rack() -> None:
     assert action[0] == pytest.approx(2.0 * (pitch - 0.6) / 0.8 - 1.0, abs=1e-6)
     settled = governor.settle([9.0], [15.0], [speed])
     rack, integral = governor.command([speed], [9.0], settled)
-    assert rack[0] == pytest.approx(15.0)  # without a bump
+    assert rack[0] == pytest.approx(15.0)  # bumpless start
     assert action[1] == pytest.approx(rack[0] / 20.0 - 1.0, abs=1e-6)
     assert memory[0, 0] == integral[0]
     action, memory = combinator.predict(rows[1], memory)
@@ -127,21 +127,23 @@ def test_commands_are_the_curves_pitch_and_the_governors_rack() -> None:
 def test_ordered_speed_is_reached_in_calm_water(ship: Ship, share: float) -> None:
     combinator = Combinator(ship)
     order = share * combinator.curve.ship_speed[-1]
-    end = sail(combinator, ship, order, 900.0)[-1]
+    end = run_voyage(combinator, ship, order, 900.0)[-1]
     assert end.ship_speed == pytest.approx(order, rel=0.01)
     assert end.shaft_speed == pytest.approx(float(combinator.set_points(order)[1]), rel=1e-3)
 
 
 @by_ship
-def test_resistance_costs_speed_at_the_same_lever(ship: Ship) -> None:
+def test_resistance_reduces_the_speed_at_the_same_lever(ship: Ship) -> None:
     combinator = Combinator(ship)
     order = 0.8 * combinator.curve.ship_speed[-1]
-    end = sail(combinator, ship, order, 900.0, resistance=1.15)[-1]
-    assert end.ship_speed == pytest.approx(combinator.steady(order, 1.15).ship_speed, rel=1e-3)
+    end = run_voyage(combinator, ship, order, 900.0, resistance=1.15)[-1]
+    assert end.ship_speed == pytest.approx(
+        combinator.steady_point(order, 1.15).ship_speed, rel=1e-3
+    )
     assert 0.95 * order < end.ship_speed < 0.99 * order
 
 
-def test_episodes_begin_afresh_and_batches_equal_singles() -> None:
+def test_episodes_start_in_the_initial_state_and_batches_equal_singles() -> None:
     combinator = Combinator("frigate")
     rows = np.array(
         [[8.0, 9.0, 1e5, 1.2, 15.0, 7.0, 6.6, 1.0], [11.0, 12.0, 2e5, 1.3, 28.0, 9.0, 8.5, 0.0]]
@@ -158,8 +160,8 @@ def test_episodes_begin_afresh_and_batches_equal_singles() -> None:
     assert np.all(np.abs(actions) <= 1.0)
 
 
-def test_a_trimmed_lever_brings_the_log_to_the_order() -> None:
-    """In a heavier sea the plain one stays slower than ordered; the watch's trim makes it good."""
+def test_a_trimmed_lever_brings_the_ship_speed_to_the_order() -> None:
+    """With a higher resistance the combinator stays below the order; the trim corrects it."""
     errors = {}
     for trim_s in (0.0, 30.0):
         env = FrigateVectorEnv(
@@ -194,7 +196,7 @@ def test_bad_curves_are_refused() -> None:
         curve_through(ferry, [0, 0], [0.5, 0.8], [40.0, 50.0])
     for wrong in ({"full_pitch_lever": 1.0}, {"full_pitch_lever": 0.0}, {"floor_share": 1.0},
                   {"floor_share": -0.1}):  # fmt: skip
-        with pytest.raises(ValueError, match="out of range"):
+        with pytest.raises(ValueError, match=r"floor_share = .*, full_pitch_lever = "):
             combinator_curve(ferry, **wrong)
     with pytest.raises(ShipError, match="diesel"):
         full_pitch(load_ship("tito-neri-sine"))

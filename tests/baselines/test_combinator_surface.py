@@ -1,4 +1,4 @@
-"""The optimal surface: its nodes keep the constraints, no setting burns less, and how it is read."""
+"""Optimal surface: constraints at the nodes, least fuel, interpolation."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from shaftline.baselines.combinator import full_pitch
 from shaftline.baselines.combinator_surface import CombinatorSurface, combinator_surface, look_up
 from shaftline.baselines.steady_points import steady_point
-from shaftline.baselines.working_point import fit_open_water, slack, working
+from shaftline.baselines.working_point import fit_open_water, slack, working_point
 from shaftline.plant import Ship, ShipError, load_ship
 
 SHIPS = [load_ship("frigate"), load_ship("ferry")]
@@ -22,7 +22,7 @@ def test_nodes_keep_the_constraints_and_their_thrust(ship: Ship) -> None:
     for i, velocity in enumerate(table.advance_velocity):
         for k, share in enumerate(table.share):
             thrust = table.least_thrust[i] + share * (table.most_thrust[i] - table.least_thrust[i])
-            w = working(
+            w = working_point(
                 plant, fit.thrust, fit.torque, velocity,
                 table.shaft_speed[i, k], table.pitch_ratio[i, k],
             )  # fmt: skip
@@ -31,23 +31,23 @@ def test_nodes_keep_the_constraints_and_their_thrust(ship: Ship) -> None:
 
 
 @by_ship
-def test_no_setting_of_a_fine_search_burns_less(ship: Ship) -> None:
+def test_no_setting_of_a_fine_search_needs_less_fuel(ship: Ship) -> None:
     table, fit, plant = combinator_surface(ship), fit_open_water(ship), ship.record()
     i, k = 9, 6
     velocity = table.advance_velocity[i]
-    best = working(
+    best = working_point(
         plant, fit.thrust, fit.torque, velocity, table.shaft_speed[i, k], table.pitch_ratio[i, k]
     )
     for shaft_speed in np.linspace(0.6, 1.6, 400) * table.shaft_speed[i, k]:
         for pitch in np.linspace(
             ship.propeller.pitch_ratio_min, ship.propeller.pitch_ratio_max, 60
         ):
-            w = working(plant, fit.thrust, fit.torque, velocity, shaft_speed, pitch)
+            w = working_point(plant, fit.thrust, fit.torque, velocity, shaft_speed, pitch)
             if w.thrust >= best.thrust and slack(w) >= 0.0:
                 assert w.cost >= best.cost * (1 - 1e-3)
 
 
-def test_surface_spans_what_the_ship_can_sail() -> None:
+def test_surface_spans_the_speeds_of_the_ship() -> None:
     ferry = SHIPS[1]
     table = combinator_surface(ferry)
     low, top = ferry.shaft_speeds
@@ -68,7 +68,7 @@ def test_the_whole_engine_may_be_allowed() -> None:
 
 
 def test_settings_stay_within_engine_and_blades() -> None:
-    """A slower engine, so that its highest speed is the limit."""
+    """Return a ship with a slower engine, whose highest speed is the limit."""
     slow = SHIPS[1].with_values({"prime_mover.speed_max_rpm": 1200.0})
     table, (low, top) = combinator_surface(slow), slow.shaft_speeds
     assert table.shaft_speed.max() == pytest.approx(top, rel=1e-9)
@@ -76,13 +76,13 @@ def test_settings_stay_within_engine_and_blades() -> None:
     assert 0.4 - 1e-9 <= table.pitch_ratio.min() < table.pitch_ratio.max() <= 1.2 + 1e-9
 
 
-def test_ships_without_a_choice_are_refused() -> None:
+def test_ships_without_a_diesel_or_controllable_pitch_are_refused() -> None:
     with pytest.raises(ShipError, match="diesel"):
         combinator_surface(load_ship("rov-thruster"))
     fixed = SHIPS[1].with_values(
         {"propeller.pitch_ratio_min": 0.7, "propeller.pitch_ratio_max": 0.7}
     )
-    with pytest.raises(ShipError, match="controllable pitch"):
+    with pytest.raises(ShipError, match="needs a controllable-pitch propeller"):
         combinator_surface(fixed)
 
 
@@ -99,20 +99,18 @@ TABLE = CombinatorSurface(
         (100.0, 2.0, 10.0),  # nodes
         (300.0, 2.0, 20.0),
         (900.0, 6.0, 50.0),
-        (200.0, 2.0, 15.0),  # along
-        (200.0, 4.0, 20.0),  # across: least 200, most 700 there
+        (200.0, 2.0, 15.0),  # between two thrusts
+        (200.0, 4.0, 20.0),  # between two speeds: thrust from 200 to 700
         (450.0, 4.0, 40.0),
         (325.0, 4.0, 30.0),
-        (487.5, 3.0, 0.75 * 30.0 + 0.25 * 55.0),  # least 150, most 600: half past the middle
-        (99.0, 2.0, 10.0),  # held at the edges
+        (487.5, 3.0, 0.75 * 30.0 + 0.25 * 55.0),  # thrust from 150 to 600, at 3/4
+        (99.0, 2.0, 10.0),  # limited to the table
         (1e9, 6.0, 50.0),
         (300.0, -5.0, 20.0),
         (600.0, 99.0, 60.0),
     ],
 )
-def test_surface_is_read_by_bilinear_interpolation(
-    thrust: float, velocity: float, speed: float
-) -> None:
+def test_surface_is_interpolated_bilinearly(thrust: float, velocity: float, speed: float) -> None:
     found = look_up(TABLE, np.array([thrust]), np.array([velocity]))
     assert found.shaft_speed[0] == pytest.approx(speed)
     assert found.pitch_ratio[0] == pytest.approx(0.01 * speed)

@@ -8,31 +8,31 @@ import pytest
 
 from shaftline.baselines.combinator import Combinator
 from shaftline.baselines.combinator_surface import OptimalSetting, look_up
-from shaftline.baselines.controller import readings
+from shaftline.baselines.controller import measurements_of
 from shaftline.baselines.cpp_optimiser import ADVANCE, INTEGRAL, THRUST, TRIM, TRUST, CppOptimiser
 from shaftline.plant import Ship, load_ship
 
-from .voyage import sail
+from .voyage import run_voyage
 
 SHIPS = [load_ship("frigate"), load_ship("ferry")]
-LONG = {"frigate": 500.0, "ferry": 200.0}  # s; until the ship's speed has settled
+LONG = {"frigate": 500.0, "ferry": 200.0}  # time to a steady ship speed [s]
 by_ship = pytest.mark.parametrize("ship", SHIPS, ids=lambda ship: ship.name)
 
 
 @by_ship
 @pytest.mark.parametrize("share", [0.4, 0.65, 0.9])
 def test_after_a_resistance_rise_no_more_fuel_than_the_combinator(ship: Ship, share: float) -> None:
-    """The paper's experiment: 15 % more resistance, thrust corrected to the combinator's speed."""
+    """Experiment of the paper: 15 % more resistance, thrust corrected to equal ship speed."""
     combinator, optimiser = Combinator(ship), CppOptimiser(ship)
-    plain = combinator.steady(share * float(combinator.curve.ship_speed[-1]), 1.15)
-    order = plain.ship_speed * 1.15**0.5  # asks the thrust that holds this speed after the rise
+    plain = combinator.steady_point(share * float(combinator.curve.ship_speed[-1]), 1.15)
+    order = plain.ship_speed * 1.15**0.5  # with the thrust for this speed at the higher resistance
     before = (plain.fuel_rack, plain.pitch_ratio)
-    log = sail(optimiser, ship, order, LONG[ship.name], resistance=1.15, start=before)
+    log = run_voyage(optimiser, ship, order, LONG[ship.name], resistance=1.15, start=before)
     end = log[-1]
     assert end.ship_speed == pytest.approx(plain.ship_speed, rel=0.005)
-    per_resistance = (end.ship_speed / plain.ship_speed) ** 3  # for the last difference in speed
+    per_resistance = (end.ship_speed / plain.ship_speed) ** 3  # remaining difference
     assert end.fuel_flow <= plain.fuel_flow * per_resistance
-    assert np.ptp([e.shaft_speed for e in log[-100:]]) < 1e-2 * end.shaft_speed  # no hunting
+    assert np.ptp([e.shaft_speed for e in log[-100:]]) < 1e-2 * end.shaft_speed  # no oscillation
 
 
 @by_ship
@@ -41,8 +41,8 @@ def test_ordered_speed_is_held_in_calm_water(ship: Ship, share: float) -> None:
     optimiser = CppOptimiser(ship)
     order = share * float(optimiser.combinator.curve.ship_speed[-1])
     order = max(order, float(optimiser.combinator.curve.ship_speed[0]))
-    faster = optimiser.combinator.steady(1.1 * order)
-    log = sail(
+    faster = optimiser.combinator.steady_point(1.1 * order)
+    log = run_voyage(
         optimiser, ship, order, LONG[ship.name], start=(faster.fuel_rack, faster.pitch_ratio)
     )
     assert log[0].ship_speed > 1.05 * order
@@ -51,13 +51,13 @@ def test_ordered_speed_is_held_in_calm_water(ship: Ship, share: float) -> None:
 
 def test_without_a_valid_estimate_it_is_the_combinator() -> None:
     ferry = SHIPS[1]
-    plain = sail(Combinator(ferry), ferry, 5.0, 60.0)
-    blind = sail(CppOptimiser(ferry), ferry, 5.0, 60.0, valid=False)
+    plain = run_voyage(Combinator(ferry), ferry, 5.0, 60.0)
+    blind = run_voyage(CppOptimiser(ferry), ferry, 5.0, 60.0, valid=False)
     for one, other in zip(plain, blind, strict=True):
         np.testing.assert_array_equal(one.action, other.action)
 
 
-def test_a_broken_estimate_leaves_no_trace() -> None:
+def test_an_invalid_estimate_has_no_lasting_effect() -> None:
     optimiser = CppOptimiser(SHIPS[1])
     row = np.array([5.0, 45.0, 900.0, 0.8, 18.0, 4.8, 4.4, 1.0])
     _, state = optimiser.predict(row)
@@ -68,10 +68,12 @@ def test_a_broken_estimate_leaves_no_trace() -> None:
     assert np.all(np.isfinite(state))
 
 
-def test_thrust_estimate_is_the_plants_thrust() -> None:
+def test_thrust_estimate_is_the_thrust_of_the_plant() -> None:
     for ship in SHIPS:
         optimiser = CppOptimiser(ship)
-        steady = optimiser.combinator.steady(0.7 * float(optimiser.combinator.curve.ship_speed[-1]))
+        steady = optimiser.combinator.steady_point(
+            0.7 * float(optimiser.combinator.curve.ship_speed[-1])
+        )
         row = [
             6.0,
             steady.shaft_speed,
@@ -82,7 +84,7 @@ def test_thrust_estimate_is_the_plants_thrust() -> None:
             steady.advance_velocity,
             1,
         ]
-        assert optimiser.thrust(readings(row))[0] == pytest.approx(steady.thrust, rel=1e-3)
+        assert optimiser.thrust(measurements_of(row))[0] == pytest.approx(steady.thrust, rel=1e-3)
 
 
 def test_thrust_estimate_is_held_where_the_fit_ends() -> None:
@@ -90,7 +92,7 @@ def test_thrust_estimate_is_held_where_the_fit_ends() -> None:
 
     def thrust(advance: float, shaft_speed: float, pitch: float) -> float:
         row = [5.0, shaft_speed, 900.0, pitch, 18.0, 4.8, advance, 1.0]
-        return float(optimiser.thrust(readings(row))[0])
+        return float(optimiser.thrust(measurements_of(row))[0])
 
     n = 45.0 / (2.0 * math.pi)  # D = 1 m, pitch ratios 0.4 to 1.2
     assert thrust(-1.0, 45.0, 0.8) == thrust(0.0, 45.0, 0.8) > thrust(0.1, 45.0, 0.8)
@@ -122,7 +124,7 @@ def changed(**values: float) -> Any:
 
 
 def remembered(optimiser: CppOptimiser, **columns: float) -> Any:
-    """A memory in mid-voyage."""
+    """Return a controller state in the middle of a voyage."""
     memory = np.array([[12.0, 4.0, 3000.0, 1.0, 0.5]])
     places = {"integral": INTEGRAL, "advance": ADVANCE, "thrust": THRUST, "trim": TRIM,
               "trust": TRUST}  # fmt: skip
@@ -131,23 +133,23 @@ def remembered(optimiser: CppOptimiser, **columns: float) -> Any:
     return memory
 
 
-def test_filters_begin_at_what_they_hear_first_and_follow_slowly() -> None:
+def test_filters_start_at_their_first_input() -> None:
     optimiser = CppOptimiser(SHIPS[1], 0.25)
     _, first = optimiser.predict(ROW)
-    estimate = float(optimiser.thrust(readings(ROW))[0])
+    estimate = float(optimiser.thrust(measurements_of(ROW))[0])
     assert first[0, ADVANCE] == pytest.approx(4.4)
     assert first[0, THRUST] == pytest.approx(estimate)
     assert first[0, TRUST] == pytest.approx(1.0)
     _, second = optimiser.predict(changed(advance=3.0), first)
     keep = math.exp(-0.25 / 8.0)
-    later = float(optimiser.thrust(readings(changed(advance=3.0)))[0])
+    later = float(optimiser.thrust(measurements_of(changed(advance=3.0)))[0])
     assert second[0, ADVANCE] == pytest.approx(keep * 4.4 + (1.0 - keep) * 3.0)
     assert second[0, THRUST] == pytest.approx(keep * estimate + (1.0 - keep) * later)
     _, blind = optimiser.predict(changed(advance=3.0, valid=0.0), first)
     assert blind[0, [ADVANCE, THRUST]].tolist() == first[0, [ADVANCE, THRUST]].tolist()
 
 
-def test_trust_comes_and_goes_within_five_seconds() -> None:
+def test_weight_changes_with_a_time_constant_of_five_seconds() -> None:
     optimiser = CppOptimiser(SHIPS[1], 0.25)
     keep = math.exp(-0.25 / 5.0)
     for valid in (1.0, 0.0):
@@ -173,11 +175,11 @@ def test_trim_is_the_integral_of_the_thrust_error() -> None:
     assert 0.01 < abs(error) < 1.0
     rate = 0.5 * setting.shaft_speed[0] * error / 20.0
     assert after[0, TRIM] == pytest.approx(1.0 + 0.25 * rate)
-    # an error counts for no more than the whole thrust
+    # The error is limited to the whole thrust.
     _, after = optimiser.predict(ROW, remembered(optimiser, thrust=1e6))
     setting = looked_up(optimiser, 5.0, after[0, ADVANCE])
     assert after[0, TRIM] == pytest.approx(1.0 - 0.25 * 0.5 * setting.shaft_speed[0] / 20.0)
-    # it rests without a valid estimate
+    # The trim is constant without a valid estimate.
     _, after = optimiser.predict(changed(valid=0.0), remembered(optimiser))
     assert after[0, TRIM] == 1.0
 
@@ -192,8 +194,8 @@ def test_trim_ends_at_a_fifth_of_the_highest_shaft_speed(side: float) -> None:
 
 
 @pytest.mark.parametrize("order", [5.0, 1.6])
-def test_set_points_go_over_from_one_to_the_other(order: float) -> None:
-    """By trust, and by the surface's reach where the order lies below it."""
+def test_set_points_change_gradually(order: float) -> None:
+    """The weights are the validity of the estimate and the reach of the surface."""
     ferry = SHIPS[1]
     optimiser = CppOptimiser(ferry, 0.25)
     row = changed(order=order, rack=14.0)
@@ -205,7 +207,7 @@ def test_set_points_go_over_from_one_to_the_other(order: float) -> None:
     pitch = share * setting.pitch_ratio[0] + (1.0 - share) * plain_pitch
     speed = share * (setting.shaft_speed[0] + after[0, TRIM]) + (1.0 - share) * plain_speed
     assert action[0] == pytest.approx((pitch - 0.4) / 0.4 - 1.0, abs=1e-6)
-    # the governor takes over without a bump, and goes on from its integral
+    # The governor starts bumpless and continues with its integral.
     governor = optimiser.combinator.governor
     settled = governor.settle([45.0], [14.0], [speed])
     rack, integral = governor.command([speed], [45.0], settled)

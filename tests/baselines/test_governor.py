@@ -10,7 +10,7 @@ from shaftline.baselines.governor import (
     Governor,
     govern,
     highest_rack,
-    limited_rack,
+    limit_rack,
     limiter_slope,
     rack_limits,
     tune,
@@ -24,7 +24,7 @@ from shaftline.plant.memory import MEMORY
 from shaftline.plant.shaft import shaft_inertia
 from shaftline.plant.state import STATE
 from shaftline.plant.stepping import UNDISTURBED, prepare, step
-from shaftline.plant.waves import calm
+from shaftline.plant.waves import calm_sea
 
 SHIPS = [load_ship("frigate"), load_ship("ferry")]
 by_ship = pytest.mark.parametrize("ship", SHIPS, ids=lambda ship: ship.name)
@@ -37,20 +37,30 @@ def starting_rack(ship: Ship, pitch: float) -> float:
 def governed(
     ship: Ship, order: float, pitch: float, seconds: float
 ) -> tuple[list[float], list[float]]:
-    """Shaft speeds and racks of a governed run, at each 0.5 s."""
+    """Return shaft speeds and racks of a simulation with a governor, every 0.5 s."""
     plant, governor, dt = ship.record(), Governor(ship), ship.time_step_s
     begin = equilibrium(ship, starting_rack(ship, pitch), pitch)
     state, memory = np.zeros(1, STATE)[0], np.zeros(1, MEMORY)[0]
     for name, value in begin.state._asdict().items():
         state[name] = value
-    prepare(plant, state, memory, calm(), begin.inputs.drive, UNDISTURBED, dt)
-    before = [state["shaft_speed"]]  # until now this was the order
+    prepare(plant, state, memory, calm_sea(), begin.inputs.drive, UNDISTURBED, dt)
+    before = [state["shaft_speed"]]  # the order before the step
     integral = governor.settle(before, [memory["rack"]], before)
     speeds, racks = [], []
     for _ in range(round(seconds / 0.5)):
         rack, integral = governor.command([order], [state["shaft_speed"]], integral)
         for _ in range(round(0.5 / dt)):
-            step(plant, state, memory, calm(), float(rack[0]), pitch, 0.0, *(UNDISTURBED,) * 3, dt)
+            step(
+                plant,
+                state,
+                memory,
+                calm_sea(),
+                float(rack[0]),
+                pitch,
+                0.0,
+                *(UNDISTURBED,) * 3,
+                dt,
+            )
         speeds.append(float(state["shaft_speed"]))
         racks.append(float(rack[0]))
     return speeds, racks
@@ -64,7 +74,7 @@ def test_governor_holds_the_ordered_shaft_speed(ship: Ship, share: float, pitch:
     speeds, racks = governed(ship, order, pitch, 600.0)
     assert speeds[-1] == pytest.approx(order, rel=1e-3)
     assert racks[-1] == pytest.approx(steady_point(ship, order, pitch).fuel_rack, rel=0.01)
-    assert np.ptp(racks[-100:]) < 0.05  # mm: no hunting
+    assert np.ptp(racks[-100:]) < 0.05  # no oscillation [mm]
 
 
 @by_ship
@@ -104,32 +114,30 @@ def test_inside_the_limits_it_is_a_pi() -> None:
     assert list(govern(plant, 9.5, 10.0, 15.0, 4.0, 0.6)) == pytest.approx([12.7, 14.7])
 
 
-def test_at_a_limit_the_integral_goes_only_back() -> None:
+def test_at_a_limit_the_integral_changes_only_away_from_it() -> None:
     plant = SHIPS[0].record()
     highest = highest_rack(plant, 8.0)
     assert govern(plant, 14.0, 8.0, 20.0, 10.0, 1.0) == (highest, 20.0)
-    # above the limit and too fast: the integral may fall
+    # Above the limit and too fast: the integral may decrease.
     rack, integral = govern(plant, 7.9, 8.0, 60.0, 1.0, 10.0)
     assert rack == highest
     assert integral == pytest.approx(59.0)
     assert govern(plant, 5.0, 14.0, 3.0, 10.0, 1.0) == (0.0, 3.0)
-    # below the end stop and too slow: it may rise
+    # Below the end stop and too slow: the integral may increase.
     rack, integral = govern(plant, 14.1, 14.0, -60.0, 1.0, 10.0)
     assert rack == 0.0
     assert integral == pytest.approx(-59.0)
 
 
 @pytest.mark.parametrize(("held", "rack"), [(20.0, 20.0), (55.0, 40.0), (-3.0, 0.0)])
-def test_without_a_reading_the_integral_alone_acts(held: float, rack: float) -> None:
+def test_without_a_measurement_only_the_integral_acts(held: float, rack: float) -> None:
     plant = SHIPS[0].record()
     assert govern(plant, 14.0, math.nan, held, 10.0, 1.0) == (rack, held)
 
 
 @by_ship
 @pytest.mark.parametrize(("interval", "response"), [(0.5, 2.0), (0.1, 4.0)])
-def test_gains_cancel_the_shafts_pole_and_place_their_own(
-    ship: Ship, interval: float, response: float
-) -> None:
+def test_gains_cancel_the_pole_of_the_shaft(ship: Ship, interval: float, response: float) -> None:
     """(z - p)(z - 1) + g ((k_p + k_i) z - k_p) has the roots p and exp(-h / T)."""
     plant, pitch = ship.record(), 0.9
     gains = tune(ship, interval, response, pitch)
@@ -172,7 +180,7 @@ def test_working_points_beyond_the_envelope_are_left_out() -> None:
     weak = frigate.with_values(
         {"prime_mover.torque_limit_N_m": 100.0, "prime_mover.torque_limit_at_min_speed_N_m": 100.0}
     )
-    with pytest.raises(ValueError, match=r"frigate: no steady state inside .* P/D 1\.4"):
+    with pytest.raises(ValueError, match=r"frigate: no steady state within .* P/D 1\.4"):
         tune(weak, 0.5, pitch_ratio=1.4)
 
 
@@ -189,7 +197,7 @@ def test_a_bank_interpolates_its_gains_and_holds_orders_inside_the_engine() -> N
         rack, integral = governor.command([order], [held - 0.05], [15.0])
         same, _ = governor.command([held], [held - 0.05], [15.0])
         assert rack == same
-    # settled: k_p e + I + k_i e is the rack, within the stops
+    # In a steady state k_p e + I + k_i e is the rack, within the stops.
     settled = governor.settle([speed], [22.0], [speed + 0.3])
     assert settled[0] == pytest.approx(22.0 - (kp + ki) * 0.3)
     assert governor.settle([speed, speed], [39.0, 1.0], [speed - 2.0, speed + 2.0]).tolist() == [
@@ -210,7 +218,7 @@ def test_first_command_is_bumpless_and_batch_is_single() -> None:
 
 
 def test_bad_input_is_named() -> None:
-    with pytest.raises(ShipError, match="needs a diesel"):
+    with pytest.raises(ShipError, match="needs a diesel engine"):
         Governor("tito-neri-sine")
     for interval, response in ((0.0, 2.0), (0.5, 0.0)):
         with pytest.raises(ValueError, match="must be positive"):
@@ -218,10 +226,10 @@ def test_bad_input_is_named() -> None:
 
 
 LOWEST, HIGHEST = (rpm * math.pi / 30.0 / 7.38 for rpm in (350.0, 1000.0))
-"""Shaft speeds of the frigate's engine [rad/s]."""
+"""Lowest and highest shaft speed of the frigate [rad/s]."""
 
 
-def test_the_slope_of_the_rack_limits_takes_a_speed_error_back_in_the_response_time() -> None:
+def test_the_rack_limits_correct_a_speed_error_in_the_response_time() -> None:
     """0.8 J_total dn / T over the shaft torque of one mm of rack, or the whole rack within 10 %."""
     plant = load_ship("frigate").record()
     per_mm = plant["torque_per_rack"] * plant["gear_ratio"] * plant["transmission_efficiency"]
@@ -233,10 +241,10 @@ def test_the_slope_of_the_rack_limits_takes_a_speed_error_back_in_the_response_t
 @pytest.mark.parametrize(
     ("speed", "low", "high"),
     [
-        # at the lowest speed the rack of no torque; below it 10 mm more for each rad/s
+        # At the lowest speed the rack of zero torque; below it 10 mm more per rad/s.
         (LOWEST, 6.334, 16.834), (LOWEST - 0.1, 7.334, None), (LOWEST + 0.3, 3.334, None),
         (LOWEST + 0.7, 0.0, None), (8.0, 0.0, None),
-        # the torque limiter to the highest speed, then 10 mm less for each rad/s
+        # The torque limiter up to the highest speed, then 10 mm less per rad/s.
         (HIGHEST, 0.0, 35.11), (HIGHEST + 0.5, 0.0, None), (HIGHEST + 6.0, 0.0, 0.0),
     ],
 )  # fmt: skip
@@ -251,9 +259,9 @@ def test_rack_limits_keep_the_engine_above_idle_below_its_envelope_and_its_highe
     if high is not None:
         assert most == pytest.approx(high, abs=0.02)
     for asked in (-5.0, 0.0, least, 0.5 * (least + most), most, 40.0):
-        kept = limited_rack(plant, asked, speed, 10.0)
+        kept = limit_rack(plant, asked, speed, 10.0)
         assert kept == min(max(asked, least), most)
-    assert limited_rack(plant, 12.3, math.nan, 10.0) == 12.3
+    assert limit_rack(plant, 12.3, math.nan, 10.0) == 12.3
 
 
 def test_the_torque_limit_stands_above_the_idle_limit() -> None:

@@ -1,4 +1,4 @@
-"""Autopilot and track keeper: what they aim at, what they see, and on the ship."""
+"""Autopilot and track keeper: set-points, measurements, simulations."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shaftline.baselines import (
     Autopilot,
     ControllerError,
-    Course,
+    SteeringMeasurements,
     TrackKeeper,
     helmsman_names,
     make_helmsman,
@@ -24,11 +24,15 @@ SHIP = load_ship("ddg-51-surrogate")
 SPEED, LENGTH = 11.318, SHIP.manoeuvring.length_m
 
 
-def seen(**values: Any) -> Course:
-    """Of as many ships as the values are for; what is not named is 0, and the speed is the design's."""
-    plain: dict[str, Any] = dict.fromkeys(Course._fields, 0.0) | {"ship_speed": SPEED} | values
+def observation(**values: Any) -> SteeringMeasurements:
+    """Return measurements with the given values, the design speed and zeros."""
+    plain: dict[str, Any] = (
+        dict.fromkeys(SteeringMeasurements._fields, 0.0) | {"ship_speed": SPEED} | values
+    )
     rows = max(np.size(value) for value in plain.values())
-    return Course(*(np.broadcast_to(np.asarray(v, float), rows).copy() for v in plain.values()))
+    return SteeringMeasurements(
+        *(np.broadcast_to(np.asarray(v, float), rows).copy() for v in plain.values())
+    )
 
 
 def test_known_by_name_with_options() -> None:
@@ -52,29 +56,29 @@ def test_known_by_name_with_options() -> None:
             make_helmsman(text, SHIP, 0.5, SPEED)
 
 
-def test_a_new_heading_is_led_to_at_the_rate_of_turn_by_the_shorter_way() -> None:
+def test_the_set_point_turns_to_a_new_heading_by_the_shorter_way() -> None:
     pilot = Autopilot(SHIP, 0.5, SPEED, turn_deg=8.0)
     orders = np.radians([90.0, 190.0, -2.0])
-    memory = pilot.fresh(seen(heading=np.zeros(3)))
+    memory = pilot.initial_state(observation(heading=np.zeros(3)))
     way = SPEED * 0.5 / LENGTH
     for _ in range(10):
-        pilot.rudder(seen(heading_order=orders, heading=0.0), memory)
+        pilot.rudder(observation(heading_order=orders, heading=0.0), memory)
     np.testing.assert_allclose(
         np.degrees(memory[:, 0]), [80.0 * way, -80.0 * way, -2.0 if 80.0 * way > 2.0 else 0.0],
         atol=1e-9,
     )  # fmt: skip
-    # a heading that has turned round is the same heading
-    wound = seen(heading=2.0 * math.pi, heading_order=0.0)
+    # Headings are equal modulo one turn.
+    wound = observation(heading=2.0 * math.pi, heading_order=0.0)
     assert abs(pilot.error(wound, np.zeros((1, 1)))[0]) < 1e-12
 
 
-def test_a_new_line_is_led_to_along_a_quintic() -> None:
+def test_the_set_point_moves_to_a_new_line_along_a_quintic() -> None:
     keeper = TrackKeeper(SHIP, 0.5, SPEED, change_lengths=10.0)
-    memory = keeper.fresh(seen())
+    memory = keeper.initial_state(observation())
     steps = round(10.0 * LENGTH / SPEED / 0.5)
     aims = []
     for _ in range(steps + 5):
-        keeper.rudder(seen(track_order=-100.0), memory)
+        keeper.rudder(observation(track_order=-100.0), memory)
         aims.append(memory[0, 0])
     assert aims[-1] == pytest.approx(-100.0)
     assert aims[steps // 2 - 1] == pytest.approx(-50.0, abs=1.0)
@@ -85,19 +89,19 @@ def test_a_new_line_is_led_to_along_a_quintic() -> None:
     np.testing.assert_allclose(quintic(share), [0.0, 0.0, 0.5, 1.0, 1.0])
 
 
-def test_a_reading_that_fails_moves_nothing() -> None:
+def test_a_measurement_that_fails_keeps_the_last_error() -> None:
     pilot = Autopilot(SHIP, 0.5, SPEED)
-    memory = pilot.fresh(seen(heading=0.1, heading_order=0.1))
+    memory = pilot.initial_state(observation(heading=0.1, heading_order=0.1))
     for _ in range(5):
         command = pilot.rudder(
-            seen(heading=math.nan, heading_order=0.1, ship_speed=math.nan), memory
+            observation(heading=math.nan, heading_order=0.1, ship_speed=math.nan), memory
         )
         assert command[0] == pytest.approx(0.0, abs=1e-12)
     assert np.isfinite(memory).all()
 
 
 def sailed(helmsman: Any, lengths: float, **orders: float) -> NDArray[np.float64]:
-    """Heading [deg], cross track [L] and rudder [deg] of a voyage, shape (k, 3)."""
+    """Return heading [deg], cross track [L] and rudder [deg] of a voyage, shape (k, 3)."""
     point = helmsman.point
     voyage, state, memory, rows = (
         Voyage(SHIP, point.state, point.inputs.drive),
@@ -107,16 +111,16 @@ def sailed(helmsman: Any, lengths: float, **orders: float) -> NDArray[np.float64
     )
     steps = round(helmsman.interval_s / SHIP.time_step_s)
     for _ in range(round(lengths * LENGTH / SPEED / helmsman.interval_s)):
-        now = seen(
+        now = observation(
             heading=state.heading, yaw_rate=state.yaw_rate, rudder_angle=state.rudder_angle,
             cross_track=state.cross_track, ship_speed=state.ship_speed, **orders,
         )  # fmt: skip
-        memory = helmsman.fresh(now) if memory is None else memory
+        memory = helmsman.initial_state(now) if memory is None else memory
         command = float(helmsman.rudder(now, memory)[0])
         rows.append(
             (math.degrees(state.heading), state.cross_track / LENGTH, math.degrees(command))
         )
-        state = voyage.sail(point.inputs.drive, point.inputs.pitch_command, command, steps)
+        state = voyage.run(point.inputs.drive, point.inputs.pitch_command, command, steps)
     return np.array(rows)
 
 
@@ -124,7 +128,7 @@ def test_the_autopilot_turns_the_ship_to_the_order() -> None:
     found = sailed(Autopilot(SHIP, 0.5, SPEED), 25.0, heading_order=math.radians(30.0))
     assert found[-1, 0] == pytest.approx(30.0, abs=0.05)
     assert found[:, 0].max() < 31.5
-    assert found[:, 1][-1] > 5.0  # to starboard, where a positive heading leads
+    assert found[:, 1][-1] > 5.0  # to starboard, as the positive heading
 
 
 def test_the_track_keeper_brings_the_ship_to_the_line() -> None:
@@ -134,7 +138,7 @@ def test_the_track_keeper_brings_the_ship_to_the_line() -> None:
     assert 0.0 < found[:, 0].max() < 12.0
 
 
-def test_batched_as_one_by_one() -> None:
+def test_a_batch_equals_single_ships() -> None:
     keeper = TrackKeeper(SHIP, 0.5, SPEED)
     rng = np.random.default_rng(3)
     tracks = rng.normal(0.0, 20.0, (30, 4))
@@ -143,8 +147,8 @@ def test_batched_as_one_by_one() -> None:
     def commands(columns: slice) -> NDArray[np.float64]:
         memory, found = None, []
         for row in tracks:
-            now = seen(cross_track=row[columns], ship_speed=speeds[columns])
-            memory = keeper.fresh(now) if memory is None else memory
+            now = observation(cross_track=row[columns], ship_speed=speeds[columns])
+            memory = keeper.initial_state(now) if memory is None else memory
             found.append(keeper.rudder(now, memory))
         return np.array(found)
 

@@ -1,4 +1,4 @@
-"""Loop shaping: Taylor's two loops, and the law as it acts on a ship."""
+"""Loop shaping: the two loops of Taylor, and the discrete controller."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from shaftline.baselines.loop_shaping import (
     TAYLOR_GEAR,
     TRACK_LOOP,
     Factors,
-    ShapedLaw,
+    ShapedController,
     heading_plant,
-    shaped,
-    steered_at,
+    shape_controller,
+    steering_dynamics,
     track_plant,
 )
 from shaftline.plant import ShipError, approach, load_ship
@@ -25,10 +25,10 @@ COURSE, TRACK = heading_plant(TAYLOR, TAYLOR_GEAR), track_plant(TAYLOR, TAYLOR_G
 
 
 def test_the_autopilot_is_the_one_that_follows_from_the_print() -> None:
-    law = control.ss2tf(shaped(COURSE_LOOP, COURSE))
+    law = control.ss2tf(shape_controller(COURSE_LOOP, COURSE))
     np.testing.assert_allclose(law.num[0][0], [9.4544, 61.633, 29.412], rtol=1e-4)
     np.testing.assert_allclose(law.den[0][0], [1.0, 30.9839, 60.0], rtol=1e-5)
-    found = Loop.of(COURSE.system, shaped(COURSE_LOOP, COURSE))
+    found = Loop.from_plant(COURSE.system, shape_controller(COURSE_LOOP, COURSE))
     margins, step = found.margins(), found.step_measures()
     assert margins.gain_margin_dB == pytest.approx(29.82, abs=0.005)
     assert margins.phase_margin_deg == pytest.approx(64.41, abs=0.005)
@@ -37,13 +37,13 @@ def test_the_autopilot_is_the_one_that_follows_from_the_print() -> None:
 
 
 def test_the_track_controller_is_the_printed_one() -> None:
-    law = shaped(TRACK_LOOP, TRACK)
+    law = shape_controller(TRACK_LOOP, TRACK)
     s = 0.3 + 0.8j
     printed = 20.0 * (s + 0.5) ** 2 * (s + 6.0) * (s + 1000.0)
     printed /= (s + 11.0) * (s + 15.0) * (s + 30.0) ** 2
     assert complex(law(s)) == pytest.approx(printed, rel=1e-6)
-    assert law.nstates == 4  # the destroyer's own pole has cancelled
-    found = Loop.of(TRACK.system, law)
+    assert law.nstates == 4  # the pole of the destroyer cancels
+    found = Loop.from_plant(TRACK.system, law)
     assert found.margins().gain_margin_dB == pytest.approx(21.57, abs=0.005)
     assert found.margins().phase_margin_deg == pytest.approx(50.99, abs=0.005)
     assert found.step_measures().overshoot_percent == pytest.approx(28.46, abs=0.005)
@@ -53,30 +53,32 @@ def test_the_track_controller_is_the_printed_one() -> None:
 @pytest.mark.parametrize(("name", "speed"), [("ddg-51-surrogate", 11.318), ("esso-osaka", 3.6)])
 def test_any_ship_gets_the_same_loop(name: str, speed: float) -> None:
     ship = load_ship(name)
-    own = steered_at(ship, approach(ship, speed))
+    own = steering_dynamics(ship, approach(ship, speed))
     for loop, plant, phase in (
         (COURSE_LOOP, heading_plant, 64.406),
         (TRACK_LOOP, track_plant, 50.99),
     ):
-        found = Loop.of(plant(*own).system, shaped(loop, plant(*own)))
+        found = Loop.from_plant(plant(*own).system, shape_controller(loop, plant(*own)))
         assert found.margins().phase_margin_deg == pytest.approx(phase, abs=1e-3)
 
 
 def test_an_unstable_ship_is_refused_by_name() -> None:
     ship = load_ship("kvlcc2")
-    own = steered_at(ship, approach(ship, 1.18))
-    with pytest.raises(ShipError, match=r"holds her course: T = -13.34 .*manoeuvring.N_v"):
+    own = steering_dynamics(ship, approach(ship, 1.18))
+    with pytest.raises(
+        ShipError, match=r"stable on a straight course: T = -13.34 .*manoeuvring.N_v"
+    ):
         heading_plant(*own)
-    with pytest.raises(ValueError, match="cannot do"):
-        shaped(Factors(1.0, (), (), 1), COURSE)
-    with pytest.raises(ValueError, match="as many integrators"):
-        shaped(TRACK_LOOP, COURSE)
+    with pytest.raises(ValueError, match="must fall at least as fast as"):
+        shape_controller(Factors(1.0, (), (), 1), COURSE)
+    with pytest.raises(ValueError, match="needs the integrators of the loop"):
+        shape_controller(TRACK_LOOP, COURSE)
 
 
-def test_the_law_acts_as_its_trapezoidal_rule() -> None:
-    """Step by step, at a constant way, it is the bilinear transform; of two ships each its own."""
-    controller = shaped(COURSE_LOOP, COURSE)
-    law, way = ShapedLaw(controller), 0.04
+def test_commands_are_those_of_the_trapezoidal_rule() -> None:
+    """At constant steps the commands are those of the bilinear transform, for each ship."""
+    controller = shape_controller(COURSE_LOOP, COURSE)
+    law, way = ShapedController(controller), 0.04
     error = np.sin(0.3 * np.arange(60)) * 0.01
     memory = law.begin(np.zeros(2))
     found = np.array(
@@ -88,8 +90,8 @@ def test_the_law_acts_as_its_trapezoidal_rule() -> None:
     np.testing.assert_allclose(found[:, 1], 2.0 * expected, rtol=1e-9, atol=1e-14)
 
 
-def test_it_begins_at_rest_and_stops_at_the_stops() -> None:
-    law = ShapedLaw(shaped(COURSE_LOOP, COURSE))
+def test_it_starts_in_steady_state_and_respects_the_end_stops() -> None:
+    law = ShapedController(shape_controller(COURSE_LOOP, COURSE))
     memory = law.begin(np.array([0.02]))
     steady = float(np.real(law.controller.dcgain())) * 0.02
     for _ in range(3):
@@ -98,16 +100,16 @@ def test_it_begins_at_rest_and_stops_at_the_stops() -> None:
     assert law.command(np.array([-3.0]), np.array([0.1]), memory, 0.6)[0] == -0.6
 
 
-def test_the_integral_takes_away_what_stands_and_waits_at_a_stop() -> None:
-    controller = shaped(COURSE_LOOP, COURSE)
+def test_the_integral_removes_a_steady_error_and_is_held_at_a_stop() -> None:
+    controller = shape_controller(COURSE_LOOP, COURSE)
     rest = float(np.real(controller.dcgain()))
-    law = ShapedLaw(controller, reset_lengths=5.0)
+    law = ShapedController(controller, reset_lengths=5.0)
     memory = law.begin(np.array([0.02]))
     for _ in range(50):
         command = law.command(np.array([0.02]), np.array([0.1]), memory, 0.6)
     assert command[0] == pytest.approx(rest * 0.02 * (1.0 + 5.0 / 5.0), rel=1e-6)
     for _ in range(50):
         law.command(np.array([3.0]), np.array([0.1]), memory, 0.6)
-    assert memory[0, -1] == pytest.approx(rest * 0.02, rel=1e-6)  # nothing was wound up
+    assert memory[0, -1] == pytest.approx(rest * 0.02, rel=1e-6)  # no integrator windup
     with pytest.raises(ValueError, match="reset_lengths = 0"):
-        ShapedLaw(controller, 0.0)
+        ShapedController(controller, 0.0)

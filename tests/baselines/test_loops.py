@@ -1,4 +1,4 @@
-"""Loops of whole controllers on their ships."""
+"""Linear loops of controllers on their ships."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from shaftline.baselines import (
     helmsman_loop,
     make_controller,
 )
-from shaftline.baselines.controller import Readings
-from shaftline.baselines.loops import linear_law, read, readable, settled
+from shaftline.baselines.controller import Measurements
+from shaftline.baselines.loops import linear_plant, linearise_controller, observe, settle_controller
 from shaftline.plant import Ship, Voyage, approach, load_ship
 
 
 def test_the_combinator_s_loop_is_its_governor_s(frigate: Ship) -> None:
-    """Direct synthesis: the closed loop's pole is exp(-h / T), moved a little by the ship's speed."""
+    """The closed-loop pole is exp(-h / T), with a small effect of the ship speed."""
     combinator = Combinator(frigate, 0.5)
-    rest = settled(combinator, 8.0)
-    law = linear_law(combinator, rest)
+    rest = settle_controller(combinator, 8.0)
+    law = linearise_controller(combinator, rest)
     shaft = law.input_labels.index("shaft_speed")
     gains = combinator.governor.gains
     here = rest.point.state.shaft_speed
@@ -37,20 +37,20 @@ def test_the_combinator_s_loop_is_its_governor_s(frigate: Ship) -> None:
     assert crossover == pytest.approx(1.0 / 2.0, rel=0.2)  # T of 2 s
 
 
-def test_a_law_differentiated_is_the_controller(frigate: Ship) -> None:
-    """Along a small random course of readings the linear law answers as the pilot does."""
+def test_the_linearised_controller_is_the_controller(frigate: Ship) -> None:
+    """At small random measurements the linear controller gives the commands of the pilot."""
     pilot = make_controller("speed-pilot", frigate, 0.5)
-    rest = settled(pilot, 7.0)
-    law = linear_law(pilot, rest)
+    rest = settle_controller(pilot, 7.0)
+    law = linearise_controller(pilot, rest)
     rng = np.random.default_rng(1)
-    names = [Readings._fields.index(name) for name in law.input_labels]
+    names = [Measurements._fields.index(name) for name in law.input_labels]
     memory, states = rest.memory[None].copy(), np.zeros(len(rest.memory))
-    still, _ = pilot.act(Readings(*rest.seen[:, None]), rest.memory[None].copy())
+    still, _ = pilot.act(Measurements(*rest.observation[:, None]), rest.memory[None].copy())
     for _ in range(20):
-        seen = rest.seen.copy()
-        small = 1e-5 * np.abs(seen[names]) * rng.standard_normal(len(names))
-        seen[names] += small
-        pitch, rack = pilot.act(Readings(*seen[:, None]), memory)
+        signals = rest.observation.copy()
+        small = 1e-5 * np.abs(signals[names]) * rng.standard_normal(len(names))
+        signals[names] += small
+        pitch, rack = pilot.act(Measurements(*signals[:, None]), memory)
         expected = law.C @ states + law.D @ small
         states = law.A @ states + law.B @ small
         assert pitch[0] - still[0] == pytest.approx(expected[0], abs=1e-9)
@@ -65,25 +65,25 @@ def test_controllers_that_hold_the_speed_come_to_rest_at_the_order(name: str) ->
 
 
 def test_the_step_is_that_of_the_ship_under_the_controller(frigate: Ship) -> None:
-    """A small step of the order, sailed, against the linear loop's."""
+    """A small step of the order: the simulation agrees with the linear loop."""
     pilot = make_controller("speed-pilot", frigate, 0.5)
-    rest = settled(pilot, 8.0)
+    rest = settle_controller(pilot, 8.0)
     time, answer = controller_loop(pilot, 8.0).step()
     voyage = Voyage(frigate, rest.point.state, rest.point.inputs.drive)
-    seen, memory, speeds = rest.seen.copy(), rest.memory[None].copy(), []
+    signals, memory, speeds = rest.observation.copy(), rest.memory[None].copy(), []
     for _ in range(400):
         speeds.append(voyage.state.ship_speed)
-        seen[0] = 8.02
-        pitch, rack = pilot.act(Readings(*seen[:, None]), memory)
-        voyage.sail(float(rack[0]), float(pitch[0]), 0.0, round(0.5 / frigate.time_step_s))
-        seen = read(voyage, 8.02)
+        signals[0] = 8.02
+        pitch, rack = pilot.act(Measurements(*signals[:, None]), memory)
+        voyage.run(float(rack[0]), float(pitch[0]), 0.0, round(0.5 / frigate.time_step_s))
+        signals = observe(voyage, 8.02)
     found = (np.array(speeds) - rest.point.state.ship_speed) / 0.02
     np.testing.assert_allclose(found, answer[: len(found)], atol=0.01)
     assert time[1] == 0.5
     assert found.max() > 1.15
 
 
-def test_helmsmen_s_loops_know_sway_gear_and_interval() -> None:
+def test_loops_of_helmsmen_include_sway_gear_and_interval() -> None:
     ship = load_ship("ddg-51-surrogate")
     course = helmsman_loop(Autopilot(ship, 0.5, 11.318))
     track = helmsman_loop(TrackKeeper(ship, 0.5, 11.318))
@@ -94,15 +94,14 @@ def test_helmsmen_s_loops_know_sway_gear_and_interval() -> None:
     slow = helmsman_loop(Autopilot(ship, 5.0, 11.318)).margins().phase_margin_deg
     crossover = course.margins().crossover
     lost = course.margins().phase_margin_deg - slow
-    assert lost == pytest.approx(
-        math.degrees(0.5 * 4.5 * crossover), rel=0.15
-    )  # half of what is held
+    # A command is held for an interval, on average half an interval late.
+    assert lost == pytest.approx(math.degrees(0.5 * 4.5 * crossover), rel=0.15)
 
 
-def test_what_is_read_of_a_ship_that_turns() -> None:
+def test_outputs_of_a_ship_that_turns() -> None:
     ship = load_ship("ddg-51-surrogate")
     point = approach(ship, 11.0)
-    plant = readable(ship, point)
+    plant = linear_plant(ship, point)
     assert {"fuel_rack", "heading", "cross_track"} <= {*plant.output_labels}
     s = 0.02 + 0.05j
     by_rudder = plant[["heading", "sway_speed", "cross_track"], "rudder_command"](s)
@@ -112,6 +111,6 @@ def test_what_is_read_of_a_ship_that_turns() -> None:
     assert complex(np.asarray(drive).reshape(())) == pytest.approx(1.0)
 
 
-def test_a_controller_without_a_linear_law_says_so(frigate: Ship) -> None:
-    with pytest.raises(ValueError, match="anti-spin: its memory holds more than numbers"):
+def test_a_controller_that_cannot_be_linearised_is_refused(frigate: Ship) -> None:
+    with pytest.raises(ValueError, match="anti-spin: the controller cannot be linearised"):
         controller_loop(make_controller("anti-spin", frigate, 0.5), 8.0)

@@ -1,4 +1,4 @@
-"""Model-predictive control: the model, the constraints, and what a preview of the waves does."""
+"""Model-predictive control: model, constraints, and the effect of a preview."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from shaftline.baselines import mpc
-from shaftline.baselines.controller import readings
+from shaftline.baselines.controller import measurements_of
 from shaftline.baselines.mpc import (
     AHEAD,
     ModelPredictive,
@@ -34,7 +34,7 @@ PILOT = SpeedPilot(SHIP, torque_gain=0.0, shaft_gain=0.0, pitch_gain=0.0)
 N = 12
 
 
-def seen(**values: float) -> Any:
+def observe(**values: float) -> Any:
     """Return an observation of steady motion at 7 m/s with an undisturbed inflow, shape (1, 8)."""
     speed = 7.0
     steady = {
@@ -50,9 +50,9 @@ def seen(**values: float) -> Any:
     return np.array([list((steady | values).values())])
 
 
-def told(inflow: list[float], **values: float) -> Any:
+def with_preview(inflow: list[float], **values: float) -> Any:
     """Return an observation with the inflow of the waves 0 to 6 s ahead, shape (1, 15)."""
-    return np.hstack([seen(**values), [inflow]])
+    return np.hstack([observe(**values), [inflow]])
 
 
 def prediction(pitch: Any, rack: Any, velocity: Any, disturbance: float = 0.0) -> Any:
@@ -129,11 +129,13 @@ def test_the_next_shaft_speed_is_that_of_the_plant() -> None:
 @pytest.mark.parametrize("name", ["mpc", "mpc-preview"])
 def test_in_steady_motion_it_commands_the_base_of_the_pilot(name: str) -> None:
     law = make_controller(name, SHIP, 0.5)
-    observation, state = told([0.0] * 7), None
-    base, rack = PILOT.act(readings(seen()), PILOT.fresh(readings(seen())))
+    observation, state = with_preview([0.0] * 7), None
+    base, rack = PILOT.act(
+        measurements_of(observe()), PILOT.initial_state(measurements_of(observe()))
+    )
     for _ in range(20):
-        now = readings(observation, law.preview)
-        memory = law.fresh(now) if state is None else state
+        now = measurements_of(observation, law.preview)
+        memory = law.initial_state(now) if state is None else state
         pitch, racks = law.act(now, memory)
         state = memory
         assert pitch == pytest.approx(base, abs=2e-3)
@@ -142,14 +144,14 @@ def test_in_steady_motion_it_commands_the_base_of_the_pilot(name: str) -> None:
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_the_pitch_moves_before_a_wave_that_the_sensor_shows(sign: float) -> None:
-    """Less inflow loads the blades: the pitch is on its way down when the wave is there, at 2 s.
+    """Less inflow increases the load: the pitch decreases before the wave arrives at 2 s.
 
     It goes the other way for the first interval, which slows the shaft and spreads the load.
     """
     law = ModelPredictive(SHIP, preview=True)
-    memory = law.fresh(readings(told([0.0] * 7), preview=True))
-    base, aim = memory[0, mpc._PLAN :].copy(), float(memory[0, mpc.SHAFT_AIM])
-    now = readings(told([0.0, 0.0, *[1.2 * sign] * 5]), preview=True)
+    memory = law.initial_state(measurements_of(with_preview([0.0] * 7), preview=True))
+    base, aim = memory[0, mpc._PLAN :].copy(), float(memory[0, mpc.SHAFT_MEAN])
+    now = measurements_of(with_preview([0.0, 0.0, *[1.2 * sign] * 5]), preview=True)
     law.act(now, memory)
     plan, ahead = memory[0, mpc._PLAN :], law.velocities(now, memory)[0]
     moved = sign * (plan - base)
@@ -167,14 +169,14 @@ def test_the_pitch_moves_before_a_wave_that_the_sensor_shows(sign: float) -> Non
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_a_rising_estimate_is_continued(sign: float) -> None:
     law = ModelPredictive(SHIP)
-    memory = law.fresh(readings(seen()))
+    memory = law.initial_state(measurements_of(observe()))
     for step in range(1, 6):
         velocity = 0.95 * 7.0 + sign * 0.1 * step
-        pitch, _ = law.act(readings(seen(velocity=velocity)), memory)
-    ahead = law.velocities(readings(seen()), memory)[0] - 0.95 * 7.0
+        pitch, _ = law.act(measurements_of(observe(velocity=velocity)), memory)
+    ahead = law.velocities(measurements_of(observe()), memory)[0] - 0.95 * 7.0
     assert sign * ahead[0] > 0.4
     assert abs(ahead[-1]) < 0.3
-    assert sign * (pitch[0] - seen()[0, 3]) > 0.01
+    assert sign * (pitch[0] - observe()[0, 3]) > 0.01
 
 
 def test_the_forecast_begins_with_the_inflow_and_its_slope_and_decays() -> None:
@@ -189,7 +191,7 @@ def rough(n: int, seed: int = 3) -> Any:
     """Return observations of n ships far from steady motion, shape (n, 15)."""
     rng = np.random.default_rng(seed)
     spread = [1.5, 1.0, 3e4, 0.3, 6.0, 1.5, 1.0, 0.0, *[0.8] * 7]
-    return told([0.0] * 7) + np.array(spread) * rng.uniform(-1.0, 1.0, (n, 15))
+    return with_preview([0.0] * 7) + np.array(spread) * rng.uniform(-1.0, 1.0, (n, 15))
 
 
 @pytest.mark.parametrize("name", ["mpc", "mpc-preview"])
@@ -197,15 +199,15 @@ def test_the_plan_obeys_rate_and_ranges(name: str) -> None:
     law = make_controller(name, SHIP, 0.5)
     assert isinstance(law, ModelPredictive)
     observations = rough(40)
-    now = readings(observations, law.preview)
-    memory = law.fresh(now)
+    now = measurements_of(observations, law.preview)
+    memory = law.initial_state(now)
     solved = 0
     for seed in range(3):
-        now = readings(rough(40, seed), law.preview)
+        now = measurements_of(rough(40, seed), law.preview)
         pitch, rack = law.act(now, memory)
         plan = memory[:, mpc._PLAN : mpc._PLAN + N]
         racks = memory[:, mpc._PLAN + N :]
-        held = np.ptp(plan, axis=1) == 0.0  # the base command, where there is no solution
+        held = np.ptp(plan, axis=1) == 0.0  # the base command without a solution
         solved += int((~held).sum())
         path = np.column_stack([np.clip(now.pitch_ratio, 0.6, 1.4), plan])[~held]
         assert np.abs(np.diff(path, axis=1)).max() <= 0.05 * 0.5 + 1e-6
@@ -249,9 +251,9 @@ def test_a_ship_alone_is_commanded_as_in_a_batch(name: str) -> None:
 @pytest.mark.parametrize("column", [*range(9), slice(0, 15), slice(8, 15)])
 def test_measurements_that_fail_give_finite_actions(name: str, value: float, column: Any) -> None:
     law = make_controller(name, SHIP, 0.5)
-    broken = told([0.1] * 7)
+    broken = with_preview([0.1] * 7)
     broken[:, column] = value
-    for order in ((broken, told([0.0] * 7)), (told([0.0] * 7), broken)):
+    for order in ((broken, with_preview([0.0] * 7)), (with_preview([0.0] * 7), broken)):
         state = None
         for observation in (*order, *order):
             action, state = law.predict(observation, state)
@@ -263,18 +265,18 @@ def test_a_measurement_that_fails_once_changes_little() -> None:
     law = ModelPredictive(SHIP)
     actions = []
     for shaft_speed in (9.6, math.nan):
-        memory = law.fresh(readings(seen()))
-        law.act(readings(seen()), memory)
-        actions.append(np.array(law.act(readings(seen(shaft_speed=shaft_speed)), memory)))
+        memory = law.initial_state(measurements_of(observe()))
+        law.act(measurements_of(observe()), memory)
+        actions.append(np.array(law.act(measurements_of(observe(shaft_speed=shaft_speed)), memory)))
     assert actions[1] == pytest.approx(actions[0], abs=1e-9)
 
 
 def test_without_a_solution_it_commands_the_base(monkeypatch: pytest.MonkeyPatch) -> None:
     law = ModelPredictive(SHIP)
     monkeypatch.setattr(ModelPredictive, "plan", lambda *_: None)
-    now = readings(seen(velocity=6.0, pitch=1.0))
-    pitch, rack = law.act(now, law.fresh(now))
-    base, racks = PILOT.act(now, PILOT.fresh(now))
+    now = measurements_of(observe(velocity=6.0, pitch=1.0))
+    pitch, rack = law.act(now, law.initial_state(now))
+    base, racks = PILOT.act(now, PILOT.initial_state(now))
     assert pitch == pytest.approx(base)
     assert rack == pytest.approx(racks)
 
@@ -314,8 +316,8 @@ def test_a_fixed_pitch_is_refused() -> None:
 
 def test_a_task_without_a_preview_refuses_the_variant_that_needs_it() -> None:
     task = get_task("rough-sea")
-    with pytest.raises(ControllerError, match="'mpc-preview': it reads the waves ahead"):
-        controller_for(task, "mpc-preview", task.sailed(), 0.5, False)
+    with pytest.raises(ControllerError, match=r"'mpc-preview': .* needs the waves ahead"):
+        controller_for(task, "mpc-preview", task.load_ship(), 0.5, False)
 
 
 def fluctuation(name: str) -> float:
@@ -331,5 +333,5 @@ def fluctuation(name: str) -> float:
     return float(np.std(found[90:], axis=0).mean())
 
 
-def test_a_preview_of_the_waves_calms_the_shaft() -> None:
+def test_a_preview_of_the_waves_reduces_the_torque_fluctuation() -> None:
     assert fluctuation("mpc-preview") < 0.9 * fluctuation("mpc")

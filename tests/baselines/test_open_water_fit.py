@@ -1,4 +1,4 @@
-"""Polynomial surfaces of KT and KQ: their arithmetic by NumPy, and how well they fit."""
+"""Polynomial surfaces of KT and KQ: arithmetic in NumPy, errors of the fit."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_surfaces_fit_within_the_papers_error(ship: Ship) -> None:
     fit, plant = fit_open_water(ship), ship.record()
     assert fit.thrust.shape == fit.torque.shape == (5, 6)
     assert 0.0 < max(fit.thrust_error, fit.torque_error) < 0.004
-    for j, p in ((0.1, 0.7), (0.5, 0.9), (0.83, 1.13)):  # off the grid that was fitted
+    for j, p in ((0.1, 0.7), (0.5, 0.9), (0.83, 1.13)):  # between the points of the fit
         assert surface(fit.thrust, j, p) == pytest.approx(open_water(plant["kt"], j, p), abs=2e-4)
         assert surface(fit.torque, j, p) == pytest.approx(open_water(plant["kq"], j, p), abs=2e-5)
         slope = surface_slope(fit.thrust, j, p)
@@ -43,7 +43,7 @@ def test_surfaces_fit_within_the_papers_error(ship: Ship) -> None:
 def test_errors_are_shares_of_the_largest_coefficient(ship: Ship) -> None:
     fit, plant = fit_open_water(ship), ship.record()
     screw = ship.propeller
-    for matrix, curve, told in (
+    for matrix, curve, error in (
         (fit.thrust, "kt", fit.thrust_error),
         (fit.torque, "kq", fit.torque_error),
     ):
@@ -53,16 +53,16 @@ def test_errors_are_shares_of_the_largest_coefficient(ship: Ship) -> None:
             for p in np.linspace(screw.pitch_ratio_min, screw.pitch_ratio_max, 30)
             for j in np.linspace(0.0, p, 30)
         )
-        assert worst / largest < 2.0 * told + 1e-12
-        assert told < 20.0 * worst / largest + 1e-12
+        assert worst / largest < 2.0 * error + 1e-12
+        assert error < 20.0 * worst / largest + 1e-12
 
 
 def test_four_quadrant_curves_are_fitted_or_refused_by_name() -> None:
     other = SHIPS[0].with_values({"propeller.model": "four-quadrant"})
-    with pytest.raises(ShipError, match=r"miss the curves by .* more than 0.4 %"):
+    with pytest.raises(ShipError, match=r"differ from the open-water curves by .*allowed: 0.4 %"):
         fit_open_water(other)
     fixed = SHIPS[0].with_values(
         {"propeller.pitch_ratio_min": 1.2, "propeller.pitch_ratio_max": 1.2}
     )
-    with pytest.raises(ShipError, match="controllable pitch"):
+    with pytest.raises(ShipError, match="needs a controllable-pitch propeller"):
         fit_open_water(fixed)

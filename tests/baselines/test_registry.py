@@ -1,4 +1,4 @@
-"""Controllers by name, with options."""
+"""Registry of the controllers: names and options."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from shaftline.baselines import (
     helmsman_names,
     make_controller,
 )
-from shaftline.baselines.registry import about, tunable
+from shaftline.baselines.registry import describe, tunable
 from shaftline.core.discovery import classes_in
 from shaftline.plant import Ship, ShipError, load_ship
 
@@ -86,12 +86,12 @@ def test_options_are_numbers_by_name(frigate: Ship) -> None:
         ),
         ("combinator:foo=1", "'combinator:foo=1': .*foo"),
         ("anti-spin:foo=1", "'anti-spin:foo=1': .*foo"),
-        ("combinator:response_s", "option 'response_s' must be name=number"),
-        ("combinator:response_s=fast", "option 'response_s=fast' must be name=number"),
-        ("combinator:3", "option '3' must be name=number"),
+        ("combinator:response_s", "option 'response_s' must have the form name=number"),
+        ("combinator:response_s=fast", "option 'response_s=fast' must have the form name=number"),
+        ("combinator:3", "option '3' must have the form name=number"),
     ],
 )
-def test_what_does_not_fit_is_named(frigate: Ship, text: str, words: str) -> None:
+def test_invalid_options_are_refused(frigate: Ship, text: str, words: str) -> None:
     with pytest.raises(ControllerError, match=words):
         make_controller(text, frigate, 0.5)
 
@@ -130,23 +130,23 @@ def test_a_controller_of_the_users_own(
         make_controller("laws_of_a_test:HalfAhead", frigate, 0.5).predict([[0.0] * 8])[0][0, 1] == 0
     )
     assert tunable("laws_of_a_test:HalfAhead") == {}
-    for text, told in (
+    for text, found in (
         ("laws_of_a_test:NoLaw", "must be a class with a method predict"),
-        ("laws_of_a_test:Nobody", "has no attribute 'Nobody'"),
+        ("laws_of_a_test:NoClass", "has no attribute 'NoClass'"),
         ("laws_of_a_test:HalfAhead:rock=1", "option 'rock' is unknown"),
         ("nowhere_at_all:Law", "No module named 'nowhere_at_all'"),
     ):
-        with pytest.raises(ControllerError, match=told):
+        with pytest.raises(ControllerError, match=found):
             make_controller(text, frigate, 0.5)
 
 
 @pytest.mark.parametrize("name", [*NAMES, *helmsman_names()])
-def test_each_says_what_it_does_and_where_it_comes_from(name: str) -> None:
-    told = about(name)
-    assert len(told.words) > 15
-    assert ";" not in told.words
-    assert told.source
-    assert not set(told.fixed) & set(told.tunable)
+def test_each_has_a_summary_and_a_source(name: str) -> None:
+    found = describe(name)
+    assert len(found.summary) > 15
+    assert ";" not in found.summary
+    assert found.source
+    assert not set(found.fixed) & set(found.tunable)
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def test_each_says_what_it_does_and_where_it_comes_from(name: str) -> None:
     [
         (
             "va-pitch:speed_gain=-1e300",
-            "speed_gain = -1e+300: must be 0 to 1600; usual are 0.25 to 16",
+            "speed_gain = -1e+300: must be 0 to 1600; the tuning range is 0.25 to 16",
         ),
         ("va-pitch:speed_gain=-1", "speed_gain = -1: must be 0 to 1600"),
         ("speed-pilot:pitch_offset=-31", "must be -30 to 30"),

@@ -9,13 +9,13 @@ import pytest
 from shaftline.baselines.combinator import Combinator, combinator_curve
 from shaftline.baselines.controller import decode
 from shaftline.baselines.governor import highest_rack
-from shaftline.baselines.speed_pilot import PilotSettings, Slowed, SpeedPilot
+from shaftline.baselines.speed_pilot import FilteredSignals, PilotSettings, SpeedPilot
 from shaftline.baselines.steady_points import steady_point
 from shaftline.envs import CLASSIC, FrigateVectorEnv
 from shaftline.plant import Ship, ShipError, load_ship
 from shaftline.plant.drives.diesel import Diesel, rack_of_torque
 
-from .voyage import INTERVAL_S, sail
+from .voyage import INTERVAL_S, run_voyage
 
 SHIPS = [load_ship("frigate"), load_ship("ferry")]
 by_ship = pytest.mark.parametrize("ship", SHIPS, ids=lambda ship: ship.name)
@@ -33,32 +33,33 @@ def top_speed(ship: Ship) -> float:
 @pytest.mark.parametrize(("share", "resistance"), [(0.45, 1.0), (0.7, 1.2), (0.9, 1.0)])
 def test_ordered_speed_is_reached(ship: Ship, share: float, resistance: float) -> None:
     order = share * top_speed(ship)
-    end = sail(SpeedPilot(ship), ship, order, 450.0, resistance=resistance)[-1]
+    end = run_voyage(SpeedPilot(ship), ship, order, 450.0, resistance=resistance)[-1]
     assert end.ship_speed == pytest.approx(order, rel=3e-3)
-    if resistance > 1.0:  # the test means nothing where the combinator does as well
-        assert Combinator(ship).steady(order, resistance).ship_speed < 0.975 * order
+    if resistance > 1.0:  # in calm water the combinator holds the speed too
+        assert Combinator(ship).steady_point(order, resistance).ship_speed < 0.975 * order
 
 
 @by_ship
 @pytest.mark.parametrize("share", [0.0, 0.7, 0.9])
 def test_commands_come_to_rest_in_calm_water(ship: Ship, share: float) -> None:
-    # an order of 0 lies below the curve: there the lower limiter alone holds the engine
-    log = sail(SpeedPilot(ship), ship, share * top_speed(ship), 250.0)[-40:]
-    swing = np.ptp([end.action for end in log], axis=0)
-    assert np.all(swing < 0.01), f"pitch and rack swing by {swing} of 2"
+    # An order of 0 lies below the curve, where only the lower rack limit acts.
+    log = run_voyage(SpeedPilot(ship), ship, share * top_speed(ship), 250.0)[-40:]
+    fluctuation = np.ptp([end.action for end in log], axis=0)
+    assert np.all(fluctuation < 0.01), f"pitch and rack fluctuate by {fluctuation} of 2"
 
 
 @functools.cache
 def step_order(name: str, before: float, after: float) -> tuple[Any, Any]:
-    """Shaft speed over the range's ends [-], and rack over the envelope's [-], once the order steps."""
+    """Return shaft speed and rack over their limits [-] after a step of the order."""
     ship = load_ship(name)
     plant, (low, high) = ship.record(), ship.shaft_speeds
     top, change = top_speed(ship), round(100.0 / INTERVAL_S)
-    log = sail(SpeedPilot(ship), ship, lambda t: (before if t < 100.0 else after) * top, 250.0)
+    log = run_voyage(
+        SpeedPilot(ship), ship, lambda t: (before if t < 100.0 else after) * top, 250.0
+    )
     speed = np.array([end.shaft_speed for end in log])
     rack = np.array([0.5 * (end.action[1] + 1.0) * plant["drive_max"] for end in log])
-    # the plant cuts the torque at the envelope in any case, so what is judged is the command, against
-    # the speed that the pilot read when it gave it
+    # The plant limits the torque, so the test uses the command and the shaft speed measured for it.
     allowed = np.array([highest_rack(plant, float(w)) for w in speed[:-1]])
     share = (rack[1:] / allowed)[change:]
     return (speed[change:].min() / low, speed[change:].max() / high), share
@@ -68,33 +69,35 @@ def step_order(name: str, before: float, after: float) -> tuple[Any, Any]:
 @pytest.mark.parametrize("after", [0.35, 0.0])
 def test_deceleration_does_not_stall_the_engine(ship: Ship, after: float) -> None:
     (lowest, _), _ = step_order(ship.name, 1.0, after)
-    assert lowest > 0.98  # of the engine's lowest speed; it stalls at 0.3
+    assert lowest > 0.98  # over the lowest engine speed; the engine stalls at 0.3
 
 
 @by_ship
 def test_acceleration_keeps_within_the_engine(ship: Ship) -> None:
     (_, highest), rack = step_order(ship.name, 0.35, 1.05)
     assert highest < 1.12  # the engine trips at 1.15
-    assert 0.999 < rack.max() < 1.001  # the limiter has been reached, and held
+    assert 0.999 < rack.max() < 1.001  # the rack reaches the limiter and stays there
 
 
 def test_speed_offset_moves_the_speed_reached() -> None:
     ferry = SHIPS[1]
     order = 0.7 * top_speed(ferry)
-    ends = [sail(SpeedPilot(ferry, speed_offset=d), ferry, order, 200.0)[-1] for d in (0.0, -0.3)]
+    ends = [
+        run_voyage(SpeedPilot(ferry, speed_offset=d), ferry, order, 200.0)[-1] for d in (0.0, -0.3)
+    ]
     assert ends[1].ship_speed - ends[0].ship_speed == pytest.approx(-0.3, abs=0.01)
 
 
-def test_integral_stands_still_while_the_error_is_large_or_the_rack_at_a_limit() -> None:
+def test_integral_is_held_at_a_large_error_or_a_rack_limit() -> None:
     pilot = SpeedPilot("frigate")
 
     def gained(error: float, order: float = 8.0, shaft_speed: float = 10.0) -> float:
         row = [order, shaft_speed, 1e5, 1.2, 15.0, order - error, 7.0, 1.0]
         memory = pilot.predict(row)[1]
-        memory[0, 3] = 0.0  # as if there were no load beside the calm water's
+        memory[0, 3] = 0.0  # no load in addition to that of calm water
         return float(pilot.predict(row, memory)[1][0, 3])
 
-    # k_v dt / T a metre per second; T of the frigate is 73 s
+    # k_v dt / T per m/s; T of the frigate is 73 s.
     curve = combinator_curve(pilot.ship).ship_speed
     hull = pilot.ship.hull
     reset = hull.mass_kg / (2.0 * hull.resistance_coefficient_N_s2_m2 * curve.mean())
@@ -104,12 +107,12 @@ def test_integral_stands_still_while_the_error_is_large_or_the_rack_at_a_limit()
     assert gained(0.6) == gained(-0.6) == 0.0
     low, high = pilot.ship.shaft_speeds
     assert gained(0.2, shaft_speed=1.2 * high) == 0.0 > gained(-0.2, shaft_speed=1.2 * high)
-    # at a low order, so that the idling engine's own envelope is not in the way
+    # A low order keeps the idling engine inside its torque limit.
     assert gained(-0.2, 3.0, 0.9 * low) == 0.0 < gained(0.2, 3.0, 0.9 * low)
 
 
-def test_it_takes_over_without_a_bump() -> None:
-    """What the rack stands above the curve's at the ship's speed is the load's, and is kept."""
+def test_it_starts_bumpless() -> None:
+    """The rack above that of the curve at the ship speed is the additional load, and is kept."""
     pilot = SpeedPilot("frigate", torque_gain=0.0, shaft_gain=0.0)
     low = pilot.predict([7.0, 9.0, 1e5, 1.2, 17.0, 7.0, 6.6, 1.0])[0]
     assert decode(float(low[1]), 0.0, 40.0) == pytest.approx(17.0, abs=1e-4)
@@ -123,7 +126,7 @@ def test_it_takes_over_without_a_bump() -> None:
 
 
 def torque_deviation(**settings: float) -> Any:
-    """Return the standard deviation of the torque at the gauge [N m] after the first minute, by seed."""
+    """Return the standard deviation of the shaft torque [N m] after the first minute, by seed."""
     env = FrigateVectorEnv(
         4, threads=1, task="transit", sea="state-6", max_episode_steps=400, **CLASSIC
     )
@@ -139,11 +142,11 @@ def torque_deviation(**settings: float) -> Any:
     return np.std(torque[120:], axis=0)
 
 
-def test_torque_gain_takes_the_swing_out_of_the_torque() -> None:
+def test_torque_gain_reduces_the_torque_fluctuation() -> None:
     assert np.all(torque_deviation(torque_gain=1.0) < 0.85 * torque_deviation(torque_gain=0.0))
 
 
-def test_episodes_begin_afresh_and_batches_equal_singles() -> None:
+def test_episodes_start_in_the_initial_state_and_batches_equal_singles() -> None:
     pilot = SpeedPilot("frigate")
     actions, state = pilot.predict(ROWS)
     assert actions.dtype == np.float32
@@ -154,14 +157,14 @@ def test_episodes_begin_afresh_and_batches_equal_singles() -> None:
     np.testing.assert_array_equal(again[0], actions[0])
     np.testing.assert_array_equal(later[0], state[0])
     assert np.all(later[1] != state[1])
-    np.testing.assert_array_equal(kept, state + 1.0)  # what is passed in stays untouched
+    np.testing.assert_array_equal(kept, state + 1.0)  # the argument is not changed
     for row, action, memory in zip(ROWS, again, (None, kept[1:]), strict=True):
         np.testing.assert_array_equal(pilot.predict(row, memory)[0], action)
     assert np.all(np.abs(actions) < 1.0)
 
 
 @by_ship
-def test_what_gains_of_one_come_to(ship: Ship) -> None:
+def test_units_of_the_gains(ship: Ship) -> None:
     pilot, interval = SpeedPilot(ship, 0.25), 0.25
     down = ship.transmission.gear_ratio * ship.transmission.efficiency
     mover = ship.prime_mover
@@ -171,7 +174,7 @@ def test_what_gains_of_one_come_to(ship: Ship) -> None:
     per_torque = 1.0 / (mover.torque_per_rack_N_m_mm * down)
     screw = ship.propeller
     pitches = screw.pitch_ratio_max - screw.pitch_ratio_min
-    rested = Slowed(*(np.array([x]) for x in (0.0, 10.0, 1e3, 0.0)))
+    rested = FilteredSignals(*(np.array([x]) for x in (0.0, 10.0, 1e3, 0.0)))
     order = np.array([0.7 * top_speed(ship)])
     nothing = PilotSettings(0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -184,7 +187,7 @@ def test_what_gains_of_one_come_to(ship: Ship) -> None:
 
     still = command(nothing, 0.0, 1e3)
     light = 0.01 * mover.torque_limit_N_m * down
-    # each gain by itself: how far pitch, rack and integral go from where they were
+    # Each gain alone: the changes of pitch, rack and integral.
     rack = command(nothing._replace(torque_gain=0.8), 0.0, 1e3 - light) - still
     assert rack == pytest.approx([0.0, 0.8 * light * per_torque, 0.0], abs=1e-9)
     rack = command(nothing._replace(shaft_gain=0.3), -0.05, 1e3) - still
@@ -205,7 +208,7 @@ def test_calm_commands_are_the_curves(ship: Ship) -> None:
     ]
     middle = 0.5 * sum(ship.shaft_speeds)
     for order in (curve.ship_speed[7], 0.3 * curve.ship_speed[20] + 0.7 * curve.ship_speed[21]):
-        slowed = Slowed(*(np.array([x]) for x in (0.1, middle, 1e3, 0.5)))
+        slowed = FilteredSignals(*(np.array([x]) for x in (0.1, middle, 1e3, 0.5)))
         now = np.array([middle]), np.array([1e3])
         pitch, rack, integral = pilot.command(np.array([order]), *now, slowed, PilotSettings())
         assert pitch[0] == pytest.approx(np.interp(order, curve.ship_speed, curve.pitch_ratio))
@@ -215,14 +218,14 @@ def test_calm_commands_are_the_curves(ship: Ship) -> None:
         hull = ship.hull
         reset = hull.mass_kg / (2.0 * hull.resistance_coefficient_N_s2_m2 * curve.ship_speed.mean())
         assert integral[0] == pytest.approx(0.5 + 2.0 * slope * 0.5 / reset * 0.1)
-    # an order beyond the curve is its end, an offset counts into the error
+    # An order beyond the curve is limited to it; an offset is part of the error.
     for order, offset, aim in ((99.0, 0.0, -1), (-3.0, 0.0, 0), (curve.ship_speed[-1], -0.1, None)):
-        slowed = Slowed(*(np.array([x]) for x in (0.0, middle, 1e3, 0.0)))
+        slowed = FilteredSignals(*(np.array([x]) for x in (0.0, middle, 1e3, 0.0)))
         settings = PilotSettings(speed_offset=offset)
         pitch, _, integral = pilot.command(np.array([order]), *now, slowed, settings)
         if aim is not None:
             assert pitch[0] == curve.pitch_ratio[aim]
-            assert integral[0] == 0.0  # far away: it stands still
+            assert integral[0] == 0.0  # a large error: the integral is held
         else:
             assert integral[0] == pytest.approx(-2.0 * slope * 0.5 / reset * 0.1)
 
@@ -232,7 +235,7 @@ def test_integral_moves_while_the_error_is_below_half_a_metre_a_second(
     error: float, moves: bool
 ) -> None:
     pilot = SpeedPilot("frigate")
-    slowed = Slowed(*(np.array([x]) for x in (error, 10.0, 1e5, 0.0)))
+    slowed = FilteredSignals(*(np.array([x]) for x in (error, 10.0, 1e5, 0.0)))
     *_, integral = pilot.command(
         np.array([8.0]), np.array([10.0]), np.array([1e5]), slowed, PilotSettings()
     )
@@ -250,7 +253,7 @@ def test_racks_end_at_the_envelope_and_at_the_engines_speeds(ship: Ship) -> None
     def limits(shaft_speed: float) -> tuple[float, float]:
         ends = []
         for integral in (-1e3, 1e3):
-            slowed = Slowed(*(np.array([x]) for x in (0.0, shaft_speed, 1e3, integral)))
+            slowed = FilteredSignals(*(np.array([x]) for x in (0.0, shaft_speed, 1e3, integral)))
             now = np.array([shaft_speed]), np.array([1e3])
             ends.append(float(pilot.command(np.array([4.0]), *now, slowed, PilotSettings())[1][0]))
         return ends[0], ends[1]
@@ -264,7 +267,7 @@ def test_racks_end_at_the_envelope_and_at_the_engines_speeds(ship: Ship) -> None
     assert limits(float(grid[90]))[1] < highest_rack(plant, float(grid[90])) - 0.1
 
 
-def test_readings_are_slowed_by_two_and_eight_seconds() -> None:
+def test_measurements_are_filtered_over_two_and_eight_seconds() -> None:
     pilot = SpeedPilot("frigate", 0.25)
     first, second = ROWS[0].copy(), ROWS[0].copy()
     second[[1, 2, 5]] = 10.0, 1.2e5, 7.6
@@ -280,11 +283,11 @@ def test_readings_are_slowed_by_two_and_eight_seconds() -> None:
     assert held[0, 1] == after[0, 1]
 
 
-def test_predict_commands_what_its_settings_say() -> None:
+def test_predict_uses_the_settings() -> None:
     pilot = SpeedPilot("frigate", speed_offset=0.1, pitch_offset=-0.05, torque_gain=0.4)
     _, memory = pilot.predict(ROWS)
     action, after = pilot.predict(ROWS, memory)
-    slowed = Slowed(*np.column_stack([after[:, :3], memory[:, 3]]).T)
+    slowed = FilteredSignals(*np.column_stack([after[:, :3], memory[:, 3]]).T)
     pitch, rack, integral = pilot.command(
         ROWS[:, 0], ROWS[:, 1], ROWS[:, 2], slowed, PilotSettings(0.1, -0.05, 0.4)
     )
@@ -298,8 +301,8 @@ def test_defaults_are_those_of_the_page() -> None:
     assert SpeedPilot("frigate").settings == PilotSettings()
 
 
-def test_what_does_not_fit_is_refused() -> None:
+def test_invalid_options_are_refused() -> None:
     with pytest.raises(TypeError, match="foo"):
         SpeedPilot("frigate", foo=1.0)
-    with pytest.raises(ShipError, match="needs a diesel"):
+    with pytest.raises(ShipError, match="needs a diesel engine"):
         SpeedPilot("tito-neri-sine")

@@ -1,4 +1,4 @@
-"""The four-quadrant thrust controller of an electric drive."""
+"""Four-quadrant thrust controller of an electric drive."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reproductions.towing_tank.experiment import Air, Instruments, Programme, TankRun, sail
+from reproductions.towing_tank.experiment import Air, Instruments, Programme, TankRun, simulate_test
 from shaftline.baselines import AntiSpin, ThrustControl, ThrustControlTuning
 from shaftline.baselines.thrust_control import desired_speed, thrust_per_torque
 from shaftline.baselines.ventilation import (
@@ -32,14 +32,14 @@ def controller() -> ThrustControl:
 
 
 def load(inflow: float, shaft_speed: float) -> tuple[float, float]:
-    """Thrust [N] and torque [N m] of the rig's propeller in deep water."""
+    """Return thrust [N] and torque [N m] of the propeller of the rig in deep water."""
     found = propeller_load(RIG.record(), inflow, shaft_speed, 1.0, 5.0, 0.0)
     return float(found.thrust), float(found.torque)
 
 
 def estimate_of(shaft_speed: float, loss: float) -> Any:
     estimate = np.zeros(1, TORQUE_LOSS)[0]
-    estimate["shaft_speed"], estimate["torque_loss"], estimate["pitch_reading"] = (
+    estimate["shaft_speed"], estimate["torque_loss"], estimate["measured_pitch"] = (
         shaft_speed, loss, 1.0,
     )  # fmt: skip
     return estimate
@@ -86,14 +86,14 @@ def test_zone_1_takes_the_ratio_at_bollard_pull(
     for more in (1.05, 1.3, 2.0):
         found = thrust_per_torque(controller.settings["law"], more * torque, speed, 1.0)
         assert found == pytest.approx(expected, rel=0.04)
-    # against the inflow, where KQ is above bollard pull's
+    # Against the inflow KQ is above that at zero advance speed.
     against, _ = load(-direction * 0.2, speed)
     assert direction * against > 0.0
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_thrust_per_torque_stays_positive(controller: ThrustControl, direction: float) -> None:
-    """Astern the thrust vanishes at a lower J; a negative ratio would turn the order round."""
+    """Astern the thrust is 0 at a lower J; a negative G_QT would reverse the set-point."""
     law = controller.settings["law"]
     for torque in (1e-3, 0.0, -5.0):
         assert thrust_per_torque(law, direction * torque, direction * 0.3, 1.0) > 5.0
@@ -114,7 +114,9 @@ def test_desired_speed_gives_the_thrust(
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_lost_torque_is_told_alike_both_ways(controller: ThrustControl, direction: float) -> None:
+def test_lost_torque_is_estimated_in_both_directions(
+    controller: ThrustControl, direction: float
+) -> None:
     law = controller.settings["law"]
     speed, water = direction * 55.0, direction * 0.6
     _, torque = load(water, speed)
@@ -134,7 +136,7 @@ def short(**values: Any) -> Programme:
 
 @pytest.fixture(scope="module")
 def calm(controller: ThrustControl) -> TankRun:
-    return sail(RIG, controller, short())
+    return simulate_test(RIG, controller, short())
 
 
 def test_thrust_is_held_ahead_and_astern(calm: TankRun) -> None:
@@ -145,21 +147,21 @@ def test_thrust_is_held_ahead_and_astern(calm: TankRun) -> None:
     assert np.abs(calm.samples["shaft_speed"] - calm.reference).max() < 2.0
 
 
-def test_observer_finds_the_propellers_torque(calm: TankRun) -> None:
+def test_observer_estimates_the_propeller_torque(calm: TankRun) -> None:
     error = calm.torque_estimate - calm.samples["propeller_torque"]
     assert np.sqrt(np.mean(error**2)) < 0.05 * np.abs(calm.samples["propeller_torque"]).max()
 
 
 def test_same_run_twice_and_batched(controller: ThrustControl) -> None:
-    one, three = controller.fresh(), controller.fresh(3)
+    one, three = controller.initial_state(), controller.initial_state(3)
     rng = np.random.default_rng(2)
     for order, speed, water in rng.normal([80.0, 50.0, 0.5], [40.0, 5.0, 0.2], (50, 3)):
         alone = controller.act(order, speed, water, one)
         assert controller.act(order, speed, water, three).tolist() == [float(alone[0])] * 3
 
 
-def test_readings_that_are_no_numbers_are_held(controller: ThrustControl) -> None:
-    good, bad = controller.fresh(), controller.fresh()
+def test_measurements_that_are_not_finite_are_replaced(controller: ThrustControl) -> None:
+    good, bad = controller.initial_state(), controller.initial_state()
     for memory in (good, bad):
         controller.act(100.0, 50.0, 0.6, memory)
     held = controller.act(100.0, 50.0, 0.6, good)
@@ -171,10 +173,10 @@ def test_readings_that_are_no_numbers_are_held(controller: ThrustControl) -> Non
 def test_limits_ahead_and_astern_in_air() -> None:
     ship = Air().ship(RIG)
     programme = Programme(half_s=12.0)
-    on = sail(ship, ThrustControl(ship), programme)
-    off = sail(ship, ThrustControl(ship, anti_spin=False), programme)
+    on = simulate_test(ship, ThrustControl(ship), programme)
+    off = simulate_test(ship, ThrustControl(ship, anti_spin=False), programme)
     speed, air = on.samples["shaft_speed"], on.samples["ventilation"] > 0.97
-    air[200:] &= on.detected[:-200]  # called 0.4 s ago, so that the limit has been reached
+    air[200:] &= on.detected[:-200]  # detected 0.4 s ago, so the limit is reached
     ahead, astern = air & (on.times < 12.0), air & (on.times > 14.0)
     assert ahead.sum() > 200
     assert astern.sum() > 200
@@ -186,19 +188,19 @@ def test_limits_ahead_and_astern_in_air() -> None:
 
 
 @pytest.mark.parametrize("limit", [30.0, 38.0])
-def test_no_limit_makes_it_stick_at_reversal(limit: float) -> None:
-    """A G_QT of the wrong sign near standstill once held the shaft at rest for good."""
+def test_a_reversal_is_possible_at_every_limit(limit: float) -> None:
+    """Regression test: a G_QT of the wrong sign near standstill kept the shaft at rest."""
     ship = Air().ship(RIG)
     controller = ThrustControl(
         ship, ventilated_ahead_rad_s=limit, ventilated_astern_rad_s=1.2 * limit
     )
-    run = sail(ship, controller, Programme(half_s=30.0))
+    run = simulate_test(ship, controller, Programme(half_s=30.0))
     assert run.samples["thrust"][run.times > 40.0].mean() < -60.0
 
 
-def test_noise_and_a_wrong_motor_are_borne() -> None:
+def test_noise_and_a_wrong_motor_model_are_tolerated() -> None:
     for wrong in (Instruments(shaft_speed=0.05), Instruments(torque_gain=0.95)):
-        run = sail(RIG, ThrustControl(RIG), short(), wrong)
+        run = simulate_test(RIG, ThrustControl(RIG), short(), wrong)
         settled = run.times > 20.0
         mean = run.samples["thrust"][settled].mean()
         assert mean == pytest.approx(run.thrust_order[-1], rel=0.06)
@@ -208,7 +210,7 @@ def test_with_curves_of_one_direction_it_turns_ahead_only() -> None:
     ship = RIG.with_values({"propeller.model": "b-series"})
     controller = ThrustControl(ship)
     assert controller.settings["law"]["speed_min"] == 0.0
-    run = sail(ship, controller, short(carriage_m_s=0.4))
+    run = simulate_test(ship, controller, short(carriage_m_s=0.4))
     assert run.samples["thrust"][2000] == pytest.approx(run.thrust_order[2000], rel=0.03)
     assert run.samples["shaft_speed"].min() > -2.0
 
@@ -222,7 +224,7 @@ def test_with_curves_of_one_direction_it_turns_ahead_only() -> None:
         ({"speed_rate": -1.0}, "A1"),
         ({"loss_rate": 1e3}, "A2"),
         ({"ventilated_astern_rad_s": 0.0}, "positive"),
-        ({"cutoff_rad_s": 0.0}, "cut-off"),
+        ({"cutoff_rad_s": 0.0}, "cutoff_rad_s = 0"),
     ],
 )
 def test_bad_tuning_is_refused_by_condition(change: dict[str, float], words: str) -> None:
@@ -238,7 +240,7 @@ def test_other_ships_are_refused(frigate: Ship) -> None:
     with pytest.raises(ValueError, match="ThrustControl"):
         AntiSpin(RIG)
     with pytest.raises(ValueError, match="time step"):
-        sail(RIG, ThrustControl(RIG, 0.004), short())
+        simulate_test(RIG, ThrustControl(RIG, 0.004), short())
     with pytest.raises(TypeError, match="nonsense"):
         ThrustControl(RIG, nonsense=1.0)  # type: ignore[call-arg]
 

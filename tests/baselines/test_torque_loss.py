@@ -25,7 +25,7 @@ INERTIA = 14411.0  # kg m2
 
 
 def satisfies_a2(a11: float, a22: float, l1: float, l2: float, tau: float, viscous: float) -> bool:
-    """Condition A2 as printed."""
+    """Return whether condition A2 holds, as printed."""
     return bool(
         abs(a11 / INERTIA + a22 * l2) < 2.0 * np.sqrt(a11 * a22 * (viscous + l1) / (tau * INERTIA))
     )
@@ -63,12 +63,12 @@ def test_bad_tuning_is_refused(frigate: Ship, tuning: TorqueLossObserver) -> Non
     tau=st.floats(0.1, 1e3),
     viscous=st.floats(0.0, 1e4),
 )
-def test_weights_exist_exactly_where_they_are_found(
+def test_weights_are_returned_if_and_only_if_they_exist(
     l1: float, share: float, tau: float, viscous: float
 ) -> None:
     bound = (l1 + viscous) / tau
     l2 = share * bound
-    # a11 / (J a22) over twelve decades about the bound
+    # a11 / (J a22) over twelve decades about the bound.
     found = any(
         satisfies_a2(INERTIA * r, 1.0, l1, l2, tau, viscous)
         for r in bound * np.logspace(-6, 6, 1201)
@@ -85,7 +85,7 @@ def test_weights_exist_exactly_where_they_are_found(
 
 
 def follow(ship: Ship, run: Any, every: int, first_loss: float = 0.0) -> tuple[Any, Any]:
-    """Estimated and true propeller torque [N m] and loss over a run, sampled every few steps."""
+    """Return estimated and true propeller torque [N m] and loss of a simulation."""
     dt = ship.time_step_s * every
     observer = TorqueLossObserver().discretise(ship, dt)
     estimate = np.zeros(1, TORQUE_LOSS)[0]
@@ -118,7 +118,7 @@ ROUGH = load_ship("frigate").with_values(
 )
 
 
-def test_record_has_the_gains_per_inertia_behind_the_gauge() -> None:
+def test_gains_scale_with_the_inertia_behind_the_torque_meter() -> None:
     record = TorqueLossObserver(10.0, -20.0, 300.0).discretise(ROUGH, 0.25)
     names = ("dt", "inertia", "speed_gain", "loss_gain", "time_constant")
     inertia = 14411.0 + 1600.0
@@ -138,7 +138,7 @@ def test_bollard_torque_and_load_by_hand() -> None:
         sign = np.sign(omega)
         assert shaft_load(observer, 1.2, omega) == pytest.approx(sign * (gain * 81.0 + 5000.0))
     estimate = np.zeros(1, TORQUE_LOSS)[0]
-    estimate["shaft_speed"], estimate["torque_loss"], estimate["pitch_reading"] = -3.0, 1e4, 1.2
+    estimate["shaft_speed"], estimate["torque_loss"], estimate["measured_pitch"] = -3.0, 1e4, 1.2
     assert estimated_propeller_torque(plant, estimate) == pytest.approx(1e4 - gain * 9.0)
 
 
@@ -149,16 +149,16 @@ def test_first_sample_is_taken_as_steady() -> None:
     loss = 1.5e5 - shaft_load(observer, 1.2, 9.0) - 400.0 * 9.0
     assert estimate["shaft_speed"] == 9.0
     assert estimate["torque_loss"] == pytest.approx(loss)
-    names = ("started", "speed_reading", "torque_reading", "pitch_reading")
+    names = ("started", "measured_speed", "measured_torque", "measured_pitch")
     assert [estimate[name] for name in names] == [1, 9.0, 1.5e5, 1.2]
 
 
 def test_estimates_follow_the_papers_equations() -> None:
-    """Eqs. 8 and 9 between samples joined by straight lines; the error falls with the step's square."""
+    """Eqs. 8 and 9 with linear interpolation; the error falls with the square of the step."""
     plant, tuning = ROUGH.record(), TorqueLossObserver(12.0, -32.0, 50.0)
     inertia = 14411.0 + 1600.0
 
-    def readings(t: Any) -> Any:
+    def measurements(t: Any) -> Any:
         return (
             9.0 + 0.5 * np.sin(1.3 * t),
             1.5e5 + 3e4 * np.sin(1.7 * t),
@@ -166,7 +166,7 @@ def test_estimates_follow_the_papers_equations() -> None:
         )
 
     def rate(t: float, x: Any) -> Any:
-        omega, torque, pitch = readings(t)
+        omega, torque, pitch = measurements(t)
         error = omega - x[0]
         load = (
             bollard_gain(plant, pitch) * abs(x[0]) * x[0] + 5000.0 * np.sign(omega) + 400.0 * x[0]
@@ -179,7 +179,7 @@ def test_estimates_follow_the_papers_equations() -> None:
         t = np.arange(0.0, 4.0, dt)
         observer, estimate = tuning.discretise(ROUGH, dt), np.zeros(1, TORQUE_LOSS)[0]
         found = []
-        for row in zip(*readings(t), strict=True):
+        for row in zip(*measurements(t), strict=True):
             update_torque_loss(observer, estimate, *row)
             found.append((estimate["shaft_speed"], estimate["torque_loss"]))
         exact = solve_ivp(rate, (0.0, t[-1]), found[0], "Radau", t_eval=t, rtol=1e-9, atol=1e-6).y.T
@@ -190,7 +190,7 @@ def test_estimates_follow_the_papers_equations() -> None:
 
 
 @pytest.mark.parametrize("every", [1, 10])
-def test_calm_water_loss_is_found_from_any_start(
+def test_loss_in_calm_water_is_estimated_from_any_start(
     frigate: Ship, design_point: Equilibrium, every: int
 ) -> None:
     run = simulate(frigate, Schedule(22.0, 1.4), 60.0, initial=design_point.state)
@@ -210,7 +210,7 @@ def test_steady_change_of_inflow_is_followed(
     (estimated, true, torque), kept = follow(frigate, run, every)
     assert abs(true[-1] / true[0] - 1.0) > 0.03
     assert estimated[-1] == pytest.approx(true[-1], rel=0.005)
-    # the torque, a small difference of large numbers here, within 2 % from 3 s after the change
+    # The torque is a small difference of large numbers, within 2 % from 3 s on.
     settled = kept["time"] >= 23.0
     np.testing.assert_allclose(torque[settled], kept["propeller_torque"][settled], rtol=0.02)
 
@@ -242,26 +242,26 @@ def test_no_gain_is_too_high_for_the_step(
 ) -> None:
     observer = TorqueLossObserver(*rates).discretise(frigate, dt)
     rng = np.random.default_rng(1)
-    readings = np.column_stack(
+    measurements = np.column_stack(
         [rng.uniform(4.0, 14.0, 2000), rng.uniform(0.0, 3e5, 2000), rng.uniform(0.6, 1.4, 2000)]
     )
-    readings[-400:] = (10.0, 1.3e5, 1.4)  # then quiet
+    measurements[-400:] = (10.0, 1.3e5, 1.4)  # then steady
     estimate = np.zeros(1, TORQUE_LOSS)[0]
-    for reading in readings:
-        update_torque_loss(observer, estimate, *reading)
+    for measurement in measurements:
+        update_torque_loss(observer, estimate, *measurement)
         assert abs(estimate["shaft_speed"]) < 100.0
     if rates[0] == 12.0:
         assert estimate["shaft_speed"] == pytest.approx(10.0, abs=0.05)
 
 
-def test_a_fleet_is_its_ships(frigate: Ship) -> None:
+def test_a_batch_equals_single_ships(frigate: Ship) -> None:
     observer = TorqueLossObserver().discretise(frigate, 0.5)
     rng = np.random.default_rng(2)
     fleet = np.zeros(5, TORQUE_LOSS)
     alone = np.zeros(5, TORQUE_LOSS)
     for _ in range(50):
-        readings = rng.uniform([4.0, 0.0, 0.6], [14.0, 3e5, 1.4], (5, 3))
-        update_torque_losses(observer, fleet, *np.ascontiguousarray(readings.T))
+        measurements = rng.uniform([4.0, 0.0, 0.6], [14.0, 3e5, 1.4], (5, 3))
+        update_torque_losses(observer, fleet, *np.ascontiguousarray(measurements.T))
         for i in range(5):
-            update_torque_loss(observer, alone[i], *readings[i])
+            update_torque_loss(observer, alone[i], *measurements[i])
     np.testing.assert_array_equal(fleet, alone)

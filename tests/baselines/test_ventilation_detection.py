@@ -1,4 +1,4 @@
-"""Detection of ventilation: the ratio by hand, thresholds and hold from both sides, the sea's margin."""
+"""Detection of ventilation: torque ratio, thresholds, hold time, sea margin."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_torque_ratio_compares_with_the_nominal_torque(frigate: Ship) -> None:
     assert torque_ratio(detector, plant, 0.4 * nominal, 9.6, 1.4, 8.0) == pytest.approx(
         0.4, abs=1e-6
     )
-    # blended away near standstill, and where the propeller idles
+    # The ratio is 1 near standstill and at an idling propeller.
     assert torque_ratio(detector, plant, 0.0, 0.1, 1.4, 0.0) > 0.99
     assert torque_ratio(detector, plant, -1e4, 6.0, 1.0, 8.0) == 1.0
 
@@ -42,7 +42,7 @@ def test_hysteresis_and_hold_time() -> None:
     assert states == [0, 1, 1, 1, 0, 0, 1, 1, 1, 1, 1, 0]
 
 
-def test_the_seas_own_inflow_is_told_from_the_side_that_gains_torque() -> None:
+def test_the_inflow_of_the_sea_is_estimated_from_torque_gains() -> None:
     rng = np.random.default_rng(3)
     detection = np.zeros(1, DETECTION)[0]
     detector = VentilationDetector(sea_margin=3.0).discretise(0.5)
@@ -52,10 +52,10 @@ def test_the_seas_own_inflow_is_told_from_the_side_that_gains_torque() -> None:
         update_detection(detector, detection, 1.0 - 0.5 * inflow, inflow)
         calls.append(int(detection["ventilating"]))
     assert detection["sea_square"] == pytest.approx(0.36, rel=0.25)
-    # the paper's threshold alone would call at every inflow above 0.7 m/s, an eighth of all
+    # The threshold of the paper alone detects every inflow above 0.7 m/s, an eighth of all.
     assert np.mean(waves > 0.7) > 0.1
     assert np.mean(calls) < 0.02
-    update_detection(detector, detection, 0.3, 2.4)  # more than such a sea can take
+    update_detection(detector, detection, 0.3, 2.4)  # above the effect of this sea
     assert detection["ventilating"] == 1
 
 
@@ -105,12 +105,12 @@ def test_blend_by_hand(frigate: Ship) -> None:
         nominal = model_torque(plant, 0.95 * 1.0, omega, 1.4)
         ratio = torque_ratio(detector, plant, 0.3 * nominal, omega, 1.4, 1.0)
         assert ratio == pytest.approx(blend + (1.0 - blend) * 0.3)
-    assert math.exp(-0.16) == pytest.approx(0.85, abs=0.01)  # as the tuning's text says
+    assert math.exp(-0.16) == pytest.approx(0.85, abs=0.01)  # as in the docstring of the tuning
     assert math.exp(-2.5) == pytest.approx(0.08, abs=0.01)
 
 
 def test_ratio_is_one_where_the_propeller_idles(frigate: Ship) -> None:
-    """Below a twentieth of the bollard torque."""
+    """The ratio is 1 below a twentieth of the bollard torque."""
     plant, detector = frigate.record(), VentilationDetector().discretise(0.5)
     omega, pitch = 9.0, 1.0
 
@@ -140,15 +140,15 @@ def test_thresholds_from_both_sides() -> None:
     assert called(plain, [0.5, 0.7999, 0.8]) == [1, 1, 0]
 
 
-def test_hold_counts_from_the_call() -> None:
-    # 1 s are two intervals after it; a later low ratio does not begin it anew
+def test_hold_counts_from_the_detection() -> None:
+    # The hold of 1 s is two intervals; a later low ratio does not restart it.
     slow = VentilationDetector(on_below=0.6, off_above=0.8, hold_s=1.0)
     assert called(slow, [0.5, 0.9, 0.9]) == [1, 1, 0]
     assert called(slow, [0.5, 0.5, 0.9]) == [1, 1, 0]
     assert called(slow, [0.5, 0.9, 0.9, 0.5, 0.9, 0.9]) == [1, 1, 0, 1, 1, 0]
 
 
-def test_what_is_kept_of_a_sample() -> None:
+def test_stored_values_of_a_sample() -> None:
     record, detection = VentilationDetector().discretise(0.5), np.zeros(1, DETECTION)[0]
     update_detection(record, detection, 0.9, -0.4)
     assert (detection["torque_ratio"], detection["excess_inflow"]) == (0.9, -0.4)
@@ -156,7 +156,7 @@ def test_what_is_kept_of_a_sample() -> None:
 
 
 def test_the_seas_square_is_a_mean_at_first_and_a_memory_later() -> None:
-    """Twice the mean square of the inflow that gains torque."""
+    """It is twice the mean square of the inflow that increases the torque."""
     record = VentilationDetector(sea_margin=3.0, sea_memory_s=10.0).discretise(0.5)
     detection = np.zeros(1, DETECTION)[0]
     inflows = [-0.4, 0.9, -1.0, 0.2]
@@ -176,7 +176,7 @@ def test_with_a_margin_the_inflow_must_exceed_the_seas(inflow: float, call: int)
     detection["sea_square"], detection["samples"] = 0.16, 1e6
     update_detection(record, detection, 0.3, inflow)
     assert detection["ventilating"] == call
-    # and it ends where the inflow falls back inside, whatever the ratio
+    # It ends if the inflow is within the margin, at any ratio.
     detection["ventilating"], detection["since"] = 1, 99.0
     update_detection(record, detection, 0.3, 0.5)
     assert detection["ventilating"] == 0

@@ -1,4 +1,4 @@
-"""One working point by hand, and a search that keeps what is allowed."""
+"""Working point by hand, and the grid search for allowed settings."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from shaftline.baselines.working_point import (
-    Working,
+    WorkingPoint,
     fit_open_water,
     search,
     slack,
     surface,
-    working,
+    working_point,
 )
 from shaftline.plant import load_ship
 from shaftline.plant.cavitation import burrill_ratio
@@ -37,7 +37,7 @@ def efficiency(j: float) -> float:
 def test_a_working_point_by_hand() -> None:
     plant, n = FERRY.record(), OMEGA / (2.0 * math.pi)
     j = V / n  # D = 1 m
-    w = working(plant, FIT.thrust, FIT.torque, V, OMEGA, PITCH)
+    w = working_point(plant, FIT.thrust, FIT.torque, V, OMEGA, PITCH)
     thrust = surface(FIT.thrust, j, PITCH) * 1025.0 * n**2
     assert w.thrust == pytest.approx(thrust, rel=1e-12)
     propeller = surface(FIT.torque, j, PITCH) * 1025.0 * n**2 / 1.02
@@ -50,12 +50,12 @@ def test_a_working_point_by_hand() -> None:
     assert w.efficiency_slope == pytest.approx(slope, rel=1e-6)
     assert w.burrill == pytest.approx(burrill_ratio(plant, thrust, V, OMEGA, PITCH, 1.0), rel=1e-12)
     assert w.advance_room == pytest.approx(1.05 * PITCH + 0.15 - j, rel=1e-12)
-    plant["fuel_base"] = 0.0  # without a fuel model the brake power counts
-    power = working(plant, FIT.thrust, FIT.torque, V, OMEGA, PITCH).cost
+    plant["fuel_base"] = 0.0  # without a fuel model the cost is the brake power
+    power = working_point(plant, FIT.thrust, FIT.torque, V, OMEGA, PITCH).cost
     assert power == pytest.approx(brake * engine, rel=1e-12)
 
 
-ROOM = Working(1e4, 0.5, 1.0, 0.4, 0.7, 0.6)
+ROOM = WorkingPoint(1e4, 0.5, 1.0, 0.4, 0.7, 0.6)
 
 
 @pytest.mark.parametrize(
@@ -73,7 +73,7 @@ def test_slack_is_the_nearest_constraint(change: dict[str, float], least: float)
     assert slack(ROOM._replace(**change), 0.97) == pytest.approx(least)
 
 
-def test_search_keeps_what_is_allowed() -> None:
+def test_search_returns_the_allowed_settings() -> None:
     plant = FERRY.record()
     speeds, pitches = np.linspace(25.0, 65.0, 15), np.linspace(0.4, 1.2, 11)
     for share in (0.97, 0.5):
@@ -82,7 +82,7 @@ def test_search_keeps_what_is_allowed() -> None:
         allowed = []
         for speed in speeds:
             for pitch in pitches:
-                w = working(plant, FIT.thrust, FIT.torque, 3.0, speed, pitch)
+                w = working_point(plant, FIT.thrust, FIT.torque, 3.0, speed, pitch)
                 room = min(
                     share - w.torque_share, 1.0 - w.burrill, w.efficiency_slope, w.advance_room
                 )

@@ -1,4 +1,4 @@
-"""A small closed loop for tests: a controller on the plant in calm water, with perfect instruments."""
+"""Simulation of a controller on the plant in calm water, without measurement noise."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from shaftline.plant.memory import MEMORY
 from shaftline.plant.propeller import thrust_coefficient, torque_coefficient
 from shaftline.plant.state import STATE
 from shaftline.plant.stepping import UNDISTURBED, Disturbance, prepare, step
-from shaftline.plant.waves import calm
+from shaftline.plant.waves import calm_sea
 
 INTERVAL_S = 0.5
 
 
 class End(NamedTuple):
-    """The plant at the end of a voyage, fuel being that of all engines."""
+    """Signals at the end of an interval; the fuel flow is that of all engines."""
 
     ship_speed: float
     shaft_speed: float
@@ -29,13 +29,13 @@ class End(NamedTuple):
 
 
 def with_blades_from(ship: Ship, lowest: float) -> Ship:
-    """A ship whose blades turn further: her own curves as a table, and lines through 0 at P/D 0."""
+    """Return a ship with a larger pitch range: its curves as a table, and 0 at P/D 0."""
     plant, least = ship.record(), ship.propeller.pitch_ratio_min
     ratios = np.linspace(-0.1, 1.4, 31).tolist()
     pitches = [lowest, 0.0, *np.linspace(least, ship.propeller.pitch_ratio_max, 4).tolist()]
 
     def rows(curve: Any, power: int) -> list[list[float]]:
-        """Thrust turns with the blades (power 1), torque grows either way (power 2)."""
+        """Return coefficients odd in the pitch (thrust, power 1) or even (torque, power 2)."""
         return [
             [float(curve(plant, j, max(p, least))) * min(p / least, 1.0) ** power for j in ratios]
             for p in pitches
@@ -52,7 +52,7 @@ def with_blades_from(ship: Ship, lowest: float) -> Ship:
     return Ship.model_validate(tree)
 
 
-def sail(
+def run_voyage(
     controller: Any,
     ship: Ship,
     order: Any,
@@ -62,12 +62,12 @@ def sail(
     valid: bool = True,
     start: tuple[float, float] | None = None,
 ) -> list[End]:
-    """Drive one ship by ``predict``; order and resistance are numbers or functions of time."""
+    """Simulate one ship with ``predict``; order and resistance are numbers or functions of time."""
     plant, dt = ship.record(), ship.time_step_s
     mover = ship.prime_mover
     rack = 0.5 * mover.rack_max_mm  # type: ignore[union-attr]
     begin = equilibrium(ship, *(start or (rack, 0.5 * ship.propeller.pitch_ratio_max + 0.2)))
-    state, memory, sea = np.zeros(1, STATE)[0], np.zeros(1, MEMORY)[0], calm()
+    state, memory, sea = np.zeros(1, STATE)[0], np.zeros(1, MEMORY)[0], calm_sea()
     for name, value in begin.state._asdict().items():
         state[name] = value
     prepare(plant, state, memory, sea, begin.inputs.drive, UNDISTURBED, dt)

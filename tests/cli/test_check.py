@@ -78,7 +78,7 @@ def test_the_example_names_what_is_concealed(shaftline: Command, tmp_path: Path)
     sizes = json.loads((FOLDER / CONCEALED).read_text())
     named = {effect["id"] for effect in report["effects"]}
     assert named == set(sizes)
-    assert "what was concealed: hull-fouling of 0.1343" in found.output
+    assert "concealed effect: hull-fouling of 0.1343" in found.output
     for name in (RECORDING, COLUMN_MAP, "ship.toml", "report.html"):
         assert (tmp_path / "ex" / name).is_file()
 
@@ -88,7 +88,7 @@ def test_diagnose_says_what_it_needs(shaftline: Command, tmp_path: Path) -> None
         (("diagnose",), "a RECORDING is needed"),
         (("diagnose", "a.csv"), "--ship is needed"),
         (("diagnose", "a.csv", "--ship", "frigate"), "--out is needed"),
-        (("diagnose", "--example", "--ship", "frigate"), "brings its own"),
+        (("diagnose", "--example", "--ship", "frigate"), "has its own recording"),
     ):
         found = shaftline(*line)
         assert found.exit_code == 2
@@ -105,7 +105,7 @@ def test_a_draft_of_the_column_map_is_written_once(shaftline: Command, tmp_path:
     draft.write_text("mine")
     again = shaftline(*ask, "--draft", draft)
     assert again.exit_code == 2
-    assert "replaces no map of yours" in again.output
+    assert "the file already exists" in again.output
     assert draft.read_text() == "mine"
 
 
@@ -133,7 +133,7 @@ def test_a_draft_for_another_logger_works_as_it_is_written(
     (tmp_path / "part.toml").write_text(open_map, encoding="utf-8")
     more = shaftline(*ask, "--columns", tmp_path / "part.toml", "--draft", tmp_path / "more.toml")
     assert more.exit_code == 0, more.output
-    assert "leaves open; copy its lines there" in " ".join(more.output.split())
+    assert "lacks; copy its lines there" in " ".join(more.output.split())
     assert '"speedWater" = { column = "ship_speed_m_s"' in (tmp_path / "more.toml").read_text()
 
 

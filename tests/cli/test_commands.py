@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.cli.list_command import effects
+from shaftline.baselines.registry import tunable
+from shaftline.cli.list_command import effects, observers
 from shaftline.mismatch import catalogue
 from shaftline.plant import equilibrium, load_ship
 from shaftline.plant.columns import signal_columns
@@ -62,6 +63,44 @@ def test_list_names_what_there_is(shaftline: Command) -> None:
     output = shaftline("list").output
     for name in ("frigate", "tito-neri-sine", "state-5", "jonswap", "immersion-invariance-high"):
         assert name in output
+
+
+def test_list_fits_a_hundred_columns_and_describes_every_name(shaftline: Command) -> None:
+    output = shaftline("list").output
+    assert max(map(len, output.splitlines())) <= 100
+    for name, description, _ in observers().itertuples(index=False):
+        assert name in output
+        assert len(description) > 20
+    assert all(len(one.lacks) > 5 for one in catalogue())
+    assert "Estimate nothing: 0 m/s, never valid" in output
+
+
+def test_list_of_controllers_shows_the_tuning_ranges_of_one(shaftline: Command) -> None:
+    output = shaftline("list", "--controllers").output
+    assert "va-pitch-silent" in output
+    assert "track-keeper" in output
+    assert "state-5" not in output
+    for name in ("va-pitch", "track-keeper"):
+        output = shaftline("list", "--controllers", name).output
+        rows = [line.split() for line in output.splitlines()]
+        for option, (low, high) in tunable(name).items():
+            assert [option, f"{low:g}", f"{high:g}"] in rows
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("va-pitch",), "a name needs --controllers"),
+        (("--controllers", "pilot"), "unknown controller 'pilot'; known: combinator"),
+        (("--controllers", "--effects"), "give either --controllers or --effects"),
+    ],
+)
+def test_list_refuses_what_it_cannot_show(
+    shaftline: Command, arguments: tuple[str, ...], words: str
+) -> None:
+    result = shaftline("list", *arguments)
+    assert result.exit_code == 2
+    assert words in " ".join(result.output.split())
 
 
 def test_list_of_effects_tells_what_a_diagnosis_knows(shaftline: Command) -> None:
@@ -218,15 +257,19 @@ def test_a_new_ship_is_printed_or_written(shaftline: Command, tmp_path: Path) ->
     before = out.read_text()
     again = shaftline("new-ship", "--template", "electric-fixed-pitch", "--out", str(out))
     assert again.exit_code == 2
-    assert "is there already; nothing was written" in again.output
+    assert "the file already exists; nothing was written" in again.output
     assert out.read_text() == before
 
 
 @pytest.mark.parametrize(
     ("name", "out", "words"),
     [
-        ("yacht", "y.toml", "unknown template 'yacht'; known: constant-revolutions, diesel"),
-        ("drive-with-load", "y.txt", "a ship's file ends in .toml"),
+        (
+            "yacht",
+            "y.toml",
+            "unknown template 'yacht'; known templates: constant-revolutions, diesel",
+        ),
+        ("drive-with-load", "y.txt", "the name of a ship file must end in .toml"),
     ],
 )
 def test_a_new_ship_that_cannot_be_made_is_named(

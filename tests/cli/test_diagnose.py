@@ -89,7 +89,7 @@ def test_a_foreign_recording_is_explained(shaftline: Command, tmp_path: Path) ->
     value = effect["parameters"]["fouling_fraction"]["value"]
     assert corrected.hull.fouling_fraction == pytest.approx(value)
     said = " ".join(result.output.split())
-    for words in (report["sentence"], "95 % from", "FitPercent", "set aside", str(PAGE)):
+    for words in (report["sentence"], "95 % from", "FitPercent", "held out", str(PAGE)):
         assert words in said, said
 
 
@@ -186,7 +186,7 @@ def test_bad_recordings(
         (("{trial}", "--ship", "frigate", "--hold-out", "{trial}"), ("trial.csv", "given twice")),
         (("{trial}", "--ship", "frigate", "--jobs", "2"), ("--jobs", "FOLDER")),
         (("{trial}", "--ship", "rov-thruster"), ("trial.csv", "'motor_voltage_V' is missing")),
-        (("{folder}", "--ship", "frigate"), ("holds no recording", ".csv")),
+        (("{folder}", "--ship", "frigate"), ("no recording in this folder", ".csv")),
         (("{folder}", "{trial}", "--ship", "frigate"), ("a folder stands alone",)),
         (("{folder}", "--ship", "frigate", "--backend", "dask"), ("--scheduler",)),
         (("{trial}",), ("--ship",)),
@@ -309,8 +309,11 @@ def test_a_free_number_is_no_missing_physics(shaftline: Command, tmp_path: Path)
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        (("--calibrate", "nowhere.csv"), ("nowhere.csv", "no such recording to calibrate on")),
-        (("--free", "hull.rust"), ("hull.rust is no number of this ship", "hull.mass_kg")),
+        (
+            ("--calibrate", "nowhere.csv"),
+            ("nowhere.csv", "recording of the reference period not found"),
+        ),
+        (("--free", "hull.rust"), ("hull.rust is no parameter of this ship", "hull.mass_kg")),
         (("--free", f"{RESISTANCE},{RESISTANCE}"), (RESISTANCE, "given twice")),
         (
             ("--free", "transmission.coulomb_friction_engine_side_N_m"),

@@ -26,7 +26,7 @@ def test_numbers_are_found_and_written(shaftline: Command, trial: Path, tmp_path
     out = tmp_path / "out"
     done = shaftline("identify", trial, "--ship", "frigate", "--free", MASS, "--out", out)
     assert done.exit_code == 0, done.output
-    assert "Numbers of frigate by output-error" in done.output
+    assert "Parameters of frigate by output-error" in done.output
     assert str(out / "report.html") in done.output
     assert load_ship(out / "identified_ship.toml").hull.mass_kg == pytest.approx(3.6e6, rel=0.03)
 
@@ -37,7 +37,9 @@ def test_no_key_is_refused_with_the_keys_that_can_be_free(
 ) -> None:
     out = tmp_path / "out"
     done = shaftline("identify", trial, "--ship", "frigate", "--free", free, "--out", out)
-    refused(done, "names no key; give auto, or keys of the ship's file", MASS, "hull.wake_fraction")
+    refused(
+        done, "contains no key; give auto, or keys of the ship file", MASS, "hull.wake_fraction"
+    )
     nothing_written(tmp_path, "trial.csv")
 
 
@@ -63,7 +65,7 @@ def test_a_table_of_steady_states_needs_no_time(shaftline: Command, tmp_path: Pa
         "steady-states.csv",
         "fit.csv",
     }
-    refused(shaftline("identify", file, *common, "--hold-out", file), "are fitted whole")
+    refused(shaftline("identify", file, *common, "--hold-out", file), "is fitted as a whole")
 
 
 @pytest.mark.parametrize(
@@ -97,8 +99,8 @@ def test_points_and_recordings_do_not_go_together(
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--free", "hull.mas"), "hull.mas is no number of this ship that can be free"),
-        (("--free", "prime_mover.fuel_base_g_kWh"), "it moves nothing that is measured here"),
+        (("--free", "hull.mas"), "hull.mas is no parameter of this ship that can be free"),
+        (("--free", "prime_mover.fuel_base_g_kWh"), "no measured channel depends on it here"),
         (("--method", "guess"), "unknown method 'guess'; known: output-error"),
     ],
 )

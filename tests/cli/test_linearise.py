@@ -64,11 +64,11 @@ def test_every_input_and_output_has_a_unit(name: str) -> None:
     [
         ((), "give either --speed or --drive"),
         (("--speed", 5, "--drive", 20), "give either --speed or --drive"),
-        (("--speed", 50), "a speed of 50 is sailed by no demand"),
+        (("--speed", 50), "no drive command holds a speed of 50"),
         (("--drive", 22, "--output", "sped"), "unknown output 'sped'; known: "),
-        (("--drive", 22, "--output", ","), "at least one output is needed"),
+        (("--drive", 22, "--output", ","), "give at least one output"),
         (("--drive", 0.1), "steady state"),
-        (("--ship", "nobody", "--drive", 1), "unknown ship 'nobody'"),
+        (("--ship", "unknown", "--drive", 1), "unknown ship 'unknown'"),
     ],
 )
 def test_what_cannot_be_is_refused(

@@ -44,14 +44,14 @@ def test_measures_a_loop(
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (("nobody",), "unknown controller 'nobody'"),
-        (("1,2/1",), "differentiates"),
-        (("1,x/1,2",), "numbers by falling powers of s"),
-        (("3,0.4/1,0", "--reading", "speed"), "--reading speed: known are shaft_speed"),
+        (("unknown",), "unknown controller 'unknown'"),
+        (("1,2/1",), "numerator must not be longer"),
+        (("1,x/1,2",), "with falling powers of s"),
+        (("3,0.4/1,0", "--reading", "speed"), "--reading speed: must be one of shaft_speed"),
         (("-3000/1", "--speed", 7), "closed loop is unstable"),
         (("combinator", "--command", "rudder"), "unknown command 'rudder'"),
-        (("combinator", "--speed", 50), "a speed of 50 is sailed by no demand"),
-        (("autopilot", "--ship", "kvlcc2", "--speed", 1.18), "holds her course"),
+        (("combinator", "--speed", 50), "no drive command holds a speed of 50"),
+        (("autopilot", "--ship", "kvlcc2", "--speed", 1.18), "stable on a straight course"),
         (("autopilot",), "frigate cannot be steered"),
     ],
 )

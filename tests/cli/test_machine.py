@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from shaftline.cli import machine, main
 from shaftline.cli.console import print_table, say
-from shaftline.cli.machine import plain, with_json
+from shaftline.cli.machine import add_json_option, to_json
 
 from .conftest import Command
 from .test_bad_input import nothing_written, refused
@@ -23,12 +23,12 @@ from .test_bad_input import nothing_written, refused
 
 @pytest.mark.parametrize("name", main.COMMANDS)
 def test_every_command_has_it(name: str) -> None:
-    assert "--json" in {option for p in main.Later(name).itself().params for option in p.opts}
+    assert "--json" in {option for p in main.LazyCommand(name).itself().params for option in p.opts}
 
 
 @pytest.mark.parametrize("name", main.COMMANDS)
 def test_no_option_loses_its_help(name: str) -> None:
-    assert all(getattr(p, "help", "") for p in main.Later(name).itself().params)
+    assert all(getattr(p, "help", "") for p in main.LazyCommand(name).itself().params)
 
 
 def test_in_a_file(shaftline: Command, tmp_path: Path) -> None:
@@ -64,8 +64,8 @@ def test_a_command_that_has_its_own_keeps_it() -> None:
     def none(count: int = 1) -> None:
         say(f"{count}")
 
-    assert inspect.signature(with_json(own)) == inspect.signature(own)
-    assert list(inspect.signature(with_json(none)).parameters) == ["count", "json"]
+    assert inspect.signature(add_json_option(own)) == inspect.signature(own)
+    assert list(inspect.signature(add_json_option(none)).parameters) == ["count", "json"]
 
 
 def test_what_json_allows() -> None:
@@ -74,7 +74,7 @@ def test_what_json_allows() -> None:
         3: Path("x/y"),
         "b": True,
     }
-    assert plain(value) == {"a": [1.5, 2, None, [None, None]], "3": "x/y", "b": True}
+    assert to_json(value) == {"a": [1.5, 2, None, [None, None]], "3": "x/y", "b": True}
 
 
 def test_without_it_nothing_is_kept(capsys: pytest.CaptureFixture[str]) -> None:
@@ -83,7 +83,10 @@ def test_without_it_nothing_is_kept(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 LINES = [
-    ("simulate --case rack_step --out x.csv --json x.csv", "--out x.csv and --json x.csv are one"),
+    (
+        "simulate --case rack_step --out x.csv --json x.csv",
+        "--out x.csv and --json x.csv are the same",
+    ),
     ("simulate --case rack_step --out x.csv --json ./sub/../x.csv", "--out x.csv and --json"),
     ("simulate --case rack_step --out x.png --figure x.png", "--out x.png and --figure x.png"),
     ("list --markdown x.md --json x.md", "--json x.md and --markdown x.md"),
@@ -127,7 +130,7 @@ def test_json_does_not_replace_what_the_command_wrote(
     name = next(p.name for p in Path("li").iterdir() if p.suffix == ".mat")
     result = shaftline(*line.replace("frigate.json", name).split())
     assert result.exit_code == 2, result.output
-    assert "a result of its own there" in " ".join(result.output.split())
+    assert "the command wrote another result to this file" in " ".join(result.output.split())
     assert Path("li", name).read_bytes()[:1] != b"{"
 
 

@@ -46,7 +46,7 @@ def test_help_is_not_preceded_by_a_word_on_loading(
         heard.append("loading")
         yield
 
-    monkeypatch.setattr(main, "loading", loading)
+    monkeypatch.setattr(main, "announce_loading", loading)
     CliRunner().invoke(main.app, ["list", *arguments])
     assert bool(heard) is spoken
 
@@ -58,10 +58,10 @@ def test_every_file_is_a_command() -> None:
 
 @pytest.mark.parametrize("name", main.COMMANDS)
 def test_the_list_says_what_the_command_says(name: str) -> None:
-    itself = main.Later(name).itself()
+    itself = main.LazyCommand(name).itself()
     assert itself.name == name
-    assert main.first_words(name)
-    assert (itself.help or "").replace("\n", " ").startswith(main.first_words(name))
+    assert main.command_summary(name)
+    assert (itself.help or "").replace("\n", " ").startswith(main.command_summary(name))
 
 
 def test_a_slip_is_answered_with_the_right_name() -> None:

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from matplotlib.patches import Polygon
 
-from shaftline.display.manoeuvres import OUTLINE, outline, pictures
+from shaftline.display.manoeuvres import OUTLINE, outline, trial_figures
 from shaftline.plant import approach, load_ship, turning_circle
 from shaftline.plant.manoeuvres import Trials, trials
 
@@ -42,7 +42,13 @@ def test_sails_the_standard_set(shaftline: Command, tmp_path: Path) -> None:
         "manoeuvre", "--ship", "kvlcc2", "--speed", 1.18, "--scale", 45.7, "--out", tmp_path
     )
     assert result.exit_code == 0, result.output
-    for word in ("tactical diameter", "second overshoot, 10/10", "40.00", "yes", "unstable on her"):
+    for word in (
+        "tactical diameter",
+        "second overshoot, 10/10",
+        "40.00",
+        "yes",
+        "directionally unstable",
+    ):
         assert word in result.output
     files = {file.name for file in tmp_path.iterdir()}
     assert files == {
@@ -78,8 +84,8 @@ def test_numbers_go_where_they_are_asked_for(shaftline: Command, tmp_path: Path)
     found = json.loads(numbers.read_text())
     assert set(found["not_sailed"]) == {"20/20 zig-zag to port", "20/20 zig-zag to starboard"}
     row = next(r for r in found["criteria"] if r["criterion"] == "first overshoot, 20/20")
-    assert (row["starboard"], row["met"]) == (None, "not sailed")
-    assert "Not sailed, 20/20 zig-zag to port" in result.output
+    assert (row["starboard"], row["met"]) == (None, "not completed")
+    assert "Not simulated, 20/20 zig-zag to port" in result.output
     assert not list(out.glob("zig-zag-20*"))
 
 
@@ -102,7 +108,7 @@ def test_what_cannot_be_sailed_is_refused(
 def test_a_file_is_no_folder(shaftline: Command, tmp_path: Path) -> None:
     (tmp_path / "f").write_text("")
     result = shaftline("manoeuvre", "--ship", "kvlcc2", "--speed", 1, "--out", tmp_path / "f")
-    refused(result, "a folder is needed")
+    refused(result, "give a folder")
 
 
 def test_a_ship_is_drawn_with_her_bow_ahead() -> None:
@@ -113,7 +119,7 @@ def test_a_ship_is_drawn_with_her_bow_ahead() -> None:
 
 
 def test_figures_hold_what_was_sailed(sailed: Trials) -> None:
-    found = pictures(sailed)
+    found = trial_figures(sailed)
     assert set(found) == {"turning-circles", "zig-zags", "spiral"}
     map_, speeds, rates = found["turning-circles"].axes
     starboard = np.asarray(map_.lines[0].get_xydata())
@@ -142,6 +148,6 @@ def test_what_is_not_sailed_has_no_figure(sailed: Trials) -> None:
     bare = sailed._replace(turns={}, spiral=None, zig_zags={
         key: one for key, one in sailed.zig_zags.items() if key != (20, "port")
     })  # fmt: skip
-    found = pictures(bare)
+    found = trial_figures(bare)
     assert set(found) == {"zig-zags"}
     assert [axis.get_visible() for axis in found["zig-zags"].axes] == [True, True, True, False]

@@ -1,4 +1,4 @@
-"""``--effects``: physics of one's own from the file to the corrected ship, which every command sails."""
+"""``--effects``: user-defined physics, from its file to the corrected ship for every command."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def test_identify_hears_the_signals_of_the_ship(shaftline: Command, folder: Path
         folder / "out",
     )  # fmt: skip
     assert result.exit_code == 0, result.output
-    found = load_ship(folder / "out" / IDENTIFIED).number("term.apparent-wind-hull.k").value
+    found = load_ship(folder / "out" / IDENTIFIED).parameter("term.apparent-wind-hull.k").value
     assert found == pytest.approx(TRUTH, rel=0.03)
 
     # without the map the log has no such columns
@@ -158,9 +158,9 @@ def test_a_simulation_without_the_signal_is_refused(shaftline: Command, folder: 
         (('balance = "hull"\n', ""), ("term apparent-wind", "balance is missing")),
         (('"hull"', '"sail"'), ("term apparent-wind", "balance", "'hull'")),
         (("cos(", "cosine("), ("term apparent-wind", "function 'cosine' is unknown", "cos")),
-        (("* cos", "cos"), ("term apparent-wind", "no expression (SyntaxError)")),
+        (("* cos", "cos"), ("term apparent-wind", "not a valid expression (SyntaxError)")),
         (('"resistance"', '"sail"'), ("term apparent-wind", "acts_on", "'resistance'")),
-        (('"apparent-wind"', '"wind"'), ("wind (hull) stands in the catalogue already",)),
+        (('"apparent-wind"', '"wind"'), ("wind (hull) is already defined in the catalogue",)),
         ((MY, "# nothing"), ("no [[term]] and no [[effect]] in it",)),
     ],
 )
@@ -186,7 +186,7 @@ def test_what_the_ship_or_the_recording_does_not_have_is_named(
     result = shaftline(*said, folder / "MY.toml", "--ship", "rov-thruster")
     refused(result, "apparent-wind (hull) cannot act on rov-thruster", "motor, propeller")
     result = shaftline(*said, folder / "MY.toml", "--ship", "ferry")
-    refused(result, "apparent-wind (hull) hears wind_speed", "[signals]")
+    refused(result, "apparent-wind (hull) needs the signal wind_speed", "[signals]")
     result = shaftline(
         *said, folder / "MY.toml", "--effects", folder / "MY.toml", "--ship", "ferry"
     )

@@ -1,4 +1,4 @@
-"""Progress where nobody watches: a line at the start, at every stage, every ten seconds, at the end."""
+"""Progress in a log: a line at the start, at every stage, every ten seconds and at the end."""
 
 from __future__ import annotations
 
@@ -9,13 +9,20 @@ import pandas as pd
 import pytest
 
 from shaftline.cli import console
-from shaftline.cli.console import EVERY_S, Log, loading, progress, stages, tell_compiling
+from shaftline.cli.console import (
+    EVERY_S,
+    Log,
+    announce_compilation,
+    announce_loading,
+    progress,
+    stages,
+)
 
 
-def told(steps: list[tuple[float, int, str]], total: int) -> list[str]:
+def log_lines(steps: list[tuple[float, int, str]], total: int) -> list[str]:
     lines: list[str] = []
     times = iter([0.0, *(when for when, _, _ in steps)])
-    log = Log("sailing", lines.append, lambda: next(times))
+    log = Log("simulating", lines.append, lambda: next(times))
     for _, done, stage in steps:
         log.at(done, total, stage)
     return lines
@@ -30,44 +37,50 @@ def test_a_line_every_ten_seconds_and_at_the_end() -> None:
         (21.0, 5, ""),
         (22.0, 6, ""),
     ]
-    assert told(steps, 6) == [
-        "sailing, 3 of 6, 10 s", "sailing, 5 of 6, 21 s", "sailing, 6 of 6, 22 s",
+    assert log_lines(steps, 6) == [
+        "simulating, 3 of 6, 10 s", "simulating, 5 of 6, 21 s", "simulating, 6 of 6, 22 s",
     ]  # fmt: skip
 
 
 def test_a_line_at_every_new_stage() -> None:
-    steps = [(1.0, 0, "reading"), (2.0, 1, "reading"), (3.0, 0, "trying"), (4.0, 1, "trying")]
-    assert told(steps, 9) == ["sailing: reading, 0 of 9, 1 s", "sailing: trying, 0 of 9, 3 s"]
+    steps = [(1.0, 0, "loading"), (2.0, 1, "loading"), (3.0, 0, "trying"), (4.0, 1, "trying")]
+    assert log_lines(steps, 9) == [
+        "simulating: loading, 0 of 9, 1 s",
+        "simulating: trying, 0 of 9, 3 s",
+    ]
 
 
 def test_in_a_pipe_it_begins_at_once(capfd: pytest.CaptureFixture[str]) -> None:
-    with progress("sailing", 2) as tick:
+    with progress("simulating", 2) as tick:
         tick()
         tick()
     with stages("diagnosing") as say:
-        say("reading", 0, 3)
+        say("loading", 0, 3)
     assert capfd.readouterr().err.splitlines() == [
-        "sailing, 2 in all", "sailing, 2 of 2, 0 s", "diagnosing", "diagnosing: reading, 0 of 3, 0 s",
-    ]  # fmt: skip
+        "simulating, 2 in total",
+        "simulating, 2 of 2, 0 s",
+        "diagnosing",
+        "diagnosing: loading, 0 of 3, 0 s",
+    ]
 
 
-def test_compiling_is_told_once_and_not_where_it_is_short() -> None:
-    told: list[str] = []
+def test_compiling_is_announced_once_and_not_where_it_is_short() -> None:
+    long: list[str] = []
     short: list[str] = []
-    tell_compiling(told.append, patience_s=-1.0)
-    tell_compiling(short.append, patience_s=1e6)
+    announce_compilation(long.append, patience_s=-1.0)
+    announce_compilation(short.append, patience_s=1e6)
     for shift in (1.0, 2.0):
         numba.njit(lambda x, shift=shift: x + shift)(1.0)
-    assert len(told) == 1
-    assert "compiling the equations" in told[0]
+    assert len(long) == 1
+    assert "compiling the equations" in long[0]
     assert short == []
 
 
-def test_loading_is_told_where_it_lasts(capfd: pytest.CaptureFixture[str]) -> None:
-    with loading(patience_s=60.0):
+def test_loading_is_announced_where_it_lasts(capfd: pytest.CaptureFixture[str]) -> None:
+    with announce_loading(patience_s=60.0):
         pass
     assert capfd.readouterr().err == ""
-    with loading(patience_s=0.0):
+    with announce_loading(patience_s=0.0):
         time.sleep(0.2)
     assert capfd.readouterr().err == "loading\n"
 
@@ -79,6 +92,6 @@ def test_words_of_a_table_stay_whole_where_there_is_room(
     monkeypatch.setattr(console.console, "width", width)
     cells = {"from": ["resistance_factor [-]"], "to": ["shaft_speed [rad/s]"], "gain [-]": [1.5]}
     console.print_table(pd.DataFrame(cells), "channels")
-    told = capfd.readouterr().out
-    assert {"resistance_factor", "shaft_speed", "[rad/s]", "1.50"} <= set(told.split())
-    assert max(map(len, told.splitlines())) <= width
+    output = capfd.readouterr().out
+    assert {"resistance_factor", "shaft_speed", "[rad/s]", "1.50"} <= set(output.split())
+    assert max(map(len, output.splitlines())) <= width

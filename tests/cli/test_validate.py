@@ -26,7 +26,7 @@ def test_a_case_is_sealed_diagnosed_and_scored(
         page: bool, recording: Path, ship: str, out: Path, exclude: tuple[str, ...]
     ) -> dict[str, Any]:
         asked.append((recording.name, ship, exclude))
-        # whoever looks around finds the recording and its seal, and no truth
+        # The folder contains the recording and its seal, but not the truth.
         assert {file.name for file in place.iterdir()} == {"recording.csv", "sealed.sha256"}
         return {"verdict": "nothing-missing", "effects": []}
 
@@ -53,7 +53,9 @@ def test_a_case_is_sealed_diagnosed_and_scored(
 
 def test_cases_of_unknown_origin_are_not_mixed_in(shaftline: Command, tmp_path: Path) -> None:
     (tmp_path / "case-1-0000").mkdir()
-    refused(shaftline("validate", "--cases", 1, "--out", tmp_path), "did not make", "--out")
+    refused(
+        shaftline("validate", "--cases", 1, "--out", tmp_path), "cases of another command", "--out"
+    )
 
 
 def test_pysindy_is_an_extra(
@@ -71,7 +73,8 @@ def test_a_variant_is_known_and_mixed_with_no_other(
         shaftline("validate", "--variant", "windy", "--out", tmp_path), "windy", "realistic", "1-hz"
     )
     refused(
-        shaftline("validate", "--variant", "1-hz", "--sindy", "--out", tmp_path), "plain proof only"
+        shaftline("validate", "--variant", "1-hz", "--sindy", "--out", tmp_path),
+        "variant plain only",
     )
     assert not list(tmp_path.iterdir())
     rows = []

@@ -116,7 +116,7 @@ class Files:
 
 
 def one_key(ship: Ship) -> str:
-    """Return the key of a parameter that every recording of a ship tells."""
+    """Return the key of a parameter that is identifiable from every recording of a ship."""
     if ship.moves:
         return "hull.resistance_coefficient_N_s2_m2"
     return "transmission.inertia_engine_side_kg_m2"

@@ -10,7 +10,13 @@ import numpy as np
 import pytest
 import torch
 
-from shaftline.core.archives import ArchiveError, packed, read_archive, unpacked, write_archive
+from shaftline.core.archives import (
+    ArchiveError,
+    pack_tree,
+    read_archive,
+    unpack_tree,
+    write_archive,
+)
 
 
 def test_a_tree_comes_back(tmp_path: Path) -> None:
@@ -21,8 +27,8 @@ def test_a_tree_comes_back(tmp_path: Path) -> None:
         ],
         "name": "Adam",
     }
-    write_archive(tmp_path / "a.npz", packed(tree))
-    found = unpacked(read_archive(tmp_path / "a.npz"))
+    write_archive(tmp_path / "a.npz", pack_tree(tree))
+    found = unpack_tree(read_archive(tmp_path / "a.npz"))
     assert found["state"][0]["step"] == 3.0
     assert found["state"][0]["mean"].tolist() == [0.0, 1.0, 2.0, 3.0]
     assert found["state"][1] == {}
@@ -33,7 +39,7 @@ def test_a_tree_comes_back(tmp_path: Path) -> None:
 
 def test_what_is_no_number_is_not_packed() -> None:
     with pytest.raises(TypeError, match="PosixPath"):
-        packed({"here": Path("/tmp")})
+        pack_tree({"here": Path("/tmp")})
 
 
 def test_a_zip_bomb_is_refused_before_it_is_unpacked(tmp_path: Path) -> None:
@@ -53,12 +59,12 @@ def test_a_zip_bomb_is_refused_before_it_is_unpacked(tmp_path: Path) -> None:
 def test_other_files_are_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "file.npz"
     path.write_bytes(content)
-    with pytest.raises(ArchiveError, match="not an archive of numbers"):
+    with pytest.raises(ArchiveError, match="not a NumPy archive of numbers"):
         read_archive(path)
 
 
 @pytest.mark.parametrize("text", [None, b"{", b'{"array": "none"}'])
 def test_other_arrays_are_no_tree(text: bytes | None) -> None:
     tree = {} if text is None else {"skeleton": np.frombuffer(text, np.uint8)}
-    with pytest.raises(ArchiveError, match="not a packed tree"):
-        unpacked(tree)
+    with pytest.raises(ArchiveError, match="does not contain a stored tree"):
+        unpack_tree(tree)

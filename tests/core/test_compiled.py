@@ -7,7 +7,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from shaftline.core.compiled import compiled, compiled_polynomial, spelled_out
+from shaftline.core.compiled import compiled, compiled_polynomial, generate_kernel
 
 
 @compiled
@@ -60,7 +60,7 @@ class Pair(NamedTuple):
     right: float
 
 
-total: Any = spelled_out(
+total: Any = generate_kernel(
     """
 def total(pair):
     found = 1.0

@@ -11,7 +11,12 @@ from typing import Any
 import pytest
 
 from shaftline.core import discovery
-from shaftline.core.discovery import classes_in, of_others, offered, version_of_others
+from shaftline.core.discovery import (
+    classes_in,
+    entry_point_names,
+    external_class_digest,
+    load_external_class,
+)
 
 
 @pytest.fixture
@@ -51,9 +56,9 @@ def test_a_class_of_the_working_folder(tmp_path: Path, monkeypatch: pytest.Monke
     (tmp_path / "mine_for_a_test.py").write_text("class Outer:\n    class Law: ...\n")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
-    found = of_others("mine_for_a_test:Outer.Law", "shaftline.controllers")
+    found = load_external_class("mine_for_a_test:Outer.Law", "shaftline.controllers")
     assert found.__qualname__ == "Outer.Law"
-    assert of_others("no-place", "shaftline.controllers") is None
+    assert load_external_class("no-place", "shaftline.controllers") is None
 
 
 @pytest.mark.parametrize(
@@ -74,10 +79,10 @@ def test_what_is_not_there_is_told(
 ) -> None:
     monkeypatch.setattr(sys, "path", list(sys.path))
     if told is None:
-        assert of_others(name, "shaftline.controllers") is None
+        assert load_external_class(name, "shaftline.controllers") is None
         return
     with pytest.raises(ValueError, match=told):
-        of_others(name, "shaftline.controllers")
+        load_external_class(name, "shaftline.controllers")
 
 
 def test_a_module_that_breaks_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -85,14 +90,14 @@ def test_a_module_that_breaks_is_told(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
     with pytest.raises(ValueError, match="broken_for_a_test:Law: cannot be loaded: invalid syntax"):
-        of_others("broken_for_a_test:Law", "shaftline.controllers")
+        load_external_class("broken_for_a_test:Law", "shaftline.controllers")
 
 
 def test_what_packages_offer(monkeypatch: pytest.MonkeyPatch) -> None:
     points = [EntryPoint("ahead", "json:JSONDecoder", "shaftline.controllers")]
     monkeypatch.setattr(discovery, "entry_points", lambda group: points)
-    assert offered("shaftline.controllers") == ["ahead"]
-    assert of_others("ahead", "shaftline.controllers") is json.JSONDecoder
+    assert entry_point_names("shaftline.controllers") == ["ahead"]
+    assert load_external_class("ahead", "shaftline.controllers") is json.JSONDecoder
 
 
 def test_the_version_of_a_users_class_changes_with_all_that_it_imports(
@@ -110,14 +115,14 @@ def test_the_version_of_a_users_class_changes_with_all_that_it_imports(
         (tmp_path / name).write_text(text)
     monkeypatch.syspath_prepend(tmp_path)
     group = "shaftline.controllers"
-    seen = {version_of_others("own_law:Law", group)}
+    seen = {external_class_digest("own_law:Law", group)}
     for name in ("own_law.py", "own_gains.py", "own_tables/__init__.py", "own_tables/deep.py"):
         (tmp_path / name).write_text(files[name] + "# another version\n")
-        seen.add(version_of_others("own_law:Law", group))
+        seen.add(external_class_digest("own_law:Law", group))
     assert len(seen) == 5
     (tmp_path / "own_bystander.py").write_text("# another version\n")
-    assert version_of_others("own_law:Law", group) in seen
-    assert version_of_others("combinator", group) == ""
-    installed = version_of_others("gymnasium:Env", group)
+    assert external_class_digest("own_law:Law", group) in seen
+    assert external_class_digest("combinator", group) == ""
+    installed = external_class_digest("gymnasium:Env", group)
     assert len(installed) == 8
-    assert installed == version_of_others("gymnasium:Env", group)
+    assert installed == external_class_digest("gymnasium:Env", group)

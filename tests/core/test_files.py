@@ -71,7 +71,9 @@ def test_a_damaged_result_is_named(tmp_path: Path) -> None:
     assert read_json(file) == {"a": [1.5]}
     for text in ("{", "", "[" * 100_000):
         file.write_text(text)
-        with pytest.raises(FileError, match=r"curve\.json: damaged, no valid JSON .* remove it"):
+        with pytest.raises(
+            FileError, match=r"curve\.json: damaged, not valid JSON .* remove the file"
+        ):
             read_json(file)
     with pytest.raises(FileError, match="cannot be read"):
         read_json(tmp_path / "nowhere.json")

@@ -10,7 +10,7 @@ import pytest
 from pydantic import BaseModel, ValidationError
 
 import shaftline
-from shaftline.core.models import FileModel, refuse_words
+from shaftline.core.models import FileModel, refuse_non_numbers
 from shaftline.plant.keys import Section
 
 pytest.importorskip("stable_baselines3")
@@ -72,6 +72,6 @@ def test_takes_what_is_meant() -> None:
 
 
 def test_refuses_words_at_any_depth() -> None:
-    refuse_words({"a": [1, {"b": 2.0}], "c": "text"})
+    refuse_non_numbers({"a": [1, {"b": 2.0}], "c": "text"})
     with pytest.raises(ValueError, match="False is a truth value"):
-        refuse_words({"a": [1, {"b": False}]})
+        refuse_non_numbers({"a": [1, {"b": False}]})

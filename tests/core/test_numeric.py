@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shaftline.core.numeric import begun_between, clip, newton_step, piecewise_linear
+from shaftline.core.numeric import clip, newton_step, piecewise_linear, start_between
 
 STEP = 1e-30
 KNOTS = np.array([1.0, 2.0, 4.0, 0.0, 0.0])
@@ -49,7 +49,7 @@ def test_knots_beyond_the_count_are_not_there() -> None:
     ("guess", "start"), [(0.3, 0.3), (-1.0, 0.2), (9.0, 0.8), (np.nan, 0.5), (np.inf, 0.8)]
 )
 def test_a_search_begins_inside_its_bounds(guess: float, start: float) -> None:
-    assert begun_between(guess, 0.2, 0.8) == pytest.approx(start)
+    assert start_between(guess, 0.2, 0.8) == pytest.approx(start)
 
 
 @pytest.mark.parametrize(

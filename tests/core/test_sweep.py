@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 import shaftline.core.sweep as module
-from shaftline.core.sweep import SweepError, check_backend, refuse_another, source_digest, sweep
+from shaftline.core.sweep import SweepError, check_backend, refuse_other_plan, source_digest, sweep
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +115,7 @@ def test_a_killed_process_is_reported(tmp_path: Path) -> None:
             os._exit(1)
         return number
 
-    with pytest.raises(SweepError, match=r"processes broke down.*--jobs 1"):
+    with pytest.raises(SweepError, match=r"worker processes stopped.*--jobs 1"):
         sweep(dies_at_two, NUMBERS, tmp_path, jobs=2)
 
 
@@ -182,7 +182,7 @@ def test_no_scheduler_answers(
 ) -> None:
     pytest.importorskip("distributed")
     monkeypatch.setattr("shaftline.core.sweep._PATIENCE_S", 0.5)
-    with pytest.raises(SweepError, match=f"--scheduler {address}: no dask scheduler answers"):
+    with pytest.raises(SweepError, match=f"--scheduler {address}: no dask scheduler responds"):
         sweep(abs, NUMBERS, tmp_path, backend="dask", scheduler=address)
 
 
@@ -242,14 +242,14 @@ def test_the_digest_changes_with_a_files_name_and_not_with_notes(house: Path) ->
 def test_a_folder_holds_one_plan(tmp_path: Path) -> None:
     note = tmp_path / "plan.json"
     plan = {"seeds": 3, "ship": {"name": "frigate"}, "steps": (1, 2)}
-    refuse_another(tmp_path, note, plan, "validation")  # nothing is there yet
+    refuse_other_plan(tmp_path, note, plan, "validation")  # nothing is there yet
     note.write_text(json.dumps(plan | {"more": 1}))
-    refuse_another(tmp_path, note, plan, "validation")
+    refuse_other_plan(tmp_path, note, plan, "validation")
     with pytest.raises(
         ValueError, match=r"holds a validation of another seeds \(3, now 4\); remove it"
     ):
-        refuse_another(tmp_path, note, plan | {"seeds": 4}, "validation")
+        refuse_other_plan(tmp_path, note, plan | {"seeds": 4}, "validation")
     with pytest.raises(ValueError, match=r"another ship \(name: frigate, now ferry\); remove it"):
-        refuse_another(tmp_path, note, plan | {"ship": {"name": "ferry"}}, "validation")
+        refuse_other_plan(tmp_path, note, plan | {"ship": {"name": "ferry"}}, "validation")
     with pytest.raises(ValueError, match=r"another new \(None, now 1\)"):
-        refuse_another(tmp_path, note, plan | {"new": 1}, "validation")
+        refuse_other_plan(tmp_path, note, plan | {"new": 1}, "validation")

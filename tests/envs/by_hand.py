@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from shaftline.baselines.governor import govern, limited_rack
+from shaftline.baselines.governor import govern, limit_rack
 from shaftline.envs import FrigateEnv, get_task
 from shaftline.plant.fuel import fuel_rate
 from shaftline.plant.stepping import Disturbance, step
@@ -22,7 +22,7 @@ TRAVERSE_S = 20.0
 
 
 class Moment(NamedTuple):
-    """One plant step: what was so at its beginning, and the few things that are told of its end."""
+    """One plant step: quantities at its beginning, and some at its end."""
 
     order: float
     shaft_speed: float
@@ -30,8 +30,8 @@ class Moment(NamedTuple):
     log: float
     rack: float
     drive: float
-    torque_read: float
-    pitch_read: float
+    measured_torque_of: float
+    measured_pitch_of: float
     outputs: Any
     fuel: float
     position_after: float
@@ -97,7 +97,7 @@ class ByHand:
                 gains = (np.interp(self.measured, self.gains[0], self.gains[i]) for i in (1, 2))
                 drive, self.integral = govern(p, second, self.measured, self.integral, *gains)
             elif self.command == "limited-rack":
-                drive = limited_rack(p, second, self.measured, self.slope)
+                drive = limit_rack(p, second, self.measured, self.slope)
             omega, speed = float(self.state["shaft_speed"]), float(self.state["ship_speed"])
             log = float(self.memory["speed_log"])
             outputs = step(

@@ -153,7 +153,9 @@ def test_a_forked_process_makes_threads_of_its_own(used: bool) -> None:
         child.kill()
     assert not hung
     assert np.array_equal(found, other.step(np.full((4, 2), 0.1))[0])
-    assert np.array_equal(found, env.step(np.full((4, 2), 0.1))[0])  # the parent goes on as it was
+    assert np.array_equal(
+        found, env.step(np.full((4, 2), 0.1))[0]
+    )  # the parent process is not affected
     env.close()
 
 

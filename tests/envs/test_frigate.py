@@ -253,7 +253,7 @@ def test_a_sea_can_be_a_range_from_which_each_episode_draws() -> None:
         ({"task": "dancing"}, "unknown task 'dancing'"),
         ({"observer": "eyes"}, "unknown observer 'eyes'"),
         ({"sea": "state-9"}, "unknown sea 'state-9'"),
-        ({"sea": {"hs_m": (4.0, 1.0), "tp_s": 9.0}}, "a lowest and a highest"),
+        ({"sea": {"hs_m": (4.0, 1.0), "tp_s": 9.0}}, "must be a number, or a pair"),
         ({"ship": "dinghy"}, "unknown ship 'dinghy'"),
         ({"control_interval_s": 0.12}, "multiple"),
         ({"sensor_noise": -1.0}, "sensor_noise"),

@@ -39,7 +39,7 @@ FAULTY = load_ship("frigate").with_values(
         "cavitation_bucket.pressure_deg": 0.1,
     }
 )  # fmt: skip
-"""Every reading of this ship differs from the truth, and the rack from its command; she cavitates."""
+"""On this ship each measurement differs from the true value, the rack from its command."""
 
 OPTIONS: dict[str, Any] = {
     "speed_order_m_s": (5.0, 5.5, 6.5), "order_interval_s": 0.7, "initial_speed_m_s": 9.0,
@@ -78,11 +78,11 @@ def test_observation_and_truth_are_the_plants_at_the_intervals_last_step(
         for now in moments:
             velocity = update(
                 observer, estimate,
-                Measurement(now.shaft_speed, now.torque_read, now.pitch_read,
+                Measurement(now.shaft_speed, now.measured_torque_of, now.measured_pitch_of,
                             now.outputs.shaft_acceleration, now.outputs.advance_velocity),
             )  # fmt: skip
         expected = [
-            now.order, now.shaft_speed, now.torque_read, now.pitch_read, now.rack, now.log,
+            now.order, now.shaft_speed, now.measured_torque_of, now.measured_pitch_of, now.rack, now.log,
             velocity, estimate["valid"],
         ]  # fmt: skip
         assert seen[:8] == pytest.approx(np.asarray(expected, np.float32), rel=1e-6)
@@ -115,8 +115,8 @@ def test_the_first_observation_is_of_the_beginning() -> None:
     own = env.batch.arrays.episodes[0]
     assert first[:2] == pytest.approx(np.asarray([5.0, now.shaft_speed], np.float32))
     # torque and inflow lag, so they do not depend on the command that comes next
-    assert first[2] == pytest.approx(now.torque_read, rel=1e-6)
-    assert first[3] == pytest.approx(now.pitch_read, rel=1e-6)
+    assert first[2] == pytest.approx(now.measured_torque_of, rel=1e-6)
+    assert first[3] == pytest.approx(now.measured_pitch_of, rel=1e-6)
     assert first[4] == pytest.approx(own["drive"], rel=1e-6)
     assert first[5:7] == pytest.approx(
         np.asarray([now.log, now.outputs.advance_velocity], np.float32)
@@ -138,8 +138,8 @@ def attack_of(plant: Any, now: Moment) -> float:
     return float(effective_attack(plant, out.advance_velocity, now.shaft_speed, out.pitch_ratio))
 
 
-def swinging(plant: Any, now: Moment) -> Any:
-    """Return what has a mean over 20 s: torque at the gauge and of one engine, attack, speed."""
+def averaged_signals(plant: Any, now: Moment) -> Any:
+    """Return the signals with a mean over 20 s: shaft and engine torque, angle of attack, ship speed."""
     out = now.outputs
     return np.array([out.shaft_torque, out.brake_torque, attack_of(plant, now), now.ship_speed])
 
@@ -150,7 +150,7 @@ def by_formula(
     """Return the terms of an interval, from the plant's own equations."""
     rows = []
     for last, now, mean in zip([before, *moments], moments, means, strict=False):
-        swing = np.abs(swinging(plant, now) - mean)
+        swing = np.abs(averaged_signals(plant, now) - mean)
         engine = plant["gear_ratio"] * now.shaft_speed
         out, error = now.outputs, now.ship_speed - now.order
         order = [5.0, 5.5, 6.5].index(now.order)
@@ -199,7 +199,7 @@ def test_reward_terms_are_means_over_the_interval(mode: str, command: str) -> No
             before = moments[0]._replace(drive=float(start["drive"]))
         means = []
         for now in moments:
-            mean = mean + 0.05 / 20.0 * (swinging(hand.plant, now) - mean)
+            mean = mean + 0.05 / 20.0 * (averaged_signals(hand.plant, now) - mean)
             means.append(mean)
         expected = by_formula(hand.plant, moments, before, means, start)
         found = dict(info["reward_terms"])

@@ -17,10 +17,10 @@ from shaftline.envs.rewards import (
     Instant,
     add_terms,
     clear_terms,
-    fuel_of_all,
     goal_value,
     goals_record,
     reward_of,
+    total_fuel_flow,
 )
 from shaftline.plant import load_ship
 from shaftline.plant.fuel import fuel_rate
@@ -71,7 +71,7 @@ def test_fuel_is_that_of_both_engines() -> None:
     plant = load_ship("frigate").record()
     one = fuel_rate(plant, GEAR * SPEED, 2e4)
     assert one > 0.01
-    assert fuel_of_all(plant, SPEED, 2e4) == pytest.approx(2.0 * one)
+    assert total_fuel_flow(plant, SPEED, 2e4) == pytest.approx(2.0 * one)
 
 
 @pytest.mark.parametrize(
@@ -302,8 +302,8 @@ def test_a_reward_lies_between_zero_and_one_and_falls_with_every_term(
 @pytest.mark.parametrize(
     ("goals", "words"),
     [
-        ({}, "at least one goal is needed"),
-        ({"overload": None}, "at least one goal is needed"),
+        ({}, "a task needs at least one goal"),
+        ({"overload": None}, "a task needs at least one goal"),
         (
             {
                 "overload": {"within": 0.0, "margin": 1.0, "weight": 0.6},

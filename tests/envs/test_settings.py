@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from shaftline.envs import CLASSIC, DEFAULTS, FrigateEnv, FrigateVectorEnv, Settings, get_task
-from shaftline.envs.options import OPTIONS, Begin
-from shaftline.envs.settings import check_randomise, noise_of, seas_of
+from shaftline.envs.options import OPTIONS, ResetOptions
+from shaftline.envs.settings import check_randomise, noise_record, read_seas
 from shaftline.plant import Sea, get_sea, load_ship
 
 TRANSIT = get_task("transit")
@@ -52,8 +52,8 @@ def test_the_page_tells_every_keyword_and_option() -> None:
     [
         ({"fog": 1}, "unexpected keyword argument 'fog'; known: ship, task, observer"),
         (
-            {"action_mode": "sail"},
-            "unknown action_mode 'sail'; known: increment, absolute, residual, and",
+            {"action_mode": "drift"},
+            "unknown action_mode 'drift'; known: increment, absolute, residual, and",
         ),
         ({"action_mode": "increment:combinator"}, "unknown action_mode 'increment:combinator'"),
         ({"action_mode": "shaft-speed"}, "unknown action_mode 'shaft-speed'"),
@@ -80,9 +80,12 @@ def test_the_page_tells_every_keyword_and_option() -> None:
         ({"normalised": None}, "normalised = None: must be True or False"),
         ({"observer": None}, "observer = None: must be the name of an observer"),
         ({"tuning": 3}, "tuning = 3: must be the name of a tuning, or None"),
-        ({"sensor_noise": "loud"}, "sensor_noise = 'loud': must be 0 or more .*rms by instrument"),
-        ({"sensor_noise": None}, "sensor_noise = None: must be 0 or more"),
-        ({"randomise": 0.1}, "randomise = 0.1: must map keys of the ship's file to half widths"),
+        (
+            {"sensor_noise": "loud"},
+            "sensor_noise = 'loud': must be a factor of at least 0.*, or an rms",
+        ),
+        ({"sensor_noise": None}, "sensor_noise = None: must be a factor of at least 0"),
+        ({"randomise": 0.1}, "randomise = 0.1: must map keys of the ship file to half widths"),
         ({"randomise": {"hull.mass_kg": "much"}}, "'hull.mass_kg'. = 'much': must be a half width"),
         ({"action_mode": None}, "action_mode = None: must be one of increment, absolute, residual"),
     ],
@@ -111,8 +114,8 @@ def test_a_residual_names_its_base_controller() -> None:
     named = Settings(action_mode="residual:combinator:trim_s=20")
     assert named.base_controller == "combinator:trim_s=20"
     assert Settings().base_controller is Settings(action_mode="absolute").base_controller is None
-    with pytest.raises(ValueError, match="unknown controller 'nobody'; known: combinator"):
-        FrigateEnv(action_mode="residual:nobody")
+    with pytest.raises(ValueError, match="unknown controller 'unknown'; known: combinator"):
+        FrigateEnv(action_mode="residual:unknown")
 
 
 def test_classic_keywords_give_units_and_commands_as_actions() -> None:
@@ -122,7 +125,7 @@ def test_classic_keywords_give_units_and_commands_as_actions() -> None:
 def test_an_interval_is_whole_plant_steps() -> None:
     assert Settings().steps(0.05) == 10
     assert Settings(control_interval_s=0.05).steps(0.05) == 1
-    assert Settings(control_interval_s=0.3).steps(0.1) == 3  # whatever floating point makes of it
+    assert Settings(control_interval_s=0.3).steps(0.1) == 3  # despite rounding in floating point
     for interval in (0.12, 0.05 + 1e-8, 0.01):
         with pytest.raises(
             ValueError, match=f"control_interval_s = {interval!r} s: .*step of 0.05 s"
@@ -132,14 +135,14 @@ def test_an_interval_is_whole_plant_steps() -> None:
 
 def test_seas_are_presets_parameters_ranges_and_lists_of_them() -> None:
     state_5 = get_sea("state-5")
-    assert seas_of("calm", TRANSIT) == [None]
-    assert seas_of("state-5", TRANSIT) == [(state_5, state_5)]
-    assert seas_of(state_5, TRANSIT) == [(state_5, state_5)]
-    assert seas_of(None, TRANSIT) == [(get_sea(name),) * 2 for name in TRANSIT.presets]
+    assert read_seas("calm", TRANSIT) == [None]
+    assert read_seas("state-5", TRANSIT) == [(state_5, state_5)]
+    assert read_seas(state_5, TRANSIT) == [(state_5, state_5)]
+    assert read_seas(None, TRANSIT) == [(get_sea(name),) * 2 for name in TRANSIT.presets]
     low, high = Sea(hs_m=1.0, tp_s=9.0), Sea(hs_m=5.0, tp_s=9.0)
-    assert seas_of({"hs_m": (1.0, 5.0), "tp_s": 9.0}, TRANSIT) == [(low, high)]
-    assert seas_of({"hs_m": [1.0], "tp_s": (9.0, 9.0)}, TRANSIT) == [(low, low)]
-    both = seas_of(["calm", {"hs_m": 1.0, "tp_s": 9.0}], TRANSIT)
+    assert read_seas({"hs_m": (1.0, 5.0), "tp_s": 9.0}, TRANSIT) == [(low, high)]
+    assert read_seas({"hs_m": [1.0], "tp_s": (9.0, 9.0)}, TRANSIT) == [(low, low)]
+    both = read_seas(["calm", {"hs_m": 1.0, "tp_s": 9.0}], TRANSIT)
     assert both == [None, (low, low)]
 
 
@@ -147,7 +150,7 @@ def test_seas_are_presets_parameters_ranges_and_lists_of_them() -> None:
     ("sea", "words"),
     [
         ("state-9", "unknown sea 'state-9'"),
-        ({"hs_m": (4.0, 1.0), "tp_s": 9.0}, r"sea\['hs_m'\] = \(4\.0, 1\.0\): .*a lowest and a"),
+        ({"hs_m": (4.0, 1.0), "tp_s": 9.0}, r"sea\['hs_m'\] = \(4\.0, 1\.0\): .*or a pair"),
         ({"hs_m": (1.0, 2.0, 4.0), "tp_s": 9.0}, r"sea\['hs_m'\]"),
         ({"hs_m": (), "tp_s": 9.0}, r"sea\['hs_m'\]"),
         ({"hs_m": 30.0, "tp_s": 9.0}, "(?s)hs_m.*less than or equal to 25"),
@@ -160,7 +163,7 @@ def test_seas_are_presets_parameters_ranges_and_lists_of_them() -> None:
 )
 def test_seas_that_do_not_exist_are_named(sea: Any, words: str) -> None:
     with pytest.raises(ValueError, match=words):
-        seas_of(sea, TRANSIT)
+        read_seas(sea, TRANSIT)
     with pytest.raises(ValueError, match=words):
         FrigateEnv(sea=sea)
 
@@ -174,25 +177,25 @@ def test_usual_instruments_follow_the_ships_full_scale() -> None:
         "rudder_angle": math.radians(0.1), "cross_track": 5e-2, "wave_inflow": 5e-2,
     }  # fmt: skip
     for share in (1.0, 0.5, 0.0):
-        record = noise_of(frigate, share)
+        record = noise_record(frigate, share)
         assert {name: record[name] for name in record.dtype.names} == pytest.approx(
             {name: share * rms for name, rms in usual.items()}
         )
     top = ferry.shaft_speeds[1]
-    assert noise_of(ferry, 1.0)["shaft_speed"] == pytest.approx(1e-3 * top)
+    assert noise_record(ferry, 1.0)["shaft_speed"] == pytest.approx(1e-3 * top)
     unlimited = frigate.with_values({"prime_mover.torque_limit_N_m": math.inf})
-    assert noise_of(unlimited, 1.0)["shaft_torque"] == 0.0
+    assert noise_record(unlimited, 1.0)["shaft_torque"] == 0.0
 
 
 def test_rms_by_instrument_leaves_the_others_perfect() -> None:
-    record = noise_of(load_ship("frigate"), {"ship_speed": 0.2, "pitch_ratio": 0.0})
+    record = noise_record(load_ship("frigate"), {"ship_speed": 0.2, "pitch_ratio": 0.0})
     assert record.tolist() == (0.0, 0.0, 0.0, 0.0, 0.2, *5 * (0.0,))
 
 
 @pytest.mark.parametrize(
     ("noise", "words"),
     [
-        (-0.1, r"sensor_noise = -0\.1: must be 0 or more"),
+        (-0.1, r"sensor_noise = -0\.1: must be at least 0"),
         (math.inf, "sensor_noise = inf"),
         ({"smell": 1.0}, r"sensor_noise\['smell'\] = 1\.0: .*shaft_speed, shaft_torque"),
         ({"ship_speed": -0.1}, r"sensor_noise\['ship_speed'\] = -0\.1"),
@@ -201,24 +204,24 @@ def test_rms_by_instrument_leaves_the_others_perfect() -> None:
 )
 def test_noise_out_of_range_is_named(noise: Any, words: str) -> None:
     with pytest.raises(ValueError, match=words):
-        noise_of(load_ship("frigate"), noise)
+        noise_record(load_ship("frigate"), noise)
 
 
 @pytest.mark.parametrize(
     ("key", "width", "words"),
     [
-        ("integration.time_step_s", 0.1, "every episode has the same integration"),
-        ("colour", 0.1, r"randomise\['colour'\] = 0\.1: must be a number of the ship's file"),
-        ("hull.colour", 0.1, "must be a number of the ship's file by its dotted key"),
-        ("resistance_coefficient", 0.1, "by its dotted key"),  # the record's name
-        ("prime_mover", 0.1, "by its dotted key"),
-        ("prime_mover.type", 0.1, "by its dotted key"),
-        ("hull.propellers", 0.1, "by its dotted key"),
+        ("integration.time_step_s", 0.1, "integration.time_step_s sets the integration"),
+        ("colour", 0.1, r"randomise\['colour'\] = 0\.1: not the key of a number in the ship file"),
+        ("hull.colour", 0.1, "not the key of a number in the ship file"),
+        ("resistance_coefficient", 0.1, "not the key of a number"),  # the record's name
+        ("prime_mover", 0.1, "not the key of a number"),
+        ("prime_mover.type", 0.1, "not the key of a number"),
+        ("hull.propellers", 0.1, "not the key of a number"),
         ("hull.mass_kg", 1.0, r"= 1\.0: must be a half width from 0 to below 1"),
         ("hull.mass_kg", -0.1, "half width"),
         ("hull.mass_kg", math.nan, "half width"),
-        ("hull.fouling_fraction", 0.1, "the ship has 0 there, which a factor does not vary"),
-        ("prime_mover.rack_rate_limit_mm_s", 0.1, "the ship has inf there"),
+        ("hull.fouling_fraction", 0.1, "the value on this ship is 0, which a factor cannot vary"),
+        ("prime_mover.rack_rate_limit_mm_s", 0.1, "the value on this ship is inf"),
         ("transmission.efficiency", 0.1, r"0\.855 to 1\.045 leaves .* 0\.3 to 1 \(unit -\)"),
         ("pitch_actuator.time_constant_s", 0.98, r"0\.04 to 3\.96 .* 0\.05 to 100 \(unit s\)"),
     ],
@@ -243,24 +246,24 @@ def test_factors_may_reach_the_ends_of_a_range_and_stand_at_negative_numbers() -
 def test_no_options_leave_all_to_the_task() -> None:
     nothing: list[dict[str, Any] | None] = [None, {}]
     for options in nothing:
-        assert Begin.of(options, TRANSIT, SPEEDS) == Begin(
+        assert ResetOptions.of(options, TRANSIT, SPEEDS) == ResetOptions(
             None, None, TRANSIT.order_interval_s, None, None
         )
 
 
 def test_options_become_what_an_episode_begins_with() -> None:
-    begin = Begin.of(
+    begin = ResetOptions.of(
         {"sea": "state-5", "speed_order_m_s": (5, 6.5), "order_interval_s": 20,
          "initial_speed_m_s": 7, "resistance_rise": 0.1}, TRANSIT, SPEEDS,
     )  # fmt: skip
-    assert begin.seas == seas_of("state-5", TRANSIT)
+    assert begin.seas == read_seas("state-5", TRANSIT)
     assert begin.orders is not None
     assert begin.orders.tolist() == [5.0] + 63 * [6.5]
     assert (begin.order_interval_s, begin.initial_speed_m_s, begin.resistance_rise) == (20, 7, 0.1)
-    alone = Begin.of({"speed_order_m_s": 6.0}, TRANSIT, SPEEDS).orders
+    alone = ResetOptions.of({"speed_order_m_s": 6.0}, TRANSIT, SPEEDS).orders
     assert alone is not None
     assert alone.tolist() == 64 * [6.0]
-    full = Begin.of({"speed_order_m_s": np.linspace(4.0, 9.0, 64)}, TRANSIT, SPEEDS).orders
+    full = ResetOptions.of({"speed_order_m_s": np.linspace(4.0, 9.0, 64)}, TRANSIT, SPEEDS).orders
     assert full is not None
     assert full.tolist() == np.linspace(4.0, 9.0, 64).tolist()
 
@@ -274,7 +277,7 @@ GOOD_ENDS: dict[str, tuple[Any, ...]] = {
 @pytest.mark.parametrize("name", GOOD_ENDS)
 def test_options_may_reach_the_ends_of_their_ranges(name: str) -> None:
     for end in GOOD_ENDS[name]:
-        Begin.of({name: end}, TRANSIT, SPEEDS)
+        ResetOptions.of({name: end}, TRANSIT, SPEEDS)
 
 
 BAD_OPTIONS: list[tuple[dict[str, Any], str]] = [
@@ -286,9 +289,12 @@ BAD_OPTIONS: list[tuple[dict[str, Any], str]] = [
     ({"speed_order_m_s": "fast"}, "speed_order_m_s = .*fast"),
     ({"speed_order_m_s": None}, "speed_order_m_s = None"),
     ({"speed_order_m_s": math.nan}, "speed_order_m_s = .*nan"),
-    ({"speed_order_m_s": []}, "speed_order_m_s: 1 to 64 orders are needed"),
-    ({"speed_order_m_s": np.full(65, 5.0)}, "speed_order_m_s: 1 to 64"),
-    ({"speed_order_m_s": [[5.0, 6.0]]}, "speed_order_m_s: 1 to 64"),
+    ({"speed_order_m_s": []}, "speed_order_m_s: must be one order, or a list of 1 to 64"),
+    (
+        {"speed_order_m_s": np.full(65, 5.0)},
+        "speed_order_m_s: must be one order, or a list of 1 to 64",
+    ),
+    ({"speed_order_m_s": [[5.0, 6.0]]}, "speed_order_m_s: must be one order, or a list of 1 to 64"),
     ({"order_interval_s": 0.0}, r"order_interval_s = 0\.0: must be 0\.001 to inf s"),
     ({"order_interval_s": None}, "order_interval_s = None"),
     ({"initial_speed_m_s": 1.0}, r"initial_speed_m_s = 1\.0: must be 4(\.434\d+)? to 10"),
@@ -305,7 +311,7 @@ BAD_OPTIONS: list[tuple[dict[str, Any], str]] = [
 ]
 
 NO_OPTIONS: list[tuple[Any, str]] = [
-    ([1], r"options = \[1\]: must be a dictionary of options by name"),
+    ([1], r"options = \[1\]: must be a dictionary such as"),
     ("calm", "options = 'calm': must be a dictionary"),
 ]
 
@@ -313,7 +319,7 @@ NO_OPTIONS: list[tuple[Any, str]] = [
 @pytest.mark.parametrize(("options", "words"), BAD_OPTIONS)
 def test_options_out_of_range_are_named(options: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
-        Begin.of(options, TRANSIT, SPEEDS)
+        ResetOptions.of(options, TRANSIT, SPEEDS)
 
 
 @pytest.mark.parametrize("form", [FrigateEnv, lambda **settings: FrigateVectorEnv(2, **settings)])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.baselines.controller import OBSERVED, readings
+from shaftline.baselines.controller import OBSERVED, measurements_of
 from shaftline.baselines.helmsman import STEERED
 from shaftline.envs import FrigateEnv, FrigateVectorEnv, SteeringVectorEnv
 from shaftline.envs.records import COURSE_ERRORS, LEARNER_SIGNALS
@@ -152,11 +152,12 @@ def test_steered_observations_stay_in_the_box(task: str) -> None:
 def test_classic_controllers_refuse_normalised_observations_and_ignore_further_columns() -> None:
     seen, _ = FrigateVectorEnv(3).reset(seed=1)
     with pytest.raises(ValueError, match=r"observation is normalised.*\*\*shaftline.envs.CLASSIC"):
-        readings(seen)
+        measurements_of(seen)
     raw, _ = FrigateVectorEnv(3, normalised=False).reset(seed=1)
-    found = readings(raw)
+    found = measurements_of(raw)
     assert np.array_equal(np.column_stack(found[:8]), raw[:, :8].astype(np.float64))
     with pytest.raises(
-        ValueError, match="an observation of 7 signals: controllers need speed_order"
+        ValueError,
+        match="the observation has 7 signals, but controllers need the 8 signals speed_order",
     ):
-        readings(raw[:, :7])
+        measurements_of(raw[:, :7])

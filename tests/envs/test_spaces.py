@@ -43,13 +43,13 @@ def test_actions_beyond_the_box_are_clipped() -> None:
     [
         ([np.nan, 0.0], "not finite"),
         ([0.0, np.inf], "not finite"),
-        ([0.0], r"action has shape \(1,\), \(2,\) is needed"),
+        ([0.0], r"action has shape \(1,\); expected is shape \(2,\)"),
         ("ahead", r"action 'ahead': must be finite numbers of shape \(2,\)"),
         ([10**400, 0], r"must be finite numbers of shape \(2,\)"),
         ([[0.0], [0.0, 0.0]], r"must be finite numbers of shape \(2,\)"),
         ([0.5j, 0.0], r"must be finite numbers of shape \(2,\)"),
-        (None, r"action has shape \(\), \(2,\) is needed"),
-        ([[0.0, 0.0]], r"shape \(1, 2\), \(2,\) is needed"),
+        (None, r"action has shape \(\); expected is shape \(2,\)"),
+        ([[0.0, 0.0]], r"shape \(1, 2\); expected is shape \(2,\)"),
     ],
 )
 def test_unusable_actions_are_refused(bad: list[Any], words: str) -> None:

@@ -79,7 +79,7 @@ OPTIONS: list[dict[str, Any]] = [
 def test_vector_environments_begin_as_single_ones_to_the_bit(
     one: Any, many: Any, settings: dict[str, Any], options: dict[str, Any]
 ) -> None:
-    """Twice, so that the random numbers go on equally, whichever environments begin together."""
+    """Two resets: the random numbers of an environment do not depend on the others that start."""
     vector, singles = many(5, **settings), [one(**settings) for _ in range(5)]
     seen = [vector.reset(seed=7, options=options)[0]]
     alone = [np.stack([env.reset(seed=7 + i, options=options)[0] for i, env in enumerate(singles)])]

@@ -13,9 +13,9 @@ from gymnasium.utils.env_checker import check_env
 from shaftline.baselines import make_steering
 from shaftline.baselines.steering import OBSERVED_STEERED
 from shaftline.envs import CLASSIC, FrigateEnv, SteeringEnv, SteeringVectorEnv
-from shaftline.envs.batch import DRIFT_ARM, pushed
+from shaftline.envs.batch import DRIFT_ARM, add_drift_force
 from shaftline.envs.kernel import DRIFT_SWING
-from shaftline.envs.sensing import shorter_way
+from shaftline.envs.sensing import wrap_angle
 from shaftline.envs.tasks import get_task, tasks
 from shaftline.plant import approach, load_ship, nomoto
 from shaftline.plant.manoeuvres import criteria, trials
@@ -119,7 +119,7 @@ def test_the_side_force_accelerates_her_as_newton_says() -> None:
     sway, yaw = np.linalg.solve(matrix, [force, moment]) * 0.05
     assert float(state["sway_speed"][0]) == pytest.approx(sway, rel=0.02)
     assert float(state["yaw_rate"][0]) == pytest.approx(yaw, rel=0.02)
-    assert [term.id for term in pushed(env.batch.ship).term] == ["drift-force"]
+    assert [term.id for term in add_drift_force(env.batch.ship).term] == ["drift-force"]
 
 
 def test_batched_as_one_by_one() -> None:
@@ -168,7 +168,7 @@ def test_what_does_not_fit_is_refused() -> None:
         SteeringEnv(ship="frigate")
     with pytest.raises(ValueError, match="needs a diesel"):
         SteeringEnv(ship="kvlcc2")
-    with pytest.raises(ValueError, match="'course-keeping' steers: make shaftline/Steering-v0"):
+    with pytest.raises(ValueError, match="use shaftline/Steering-v0"):
         FrigateEnv(task="course-keeping")
     env = SteeringEnv()
     env.reset(seed=0)
@@ -196,4 +196,4 @@ def test_tasks_are_apart_and_held_out_lies_beyond() -> None:
 def test_the_shorter_way_round() -> None:
     for turns in (-3, 0, 2):
         for angle in (-3.0, 0.0, 1.0, 3.1):
-            assert shorter_way(angle + 2.0 * math.pi * turns) == pytest.approx(angle, abs=1e-12)
+            assert wrap_angle(angle + 2.0 * math.pi * turns) == pytest.approx(angle, abs=1e-12)

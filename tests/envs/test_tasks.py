@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from shaftline.envs import FrigateEnv, Task, get_task, tasks
-from shaftline.envs.settings import seas_of
+from shaftline.envs.settings import read_seas
 from shaftline.envs.tasks import HELD_OUT, TaskError
 from shaftline.plant import get_sea, load_ship
 
@@ -33,7 +33,7 @@ def test_held_out_is_the_same_task_in_other_seas_and_resistances(name: str) -> N
     same = {"seas": task.seas, "resistance_rise": task.resistance_rise,
             "resistance_swing": task.resistance_swing}  # fmt: skip
     assert held.model_copy(update=same) == task
-    assert all(seas_of(list(seas), task) for seas in (task.seas, held.seas))
+    assert all(read_seas(list(seas), task) for seas in (task.seas, held.seas))
 
 
 AT_SEA = ("rough-sea", "calm-machinery", "acceleration", "flank", "silent")
@@ -107,17 +107,17 @@ def fields(**changes: Any) -> dict[str, Any]:
         ({"order_interval_s": 0.0}, "order_interval_s"),
         ({"resistance_swing": 1.0}, "resistance_swing"),
         ({"resistance_swing": -0.1}, "resistance_swing"),
-        ({"speed_order_m_s": (9.0, 7.0)}, "speed_order_m_s.*the lowest value must stand first"),
-        ({"resistance_rise": (0.3, -0.1)}, "resistance_rise.*the lowest value"),
+        ({"speed_order_m_s": (9.0, 7.0)}, "speed_order_m_s.*the lower value must come first"),
+        ({"resistance_rise": (0.3, -0.1)}, "resistance_rise.*the lower value"),
         ({"resistance_rise": (0.0, float("inf"))}, "resistance_rise"),
         ({"resistance_rise": (-0.95, 0.0)}, "resistance_rise = .*-0.95.*must lie within -0.9 to 10"),
         ({"resistance_rise": (0.0, 99.0)}, "resistance_rise = .*99.*must lie within -0.9 to 10"),
-        ({"resistance_rise": (-0.8, 0.0), "resistance_swing": 0.2}, "at least 0.05 must be left"),
+        ({"resistance_rise": (-0.8, 0.0), "resistance_swing": 0.2}, "at least 0.05 must remain"),
         ({"speed_order_m_s": (5.0, 400.0)}, "speed_order_m_s = .*must lie within 0 to 40 m/s"),
         ({"drift_force_kN": (0.0, 1e9)}, "drift_force_kN = .*must lie within"),
         ({"held_out": {"seas": ["calm"], "resistance_rise": (-2.0, 1.0), "resistance_swing": 0.1}},
          "held_out: resistance_rise = .*must lie within"),
-        ({"goals": {}}, "goals: .*at least one goal is needed"),
+        ({"goals": {}}, "goals: .*a task needs at least one goal"),
         ({"weights": {}}, "weights"),
         ({"command": "lever"}, "command"),
         ({"held_out": {"seas": ["calm"], "resistance_rise": (1.0, 0.0), "resistance_swing": 0.1}},

@@ -106,7 +106,7 @@ def test_one_seed_for_each_environment() -> None:
     following, _ = vector.reset()  # without a seed the streams go on
     assert np.array_equal(following[0], following[2])
     assert not np.array_equal(following[0], seen[0])
-    with pytest.raises(ValueError, match="2 seeds are given for 3 environments"):
+    with pytest.raises(ValueError, match="seed has 2 entries for 3 environments"):
         vector.reset(seed=[1, 2])
 
 
@@ -134,7 +134,7 @@ def test_torch_shares_the_memory_of_observations_and_gives_actions() -> None:
     assert tensor.data_ptr() == seen.ctypes.data  # no copy
     assert np.array_equal(seen, other.step(moves)[0])
     vector.step(moves)
-    assert np.array_equal(tensor.numpy(), seen)  # and nobody writes to it again
+    assert np.array_equal(tensor.numpy(), seen)  # it is not written again
 
 
 def test_a_picture_is_drawn_where_it_is_asked_for() -> None:

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.core.compiled import kernels_kept_in
+from shaftline.core.compiled import kernel_folder
 from shaftline.core.files import FileError, SizeError, check_size, check_writable, write_text
 from shaftline.envs import FrigateEnv, FrigateVectorEnv
 from shaftline.observers import follow, get_observer, variance_accounted_for
@@ -71,7 +71,7 @@ def test_environments_say_what_they_cannot_be(settings: dict[str, Any], words: s
 
 @pytest.mark.parametrize("count", [0, -1, 2.5, True, None, "4"])
 def test_a_number_of_environments_that_is_none_is_refused(count: Any) -> None:
-    with pytest.raises(ValueError, match="a whole number from 1 is needed"):
+    with pytest.raises(ValueError, match="must be a whole number of at least 1"):
         FrigateVectorEnv(count)
 
 
@@ -83,7 +83,7 @@ STATE = State(1.2, 10.0, 8.0)
     [
         (0.0, STATE, "duration_s = 0.0: must be"), (-1.0, STATE, "duration_s = -1.0: must be"),
         (float("nan"), STATE, "duration_s = nan: must be"),
-        (10.0, STATE._replace(shaft_speed=float("nan")), "initial holds a value that is not finite"),
+        (10.0, STATE._replace(shaft_speed=float("nan")), "initial contains a value that is not finite"),
         (10.0, STATE._replace(ship_speed=1e200),
          r"the simulation diverges: true_ship_speed_m_s = 1e\+200 m/s at 0 s"),
     ],
@@ -206,14 +206,14 @@ def test_kernels_find_a_private_place_where_the_usual_ones_cannot_be_written_to(
 ) -> None:
     (tmp_path / "file").write_text("x")
     none = tmp_path / "file" / "below"
-    assert kernels_kept_in(tmp_path / "a", none, tmp_path) is None
-    assert kernels_kept_in(none, tmp_path / "b", tmp_path) is None
-    found = kernels_kept_in(none, none, tmp_path)
+    assert kernel_folder(tmp_path / "a", none, tmp_path) is None
+    assert kernel_folder(none, tmp_path / "b", tmp_path) is None
+    found = kernel_folder(none, none, tmp_path)
     assert found is not None
     assert found.stat().st_mode & 0o077 == 0
-    assert kernels_kept_in(none, none, tmp_path) == found  # again the same
+    assert kernel_folder(none, none, tmp_path) == found  # again the same
     found.chmod(0o777)  # as if somebody else had made it
-    other = kernels_kept_in(none, none, tmp_path)
+    other = kernel_folder(none, none, tmp_path)
     assert other not in (None, found)
 
 

@@ -31,7 +31,7 @@ def _rows() -> Iterator[tuple[str, str]]:
     for name, words in {
         "pipe": "no ordinary file", "zero": "no ordinary file", "null": "no ordinary file",
         "empty": "it is empty", "one": "is missing", "bytes": "bytes.csv", "text": "is missing",
-        "span": "at most", "nan": "nan.csv", "twice": "'fuel_rack_mm' stands twice",
+        "span": "at most", "nan": "nan.csv", "twice": "'fuel_rack_mm' occurs twice",
         "nowhere": "cannot be read",
     }.items():  # fmt: skip
         yield f"simulate --inputs {name}.csv --out o.csv", words
@@ -50,7 +50,7 @@ def _rows() -> Iterator[tuple[str, str]]:
             yield f"evaluate --controller combinator --seeds 1 --out {place}/ev", why
             yield f"validate --cases 1 --out {place}/pr", why
     for place in ("fig", "fig.xyz", "fig.", ".png"):
-        yield f"simulate --case rack_step --figure {place}", "a picture's file ends in"
+        yield f"simulate --case rack_step --figure {place}", "a picture file must end in"
     for place in ("/dev/null", "pipe.csv", "folder.toml"):
         yield f"simulate --case rack_step --figure {place}", place
     for name, words in {
@@ -78,7 +78,7 @@ def _rows() -> Iterator[tuple[str, str]]:
     yield "train --task nobody --out tr", "nobody"
     for name, words in {
         "anti-spin:sea_margin=nan": "finite", "anti-spin:sea_margin=inf": "finite",
-        "anti-spin:sea_margin=1,sea_margin=2": "stands twice", "anti-spin:sea_margin": "name=number",
+        "anti-spin:sea_margin=1,sea_margin=2": "is given twice", "anti-spin:sea_margin": "name=number",
         "anti-spin:=3": "option '' is unknown", "anti-spin:nope=3": "nope",
         "combinator:response_s=-1": "response",
         "combinator:response_s=0": "response", "policy:junk.npz": "not a policy file",
@@ -185,7 +185,7 @@ def _rows() -> Iterator[tuple[str, str]]:
         **{f"{name}.csv": why for name, why in unreadable.items()},
         "span.csv": "shaft_speed_rad_s", "endless.csv": "not a finite number", "text.csv": "is missing",
         "twice.csv": "stands twice", "book.xlsx": "no spreadsheet", "bomb.xlsx": "unpacks to 600 MB",
-        "ok.csv --figure fig": "a picture's file ends in",
+        "ok.csv --figure fig": "a picture file must end in",
         "ok.csv --figure null.png": "no ordinary file",
         "ok.csv --columns unit.toml": maps["unit"], "ok.csv --columns zero.toml": maps["zero"],
         "ok.csv --columns separator.toml": "file.separator", "ok.csv --columns row.toml": "line 900",
@@ -241,11 +241,11 @@ def _rows() -> Iterator[tuple[str, str]]:
         yield f"check ok.csv --ship frigate --columns {name}.toml", words
     for name, words in {
         "constant": "it must add nothing there", "tower": "no finite number", "root": "no finite number",
-        "attribute": "cannot stand in an expression", "lambda": "cannot stand in an expression",
+        "attribute": "is not allowed in an expression", "lambda": "is not allowed in an expression",
     }.items():  # fmt: skip
         yield f"diagnose ok.csv --ship frigate --effects {name}-term.toml --out di", words
     yield "simulate --inputs switch.csv --out o.csv", "True is not a finite number"
-    yield "train --task transit --out damaged", "training.json: damaged, no valid JSON"
+    yield "train --task transit --out damaged", "training.json: damaged, not valid JSON"
     yield "nobody", "No such command"
     yield "simulate --nobody", "No such option"
 

@@ -17,7 +17,7 @@ import yaml
 from shaftline.agents.learning.recipe import read_recipe
 from shaftline.envs import get_task
 from shaftline.mismatch.recordings.columns import load_map
-from shaftline.mismatch.search.catalogue import entries_of
+from shaftline.mismatch.search.catalogue import parse_entries
 from shaftline.plant import load_ship
 from shaftline.plant.seas import get_sea, presets
 
@@ -48,7 +48,7 @@ def _map(tree: Tree, folder: Path) -> None:
 
 
 def _effects(tree: Tree, folder: Path) -> None:
-    entries_of(tomli_w.dumps(tree), "mine.toml")
+    parse_entries(tomli_w.dumps(tree), "mine.toml")
 
 
 def _task(tree: Tree, folder: Path) -> None:

@@ -9,8 +9,8 @@ import numpy as np
 
 from shaftline.mismatch import Diagnosis, Estimate
 from shaftline.mismatch.judge.findings import Detectable, Finding
-from shaftline.mismatch.judge.shapes import Shape, term_of
-from shaftline.mismatch.search.catalogue import Effect, Placed, catalogue
+from shaftline.mismatch.judge.shapes import Shape, term_from_shape
+from shaftline.mismatch.search.catalogue import Effect, SizedEffect, catalogue
 from shaftline.mismatch.search.selection import Candidate
 from shaftline.mismatch.search.whiteness import Colour
 from shaftline.plant import Ship, load_ship
@@ -26,7 +26,7 @@ def entry(label: str) -> Effect:
 
 
 def candidate(label: str, gain: float, *values: float) -> Candidate:
-    placed = Placed(entry(label), values)
+    placed = SizedEffect(entry(label), values)
     return Candidate(placed.effect, cast(Any, SimpleNamespace(effects=(placed,))), gain)
 
 
@@ -60,7 +60,7 @@ def friction(ship: Ship, trace: Any) -> dict[str, Any]:
 def nameless(ship: Ship, trace: Any) -> dict[str, Any]:
     knots, values = np.array([9.0, 10.0, 11.0]), np.array([0.0, -12000.0, 500.0])
     shape = Shape("engine", "N m", "shaft_speed", "rad/s", knots, values, 300.0, 40.0, trace)
-    term = term_of(shape, ship)
+    term = term_from_shape(shape, ship)
     assert term is not None
     return {
         "verdict": "unexplained",

@@ -142,7 +142,7 @@ def test_a_failure_of_the_tool_is_listed_and_raised(
     with pytest.raises(SweepError, match="1 of 3 cells failed"):
         run(runs, frigate)
     page = (runs.parent / "out" / "index.html").read_text()
-    assert "the tool failed, see cells/c_" in page
+    assert "internal error, see cells/c_" in page
     assert "a_20240503" in page
 
 
@@ -159,10 +159,12 @@ def test_names_that_differ_by_their_ending_have_folders_of_their_own(
 def test_a_folder_needs_recordings_and_another_folder_for_results(
     asked: Asked, runs: Path, frigate: Ship, tmp_path: Path
 ) -> None:
-    with pytest.raises(ValueError, match="results need another folder"):
+    with pytest.raises(ValueError, match="the results need another folder"):
         diagnose_folder(str(runs), frigate, str(runs / ".." / "runs"))
     (tmp_path / "empty").mkdir()
-    with pytest.raises(ValueError, match=r"holds no recording \(\.csv, \.tsv, \.parquet"):
+    with pytest.raises(
+        ValueError, match=r"no recording in this folder; .* \.csv, \.tsv, \.parquet"
+    ):
         diagnose_folder(tmp_path / "empty", frigate, tmp_path / "out")
     with pytest.raises(ValueError, match="unknown effect 'rust'"):
         run(runs, frigate, Options(exclude=("rust",)))
@@ -196,14 +198,14 @@ def test_where_no_disk_is_shared_content_and_map_travel(
 ) -> None:
     (tmp_path / "map.toml").write_text('[columns]\nN = "shaft_speed_rad_s"\n')
     options = Options(columns=tmp_path / "map.toml", tolerance=3.0)
-    cell = folder._cell(runs / "a_20240503.csv", options, True)
+    cell = folder._make_cell(runs / "a_20240503.csv", options, True)
     (runs / "a_20240503.csv").unlink()
     (tmp_path / "map.toml").unlink()
-    found = folder._work(frigate, options, cell)
+    found = folder._diagnose_cell(frigate, options, cell)
     assert set(found["files"]) == {REPORT, PAGE, SHIP}
     ((name, text, used),) = asked
     assert (name, text, used.tolerance) == ("a_20240503.csv", "fouled", 3.0)
-    here = folder._cell(runs / "b 2024-06-01.csv", options, False)
+    here = folder._make_cell(runs / "b 2024-06-01.csv", options, False)
     assert (here.content, here.columns) == (None, None)
 
 

@@ -77,10 +77,15 @@ def test_a_dull_recording_is_not_guessed_at() -> None:
     rng = np.random.default_rng(0)
     for column, rms in NOISE.items():
         steady[column] = steady[column] + rms * rng.standard_normal(len(steady))
-    dull = Recording(Path("r.csv"), steady, 0.2, {}, limits=("dull: the rack does not move",))
+    dull = Recording(
+        Path("r.csv"), steady, 0.2, {}, limits=("insufficient excitation: the rack does not move",)
+    )
     found = diagnose(quick_frigate(), dull)
     assert not found.findings
-    assert "annot be decided, because dull: the rack does not move" in found.to_dict()["sentence"]
+    assert (
+        "annot be decided, because insufficient excitation: the rack does not move"
+        in found.to_dict()["sentence"]
+    )
 
 
 def test_two_effects_are_both_named() -> None:
@@ -106,7 +111,7 @@ def test_a_simulation_can_be_diagnosed_too() -> None:
     assert [f.effect.id for f in found.findings] == ["hull-fouling"]
     assert "pitch_ratio" in found.measured
     assert "pitch_ratio" not in {**found.fit_before, **found.fit_after}
-    assert found.warnings == ["pitch_ratio is constant on the part set aside: no FitPercent"]
+    assert found.warnings == ["pitch_ratio is constant on the held-out data: no FitPercent"]
     assert [name for name, _ in found.balances] == ["engine", "propeller", "hull"]
     assert (found.measured["pitch_ratio"] == 1.2).all()
     # the corrected ship does on the data set aside what it was corrected for
@@ -114,8 +119,8 @@ def test_a_simulation_can_be_diagnosed_too() -> None:
     ((start, end),) = found.held_out
     assert end - start == pytest.approx(50.0, abs=0.5)
     stages = list(dict.fromkeys(stage for stage, _, _ in told))
-    assert stages[0] == "reading and checking"
-    assert stages[-1] == "judging on the data set aside"
+    assert stages[0] == "loading recordings"
+    assert stages[-1] == "judging on the held-out data"
     assert told[-1][1:] == (1, 1)
 
 

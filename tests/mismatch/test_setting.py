@@ -65,7 +65,7 @@ def test_a_demand_that_was_not_held_is_drawn_and_it_is_said(servo: Ship) -> None
     assert found.line
     assert found.to_dict()["demands_between_rows"] == "lines"
     assert [f.effect.id for f in found.findings] == ["coulomb-friction"]
-    assert any("straight lines between rows" in said for said in found.warnings)
+    assert any("interpolated linearly between rows" in said for said in found.warnings)
 
 
 def test_rows_far_apart_in_a_period_are_tried_both_ways(servo: Ship) -> None:

@@ -56,6 +56,8 @@ def test_what_the_search_finds_untold_is_left_out_and_the_rest_found(tmp_path: P
     friction = "transmission.coulomb_friction_engine_side_N_m"
     assert found.left_out[friction].startswith("only its combination with prime_mover.")
     for key in ("hull.mass_kg", "prime_mover.motor_constant_V_s_rad"):
-        assert found.parameters[key] == pytest.approx(ship.number(key).value, rel=1e-3)
-    with pytest.raises(ValueError, match="cannot be found together: the recording tells only"):
+        assert found.parameters[key] == pytest.approx(ship.parameter(key).value, rel=1e-3)
+    with pytest.raises(
+        ValueError, match="are not identifiable together: the recording determines only"
+    ):
         identify(ship, recording, free=[*found.parameters, friction])

@@ -55,8 +55,8 @@ def test_a_concealed_effect_is_named_with_its_size(
     assert not tried & TRANSIENT
     # the corrected ship is the file's, the effect apart
     (key,) = concealed
-    assert found.corrected.number(key).value == pytest.approx(size, abs=within)
-    assert found.corrected.with_values({key: ship.number(key).value}) == ship
+    assert found.corrected.parameter(key).value == pytest.approx(size, abs=within)
+    assert found.corrected.with_values({key: ship.parameter(key).value}) == ship
 
 
 @pytest.mark.parametrize(
@@ -114,5 +114,5 @@ def test_parameters_are_identified_and_those_of_transients_refused() -> None:
         assert estimate.value == pytest.approx(1.05 * 203.5, rel=0.01)
     with pytest.raises(ValueError, match=r"hull\.mass_kg acts in transients only"):
         diagnose(ship, log, options=Options(free=("hull.mass_kg",)))
-    with pytest.raises(ValueError, match="welch compares how the ship moves"):
+    with pytest.raises(ValueError, match="welch needs the ship's response in time"):
         identify(ship, log, free=[key], method="welch")

@@ -37,10 +37,12 @@ def test_a_wrong_damping_of_the_turn_is_named_with_its_number() -> None:
     assert size == pytest.approx(-0.0637, rel=0.04)
     low, high = found.findings[0].estimates[0].ci95
     assert low < -0.0637 < high
-    (wrong,) = found.wrong
+    (wrong,) = found.biased
     assert wrong is not None
     assert wrong.key == "manoeuvring.N_r"
-    assert "the yaw balance has too much moment in step with the rate of turn" in found.summary()
+    assert (
+        "the yaw balance has too much moment in proportion to the rate of turn" in found.summary()
+    )
 
 
 def test_a_smaller_rudder_is_named_as_less_force() -> None:
@@ -95,7 +97,7 @@ def test_what_no_entry_describes_gets_a_formula_in_the_yaw_balance() -> None:
     assert found.formula is not None
     assert found.formula.term.acts_on == "yaw_moment"
     assert "In the yaw balance the yaw moment changes as" in found.summary()
-    assert set(found.formula.term.hears) == {"sway_speed"}
+    assert set(found.formula.term.external_signals) == {"sway_speed"}
     assert found.fit_after["yaw_rate_rad_s"] > 90.0 > found.fit_before["yaw_rate_rad_s"]
 
 

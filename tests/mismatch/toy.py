@@ -62,7 +62,7 @@ class Toy:
     names = ("engine", "hull")
     units = ("N m", "N")
     moving = True
-    gauged = True
+    has_torque = True
     prime_mover = "engine"
     controllable = False
     start = (1.2, 10.0, 7.0)
@@ -103,7 +103,7 @@ class Toy:
         own = self.ship.record()
         rows = np.zeros((2, ROWS))
         for key, slope in SLOPES.items():
-            number = self.ship.number(key)
+            number = self.ship.parameter(key)
             rows += slope * (number.read(plant) - number.read(own))
         level: dict[str, Any] = {
             "propeller_torque": 2e5, "brake_torque": 3e4, "resistance": 1.5e5, "ship_speed": 7.0,
@@ -116,13 +116,13 @@ class Toy:
     def simulated(self, samples: dict[str, Array]) -> dict[str, Array]:
         return {name: samples[name] for name in self.names}
 
-    def channels_of(self, plant: Any, shift: Any = (0.0, 0.0, 0.0)) -> dict[str, Array]:
+    def simulate_channels(self, plant: Any, shift: Any = (0.0, 0.0, 0.0)) -> dict[str, Array]:
         return self.simulated(self.simulate(plant, shift))
 
     def residuals(self, channels: dict[str, Array]) -> Array:
         return np.array([channels[name] for name in self.names])
 
-    def lacking(self, simulated: dict[str, Array]) -> Array:
+    def residuals_against(self, simulated: dict[str, Array]) -> Array:
         return self.residuals(self.measured) - self.residuals(simulated)
 
 

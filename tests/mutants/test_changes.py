@@ -101,7 +101,7 @@ def test_kernels_rest_on_what_they_call(rests: Rests) -> None:
 def test_kernels_rest_on_constants_and_on_what_is_spelled_out(rests: Rests) -> None:
     on = rests.on("plant/surroundings.py", line_of("plant/surroundings.py", "ATMOSPHERE,"))
     assert ("plant/cavitation.py", "burrill_ratio") in on
-    assert ("plant/state.py", "moved") in rests.on(
+    assert ("plant/state.py", "shift_state") in rests.on(
         "plant/state.py", line_of("plant/state.py", "def _root")
     )
 

@@ -1,4 +1,4 @@
-"""A four-quadrant propeller on an electric drive without a torque gauge, and a run that reverses it."""
+"""Rig with a four-quadrant propeller, an electric drive and no torque meter, and a reversal."""
 
 from __future__ import annotations
 
@@ -42,24 +42,24 @@ RIG = Ship.model_validate(
 INERTIA = 0.05
 
 
-def to_and_fro(t: NDArray[np.float64]) -> Any:
-    """From rest to 1, to -1 from 4 s on within 2 s, and back to 1 from 10 s on."""
+def reversal(t: NDArray[np.float64]) -> Any:
+    """Return the time history 0 to 1, from 4 s to -1 in 2 s, and from 10 s back to 1."""
     return np.interp(
         t, [0.0, 1.0, 4.0, 6.0, 10.0, 12.0, 15.0], [0.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0]
     )
 
 
 def reversed_run() -> Any:
-    """Torque of 5 N m and carriage of 1 m/s, to and fro for 15 s."""
-    schedule = Schedule(lambda t: 5.0 * to_and_fro(t), PITCH, inflow=to_and_fro)
+    """Simulate a reversal with a torque of 5 N m and a carriage speed of 1 m/s for 15 s."""
+    schedule = Schedule(lambda t: 5.0 * reversal(t), PITCH, inflow=reversal)
     return simulate(RIG, schedule, 15.0, initial=State(PITCH, 0.0, 0.0))
 
 
 def against_inflow(run: Any) -> Any:
-    """Samples in which the shaft turns against the inflow: zone 1."""
+    """Return the samples in which the shaft turns against the inflow (zone 1)."""
     return run["shaft_speed"] * run["advance_velocity"] < 0.0
 
 
 def advance_ratio(velocity: float, shaft_speed: float) -> float:
-    """J [-]."""
+    """Return J [-]."""
     return velocity * 2.0 * math.pi / (shaft_speed * DIAMETER)

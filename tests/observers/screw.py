@@ -1,4 +1,4 @@
-"""The torque curve in plain NumPy, apart from the compiled one, and a ship where every factor shows."""
+"""Torque curve in NumPy, independent of the compiled one, and a ship with all factors unlike 1."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ DT = 0.05
 
 
 class Screw:
-    """Torque of a B-series propeller."""
+    """Torque curve of a B-series propeller."""
 
     def __init__(self, ship: Ship = SHIP) -> None:
         screw = ship.propeller
@@ -43,14 +43,14 @@ class Screw:
         return self.factor * n * n * self.kq(max(v / (n * self.diameter), -0.25), pitch)
 
     def slopes(self, v: float, w: float, pitch: float) -> tuple[float, float]:
-        """By omega and by v_a, by central differences."""
+        """Return the derivatives by omega and by v_a, from central differences."""
         h = 1e-5
         by_speed = (self.torque(v, w + h, pitch) - self.torque(v, w - h, pitch)) / (2 * h)
         by_velocity = (self.torque(v + h, w, pitch) - self.torque(v - h, w, pitch)) / (2 * h)
         return by_speed, by_velocity
 
     def velocity(self, torque: float, w: float, pitch: float) -> float:
-        """Where it takes a torque, inside the curve."""
+        """Return the advance velocity at a torque on the curve."""
         top = 1.3 * w / (2.0 * math.pi) * self.diameter
         found: float = brentq(
             lambda v: self.torque(v, w, pitch) - torque, 0.0, top, xtol=1e-13, rtol=1e-14
@@ -58,18 +58,18 @@ class Screw:
         return found
 
 
-def sampled(observer: Any, readings: Iterable[Any], estimate: Any = None) -> list[Any]:
-    """Copies of the ESTIMATE record after each reading, taken in by the one kernel for all observers."""
+def sampled(observer: Any, measurements: Iterable[Any], estimate: Any = None) -> list[Any]:
+    """Return a copy of the ESTIMATE record after each measurement."""
     estimate = np.zeros(1, ESTIMATE)[0] if estimate is None else estimate
     after = []
-    for reading in readings:
-        update(observer, estimate, Measurement(*reading))
+    for measurement in measurements:
+        update(observer, estimate, Measurement(*measurement))
         after.append(estimate.copy())
     return after
 
 
-def noisy_readings(n: int, seed: int = 0) -> Any:
-    """Readings about the design point with a swing and noise, shape (n, 5)."""
+def noisy_measurements(n: int, seed: int = 0) -> Any:
+    """Return measurements about the design point with oscillations and noise, shape (n, 5)."""
     rng = np.random.default_rng(seed)
     t = DT * np.arange(n)
     screw = Screw()

@@ -1,4 +1,4 @@
-"""The gain that sets itself: against its equations in NumPy, and by the noise and the sea."""
+"""Immersion and invariance with an adaptive gain: its equations in NumPy, noise and sea."""
 
 from __future__ import annotations
 
@@ -10,12 +10,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from shaftline.observers import (
-    follow,
-    get_observer,
-    readings_of,
-    variance_accounted_for,
-)
+from shaftline.observers import follow, get_observer, simulated_measurements, variance_accounted_for
 from shaftline.observers.immersion_invariance import (
     AdaptiveImmersionInvariance,
     CovarianceImmersionInvariance,
@@ -23,14 +18,14 @@ from shaftline.observers.immersion_invariance import (
 )
 from shaftline.plant import Equilibrium, Schedule, Ship, simulate
 
-from .screw import DT, INERTIA, SHIP, Screw, noisy_readings, sampled
+from .screw import DT, INERTIA, SHIP, Screw, noisy_measurements, sampled
 
 SCREW = Screw()
 RULES = [AdaptiveImmersionInvariance(), CovarianceImmersionInvariance(scale=8.0)]
 
 
 def gain_of(observer: Any, x: Any, p: Any, a: float) -> float:
-    """Gamma by the rule, before its limits."""
+    """Return gamma of a rule, without its limits."""
     if isinstance(observer, CovarianceImmersionInvariance):
         return observer.scale * math.sqrt(p[1, 1])
     return float((x[1] / (4.0 * a * x[0])) ** (1.0 / 3.0))
@@ -38,18 +33,18 @@ def gain_of(observer: Any, x: Any, p: Any, a: float) -> float:
 
 @pytest.mark.parametrize("observer", RULES)
 def test_gain_noise_and_sea_are_those_of_the_equations(observer: Any) -> None:
-    readings = noisy_readings(120)
-    after = sampled(observer.discretise(SHIP, DT), readings)
+    measurements = noisy_measurements(120)
+    after = sampled(observer.discretise(SHIP, DT), measurements)
     p, x = np.diag([0.0004, 1.0]), np.array([0.0004, 0.25, after[0]["advance_velocity"], 0.0])
     gains = []
     for (before, now), (last, this) in zip(
-        itertools.pairwise(readings), itertools.pairwise(after), strict=True
+        itertools.pairwise(measurements), itertools.pairwise(after), strict=True
     ):
         v, w = float(last["advance_velocity"]), before[0]
         slopes = SCREW.slopes(v, w, before[2])
         gain = min(max(gain_of(observer, x, p, -slopes[1] / INERTIA), 0.1), 20.0)
         gains.append(gain)
-        # the innovation is what the shaft did besides what the model makes it do, by the trapezoid
+        # The innovation is the change of the shaft speed that the trapezoidal rule does not explain.
         v_now = float(this["advance_velocity"])
         torques = [SCREW.torque(v, w, before[2]), SCREW.torque(v_now, now[0], now[2])]
         model = 0.5 * DT * (before[1] + now[1] - sum(torques)) / INERTIA
@@ -76,20 +71,20 @@ def swell(frigate: Ship, design_point: Equilibrium) -> Any:
     def of(amplitude: float) -> Any:
         schedule = Schedule(22.0, 1.4, inflow=lambda t: amplitude * np.sin(0.7 * t))
         run = simulate(frigate, schedule, 90.0, initial=design_point.state, dt=0.01)
-        return readings_of(run)
+        return simulated_measurements(run)
 
     return of
 
 
-def final(observer: Any, ship: Ship, readings: Any, noise: float) -> Any:
-    """ESTIMATE at the end, with white noise on the shaft speed [rad/s]."""
-    readings = readings.copy()
-    readings[:, 0] += noise * np.random.default_rng(3).standard_normal(len(readings))
-    return sampled(observer.discretise(ship, 0.01), readings)[-1]
+def final(observer: Any, ship: Ship, measurements: Any, noise: float) -> Any:
+    """Return the final ESTIMATE record with white noise on the shaft speed [rad/s]."""
+    measurements = measurements.copy()
+    measurements[:, 0] += noise * np.random.default_rng(3).standard_normal(len(measurements))
+    return sampled(observer.discretise(ship, 0.01), measurements)[-1]
 
 
-def test_noise_and_sea_are_told_from_each_other(frigate: Ship, swell: Any) -> None:
-    """White noise is found within a tenth; sin(0.7 t) about its one-second mean is 0.57 of itself."""
+def test_noise_and_sea_are_distinguished(frigate: Ship, swell: Any) -> None:
+    """White noise is estimated within 10 %; sin(0.7 t) about its 1 s mean has 0.57 of its size."""
     for amplitude, noise in ((0.5, 0.01), (0.5, 0.04), (1.0, 0.02)):
         x = final(get_observer("immersion-invariance-adaptive"), frigate, swell(amplitude), noise)[
             "x"
@@ -99,7 +94,7 @@ def test_noise_and_sea_are_told_from_each_other(frigate: Ship, swell: Any) -> No
         assert math.sqrt(x[1]) == pytest.approx(amplitude * share, rel=0.3)
 
 
-def test_more_noise_less_gain_and_more_sea_more(frigate: Ship, swell: Any) -> None:
+def test_noise_reduces_the_gain_and_sea_increases_it(frigate: Ship, swell: Any) -> None:
     def gain(observer: Any, amplitude: float, noise: float) -> float:
         last = final(observer, frigate, swell(amplitude), noise)
         a = -Screw(frigate).slopes(last["advance_velocity"], last["shaft_speed"], 1.4)[1] / 14411.0
@@ -112,14 +107,14 @@ def test_more_noise_less_gain_and_more_sea_more(frigate: Ship, swell: Any) -> No
     assert gain(by_covariance, 0.5, 0.05) > gain(by_covariance, 0.5, 0.01)  # the wrong way
 
 
-def test_one_setting_stands_beside_the_best_fixed_gain_of_each_noise(
+def test_one_setting_is_close_to_the_best_fixed_gain_of_each_noise(
     frigate: Ship, swell: Any
 ) -> None:
-    readings = swell(0.8)
+    measurements = swell(0.8)
     fixed = {g: ImmersionInvariance(g) for g in (0.35, 0.7, 1.4, 2.8, 5.6, 11.2)}
     short: dict[Any, list[float]] = {}
     for noise in (0.003, 0.03, 0.15):
-        noisy = readings.copy()
+        noisy = measurements.copy()
         noisy[:, 0] += noise * np.random.default_rng(5).standard_normal(len(noisy))
 
         def vaf(observer: Any, given: Any = noisy) -> float:
@@ -132,16 +127,16 @@ def test_one_setting_stands_beside_the_best_fixed_gain_of_each_noise(
         for name, own in found.items():
             short.setdefault(name, []).append(best - own)
     assert max(short.pop("adaptive")) < 0.5
-    assert min(max(lost) for lost in short.values()) > 4.0  # no fixed gain does for all
+    assert min(max(lost) for lost in short.values()) > 4.0  # no fixed gain is good for all noises
 
 
 def test_the_gain_is_that_of_the_least_error() -> None:
-    """Random walk and white noise of known size, on the linear equation of the error."""
+    """The gain minimises the error of the linear equation with a given random walk and white noise."""
     rng, a, q, r, dt, n = np.random.default_rng(1), 2.5, 0.3, 4e-4, 0.01, 400_000
     walk, noise = math.sqrt(q * dt) * rng.standard_normal(n), math.sqrt(r) * rng.standard_normal(n)
 
     def variance(gain: float) -> float:
-        # x + gamma (n+ - n) - walk, decaying: the error of the observer, sample by sample
+        # The error of the observer decays and changes by gamma (n+ - n) - walk per sample.
         forced = gain * np.diff(noise, prepend=0.0) - walk
         decay = math.exp(-gain * a * dt)
         return float(np.var(lfilter([1.0], [1.0, -decay], forced)[1000:]))
@@ -153,17 +148,22 @@ def test_the_gain_is_that_of_the_least_error() -> None:
     assert variance(2.0 * best) > 1.1 * least
 
 
-def test_the_gain_stays_within_its_limits_and_starts_afresh() -> None:
-    readings = noisy_readings(30)
+def test_the_gain_stays_within_its_limits_and_restarts() -> None:
+    measurements = noisy_measurements(30)
     for limit in (0.3, 9.0):
         held = AdaptiveImmersionInvariance(lowest=limit, highest=limit).discretise(SHIP, DT)
         fixed = ImmersionInvariance(limit).discretise(SHIP, DT)
-        for own, other in zip(sampled(held, readings), sampled(fixed, readings), strict=True):
+        for own, other in zip(
+            sampled(held, measurements), sampled(fixed, measurements), strict=True
+        ):
             assert own["advance_velocity"] == other["advance_velocity"]
     for observer in RULES:
         record = observer.discretise(SHIP, DT)
-        estimate = sampled(record, readings)[-1]
+        estimate = sampled(record, measurements)[-1]
         estimate["started"] = 0
-        again, first = sampled(record, readings[:1], estimate)[0], sampled(record, readings[:1])[0]
+        again, first = (
+            sampled(record, measurements[:1], estimate)[0],
+            sampled(record, measurements[:1])[0],
+        )
         for field in ("x", "covariance", "advance_velocity"):
             assert again[field] == pytest.approx(first[field], rel=1e-9)

@@ -1,4 +1,4 @@
-"""The augmented filter on models of its own: matrices by hand, and the falling body."""
+"""Augmented filter of arbitrary models: matrices by hand, and the falling body."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from reproductions.augmented_filter.falling_body import fallen, story
+from reproductions.augmented_filter.falling_body import largest_errors, simulate_fall
 from shaftline.observers.augmented import AugmentedFilter, correct, propagate
 
 RNG = np.random.default_rng(3)
@@ -20,7 +20,7 @@ def some_covariance(n: int) -> Any:
     return root @ root.T
 
 
-def test_covariance_is_carried_by_phi_and_the_process_noise() -> None:
+def test_covariance_is_propagated_by_phi_and_the_process_noise() -> None:
     n, states, dt = 5, 3, 0.1
     f = np.zeros((n, n))
     f[:states] = RNG.normal(size=(states, n))
@@ -48,7 +48,7 @@ def test_one_measurement_corrects_as_the_gain_says() -> None:
 
 
 def spring(x: Any, theta: Any, u: Any) -> Any:
-    """A mass on a spring of unknown damping and with an unknown gain of its input."""
+    """Return the rate of a mass on a spring with unknown damping and input gain."""
     return np.array([x[1], -4.0 * x[0] - theta[0] * x[1] + theta[1] * u])
 
 
@@ -56,7 +56,7 @@ def both(x: Any, theta: Any, u: Any) -> Any:
     return np.array([x[0], x[1] + 0.5 * theta[1]])
 
 
-def test_two_measurements_at_once_are_taken_in_as_the_matrices_say() -> None:
+def test_two_measurements_at_once_agree_with_the_matrix_equations() -> None:
     p = some_covariance(4)
     filter_ = AugmentedFilter(
         spring, both, [0.3, -0.2], [0.5, 2.0], covariance=p.copy(), noise=[0.1, 0.4]
@@ -74,15 +74,15 @@ def test_two_measurements_at_once_are_taken_in_as_the_matrices_say() -> None:
 
 
 def test_prediction_follows_the_model_and_its_exact_slopes() -> None:
-    """A linear model: P over a second by the matrix exponential."""
+    """For a linear model P after one second follows from the matrix exponential."""
     p = np.diag([0.1, 0.2, 0.01, 0.04])
     filter_ = AugmentedFilter(spring, both, [1.0, 0.0], [0.5, 2.0], covariance=p, noise=[1.0, 1.0])
     filter_.predict(0.0, 1.0, steps=200)
     a = np.array([[0.0, 1.0], [-4.0, -0.5]])
     np.testing.assert_allclose(filter_.state, expm(a) @ [1.0, 0.0], rtol=1e-7)
-    np.testing.assert_array_equal(filter_.numbers, [0.5, 2.0])
+    np.testing.assert_array_equal(filter_.parameters, [0.5, 2.0])
     np.testing.assert_allclose(filter_.p[:2, :2][0, 1], filter_.p[1, 0], rtol=1e-14)
-    # of the states alone: what a spread of the numbers adds is tested by the falling body
+    # States only: the falling body tests the effect of uncertain parameters.
     alone = AugmentedFilter(
         spring, both, [1.0, 0.0], [0.5, 2.0], covariance=[0.1, 0.2, 0.0, 0.0], noise=[1.0, 1.0]
     )
@@ -114,15 +114,12 @@ def test_a_missing_measurement_changes_nothing() -> None:
 @pytest.mark.parametrize(
     ("wrong", "why"),
     [
-        (
-            {"covariance": np.eye(3)},
-            r"covariance: shape \(2, 2\) or \(2,\) is needed, not \(3, 3\)",
-        ),
+        ({"covariance": np.eye(3)}, r"covariance: shape must be \(2, 2\) or \(2,\), not \(3, 3\)"),
         ({"noise": [0.0]}, "noise: every variance must be positive"),
         ({"process": -1.0}, "no variance may be negative"),
     ],
 )
-def test_a_filter_that_cannot_be_is_refused(wrong: dict[str, Any], why: str) -> None:
+def test_invalid_arguments_are_refused(wrong: dict[str, Any], why: str) -> None:
     settings: dict[str, Any] = {"covariance": [1.0, 1.0], "noise": [1.0]}
     with pytest.raises(ValueError, match=why):
         AugmentedFilter(lambda x, t, u: x, lambda x, t, u: x, [0.0], [0.0], **(settings | wrong))
@@ -130,16 +127,18 @@ def test_a_filter_that_cannot_be_is_refused(wrong: dict[str, Any], why: str) -> 
 
 @pytest.mark.parametrize("beta", [3000.0, 2000.0])
 def test_falling_body_shows_its_drag_in_dense_air_only(beta: float) -> None:
-    """The story of thesis Figure A-2, under noise: velocity at once, beta where there is air.
+    """Errors as in thesis Figure A-2 with noise: velocity at once, beta in dense air only.
 
-    High up beta begins to move a little; it stays within 3 %. Exact readings are the study's test.
+    High up beta begins to move a little; it stays within 3 %. Exact measurements are the study's test.
     """
-    noisy = [story(fallen(beta, seed), beta) for seed in range(12)]
+    noisy = [largest_errors(simulate_fall(beta, seed), beta) for seed in range(12)]
     assert np.all(np.median(noisy, axis=0) < [5.0, 0.03, 0.10, 0.06])
 
 
-def test_what_the_falling_body_does_not_know_is_told_rightly() -> None:
-    """Final errors of beta over the filter's own standard errors, seed by seed."""
-    ends = np.array([fallen(3000.0, seed).iloc[-1][["beta", "beta_sd"]] for seed in range(8)])
+def test_standard_errors_of_the_falling_body_are_right() -> None:
+    """The final errors of beta over the standard errors of the filter have a unit variance."""
+    ends = np.array(
+        [simulate_fall(3000.0, seed).iloc[-1][["beta", "beta_sd"]] for seed in range(8)]
+    )
     scores = (ends[:, 0] - 3000.0) / ends[:, 1]
     assert 0.4 < np.sqrt(np.mean(scores**2)) < 1.8

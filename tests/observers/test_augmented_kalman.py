@@ -1,4 +1,4 @@
-"""The filter that tracks a number: against matrices, on ships that foul, through what goes wrong."""
+"""Augmented Kalman filter: matrix equations, fouling and friction, faulty measurements."""
 
 from __future__ import annotations
 
@@ -14,27 +14,19 @@ from shaftline.observers import (
     ESTIMATE,
     ObserverError,
     follow,
-    follow_number,
+    follow_parameter,
     follow_table,
     get_observer,
-    readings_of,
+    simulated_measurements,
     variance_accounted_for,
 )
 from shaftline.observers.augmented import correct, propagate
-from shaftline.observers.augmented_kalman import AugmentedKalman, _carried, _corrected
-from shaftline.plant import (
-    Schedule,
-    Ship,
-    equilibrium,
-    get_sea,
-    load_ship,
-    realise,
-    simulate,
-)
+from shaftline.observers.augmented_kalman import AugmentedKalman, _correct, _propagate
+from shaftline.plant import Schedule, Ship, equilibrium, get_sea, load_ship, realise, simulate
 from shaftline.plant.dynamics import evaluate
 from shaftline.plant.state import Inputs, State
 
-from .screw import DT, INERTIA, SHIP, noisy_readings, sampled
+from .screw import DT, INERTIA, SHIP, noisy_measurements, sampled
 
 FOULING = "hull.fouling_fraction"
 COULOMB = "transmission.coulomb_friction_propeller_side_N_m"
@@ -47,29 +39,29 @@ def some_covariance() -> Any:
     return root @ root.T
 
 
-def test_the_covariance_is_carried_as_that_of_any_filter() -> None:
+def test_covariance_is_propagated_as_in_the_general_filter() -> None:
     p = some_covariance()
     f, process = np.zeros((4, 4)), RNG.uniform(0.1, 1.0, 4)
     f[0], f[2], f[1, 1] = RNG.normal(size=4), RNG.normal(size=4), -0.7
     expected = p.copy()
     propagate(expected, f, 3, process, 0.1, np.zeros((2, 4, 4)))
-    _carried(p, tuple(f[0]), tuple(f[2]), 0.7, process, 0.1)
+    _propagate(p, tuple(f[0]), tuple(f[2]), 0.7, process, 0.1)
     np.testing.assert_allclose(p, expected, rtol=1e-12)
 
 
-def test_a_reading_corrects_as_in_any_filter() -> None:
+def test_a_measurement_corrects_as_in_the_general_filter() -> None:
     p, x = some_covariance(), RNG.normal(size=4)
     expected, moved = p.copy(), x.copy()
     correct(moved, expected, np.array([1.0, 0.0, 0.0, 0.0]), 0.3, 0.2, np.zeros((3, 4)))
-    _corrected(x, p, 0.3, 0.2)
+    _correct(x, p, 0.3, 0.2)
     np.testing.assert_allclose(x, moved, rtol=1e-12)
     np.testing.assert_allclose(p, expected, rtol=1e-11, atol=1e-13)
 
 
 def plants_rates(key: str, z: NDArray[np.float64], torque: float, pitch: float) -> Any:
-    """Rates of shaft and ship speed by the plant itself, the number written into its record."""
+    """Return the rates of shaft and ship speed of the plant with the parameter in its record."""
     plant = SHIP.record()
-    SHIP.number(key).write(plant, z[3])
+    SHIP.parameter(key).write(plant, z[3])
     state = State(pitch, z[0], z[2], 0.0, 0.0, 0.0, 0.0, 0.0)
     rate, out = evaluate(plant, state, Inputs(20.0, pitch, z[1]), pitch)
     behind = out.propeller_torque
@@ -82,7 +74,7 @@ def plants_rates(key: str, z: NDArray[np.float64], torque: float, pitch: float) 
 
 @pytest.mark.parametrize(("key", "number"), [(FOULING, 0.1), (COULOMB, 3e3), (VISCOUS, 400.0)])
 def test_one_step_is_that_of_the_plant_and_its_slopes(key: str, number: float) -> None:
-    """Estimate and covariance after a sample against central differences of the plant's own rates."""
+    """Estimate and covariance after a sample agree with central differences of the plant."""
     record = AugmentedKalman(key).discretise(SHIP, DT)
     z = np.array([10.4, 0.4, 8.1, number])
     p = np.diag([1e-3, 0.2, 0.1, (0.1 * number) ** 2]) + 1e-9 * some_covariance()
@@ -119,7 +111,7 @@ def test_one_step_is_that_of_the_plant_and_its_slopes(key: str, number: float) -
 def voyage(
     truth: Ship, seconds: float, sea: str | None = None, fouling: Any = 0.0, seed: int = 1
 ) -> tuple[Any, NDArray[np.float64]]:
-    """Samples and noisy readings of steps of the rack every two minutes."""
+    """Return samples and noisy measurements with a step of the fuel rack every two minutes."""
     rng = np.random.default_rng(seed)
     rack = rng.uniform(14.0, 24.0, int(seconds / 120.0) + 1)
     begin = equilibrium(truth, rack[0], 1.3)
@@ -130,26 +122,26 @@ def voyage(
         resistance_factor=lambda t: 1.0 + np.interp(t, *fouling) if fouling else 1.0 + 0.0 * t,
     )  # fmt: skip
     samples = simulate(truth, schedule, seconds, initial=begin.state, sea=waves)
-    readings = readings_of(samples)
-    readings[:, :3] += (0.01, 1.5e3, 0.004) * rng.standard_normal((len(readings), 3))
-    return samples, readings
+    measurements = simulated_measurements(samples)
+    measurements[:, :3] += (0.01, 1.5e3, 0.004) * rng.standard_normal((len(measurements), 3))
+    return samples, measurements
 
 
-def test_fouling_is_told_at_sea_and_followed_as_it_grows() -> None:
+def test_fouling_is_estimated_at_sea_and_while_it_grows() -> None:
     growing = ([0.0, 900.0, 2700.0, 3600.0], [0.1, 0.1, 0.2, 0.2])
     ship = load_ship("frigate")
-    samples, readings = voyage(ship, 3600.0, "state-5", growing)
-    number, deviation = follow_number(get_observer("augmented-kalman"), ship, readings, DT)
+    samples, measurements = voyage(ship, 3600.0, "state-5", growing)
+    number, deviation = follow_parameter(get_observer("augmented-kalman"), ship, measurements, DT)
     error = number - np.interp(samples["time"], *growing)
     assert number[0] == 0.0
     assert deviation[0] == pytest.approx(0.2)
     assert np.abs(error[12_000:18_000]).max() < 0.01  # 600 to 900 s, steady
-    assert np.all(error[30_000:54_000] < 0.0)  # it lags behind what grows
+    assert np.all(error[30_000:54_000] < 0.0)  # the estimate lags behind the growing fouling
     assert np.abs(error[18_000:]).max() < 0.04
     assert np.all(np.abs(error[12_000:]) < 2.0 * deviation[12_000:])
     assert deviation[12_000:].max() < 0.03
-    velocity, valid = follow(get_observer("augmented-kalman"), ship, readings, DT)
-    other, _ = follow(get_observer("random-walk-kalman"), ship, readings, DT)
+    velocity, valid = follow(get_observer("augmented-kalman"), ship, measurements, DT)
+    other, _ = follow(get_observer("random-walk-kalman"), ship, measurements, DT)
     truth = samples["advance_velocity"][1000:]
     assert variance_accounted_for(truth, velocity[1000:]) > 98.0
     assert np.std(velocity[1000:] - truth) < 1.15 * np.std(other[1000:] - truth)
@@ -157,58 +149,60 @@ def test_fouling_is_told_at_sea_and_followed_as_it_grows() -> None:
 
 
 @pytest.mark.parametrize(("key", "number"), [(COULOMB, 4e3), (VISCOUS, 350.0)])
-def test_friction_is_told(key: str, number: float) -> None:
+def test_friction_is_estimated(key: str, number: float) -> None:
     nominal = load_ship("frigate")
-    _, readings = voyage(nominal.with_values({key: number}), 1800.0, "state-4")
+    _, measurements = voyage(nominal.with_values({key: number}), 1800.0, "state-4")
     observer = AugmentedKalman(key, spread=0.02, walk=5e-5)
-    found, deviation = follow_number(observer, nominal, readings, DT)
+    found, deviation = follow_parameter(observer, nominal, measurements, DT)
     assert found[-1] == pytest.approx(number, rel=0.2)
     assert abs(found[-1] - number) < 2.0 * deviation[-1]
     assert deviation[-1] < 0.25 * number
 
 
-def test_what_is_told_stands_in_a_table_by_its_key() -> None:
-    readings = noisy_readings(30)
+def test_the_estimated_parameter_is_a_column_by_its_key() -> None:
+    measurements = noisy_measurements(30)
     names = ["shaft_speed_rad_s", "shaft_torque_N_m", "pitch_ratio", "shaft_acceleration_rad_s2",
              "advance_velocity_m_s"]  # fmt: skip
-    table = pd.DataFrame(readings, columns=names).assign(time_s=DT * np.arange(30))
+    table = pd.DataFrame(measurements, columns=names).assign(time_s=DT * np.arange(30))
     found = follow_table(get_observer("augmented-kalman-friction"), SHIP, table)
-    number, deviation = follow_number(get_observer("augmented-kalman-friction"), SHIP, readings, DT)
+    number, deviation = follow_parameter(
+        get_observer("augmented-kalman-friction"), SHIP, measurements, DT
+    )
     np.testing.assert_allclose(found[f"estimated_{COULOMB}"], number, rtol=1e-9)
     np.testing.assert_allclose(found[f"estimated_{COULOMB}_sd"], deviation, rtol=1e-9)
     plain = follow_table(get_observer("luenberger"), SHIP, table)
     assert not [name for name in plain if "hull" in name or "transmission" in name]
 
 
-def test_an_observer_that_tracks_nothing_says_so() -> None:
-    with pytest.raises(ObserverError, match="'luenberger' tracks no number of the ship"):
-        follow_number(get_observer("luenberger"), SHIP, noisy_readings(3), DT)
+def test_an_observer_without_a_parameter_is_refused() -> None:
+    with pytest.raises(ObserverError, match="'luenberger' estimates no parameter of the ship"):
+        follow_parameter(get_observer("luenberger"), SHIP, noisy_measurements(3), DT)
 
 
-def test_a_lost_reading_loses_no_number() -> None:
+def test_a_lost_measurement_keeps_the_parameter() -> None:
     ship = load_ship("frigate").with_values({FOULING: 0.15})
-    _, readings = voyage(ship, 900.0)
-    spoilt = readings.copy()
+    _, measurements = voyage(ship, 900.0)
+    spoilt = measurements.copy()
     spoilt[12_000:12_100, 1] = math.nan
     observer = get_observer("augmented-kalman")
     nominal = load_ship("frigate")
-    number, deviation = follow_number(observer, nominal, spoilt, DT)
-    straight, _ = follow_number(observer, nominal, readings, DT)
+    number, deviation = follow_parameter(observer, nominal, spoilt, DT)
+    straight, _ = follow_parameter(observer, nominal, measurements, DT)
     assert np.all(number[12_000:12_100] == number[11_999])
     assert abs(number[-1] - straight[-1]) < 0.01
     assert deviation[12_100] == pytest.approx(deviation[11_999], rel=0.01)
 
 
-def test_torque_that_no_inflow_makes_teaches_nothing() -> None:
-    """A gauge that fails for a while: the estimate is flagged, ship and number are held."""
+def test_torque_off_the_curve_corrects_nothing() -> None:
+    """While the torque meter fails, the estimate is not valid, and ship speed and parameter are kept."""
     record = get_observer("augmented-kalman").discretise(SHIP, DT)
-    readings = noisy_readings(400)
-    readings[200:300, 1] = 9e5
-    after = sampled(record, readings)
+    measurements = noisy_measurements(400)
+    measurements[200:300, 1] = 9e5
+    after = sampled(record, measurements)
     held = after[200:300]
     assert not any(e["valid"] for e in held)
     assert {(e["x"][2], e["x"][3]) for e in held} == {tuple(after[199]["x"][2:])}
-    # the first good sample begins beside the ship as it was known
+    # The first plausible sample restarts with the last ship speed.
     assert after[300]["valid"] == 1
     assert after[300]["x"][2] == after[199]["x"][2]
     assert after[300]["x"][1] == pytest.approx(
@@ -218,9 +212,9 @@ def test_torque_that_no_inflow_makes_teaches_nothing() -> None:
 
 def test_a_ship_at_rest_begins_when_its_shaft_turns() -> None:
     record = get_observer("augmented-kalman").discretise(SHIP, DT)
-    readings = noisy_readings(20)
-    readings[:5, :2] = 0.0
-    after = sampled(record, readings)
+    measurements = noisy_measurements(20)
+    measurements[:5, :2] = 0.0
+    after = sampled(record, measurements)
     assert [e["valid"] for e in after[:6]] == [0, 0, 0, 0, 0, 1]
     assert after[5]["x"][1] == pytest.approx(0.0, abs=1e-12)
     assert after[5]["x"][2] == pytest.approx(after[5]["advance_velocity"] / 0.95)
@@ -228,14 +222,14 @@ def test_a_ship_at_rest_begins_when_its_shaft_turns() -> None:
 
 def test_an_estimate_stays_in_the_range_of_its_key() -> None:
     ship = load_ship("frigate")
-    _, readings = voyage(ship, 300.0)
-    readings[:, 1] -= 8e3  # as if something drove the shaft
+    _, measurements = voyage(ship, 300.0)
+    measurements[:, 1] -= 8e3  # a negative load torque
     observer = get_observer("augmented-kalman-friction")
-    number, _ = follow_number(observer, ship, readings, DT)
+    number, _ = follow_parameter(observer, ship, measurements, DT)
     assert number.min() == 0.0
 
 
-def test_noises_are_shares_of_what_the_ship_is_made_for() -> None:
+def test_noises_scale_with_the_ship() -> None:
     ship = load_ship("ferry")
     record = AugmentedKalman().discretise(ship, DT)
     speed = 2200.0 / 3.5 * math.pi / 30.0
@@ -251,9 +245,9 @@ def test_noises_are_shares_of_what_the_ship_is_made_for() -> None:
     assert viscous["spread"][3] == pytest.approx(0.1 * torque / speed)
 
 
-def test_what_it_cannot_track_is_refused() -> None:
+def test_other_parameters_and_ships_are_refused() -> None:
     with pytest.raises(
-        ObserverError, match=r"cannot track hull.mass_kg; it can: hull.fouling_frac"
+        ObserverError, match=r"cannot estimate 'hull.mass_kg'; allowed: hull.fouling_frac"
     ):
         AugmentedKalman("hull.mass_kg").discretise(SHIP, DT)
     held = load_ship("frigate").with_values({"hull.fixed": True})

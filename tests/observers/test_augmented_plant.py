@@ -1,4 +1,4 @@
-"""The plant as the filter's model: ships that turn, shafts that are held, numbers at their ends."""
+"""Plant as the model of the filter: turning ships, held shaft speeds, parameters at their bounds."""
 
 from __future__ import annotations
 
@@ -10,17 +10,9 @@ import pandas as pd
 import pytest
 
 from shaftline.observers import ObserverError
-from shaftline.observers.augmented_plant import _keep_within
+from shaftline.observers.augmented_plant import _limit_parameters
 from shaftline.observers.ship_filter import ShipFilter
-from shaftline.plant import (
-    Schedule,
-    Ship,
-    approach,
-    equilibrium,
-    linearise,
-    load_ship,
-    simulate,
-)
+from shaftline.plant import Schedule, Ship, approach, equilibrium, linearise, load_ship, simulate
 from shaftline.plant.columns import (
     HEADING,
     MEASURED,
@@ -38,8 +30,8 @@ TURNING = ("ship_speed_m_s", SWAY_SPEED, YAW_RATE, HEADING, RUDDER)
 SPEEDS = {"ddg-51-surrogate": 11.0, "esso-osaka": 3.6, "kvlcc2": 1.18}
 
 
-def sailed(ship: Ship, seconds: float, helm: str, every: int = 1) -> pd.DataFrame:
-    """A voyage whose rudder is laid from side to side, as exact instruments would have recorded it."""
+def simulate_turn(ship: Ship, seconds: float, helm: str, every: int = 1) -> pd.DataFrame:
+    """Return a recording without noise of a voyage with rudder commands to both sides."""
     point = approach(ship, SPEEDS[ship.name])
     schedule = Schedule(
         point.inputs.drive, 1.0, rudder_command=lambda t: 0.2 * np.sign(np.sin(0.15 * t + 0.01))
@@ -52,10 +44,10 @@ def sailed(ship: Ship, seconds: float, helm: str, every: int = 1) -> pd.DataFram
 
 
 def blind(ship: Ship, noise: dict[str, float], key: str = Y_V) -> ShipFilter:
-    """A filter that no reading moves."""
+    """Return a filter that no measurement corrects."""
     states = active_states(ship.record())
     return ShipFilter(
-        ship, [key], number_spread={key: 1e-30}, noise=noise,
+        ship, [key], parameter_spread={key: 1e-30}, noise=noise,
         state_spread=dict.fromkeys(states, 0.0),
     )  # fmt: skip
 
@@ -70,24 +62,24 @@ def blind(ship: Ship, noise: dict[str, float], key: str = Y_V) -> ShipFilter:
     ],
 )
 def test_the_prediction_of_a_turn_is_the_simulation(name: str, helm: str, every: int) -> None:
-    """To the bit, with a rudder that was commanded or measured, a shaft that is free or held."""
+    """Bit-identical with a commanded or measured rudder and a free or held shaft."""
     ship = load_ship(name)
-    replay = Replay(ship, sailed(ship, 60.0, helm, every))
+    replay = Replay(ship, simulate_turn(ship, 60.0, helm, every))
     own = blind(ship, dict.fromkeys(TURNING[:-1], 1e30))
     followed = own.follow(replay)
-    simulated = replay.simulate(ship.record())
-    assert np.ptp(simulated["heading"]) > 5e-3
+    simulation = replay.simulate(ship.record())
+    assert np.ptp(simulation["heading"]) > 5e-3
     for state in ("ship_speed", "sway_speed", "yaw_rate", "heading"):
         np.testing.assert_array_equal(
-            followed.estimates[:, own.states.index(state)], simulated[state]
+            followed.estimates[:, own.states.index(state)], simulation[state]
         )
 
 
 @pytest.mark.parametrize("name", ["ddg-51-surrogate", "esso-osaka"])
-def test_a_rudder_that_is_read_is_the_one_that_acts(name: str) -> None:
-    """The state of a steering gear with a lag, the command where there is none."""
+def test_the_measured_rudder_is_the_one_that_acts(name: str) -> None:
+    """It is the state of a steering gear with a lag, and the command without a lag."""
     ship = load_ship(name)
-    table = sailed(ship, 60.0, RUDDER_COMMAND)
+    table = simulate_turn(ship, 60.0, RUDDER_COMMAND)
     replay = Replay(ship, table)
     angle = replay.simulate(ship.record())["rudder_angle"]
     assert np.ptp(angle) > 0.3
@@ -96,42 +88,44 @@ def test_a_rudder_that_is_read_is_the_one_that_acts(name: str) -> None:
     np.testing.assert_allclose(followed.innovations[:, 0], 0.1, rtol=1e-9)
 
 
-def test_a_gear_is_not_told_by_a_rudder_that_was_measured() -> None:
+def test_steering_gear_is_not_identifiable_from_a_measured_rudder() -> None:
     key, ship = "rudder.time_constant_s", load_ship("ddg-51-surrogate")
     own = blind(ship, {YAW_RATE: 1.0}, key)
-    with pytest.raises(ObserverError, match=r"time_constant_s cannot be found where rudder_rad is"):
-        own.follow(Replay(ship, sailed(ship, 20.0, RUDDER)))
-    # and a lag that a measured rudder took away is there again with a command
+    with pytest.raises(
+        ObserverError, match=r"time_constant_s is not identifiable from a recording with rudder_rad"
+    ):
+        own.follow(Replay(ship, simulate_turn(ship, 20.0, RUDDER)))
+    # With a command the lag applies again.
     own = blind(ship, {YAW_RATE: 1e30})
-    own.follow(Replay(ship, sailed(ship, 20.0, RUDDER)))
-    replay = Replay(ship, sailed(ship, 20.0, RUDDER_COMMAND))
-    followed, simulated = own.follow(replay), replay.simulate(ship.record())
+    own.follow(Replay(ship, simulate_turn(ship, 20.0, RUDDER)))
+    replay = Replay(ship, simulate_turn(ship, 20.0, RUDDER_COMMAND))
+    followed, simulation = own.follow(replay), replay.simulate(ship.record())
     yaw = followed.estimates[:, own.states.index("yaw_rate")]
-    np.testing.assert_array_equal(yaw, simulated["yaw_rate"])
+    np.testing.assert_array_equal(yaw, simulation["yaw_rate"])
 
 
 @pytest.mark.parametrize("column", [SWAY_SPEED, YAW_RATE, HEADING])
 @pytest.mark.parametrize("name", ["ddg-51-surrogate", "esso-osaka"])
-def test_what_a_reading_in_a_turn_tells_of_the_numbers(name: str, column: str) -> None:
-    """One exact reading at the end moves each number by variance times slope, by finite differences."""
+def test_a_measurement_in_a_turn_corrects_the_parameters(name: str, column: str) -> None:
+    """An exact measurement at the end changes each parameter by variance times derivative."""
     ship, keys = load_ship(name), (Y_V, Y_R, N_V, N_R)
-    table = sailed(ship, 50.0, RUDDER_COMMAND)
+    table = simulate_turn(ship, 50.0, RUDDER_COMMAND)
     replay, signal = Replay(ship, table), MEASURED[column]
     spread = dict.fromkeys(keys, 1e-6)
     own = ShipFilter(
-        ship, keys, number_spread=spread, noise={column: 1e-13},
+        ship, keys, parameter_spread=spread, noise={column: 1e-13},
         state_spread=dict.fromkeys(active_states(ship.record()), 0.0),
     )  # fmt: skip
     nominal = replay.simulate(ship.record())[signal][-1]
-    readings = table.copy()
-    readings[column] = math.nan
+    measurements = table.copy()
+    measurements[column] = math.nan
     more = 1e-7 * float(np.ptp(table[column]))
-    readings.loc[readings.index[-1], column] = nominal + more
-    replay.table = readings
+    measurements.loc[measurements.index[-1], column] = nominal + more
+    replay.table = measurements
     own.follow(replay)
     slopes = []
     for key in keys:
-        number, ends = ship.number(key), []
+        number, ends = ship.parameter(key), []
         for side in (1e-6, -1e-6):
             record = ship.record()
             number.write(record, number.value + side)
@@ -140,11 +134,11 @@ def test_what_a_reading_in_a_turn_tells_of_the_numbers(name: str, column: str) -
     squares = np.square(slopes)
     assert np.all(squares > 0.0)
     expected = np.array(slopes) * more / (np.sum(squares) + (1e-13 / 1e-6) ** 2)
-    np.testing.assert_allclose(own.numbers - own._model.start, expected, rtol=3e-3)
+    np.testing.assert_allclose(own.parameters - own._model.start, expected, rtol=3e-3)
 
 
-def test_readings_of_a_turn_know_the_states_as_a_linear_filter_does() -> None:
-    """Straight sailing is linear: the covariance of sway and yaw by P = Phi P Phi' and one reading."""
+def test_covariance_on_a_straight_course_is_that_of_a_linear_filter() -> None:
+    """On a straight course sway and yaw are linear: P = Phi P Phi' and one measurement."""
     ship = load_ship("esso-osaka")
     point = approach(ship, SPEEDS[ship.name])
     still = Schedule(point.inputs.drive, 1.0)
@@ -159,7 +153,7 @@ def test_readings_of_a_turn_know_the_states_as_a_linear_filter_does() -> None:
     replay.table = table
     spreads = {"ship_speed": 0.0, "sway_speed": 0.02, "yaw_rate": 1e-4, "heading": 1e-3}
     own = ShipFilter(
-        ship, [Y_V], number_spread={Y_V: 1e-30}, noise={SWAY_SPEED: 0.01}, state_spread=spreads
+        ship, [Y_V], parameter_spread={Y_V: 1e-30}, noise={SWAY_SPEED: 0.01}, state_spread=spreads
     )
     own.follow(replay)
     whole = linearise(ship, point, outputs=("sway_speed",))
@@ -175,8 +169,8 @@ def test_readings_of_a_turn_know_the_states_as_a_linear_filter_does() -> None:
     np.testing.assert_allclose(own.p[np.ix_(kept, kept)], p, rtol=1e-7, atol=1e-18)
 
 
-def test_a_shaft_that_is_held_is_led_as_in_the_simulation(held_frigate: Ship) -> None:
-    """Its speed changes from row to row, and the torque has the inertia's share of it."""
+def test_a_held_shaft_speed_is_interpolated_as_in_the_simulation(held_frigate: Ship) -> None:
+    """The speed is interpolated between rows, and the torque includes the inertia."""
     begin = equilibrium(held_frigate, 9.0, 1.2)
     schedule = Schedule(lambda t: 9.0 + np.sin(0.3 * t), 1.2)
     samples = simulate(held_frigate, schedule, 40.0, initial=begin.state)
@@ -188,25 +182,25 @@ def test_a_shaft_that_is_held_is_led_as_in_the_simulation(held_frigate: Ship) ->
     replay = Replay(held_frigate, table)
     own = blind(held_frigate, noise, key)
     assert "shaft_speed" not in own.states
-    followed, simulated = own.follow(replay), replay.simulate(held_frigate.record())
+    followed, simulation = own.follow(replay), replay.simulate(held_frigate.record())
     speed = followed.estimates[:, own.states.index("ship_speed")]
-    np.testing.assert_array_equal(speed, simulated["ship_speed"])
-    off = (table["shaft_torque_N_m"] - simulated["measured_shaft_torque"]) / 1e3
+    np.testing.assert_array_equal(speed, simulation["ship_speed"])
+    off = (table["shaft_torque_N_m"] - simulation["measured_shaft_torque"]) / 1e3
     np.testing.assert_allclose(followed.innovations[:, 0], off, atol=1e-9)
     inertia = held_frigate.transmission.inertia_propeller_side_kg_m2
-    assert np.ptp(simulated["shaft_acceleration"]) * inertia > 1e3
+    assert np.ptp(simulation["shaft_acceleration"]) * inertia > 1e3
 
 
 def turning_filter() -> ShipFilter:
     ship = load_ship("esso-osaka")
     return ShipFilter(
-        ship, [Y_V, N_V], number_spread={Y_V: 0.02, N_V: 0.002}, noise={SWAY_SPEED: 0.1},
+        ship, [Y_V, N_V], parameter_spread={Y_V: 0.02, N_V: 0.002}, noise={SWAY_SPEED: 0.1},
         state_spread=dict.fromkeys(active_states(ship.record()), 0.1),
     )  # fmt: skip
 
 
-def test_a_number_at_the_end_of_its_range_takes_along_what_goes_with_it() -> None:
-    """The likeliest estimate with that number there: z + P e (end - z_i) / P_ii."""
+def test_a_parameter_at_its_bound_corrects_the_other_estimates() -> None:
+    """The likeliest estimate with the parameter at its bound is z + P e (end - z_i) / P_ii."""
     own = turning_filter()
     rng = np.random.default_rng(1)
     root = rng.normal(size=(len(own.z),) * 2)
@@ -217,16 +211,16 @@ def test_a_number_at_the_end_of_its_range_takes_along_what_goes_with_it() -> Non
     assert -1e-6 < end < 0.0
     expected = z + p[:, at] * (end - 0.3) / p[at, at]
     moved: Any = z.copy()
-    _keep_within(own._model, moved, p)
+    _limit_parameters(own._model, moved, p)
     np.testing.assert_allclose(moved, expected, rtol=1e-12, atol=1e-15)
     assert moved[at] == pytest.approx(end, rel=1e-6)
-    # one that is inside its range moves nothing, and one that nothing is known of moves alone
+    # Inside the range nothing changes; without a covariance only the parameter changes.
     inside = expected.copy()
     inside[at] = -0.02
     moved = inside.copy()
-    _keep_within(own._model, moved, p)
+    _limit_parameters(own._model, moved, p)
     np.testing.assert_array_equal(moved, inside)
     moved = z.copy()
-    _keep_within(own._model, moved, np.zeros_like(p))
+    _limit_parameters(own._model, moved, np.zeros_like(p))
     np.testing.assert_array_equal(np.delete(moved, at), np.delete(z, at))
     assert moved[at] == end

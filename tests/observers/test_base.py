@@ -1,4 +1,4 @@
-"""What all observers share: limits of the readings, the record, the inertia that they need."""
+"""Base class of the observers: limits of the measurements, record, inertia."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from shaftline.observers import ESTIMATE, Measurement, ObserverError, get_observer, observer_names
 from shaftline.observers.base import code_of
-from shaftline.observers.records import is_plausible, pitch_is_known, remember
+from shaftline.observers.records import is_plausible, pitch_is_known, store_sample
 from shaftline.plant import Ship, load_ship
 
 from .screw import INERTIA, SHIP
@@ -23,14 +23,14 @@ DIVIDING = [
 @pytest.mark.parametrize(
     ("field", "most"), [("shaft_speed", 1e4), ("shaft_torque", 1e8), ("pitch_ratio", 2.6)]
 )
-def test_readings_are_plausible_within_their_signals_bounds(field: str, most: float) -> None:
+def test_measurements_are_plausible_within_their_signals_bounds(field: str, most: float) -> None:
     for sign in (1.0, -1.0):
         assert is_plausible(GOOD._replace(**{field: sign * most}))
         assert not is_plausible(GOOD._replace(**{field: sign * most * 1.000001}))
     assert not is_plausible(GOOD._replace(**{field: math.nan}))
 
 
-def test_a_failed_accelerometer_is_no_implausible_reading() -> None:
+def test_a_failed_accelerometer_is_no_implausible_measurement() -> None:
     assert is_plausible(GOOD._replace(shaft_acceleration=math.nan, advance_velocity=math.nan))
 
 
@@ -48,35 +48,35 @@ def test_without_a_propeller_there_is_nothing_to_observe(servo: Ship) -> None:
             get_observer(name).discretise(coupled, 0.01)
 
 
-def test_what_is_remembered() -> None:
+def test_stored_sample() -> None:
     estimate = np.zeros(1, ESTIMATE)[0]
     estimate["x"] = 7.0
-    remember(estimate, GOOD, 6.5, True)
+    store_sample(estimate, GOOD, 6.5, True)
     assert estimate["started"] == estimate["valid"] == 1
     names = ("shaft_speed", "shaft_torque", "pitch_ratio", "advance_velocity")
     assert [estimate[name] for name in names] == [10.0, 1.4e5, 1.3, 6.5]
     assert estimate["x"].tolist() == [7.0] * 4
-    remember(estimate, GOOD, 6.5, False)
+    store_sample(estimate, GOOD, 6.5, False)
     assert estimate["valid"] == 0
 
 
 @pytest.mark.parametrize("name", observer_names())
-def test_a_record_says_whose_it_is(name: str) -> None:
+def test_a_record_holds_the_code_of_its_observer(name: str) -> None:
     observer = get_observer(name)
     record = observer.discretise(SHIP, 0.02)
     assert record["kind"] == observer.kind == code_of(observer.update)
     assert record["dt"] == 0.02
     assert record["ship"] == SHIP.record()
-    assert bool(record["reads_instruments"]) == (name != "oracle")
+    assert bool(record["uses_instruments"]) == (name != "oracle")
 
 
-def test_belief_is_the_observers_own(frigate: Ship) -> None:
+def test_each_record_has_its_own_ship_model(frigate: Ship) -> None:
     one, other = (get_observer("power-balance").discretise(frigate, 0.05) for _ in range(2))
     one["ship"]["density"] = 1.0
     assert other["ship"]["density"] == 1025.0
 
 
-def test_inertia_is_that_behind_the_gauge() -> None:
+def test_inertia_is_that_behind_the_torque_meter() -> None:
     assert get_observer("luenberger").inertia(SHIP) == INERTIA
     bare = SHIP.with_values({"transmission.inertia_propeller_side_kg_m2": 0.0})
     assert get_observer("luenberger").inertia(bare) == 1500.0  # entrained water alone
@@ -84,7 +84,9 @@ def test_inertia_is_that_behind_the_gauge() -> None:
 
 @pytest.mark.parametrize("ship", ["esso-osaka", "kvlcc2"])
 @pytest.mark.parametrize("name", DIVIDING)
-def test_without_inertia_behind_the_gauge_it_is_refused_by_name(ship: str, name: str) -> None:
+def test_without_inertia_behind_the_torque_meter_an_observer_is_refused(
+    ship: str, name: str
+) -> None:
     bare = get_observer(name).name
     words = rf"{ship}: the observer '{bare}' .*transmission\.inertia_propeller_side_kg_m2 is 0"
     with pytest.raises(ObserverError, match=words + ".*give .* or take an observer .*'power-bal"):
@@ -92,13 +94,13 @@ def test_without_inertia_behind_the_gauge_it_is_refused_by_name(ship: str, name:
 
 
 @pytest.mark.parametrize("name", [name for name in observer_names() if name not in DIVIDING])
-def test_the_others_do_without(name: str) -> None:
+def test_the_other_observers_need_no_inertia(name: str) -> None:
     assert get_observer(name).discretise(load_ship("kvlcc2"), 0.05)["dt"] == 0.05
 
 
 @pytest.mark.parametrize("ship", ["tito-neri-sine", "tito-neri-staircase", "rov-thruster"])
 @pytest.mark.parametrize("name", observer_names())
-def test_a_torque_that_does_not_go_by_the_inflow_is_refused(ship: str, name: str) -> None:
+def test_a_torque_independent_of_the_inflow_is_refused(ship: str, name: str) -> None:
     observer, bollard = get_observer(name), load_ship(ship)
     if observer.name in ("none", "oracle"):
         assert observer.discretise(bollard, 0.05)["dt"] == 0.05
@@ -110,7 +112,7 @@ def test_a_torque_that_does_not_go_by_the_inflow_is_refused(ship: str, name: str
         observer.discretise(bollard, 0.05)
 
 
-def test_codes_go_by_the_kernels_name() -> None:
+def test_codes_depend_on_the_name_of_the_kernel() -> None:
     kinds = {name: get_observer(name).kind for name in observer_names()}
     assert kinds["luenberger"] == kinds["luenberger-high"] == kinds["shaft-kalman"]
     assert kinds["random-walk-kalman"] != kinds["random-walk-kalman-printed"]

@@ -1,4 +1,4 @@
-"""Every pair of a ship of the package and an observer: it follows, or is refused in words."""
+"""Every observer on every ship of the package: it follows the inflow or is refused with a message."""
 
 from __future__ import annotations
 
@@ -8,7 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.observers import ObserverError, follow, get_observer, observer_names, readings_of
+from shaftline.observers import (
+    ObserverError,
+    follow,
+    get_observer,
+    observer_names,
+    simulated_measurements,
+)
 from shaftline.observers.random_walk_kalman import RandomWalkKalman
 from shaftline.plant import Schedule, State, equilibrium, load_ship, ship_names, simulate
 
@@ -19,14 +25,14 @@ KEYS = (
     "prime_mover.type is",
 )
 LAGGING = {"luenberger-low": 0.7}
-"""Error over spread that those have which are slow by their tuning; others stay within 0.25."""
+"""Largest error over standard deviation of slowly tuned observers; 0.25 for all others."""
 OF_THE_FRIGATE = ("random-walk-kalman", "random-walk-kalman-extended")
-"""Whose covariances are those of a frigate's gauge and encoder, too coarse for a small propeller."""
+"""Observers with covariances of frigate instruments, too large for a small propeller."""
 
 
 @functools.cache
-def sailed(name: str) -> Any:
-    """A swell of 5 % of the advance velocity at half power, for a minute."""
+def simulated(name: str) -> Any:
+    """Return one minute with a swell of 5 % of the advance velocity at half power."""
     ship = load_ship(name)
     drive, screw = 0.5 * float(ship.record()["drive_max"]), ship.propeller
     pitch = 0.25 * screw.pitch_ratio_min + 0.75 * screw.pitch_ratio_max
@@ -37,7 +43,7 @@ def sailed(name: str) -> Any:
         inflow, state = float(steady.outputs.advance_velocity), steady.state
     elif ship.propeller.model != "bollard":
         state = equilibrium(ship, drive, pitch).state
-        # J of 0.6: below the fold's dip, where an estimate comes back from standing still
+        # At J of 0.6 the estimate converges from standstill.
         inflow = 0.6 * state.shaft_speed / (2.0 * np.pi) * screw.diameter_m
     swell = Schedule(
         drive,
@@ -60,8 +66,8 @@ def test_it_follows_or_is_refused(ship_name: str, name: str) -> None:
         assert refusal.startswith(f"{ship_name}: ")
         assert any(key in refusal for key in KEYS)
         return
-    run = sailed(ship_name)
-    velocity, valid = follow(observer, ship, readings_of(run, ship), ship.time_step_s)
+    run = simulated(ship_name)
+    velocity, valid = follow(observer, ship, simulated_measurements(run, ship), ship.time_step_s)
     later = slice(len(run) // 4, None)
     assert np.all(np.isfinite(velocity))
     if ship.propeller.diameter_m < 2.0 and name in OF_THE_FRIGATE:
@@ -73,11 +79,11 @@ def test_it_follows_or_is_refused(ship_name: str, name: str) -> None:
 
 
 def test_the_random_walk_filter_with_covariances_of_a_small_ship() -> None:
-    ship, run = load_ship("ferry"), sailed("ferry")
-    readings, truth = readings_of(run, ship), run["advance_velocity"]
+    ship, run = load_ship("ferry"), simulated("ferry")
+    measurements, truth = simulated_measurements(run, ship), run["advance_velocity"]
 
     def error(observer: RandomWalkKalman) -> float:
-        velocity, _ = follow(observer, ship, readings, ship.time_step_s)
+        velocity, _ = follow(observer, ship, measurements, ship.time_step_s)
         return float(np.sqrt(np.mean((velocity - truth)[300:] ** 2)) / np.std(truth))
 
     assert error(RandomWalkKalman()) > 0.9

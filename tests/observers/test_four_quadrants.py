@@ -1,4 +1,4 @@
-"""Observers through a reversal of shaft and inflow, and what they say of the ring vortex."""
+"""Observers in a reversal of shaft and inflow, and in the ring vortex."""
 
 from __future__ import annotations
 
@@ -10,17 +10,24 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shaftline.observers import ESTIMATE, Measurement, follow, get_observer, readings_of, update
+from shaftline.observers import (
+    ESTIMATE,
+    Measurement,
+    follow,
+    get_observer,
+    simulated_measurements,
+    update,
+)
 from shaftline.observers.immersion_invariance import ImmersionInvariance
 from shaftline.observers.luenberger import Luenberger
 from shaftline.observers.random_walk_kalman import RandomWalkKalman
 from shaftline.observers.shaft_acceleration import ShaftAccelerationDerived
 from shaftline.observers.torque_curve import (
-    held_on_curve,
+    limit_to_curve,
     model_torque,
-    told_by_torque,
+    shaft_turns,
+    torque_determines_inflow,
     torque_slopes,
-    turns,
     velocity_from_torque,
 )
 from shaftline.plant.propeller import propeller_load
@@ -40,7 +47,7 @@ OBSERVERS = {
     "random-walk-kalman": (RandomWalkKalman(1.0, 0.0, 0.1, 0.02), 0.05),
     "immersion-invariance-adaptive": (get_observer("immersion-invariance-adaptive"), 0.08),
 }
-"""Each at a tuning for the rig, and the rms error [m/s] of what it calls valid."""
+"""Observers with a tuning for the rig, and the rms error [m/s] of their valid estimates."""
 
 
 @pytest.fixture(scope="module")
@@ -72,38 +79,38 @@ def test_a_shaft_at_rest_holds_the_guess() -> None:
     slowest = 1e-3 * 2.0 * math.pi
     for w in (0.99 * slowest, -0.99 * slowest, 0.0):
         assert velocity_from_torque(PLANT, 0.1, w, PITCH, -0.4) == (-0.4, False)
-        assert not told_by_torque(PLANT, 0.4, w, PITCH, True)
+        assert not torque_determines_inflow(PLANT, 0.4, w, PITCH, True)
 
 
 def test_curves_of_one_quadrant_know_one_direction() -> None:
     for w in (2e-3, -2e-3, 5e-4, -5e-4):
-        assert turns(PLANT, w) == (abs(w) > 1e-3)
-        assert turns(SHIP.record(), w) == (w > 1e-3)
-    assert told_by_torque(SHIP.record(), -3.0, -5.0, 1.2, False)  # nothing to tell apart
+        assert shaft_turns(PLANT, w) == (abs(w) > 1e-3)
+        assert shaft_turns(SHIP.record(), w) == (w > 1e-3)
+    assert torque_determines_inflow(SHIP.record(), -3.0, -5.0, 1.2, False)  # one branch only
 
 
 def test_an_estimate_is_held_where_its_curves_end() -> None:
     top = 1.6 * 10.0 / (2.0 * math.pi) * 4.2
     one = SHIP.record()
-    assert held_on_curve(one, 5.0, 10.0) == (5.0, True)
-    assert held_on_curve(one, -0.1, 10.0) == (0.0, False)
-    assert held_on_curve(one, -0.1, 10.0, 0.25) == (-0.1, False)
+    assert limit_to_curve(one, 5.0, 10.0) == (5.0, True)
+    assert limit_to_curve(one, -0.1, 10.0) == (0.0, False)
+    assert limit_to_curve(one, -0.1, 10.0, 0.25) == (-0.1, False)
     for velocity, share, end in ((-50.0, 0.25, -0.25 * top), (99.0, 0.0, top)):
-        held, trusted = held_on_curve(one, velocity, 10.0, share)
+        held, trusted = limit_to_curve(one, velocity, 10.0, share)
         assert held == pytest.approx(end)
         assert not trusted
-    assert held_on_curve(PLANT, -30.0, 10.0) == (-30.0, True)  # no ends but those of the signal
-    assert held_on_curve(PLANT, -50.0, 10.0) == (-40.0, False)
-    assert held_on_curve(PLANT, 3.0, 5e-4) == (3.0, False)
+    assert limit_to_curve(PLANT, -30.0, 10.0) == (-30.0, True)  # limited by the signal bounds only
+    assert limit_to_curve(PLANT, -50.0, 10.0) == (-40.0, False)
+    assert limit_to_curve(PLANT, 3.0, 5e-4) == (3.0, False)
 
 
 @pytest.mark.parametrize("name", OBSERVERS)
 def test_each_follows_through_a_reversal(run: Any, name: str) -> None:
     observer, close = OBSERVERS[name]
-    velocity, valid = follow(observer, RIG, readings_of(run, RIG), RIG.time_step_s)
+    velocity, valid = follow(observer, RIG, simulated_measurements(run, RIG), RIG.time_step_s)
     error = velocity - run["advance_velocity"]
     assert np.sqrt(np.mean(error[valid] ** 2)) < close
-    # it turns twice, and is trusted most of the time, both ways round
+    # The estimate is valid most of the time in both directions.
     for side in (run["shaft_speed"] > 10.0, run["shaft_speed"] < -10.0):
         assert valid[side].mean() > 0.8
     last = valid[-1000:]
@@ -112,14 +119,14 @@ def test_each_follows_through_a_reversal(run: Any, name: str) -> None:
 
 @pytest.mark.parametrize("name", ["shaft-acceleration", "luenberger-high", "shaft-kalman"])
 def test_the_ring_vortex_is_never_valid(run: Any, name: str) -> None:
-    _, valid = follow(OBSERVERS[name][0], RIG, readings_of(run, RIG), RIG.time_step_s)
+    _, valid = follow(OBSERVERS[name][0], RIG, simulated_measurements(run, RIG), RIG.time_step_s)
     zone = against_inflow(run)
     assert zone.sum() > 200
     assert not valid[zone].any()
 
 
 def test_valid_again_only_by_an_unmistakable_torque(run: Any) -> None:
-    """Steady inflows, J 0.2: trusted by who comes from J 0.8, not by who begins there."""
+    """At J 0.2 an estimate that comes from J 0.8 is valid, one that starts there is not."""
     w = 40.0
     record = get_observer("power-balance").discretise(RIG, RIG.time_step_s)
 
@@ -138,7 +145,7 @@ def test_valid_again_only_by_an_unmistakable_torque(run: Any) -> None:
     assert ends([0.8, 0.2, -0.08, 0.2, 0.8, 0.2]) == [1, 1, 0, 0, 1, 1]
 
 
-def test_a_reversed_shaft_has_to_tell_anew() -> None:
+def test_validity_restarts_after_a_reversal() -> None:
     w = 40.0
     v = 0.2 * w * DIAMETER / (2.0 * math.pi)
     record = get_observer("power-balance").discretise(RIG, RIG.time_step_s)
@@ -153,7 +160,7 @@ def test_a_reversed_shaft_has_to_tell_anew() -> None:
     assert estimate["valid"] == 0
 
 
-reading = st.one_of(
+measurement = st.one_of(
     st.floats(allow_nan=True, allow_infinity=True),
     st.sampled_from([0.0, 1e-3, -1e-3, 40.0, -40.0, 5.0, -5.0, 1.0, 1e8, math.nan]),
 )
@@ -161,8 +168,8 @@ reading = st.one_of(
 
 @pytest.mark.parametrize("name", OBSERVERS)
 @settings(max_examples=40)
-@given(rows=st.lists(st.tuples(reading, reading, reading, reading), max_size=12))
-def test_no_reading_makes_the_estimate_anything_but_a_number(
+@given(rows=st.lists(st.tuples(measurement, measurement, measurement, measurement), max_size=12))
+def test_no_measurement_makes_the_estimate_anything_but_a_number(
     name: str, rows: list[tuple[float, float, float, float]]
 ) -> None:
     record = OBSERVERS[name][0].discretise(RIG, RIG.time_step_s)

@@ -1,4 +1,4 @@
-"""Immersion and invariance: against the continuous equation, and at the limits of the estimate."""
+"""Immersion and invariance: the continuous equation, and the limits of the estimate."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from scipy.integrate import solve_ivp
 from shaftline.observers import ESTIMATE, get_observer
 from shaftline.observers.immersion_invariance import ImmersionInvariance
 
-from .screw import DT, INERTIA, SHIP, Screw, noisy_readings, sampled
+from .screw import DT, INERTIA, SHIP, Screw, noisy_measurements, sampled
 
 SCREW = Screw()
 
 
-def continuous(gain: float, readings: Any, dt: float) -> Any:
-    """Eq. 3-13 between samples that are joined by straight lines, from the first sample's inverse."""
-    times = dt * np.arange(len(readings))
+def continuous(gain: float, measurements: Any, dt: float) -> Any:
+    """Integrate eq. 3-13 with linear interpolation, from the inverse of the first sample."""
+    times = dt * np.arange(len(measurements))
 
     def rate(t: float, zeta: Any) -> Any:
-        w, torque, pitch = (np.interp(t, times, readings[:, i]) for i in range(3))
+        w, torque, pitch = (np.interp(t, times, measurements[:, i]) for i in range(3))
         return gain / INERTIA * (SCREW.torque(zeta[0] + gain * w, w, pitch) - torque)
 
-    v = SCREW.velocity(readings[0, 1], readings[0, 0], readings[0, 2])
+    v = SCREW.velocity(measurements[0, 1], measurements[0, 0], measurements[0, 2])
     found = [v]
-    shaft_speeds = itertools.pairwise(readings[:, 0])
+    shaft_speeds = itertools.pairwise(measurements[:, 0])
     for (start, end), (first, last) in zip(itertools.pairwise(times), shaft_speeds, strict=True):
         zeta = solve_ivp(rate, (start, end), [v - gain * first], rtol=1e-9, atol=1e-9).y[0, -1]
         v = zeta + gain * last
@@ -38,17 +38,17 @@ def continuous(gain: float, readings: Any, dt: float) -> Any:
 
 @pytest.mark.parametrize("gain", [1.0, 4.0, 20.0])
 def test_estimate_follows_the_equation(gain: float) -> None:
-    """The trapezoidal rule's error falls with the square of the step."""
+    """The error of the trapezoidal rule is proportional to the square of the step."""
     errors = []
     for dt in (0.02, 0.01):
         t = np.arange(0.0, 1.0, dt)
         w = 10.0 + 0.4 * np.sin(3.0 * t)
         torque = 1.75e5 + 2e4 * np.sin(4.0 * t + 1.0)
         pitch = 1.3 - 0.1 * t
-        readings = np.column_stack([w, torque, pitch, 0.0 * t, 0.0 * t])
-        after = sampled(ImmersionInvariance(gain).discretise(SHIP, dt), readings)
+        measurements = np.column_stack([w, torque, pitch, 0.0 * t, 0.0 * t])
+        after = sampled(ImmersionInvariance(gain).discretise(SHIP, dt), measurements)
         estimate = np.array([e["advance_velocity"] for e in after])
-        expected = continuous(gain, readings, dt)
+        expected = continuous(gain, measurements, dt)
         assert np.ptp(expected) > 0.25
         errors.append(np.abs(estimate - expected).max())
     assert errors[1] < 6e-3
@@ -56,19 +56,19 @@ def test_estimate_follows_the_equation(gain: float) -> None:
 
 
 def test_each_step_solves_the_trapezoidal_rule() -> None:
-    gain, readings = 4.0, noisy_readings(20)
-    after = sampled(ImmersionInvariance(gain).discretise(SHIP, DT), readings)
+    gain, measurements = 4.0, noisy_measurements(20)
+    after = sampled(ImmersionInvariance(gain).discretise(SHIP, DT), measurements)
     assert after[0]["advance_velocity"] == pytest.approx(
-        SCREW.velocity(readings[0, 1], readings[0, 0], readings[0, 2])
+        SCREW.velocity(measurements[0, 1], measurements[0, 0], measurements[0, 2])
     )
-    for k in range(1, len(readings)):
-        (w0, m0, p0), (w1, m1, p1) = readings[k - 1, :3], readings[k, :3]
+    for k in range(1, len(measurements)):
+        (w0, m0, p0), (w1, m1, p1) = measurements[k - 1, :3], measurements[k, :3]
         v0, v1 = (float(after[i]["advance_velocity"]) for i in (k - 1, k))
         rates = [
             gain / INERTIA * (SCREW.torque(v, w, p) - m)
             for v, w, p, m in ((v0, w0, p0, m0), (v1, w1, p1, m1))
         ]
-        # zeta+ - zeta = dt times the mean of its rates
+        # The change of zeta is dt times the mean of its rates.
         moved = (v1 - gain * w1) - (v0 - gain * w0)
         assert moved == pytest.approx(0.5 * DT * sum(rates), abs=1e-9)
 
@@ -80,7 +80,7 @@ def test_tunings_are_the_printed_gains() -> None:
 
 
 def held(velocity: float, w: float, torque: float) -> Any:
-    """The next estimate after one at ``velocity`` with the same shaft speed."""
+    """Return the estimate that follows one at ``velocity``, with the same shaft speed."""
     estimate = np.zeros(1, ESTIMATE)[0]
     estimate["started"], estimate["advance_velocity"] = 1, velocity
     estimate["shaft_speed"], estimate["shaft_torque"], estimate["pitch_ratio"] = w, torque, 1.3
@@ -92,7 +92,7 @@ def held(velocity: float, w: float, torque: float) -> Any:
 def test_estimate_ends_where_the_torque_curves_do() -> None:
     w = 10.0
     top = 1.6 * w / (2.0 * math.pi) * 4.2
-    # a torque that leaves the estimate where it is, and one that drives it up a little
+    # One torque keeps the estimate, the other increases it slightly.
     for start, valid in ((top - 0.05, 1), (top + 0.05, 0)):
         after = held(start, w, SCREW.torque(start, w, 1.3))
         assert after["valid"] == valid

@@ -1,4 +1,4 @@
-"""The linear observer and its exact discretisation."""
+"""Linear observer and its exact discretisation."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from shaftline.observers import ESTIMATE, get_observer
 from shaftline.observers.linear import LinearObserver, first_order_hold, shaft_model
 from shaftline.plant import Ship
 
-from .screw import DT, INERTIA, SHIP, Screw, noisy_readings, sampled
+from .screw import DT, INERTIA, SHIP, Screw, noisy_measurements, sampled
 
 LINEAR = ["luenberger-low", "luenberger-moderate", "luenberger-high", "shaft-kalman"]
 
 
 def test_first_order_hold_equals_lsim() -> None:
-    """lsim interpolates its input linearly between samples, by a different formula."""
+    """SciPy's lsim interpolates its input linearly by another formula."""
     rng = np.random.default_rng(0)
     a = rng.normal(size=(3, 3)) - 2.0 * np.eye(3)
     b = rng.normal(size=(3, 2))
@@ -61,7 +61,7 @@ def test_discrete_observer_is_stable_at_any_step(frigate: Ship, name: str, dt: f
 
 
 @pytest.mark.parametrize("name", LINEAR)
-def test_steady_readings_are_a_fixed_point(frigate: Ship, name: str) -> None:
+def test_steady_measurements_are_a_fixed_point(frigate: Ship, name: str) -> None:
     record = get_observer(name).discretise(frigate, 0.05)
     steady = np.array([10.5, 143850.0])  # omega, M_m = M_p
     following = (record["transition"] + record["before"] + record["now"]) @ steady
@@ -71,25 +71,25 @@ def test_steady_readings_are_a_fixed_point(frigate: Ship, name: str) -> None:
 @pytest.mark.parametrize("name", ["luenberger-low", "shaft-kalman"])
 def test_states_follow_the_continuous_observer(name: str) -> None:
     """omega^' = (M_m - M_p^)/I + k1 (omega - omega^), M_p^' = k2 (omega - omega^)."""
-    readings = noisy_readings(25)
+    measurements = noisy_measurements(25)
     observer = get_observer(name)
     assert isinstance(observer, LinearObserver)
     k1, k2 = observer.gain(SHIP).ravel()
-    times = DT * np.arange(len(readings))
+    times = DT * np.arange(len(measurements))
 
     def rate(t: float, x: NDArray[np.float64]) -> Any:
-        w, torque = (np.interp(t, times, readings[:, i]) for i in (0, 1))
+        w, torque = (np.interp(t, times, measurements[:, i]) for i in (0, 1))
         return [(torque - x[1]) / INERTIA + k1 * (w - x[0]), k2 * (w - x[0])]
 
-    x = readings[0, :2]  # at rest in the first measurement
+    x = measurements[0, :2]  # steady state at the first sample
     expected = [x]
     for start, end in itertools.pairwise(times):
         x = solve_ivp(rate, (start, end), x, "DOP853", rtol=1e-11, atol=1e-9).y[:, -1]
         expected.append(x)
-    after = sampled(observer.discretise(SHIP, DT), readings)
+    after = sampled(observer.discretise(SHIP, DT), measurements)
     np.testing.assert_allclose([e["x"][:2] for e in after], expected, rtol=1e-8)
     velocities = [
-        Screw().velocity(x[1], x[0], row[2]) for x, row in zip(expected, readings, strict=True)
+        Screw().velocity(x[1], x[0], row[2]) for x, row in zip(expected, measurements, strict=True)
     ]
     assert [e["advance_velocity"] for e in after] == pytest.approx(velocities, rel=1e-7)
 
@@ -97,7 +97,7 @@ def test_states_follow_the_continuous_observer(name: str) -> None:
 @pytest.mark.parametrize(("share", "valid"), [(0.198, 1), (-0.198, 1), (0.202, 0), (-0.202, 0)])
 def test_an_estimate_is_trusted_within_a_fifth_of_the_shaft_speed(share: float, valid: int) -> None:
     record = get_observer("luenberger").discretise(SHIP, DT)
-    record["transition"], record["before"], record["now"] = np.eye(2), 0.0, 0.0  # x stays
+    record["transition"], record["before"], record["now"] = np.eye(2), 0.0, 0.0  # constant x
     w, pitch = 10.0, 1.3
     estimate = np.zeros(1, ESTIMATE)[0]
     estimate["started"] = 1

@@ -1,4 +1,4 @@
-"""Poles as placed, gains as printed."""
+"""Luenberger observer: given poles, printed gains."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The gauge's torque taken for the propeller's, sample by sample."""
+"""Power balance: each estimate inverts the torque curve at the measured torque."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ import pytest
 from shaftline.observers import get_observer
 from shaftline.observers.power_balance import PowerBalance
 
-from .screw import DT, SHIP, Screw, noisy_readings, sampled
+from .screw import DT, SHIP, Screw, noisy_measurements, sampled
 
 
 def test_each_estimate_is_the_inverse_of_its_own_sample() -> None:
-    readings = noisy_readings(30)
-    after = sampled(PowerBalance().discretise(SHIP, DT), readings)
-    expected = [Screw().velocity(torque, w, pitch) for w, torque, pitch, _, _ in readings]
+    measurements = noisy_measurements(30)
+    after = sampled(PowerBalance().discretise(SHIP, DT), measurements)
+    expected = [Screw().velocity(torque, w, pitch) for w, torque, pitch, _, _ in measurements]
     assert [e["advance_velocity"] for e in after] == pytest.approx(expected, rel=1e-9)
     assert np.ptp(expected) > 0.5
     assert all(e["valid"] for e in after)
 
 
-def test_there_is_nothing_to_tune() -> None:
+def test_power_balance_has_no_tuning() -> None:
     assert get_observer("power-balance") == PowerBalance()
     assert not PowerBalance.tunings
 

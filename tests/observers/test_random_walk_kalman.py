@@ -1,4 +1,4 @@
-"""Both random-walk filters against a Kalman filter with matrices in NumPy: state and covariance."""
+"""Random-walk filters: state and covariance of a Kalman filter with matrices in NumPy."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 from shaftline.observers import ESTIMATE, get_observer
 from shaftline.observers.random_walk_kalman import PrintedRandomWalkKalman, RandomWalkKalman
 
-from .screw import DT, INERTIA, SHIP, Screw, noisy_readings, sampled
+from .screw import DT, INERTIA, SHIP, Screw, noisy_measurements, sampled
 
 SCREW = Screw()
 TOTAL = 53697.0 + INERTIA
@@ -22,7 +22,7 @@ Step = Callable[[Any, Any, Any], tuple[Any, Any, float]]
 
 
 def extended(x: Any, before: Any, now: Any) -> tuple[Any, Any, float]:
-    """Predicted state, its slope to the state, and what the encoder measures of it."""
+    """Return the predicted state, its Jacobian, and the measurement of the encoder."""
     w, v = x
     torque, pitch = 0.5 * (before[1] + now[1]), 0.5 * (before[2] + now[2])
     middle = w + 0.5 * DT * (torque - SCREW.torque(v, w, pitch)) / INERTIA
@@ -44,12 +44,14 @@ def printed(x: Any, before: Any, now: Any) -> tuple[Any, Any, float]:
     return np.array([predicted, v]), np.eye(2) + DT * a, 0.0
 
 
-def filtered(step: Step, readings: Any, first: float, q: Any, r: float) -> tuple[Any, Any]:
-    """States and covariances by the textbook's matrices, in Joseph's form."""
-    x = np.array([first, SCREW.velocity(readings[0, 1], readings[0, 0], readings[0, 2])])
+def filtered(step: Step, measurements: Any, first: float, q: Any, r: float) -> tuple[Any, Any]:
+    """Return states and covariances by matrix equations, in Joseph's form."""
+    x = np.array(
+        [first, SCREW.velocity(measurements[0, 1], measurements[0, 0], measurements[0, 2])]
+    )
     p, h = np.diag([r, 1.0]), np.array([[1.0, 0.0]])
     states, covariances = [x], [p]
-    for before, now in itertools.pairwise(readings):
+    for before, now in itertools.pairwise(measurements):
         x, f, measured = step(x, before, now)
         p = f @ p @ f.T + q
         k = p @ h.T / (h @ p @ h.T + r)
@@ -62,24 +64,24 @@ def filtered(step: Step, readings: Any, first: float, q: Any, r: float) -> tuple
 
 
 def test_extended_filter_is_the_textbooks() -> None:
-    readings = noisy_readings(SAMPLES)
+    measurements = noisy_measurements(SAMPLES)
     observer = RandomWalkKalman(0.3, 1e-4, 2500.0, 0.03)
     q = np.diag([1e-4 * DT + (DT * 2500.0 / INERTIA) ** 2, 0.3 * DT])
-    states, covariances = filtered(extended, readings, readings[0, 0], q, 0.03**2)
-    after = sampled(observer.discretise(SHIP, DT), readings)
+    states, covariances = filtered(extended, measurements, measurements[0, 0], q, 0.03**2)
+    after = sampled(observer.discretise(SHIP, DT), measurements)
     np.testing.assert_allclose([e["x"][:2] for e in after], states, rtol=1e-7)
     np.testing.assert_allclose([e["covariance"][:2, :2] for e in after], covariances, rtol=1e-6)
     np.testing.assert_allclose([e["advance_velocity"] for e in after], states[:, 1], rtol=1e-7)
     assert all(e["valid"] for e in after)
-    assert np.std(states[100:, 1] - readings[100:, 4]) < 0.3  # and it follows the truth
+    assert np.std(states[100:, 1] - measurements[100:, 4]) < 0.3  # the estimate follows the truth
 
 
 def test_printed_filter_is_the_textbooks() -> None:
-    readings = noisy_readings(SAMPLES)
+    measurements = noisy_measurements(SAMPLES)
     observer = PrintedRandomWalkKalman(3.0, 1e-3, 0.0, 0.02)
     q = np.diag([1e-3 * DT, 3.0 * DT])
-    states, covariances = filtered(printed, readings, 0.0, q, 0.02**2)
-    after = sampled(observer.discretise(SHIP, DT), readings)
+    states, covariances = filtered(printed, measurements, 0.0, q, 0.02**2)
+    after = sampled(observer.discretise(SHIP, DT), measurements)
     np.testing.assert_allclose([e["x"][1] for e in after], states[:, 1], rtol=1e-7)
     np.testing.assert_allclose([e["x"][0] for e in after], states[:, 0], atol=1e-9)
     np.testing.assert_allclose([e["covariance"][:2, :2] for e in after], covariances, rtol=1e-6)
@@ -89,7 +91,7 @@ def test_printed_filter_is_the_textbooks() -> None:
 @pytest.mark.parametrize("tuning", ["extended", "printed"])
 def test_covariance_stays_symmetric_and_positive(tuning: str) -> None:
     record = get_observer("random-walk-kalman", tuning).discretise(SHIP, DT)
-    for e in sampled(record, noisy_readings(SAMPLES, seed=1)):
+    for e in sampled(record, noisy_measurements(SAMPLES, seed=1)):
         p = e["covariance"]
         assert p[0, 1] == p[1, 0]
         assert p[0, 0] > 0.0
@@ -117,7 +119,7 @@ def test_estimate_is_held_where_the_torque_curve_is_known(observer: RandomWalkKa
         assert last["x"][1] == last["advance_velocity"] == pytest.approx(edge, rel=1e-12)
         assert last["valid"] == 0
     (first,) = sampled(record, [(w, 5e5, 1.3, 0.0, 0.0)])
-    assert first["valid"] == 0  # off the curve from the beginning
+    assert first["valid"] == 0  # off the torque curve
 
 
 @pytest.mark.parametrize(("w", "valid"), [(0.00099, 0), (0.00101, 1)])
@@ -134,7 +136,7 @@ def test_a_shaft_at_rest_gives_no_valid_estimate(
 
 def test_a_later_start_forgets_the_covariance() -> None:
     record = RandomWalkKalman().discretise(SHIP, DT)
-    readings = noisy_readings(40)
-    estimate = sampled(record, readings)[-1]
+    measurements = noisy_measurements(40)
+    estimate = sampled(record, measurements)[-1]
     estimate["started"] = 0
-    assert sampled(record, readings[:1], estimate)[0] == sampled(record, readings[:1])[0]
+    assert sampled(record, measurements[:1], estimate)[0] == sampled(record, measurements[:1])[0]

@@ -1,4 +1,4 @@
-"""Observers by name, and what the kernel for all of them adds to each."""
+"""Registry of the observers, and the kernel that updates any of them."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_unknown_observer_names_the_known_ones() -> None:
 def test_unknown_tuning_names_the_known_ones() -> None:
     with pytest.raises(ObserverError, match=r"no tuning 'wild'; tunings: low, moderate, high"):
         get_observer("luenberger", "wild")
-    with pytest.raises(ObserverError, match=r"no tuning 'low'; tunings: none, it has nothing"):
+    with pytest.raises(ObserverError, match=r"no tuning 'low'; tunings: none"):
         get_observer("power-balance", "low")
     with pytest.raises(ObserverError, match="unknown observer 'luenberger-low'"):
         get_observer("luenberger-low", "high")
@@ -78,16 +78,16 @@ def test_unknown_tuning_names_the_known_ones() -> None:
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name != "none"])
 def test_each_record_is_served_by_its_own_kernel(name: str) -> None:
-    """At rest all agree on the truth, whatever their equations."""
+    """In a steady state all observers agree with the truth."""
     record = get_observer(name).discretise(SHIP, DT)
     (*_, last) = sampled(record, [STEADY] * 20)
-    # the ship whose speed is tracked too does not rest: its thrust there is not its resistance
+    # The ship speed of the augmented filter drifts, because thrust and resistance differ.
     close = 2e-4 if name.startswith("augmented") else 1e-5
     assert last["advance_velocity"] == pytest.approx(7.5, rel=close)
     assert last["valid"] == 1
 
 
-def test_a_record_of_nobody_is_never_valid() -> None:
+def test_a_record_with_an_unknown_code_is_never_valid() -> None:
     record = get_observer("power-balance").discretise(SHIP, DT)
     record["kind"] = 12345
     (last,) = sampled(record, [STEADY])
@@ -95,16 +95,16 @@ def test_a_record_of_nobody_is_never_valid() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_an_implausible_reading_holds_the_estimate_and_starts_afresh(name: str) -> None:
+def test_an_implausible_measurement_keeps_the_estimate_and_restarts(name: str) -> None:
     record = get_observer(name).discretise(SHIP, DT)
     lost = (10.0, math.nan, 1.3, 0.0, 7.0)
     good, after, again = sampled(record, [STEADY, lost, STEADY])
-    if name == "oracle":  # knows without instruments
+    if name == "oracle":  # independent of measurements
         assert (after["advance_velocity"], after["valid"], after["started"]) == (7.0, 1, 1)
         return
     assert after["advance_velocity"] == good["advance_velocity"]
     assert (after["valid"], after["started"]) == (0, 0)
-    for field in ("x", "covariance", "advance_velocity"):  # whatever came before
+    for field in ("x", "covariance", "advance_velocity"):  # independent of the samples before
         assert again[field] == pytest.approx(good[field], rel=1e-12)
     assert (again["valid"], again["started"]) == (good["valid"], 1)
     estimate = np.zeros(1, ESTIMATE)[0]

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from shaftline.observers import follow, get_observer, observer_names, readings_of, update
+from shaftline.observers import follow, get_observer, observer_names, simulated_measurements, update
 from shaftline.observers.records import ESTIMATE, Measurement
 from shaftline.plant import Equilibrium, Schedule, Ship, simulate
 
@@ -20,15 +20,15 @@ DT = 0.05
 
 
 @pytest.fixture(scope="module")
-def readings(frigate: Ship, design_point: Equilibrium) -> NDArray[np.float64]:
+def measurements(frigate: Ship, design_point: Equilibrium) -> NDArray[np.float64]:
     schedule = Schedule(22.0, 1.4, inflow=lambda t: np.sin(0.8 * t))
-    return readings_of(simulate(frigate, schedule, 40.0, initial=design_point.state))
+    return simulated_measurements(simulate(frigate, schedule, 40.0, initial=design_point.state))
 
 
 def spoilt(
-    readings: NDArray[np.float64], column: int, value: float, where: slice = BAD
+    measurements: NDArray[np.float64], column: int, value: float, where: slice = BAD
 ) -> NDArray[np.float64]:
-    copy = readings.copy()
+    copy = measurements.copy()
     copy[where, column] = value
     return copy
 
@@ -46,30 +46,32 @@ def assert_recovers(
 @pytest.mark.parametrize("name", MEASURING)
 @pytest.mark.parametrize("column", [SPEED, TORQUE, PITCH])
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300])
-def test_lost_reading_is_flagged_and_survived(
-    frigate: Ship, readings: NDArray[np.float64], name: str, column: int, value: float
+def test_lost_measurement_is_flagged_and_survived(
+    frigate: Ship, measurements: NDArray[np.float64], name: str, column: int, value: float
 ) -> None:
-    bad = spoilt(readings, column, value)
+    bad = spoilt(measurements, column, value)
     estimate, valid = follow(get_observer(name), frigate, bad, DT)
     assert np.all(np.isfinite(estimate))
     assert not valid[BAD].any()
     assert np.all(estimate[BAD] == estimate[BAD.start - 1])
-    assert_recovers(name, frigate, readings, bad, BAD.stop, within_s=5.0)
+    assert_recovers(name, frigate, measurements, bad, BAD.stop, within_s=5.0)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_accelerometer_that_fails_is_flagged(
-    frigate: Ship, readings: NDArray[np.float64], value: float
+    frigate: Ship, measurements: NDArray[np.float64], value: float
 ) -> None:
-    bad = spoilt(readings, ACCELERATION, value)
+    bad = spoilt(measurements, ACCELERATION, value)
     estimate, valid = follow(get_observer("shaft-acceleration"), frigate, bad, DT)
     assert np.all(estimate[BAD] == estimate[BAD.start - 1])
     assert not valid[BAD].any()
     assert valid[BAD.stop :].all()
 
 
-def test_oracle_without_truth_is_flagged(frigate: Ship, readings: NDArray[np.float64]) -> None:
-    estimate, valid = follow(get_observer("oracle"), frigate, spoilt(readings, TRUTH, math.nan), DT)
+def test_oracle_without_truth_is_flagged(frigate: Ship, measurements: NDArray[np.float64]) -> None:
+    estimate, valid = follow(
+        get_observer("oracle"), frigate, spoilt(measurements, TRUTH, math.nan), DT
+    )
     assert np.all(np.isfinite(estimate))
     assert not valid[BAD].any()
 
@@ -77,52 +79,52 @@ def test_oracle_without_truth_is_flagged(frigate: Ship, readings: NDArray[np.flo
 @pytest.mark.parametrize("name", MEASURING)
 @pytest.mark.parametrize("torque", [1e6, -5e5], ids=["above", "below"])
 def test_torque_off_the_curve_is_flagged(
-    frigate: Ship, readings: NDArray[np.float64], name: str, torque: float
+    frigate: Ship, measurements: NDArray[np.float64], name: str, torque: float
 ) -> None:
     where = slice(200, 500)  # 15 s, so that the slowest observer has followed
-    bad = spoilt(readings, TORQUE, torque, where)
+    bad = spoilt(measurements, TORQUE, torque, where)
     estimate, valid = follow(get_observer(name), frigate, bad, DT)
     assert np.all(np.isfinite(estimate))
     assert np.all((estimate > -4.0) & (estimate < 40.0))
     assert not valid[400:500].any()
-    assert_recovers(name, frigate, readings, bad, where.stop, within_s=8.0)
+    assert_recovers(name, frigate, measurements, bad, where.stop, within_s=8.0)
 
 
 @pytest.mark.parametrize("name", MEASURING)
 def test_shaft_at_rest_gives_no_valid_estimate(
-    frigate: Ship, readings: NDArray[np.float64], name: str
+    frigate: Ship, measurements: NDArray[np.float64], name: str
 ) -> None:
     where = slice(0, 200)
-    bad = spoilt(spoilt(readings, SPEED, 0.0, where), TORQUE, 0.0, where)
+    bad = spoilt(spoilt(measurements, SPEED, 0.0, where), TORQUE, 0.0, where)
     estimate, valid = follow(get_observer(name), frigate, bad, DT)
     assert np.all(np.isfinite(estimate))
     assert not valid[where].any()
-    assert_recovers(name, frigate, readings, bad, where.stop, within_s=6.0)
+    assert_recovers(name, frigate, measurements, bad, where.stop, within_s=6.0)
 
 
 @pytest.mark.parametrize("name", MEASURING)
 def test_shaft_that_stops_on_the_way_is_survived(
-    frigate: Ship, readings: NDArray[np.float64], name: str
+    frigate: Ship, measurements: NDArray[np.float64], name: str
 ) -> None:
     where = slice(200, 400)
-    bad = spoilt(readings, SPEED, 0.0, where)
+    bad = spoilt(measurements, SPEED, 0.0, where)
     estimate, valid = follow(get_observer(name), frigate, bad, DT)
     assert np.all(np.isfinite(estimate))
     assert not valid[300:400].any()
-    assert_recovers(name, frigate, readings, bad, where.stop, within_s=6.0)
+    assert_recovers(name, frigate, measurements, bad, where.stop, within_s=6.0)
 
 
 @pytest.mark.parametrize("name", MEASURING)
 def test_shaft_turning_astern_is_not_valid(
-    frigate: Ship, readings: NDArray[np.float64], name: str
+    frigate: Ship, measurements: NDArray[np.float64], name: str
 ) -> None:
-    bad = spoilt(readings, SPEED, -5.0, slice(200, 400))
+    bad = spoilt(measurements, SPEED, -5.0, slice(200, 400))
     estimate, valid = follow(get_observer(name), frigate, bad, DT)
     assert np.all(np.isfinite(estimate))
     assert not valid[300:400].any()
 
 
-reading = st.one_of(
+measurement = st.one_of(
     st.floats(allow_nan=True, allow_infinity=True),
     st.sampled_from([0.0, -0.0, 1e-3, 10.0, 1.4e5, 1.4, -10.0, 1e3, 1e8, math.nan, math.inf]),
 )
@@ -130,17 +132,21 @@ reading = st.one_of(
 
 @pytest.mark.parametrize("name", observer_names())
 @settings(max_examples=40)
-@given(rows=st.lists(st.tuples(reading, reading, reading, reading, reading), max_size=12))
-def test_no_reading_makes_the_estimate_anything_but_a_number(
-    frigate: Ship, readings: NDArray[np.float64], name: str, rows: list[tuple[float, ...]]
+@given(
+    rows=st.lists(
+        st.tuples(measurement, measurement, measurement, measurement, measurement), max_size=12
+    )
+)
+def test_no_measurement_makes_the_estimate_anything_but_a_number(
+    frigate: Ship, measurements: NDArray[np.float64], name: str, rows: list[tuple[float, ...]]
 ) -> None:
-    wild = np.vstack([readings[:5], np.reshape(rows, (-1, 5)), readings[:5]])
+    wild = np.vstack([measurements[:5], np.reshape(rows, (-1, 5)), measurements[:5]])
     estimate, _ = follow(get_observer(name), frigate, wild, DT)
     assert np.all(np.isfinite(estimate))
 
 
 @pytest.mark.parametrize("name", observer_names())
-def test_lost_first_reading_gives_a_finite_invalid_estimate(frigate: Ship, name: str) -> None:
+def test_lost_first_measurement_gives_a_finite_invalid_estimate(frigate: Ship, name: str) -> None:
     observer = get_observer(name).discretise(frigate, DT)
     estimate = np.zeros(1, ESTIMATE)[0]
     nothing = Measurement(math.nan, math.nan, math.nan, math.nan, math.nan)

@@ -1,4 +1,4 @@
-"""M_p = M_m - I_R omega', with the acceleration measured or derived."""
+"""Observers with M_p = M_m - I_R omega' and a measured or derived acceleration."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import pytest
 from shaftline.observers import get_observer
 from shaftline.observers.shaft_acceleration import ShaftAccelerationDerived
 
-from .screw import DT, INERTIA, SHIP, Screw, noisy_readings, sampled
+from .screw import DT, INERTIA, SHIP, Screw, noisy_measurements, sampled
 
 
 def test_measured_acceleration_takes_the_inertia_out() -> None:
-    readings = noisy_readings(30)
-    after = sampled(get_observer("shaft-acceleration").discretise(SHIP, DT), readings)
+    measurements = noisy_measurements(30)
+    after = sampled(get_observer("shaft-acceleration").discretise(SHIP, DT), measurements)
     expected = [
         Screw().velocity(torque - INERTIA * acceleration, w, pitch)
-        for w, torque, pitch, acceleration, _ in readings
+        for w, torque, pitch, acceleration, _ in measurements
     ]
     assert [e["advance_velocity"] for e in after] == pytest.approx(expected, rel=1e-9)
 

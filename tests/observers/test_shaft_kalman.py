@@ -1,4 +1,4 @@
-"""The steady Kalman gain: against another solver, in closed form, and as printed."""
+"""Steady Kalman gain: another solver, closed form, printed values."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .screw import INERTIA, SHIP
 )
 def test_gain_is_that_of_another_solver(process: tuple[float, float], measurement: float) -> None:
     a, _, c = shaft_model(INERTIA)
-    # in units of 1e5 N m, or the other solver loses its digits
+    # Units of 1e5 N m keep the other solver accurate.
     scale = np.diag([1.0, 1e5])
     inverse = np.linalg.inv(scale)
     noise = inverse @ np.diag(process) @ inverse

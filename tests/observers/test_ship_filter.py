@@ -1,4 +1,4 @@
-"""The augmented filter of a ship: its model is the plant itself, its numbers are found and known."""
+"""Augmented filter of a ship: prediction by the plant, estimates and standard errors."""
 
 from __future__ import annotations
 
@@ -11,15 +11,7 @@ import pytest
 
 from shaftline.observers import ObserverError
 from shaftline.observers.ship_filter import DISTURBANCE, ShipFilter
-from shaftline.plant import (
-    Schedule,
-    Ship,
-    equilibrium,
-    get_sea,
-    load_ship,
-    realise,
-    simulate,
-)
+from shaftline.plant import Schedule, Ship, equilibrium, get_sea, load_ship, realise, simulate
 from shaftline.plant.columns import MEASURED, drive_column
 from shaftline.plant.replay import Replay
 
@@ -40,7 +32,7 @@ SPREAD = dict(zip(TRUTH, (0.5, 5e4, 0.05), strict=True))
 def recording(
     ship: Ship, seconds: float, noise: dict[str, float], seed: int = 0, every: int = 1
 ) -> pd.DataFrame:
-    """A voyage whose demands jump every 20 s, as instruments with noise would have recorded it."""
+    """Return a recording with noise of a voyage with a command step every 20 s."""
     rng = np.random.default_rng(seed)
     count = int(seconds / 20.0) + 1
     low, high = (12.0, 25.0) if ship.has_diesel else (4.0, 9.0)
@@ -59,19 +51,19 @@ def recording(
 
 def frigate_filter(**changes: Any) -> ShipFilter:
     settings: dict[str, Any] = {
-        "number_spread": SPREAD, "noise": NOISE, "state_spread": START,
+        "parameter_spread": SPREAD, "noise": NOISE, "state_spread": START,
     }  # fmt: skip
     return ShipFilter(load_ship("frigate"), list(TRUTH), **(settings | changes))
 
 
-def test_the_numbers_are_found_and_known_as_well_as_the_filter_says() -> None:
+def test_parameters_and_standard_errors_are_right() -> None:
     truth = load_ship("frigate").with_values(TRUTH)
     scores = []
     for seed in range(8):
         table = recording(truth, 300.0, NOISE, seed)
         own = frigate_filter()
         followed = own.follow(Replay(own.ship, table, 2.0))
-        errors = own.numbers - np.array([*TRUTH.values()])
+        errors = own.parameters - np.array([*TRUTH.values()])
         own_errors = np.sqrt(np.diag(own.covariance))
         assert own.states == ("pitch_ratio", "shaft_speed", "ship_speed")
         np.testing.assert_allclose(followed.estimates[-1], own.z)
@@ -97,30 +89,30 @@ RICH = {
 
 
 @pytest.mark.parametrize(("every", "changes"), [(1, {}), (3, RICH), (1, RICH)])
-def test_a_filter_that_believes_no_reading_is_the_simulation(
+def test_a_filter_without_measurements_is_the_simulation(
     every: int, changes: dict[str, float]
 ) -> None:
-    """To the bit: with no spread to correct, the prediction is the plant's own replay."""
+    """Without uncertainty the prediction is bit-identical with the replay of the plant."""
     ship = load_ship("frigate").with_values(changes)
     table = recording(ship, 60.0, NOISE, every=every)
     swell = 4.0 + 1.5 * np.sin(0.5 * table["time_s"])
     table = table.assign(propeller_submergence_m=swell)
     replay = Replay(ship, table)
     blind = ShipFilter(
-        ship, ["hull.fouling_fraction"], number_spread={"hull.fouling_fraction": 1e-30},
+        ship, ["hull.fouling_fraction"], parameter_spread={"hull.fouling_fraction": 1e-30},
         noise=dict.fromkeys(NOISE, 1e30), state_spread=dict.fromkeys(START, 0.0),
     )  # fmt: skip
     followed = blind.follow(replay)
     simulated = replay.simulate(ship.record())
     for name in ("pitch_ratio", "shaft_speed", "ship_speed"):
         own = followed.estimates[:, blind.states.index(name)]
-        # the actuator's pitch is the state, the blades' is what is sampled
+        # The state is the pitch of the actuator, the sample that of the blades.
         if name != "pitch_ratio" or not changes:
             np.testing.assert_array_equal(own, simulated[name])
 
 
 def test_the_slopes_of_a_prediction_are_those_of_the_simulation() -> None:
-    """By one exact reading at the end, each number moves in proportion to variance and slope."""
+    """An exact measurement at the end changes each parameter by variance times derivative."""
     ship = load_ship("frigate")
     table = recording(ship, 30.0, NOISE)
     keys = [
@@ -128,29 +120,29 @@ def test_the_slopes_of_a_prediction_are_those_of_the_simulation() -> None:
         "pitch_actuator.time_constant_s", "transmission.inertia_engine_side_kg_m2",
     ]  # fmt: skip
     spread = dict(zip(keys, (1e-4, 1e-2, 1e-2, 100.0), strict=True))
-    readings = table.copy()
-    readings.loc[readings.index[:-1], "ship_speed_m_s"] = math.nan
+    measurements = table.copy()
+    measurements.loc[measurements.index[:-1], "ship_speed_m_s"] = math.nan
     one = ShipFilter(
-        ship, keys, number_spread=spread, noise={"ship_speed_m_s": 1e-9},
+        ship, keys, parameter_spread=spread, noise={"ship_speed_m_s": 1e-9},
         state_spread=dict.fromkeys(START, 0.0),
     )  # fmt: skip
     replay = Replay(ship, table)
     nominal = replay.simulate(ship.record())["ship_speed"][-1]
-    readings.loc[readings.index[-1], "ship_speed_m_s"] = nominal + 1e-6
-    replay.table = readings
+    measurements.loc[measurements.index[-1], "ship_speed_m_s"] = nominal + 1e-6
+    replay.table = measurements
     one.follow(replay)
     slopes = []
     for key in keys:
-        number, record = ship.number(key), ship.record()
+        number, record = ship.parameter(key), ship.record()
         number.write(record, number.value * (1 + 1e-5) or 1e-5)
         moved = replay.simulate(record)["ship_speed"][-1]
         slopes.append((moved - nominal) / (number.value * 1e-5 or 1e-5))
     variances = np.square([*spread.values()])
     expected = variances * slopes / (variances @ np.square(slopes)) * 1e-6
-    np.testing.assert_allclose(one.numbers - one._model.start, expected, rtol=2e-3)
+    np.testing.assert_allclose(one.parameters - one._model.start, expected, rtol=2e-3)
 
 
-def test_a_second_recording_goes_on_where_the_first_ended() -> None:
+def test_a_second_recording_starts_with_the_estimate_of_the_first() -> None:
     truth = load_ship("frigate").with_values(TRUTH)
     own = frigate_filter()
     sure = []
@@ -158,14 +150,14 @@ def test_a_second_recording_goes_on_where_the_first_ended() -> None:
         own.follow(Replay(own.ship, recording(truth, 120.0, NOISE, seed), 2.0))
         sure.append(np.sqrt(np.diag(own.covariance)))
     assert np.all(sure[1] < 0.85 * sure[0])
-    np.testing.assert_allclose(own.numbers, [*TRUTH.values()], rtol=0.02)
+    np.testing.assert_allclose(own.parameters, [*TRUTH.values()], rtol=0.02)
     own.restart([0.0, 0.0, 0.05])
-    np.testing.assert_array_equal(own.numbers, [0.0, 0.0, 0.05])
+    np.testing.assert_array_equal(own.parameters, [0.0, 0.0, 0.05])
     np.testing.assert_allclose(np.sqrt(np.diag(own.covariance)), [*SPREAD.values()])
 
 
-def test_the_numbers_of_a_motor() -> None:
-    """K_e, R_a, KQ and friction of a model tug, from voltage, speed and current."""
+def test_the_parameters_of_a_motor() -> None:
+    """Estimate K_e, R_a, KQ and friction of a model tug from voltage, speed and current."""
     nominal = load_ship("tito-neri-sine")
     keys = [
         "prime_mover.motor_constant_V_s_rad", "prime_mover.armature_resistance_ohm",
@@ -179,18 +171,18 @@ def test_the_numbers_of_a_motor() -> None:
     noise = {"shaft_speed_rad_s": 0.3, "motor_current_A": 0.02}
     table = recording(truth, 30.0, noise)
     own = ShipFilter(
-        nominal, keys, number_spread={key: 0.5 * value for key, value in size.items()},
+        nominal, keys, parameter_spread={key: 0.5 * value for key, value in size.items()},
         noise=noise, state_spread=START,
     )  # fmt: skip
     own.follow(Replay(nominal, table, 0.05))
-    np.testing.assert_allclose(own.numbers / [*size.values()], 1.2, rtol=0.02)
+    np.testing.assert_allclose(own.parameters / [*size.values()], 1.2, rtol=0.02)
     assert np.all(
-        np.abs(own.numbers / [*size.values()] - 1.2)
+        np.abs(own.parameters / [*size.values()] - 1.2)
         < 4.0 * np.sqrt(np.diag(own.covariance)) / [*size.values()]
     )
 
 
-def test_what_was_not_read_is_left_out() -> None:
+def test_missing_measurements_are_left_out() -> None:
     table = recording(load_ship("frigate").with_values(TRUTH), 60.0, NOISE)
     table.loc[100:200, "shaft_torque_N_m"] = math.nan
     own = frigate_filter()
@@ -209,11 +201,11 @@ def test_an_estimate_stays_inside_its_range() -> None:
     truth = load_ship("frigate")
     own = frigate_filter()
     followed = own.follow(Replay(truth, recording(truth, 60.0, NOISE), 2.0))
-    assert followed.estimates[:, 5].min() >= 0.0  # friction drives nothing
+    assert followed.estimates[:, 5].min() >= 0.0  # friction is not negative
 
 
-def test_the_inflow_of_a_sea_is_followed_and_spoils_no_number() -> None:
-    """The disturbance is what waves add at the propeller; without it others would take its place."""
+def test_waves_are_estimated_and_bias_no_parameter() -> None:
+    """With the disturbance as a state, waves do not bias the parameters."""
     key = "hull.fouling_fraction"
     truth = load_ship("frigate").with_values({key: 0.2})
     begin = equilibrium(truth, 20.0, 1.3)
@@ -228,19 +220,19 @@ def test_the_inflow_of_a_sea_is_followed_and_spoils_no_number() -> None:
         table[column] = samples[MEASURED[column]] + sd * rng.standard_normal(len(samples))
     inflow = samples["advance_velocity"] - 0.95 * samples["ship_speed"]
     own = ShipFilter(
-        load_ship("frigate"), [key], number_spread={key: 0.5}, noise=NOISE, state_spread=START,
+        load_ship("frigate"), [key], parameter_spread={key: 0.5}, noise=NOISE, state_spread=START,
         state_walk={DISTURBANCE: 0.5},
     )  # fmt: skip
     followed = own.follow(Replay(own.ship, pd.DataFrame(table), 2.0))
     error = followed.estimates[200:, 3] - inflow[200:]
     assert inflow.std() > 0.4
     assert error.std() < 0.1
-    assert own.numbers[0] == pytest.approx(0.2, abs=4.0 * math.sqrt(own.covariance[0, 0]))
+    assert own.parameters[0] == pytest.approx(0.2, abs=4.0 * math.sqrt(own.covariance[0, 0]))
     assert math.sqrt(own.covariance[0, 0]) < 0.02
 
 
-def test_a_disturbance_that_is_not_read_fades() -> None:
-    """In 3 s to 1/e; its spread becomes the one that it has for ever."""
+def test_a_disturbance_without_measurements_decays() -> None:
+    """It decays to 1/e in 3 s, and its standard error becomes the stationary one."""
     ship = load_ship("frigate")
     table = recording(ship, 20.0, NOISE)
     replay = Replay(ship, table)
@@ -258,17 +250,17 @@ def test_a_disturbance_that_is_not_read_fades() -> None:
     ("changes", "why"),
     [
         ({"free": []}, "name at least one key"),
-        ({"noise": {"fuel_flow_kg_s": 1.0}}, "fuel_flow_kg_s: the filter goes by pitch_ratio, "),
-        ({"noise": {"pitch_ratio": 0.0}}, "pitch_ratio: a standard deviation above 0 is needed"),
+        ({"noise": {"fuel_flow_kg_s": 1.0}}, "fuel_flow_kg_s: the filter can use pitch_ratio, "),
+        ({"noise": {"pitch_ratio": 0.0}}, "pitch_ratio: the standard deviation must be above 0"),
         (
-            {"number_spread": {**SPREAD, "hull.wake_fraction": math.nan}},
-            "hull.wake_fraction: a stand",
+            {"parameter_spread": {**SPREAD, "hull.wake_fraction": math.nan}},
+            "hull.wake_fraction: the stand",
         ),
     ],
 )
-def test_a_filter_that_cannot_be_is_refused(changes: dict[str, Any], why: str) -> None:
+def test_invalid_arguments_are_refused(changes: dict[str, Any], why: str) -> None:
     settings: dict[str, Any] = {
-        "free": list(TRUTH), "number_spread": SPREAD, "noise": NOISE, "state_spread": START,
+        "free": list(TRUTH), "parameter_spread": SPREAD, "noise": NOISE, "state_spread": START,
     }  # fmt: skip
     with pytest.raises(ObserverError, match=why):
         ShipFilter(load_ship("frigate"), **(settings | changes))
@@ -277,20 +269,26 @@ def test_a_filter_that_cannot_be_is_refused(changes: dict[str, Any], why: str) -
 @pytest.mark.parametrize(
     ("changes", "why"),
     [
-        ({"sensors.torque_delay_s": 0.5}, r"no instrument with sensors.torque_delay_s above 0"),
-        ({"sensors.speed_delay_s": 0.5}, r"no instrument with sensors.speed_delay_s above 0"),
-        ({"sensors.speed_log_lag_s": 0.5}, r"no instrument with sensors.speed_log_lag_s above 0"),
+        ({"sensors.torque_delay_s": 0.5}, r"without delay, but sensors.torque_delay_s is above 0"),
+        ({"sensors.speed_delay_s": 0.5}, r"without delay, but sensors.speed_delay_s is above 0"),
+        (
+            {"sensors.speed_log_lag_s": 0.5},
+            r"without delay, but sensors.speed_log_lag_s is above 0",
+        ),
     ],
 )
-def test_a_late_instrument_is_refused(changes: dict[str, float], why: str) -> None:
+def test_a_delayed_measurement_is_refused(changes: dict[str, float], why: str) -> None:
     ship = load_ship("frigate").with_values(changes)
     with pytest.raises(ObserverError, match=why):
-        ShipFilter(ship, list(TRUTH), number_spread=SPREAD, noise=NOISE, state_spread=START)
+        ShipFilter(ship, list(TRUTH), parameter_spread=SPREAD, noise=NOISE, state_spread=START)
 
 
-def test_the_wake_is_not_told_where_the_inflow_is_measured() -> None:
+def test_the_wake_is_not_identifiable_from_a_measured_inflow() -> None:
     ship = load_ship("frigate")
     table = recording(ship, 30.0, NOISE).assign(inflow_velocity_m_s=7.0)
     own = frigate_filter()
-    with pytest.raises(ObserverError, match=r"hull.wake_fraction cannot be found where inflow_vel"):
+    with pytest.raises(
+        ObserverError,
+        match=r"hull.wake_fraction is not identifiable from a recording with inflow_vel",
+    ):
         own.follow(Replay(ship, table))

@@ -1,4 +1,4 @@
-"""Between torque and velocity: against the B-series in plain NumPy, and at the curve's edges."""
+"""Torque curve: the B-series in NumPy, its inverse, and the ends of the curve."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_torque_is_held_below_the_least_advance_ratio() -> None:
     held = model_torque(PLANT, edge, w, 1.2)
     assert model_torque(PLANT, edge - 5.0, w, 1.2) == pytest.approx(held, rel=1e-12)
     assert model_torque(PLANT, edge + 0.1, w, 1.2) != pytest.approx(held, rel=1e-4)
-    # the slopes are those of the edge
+    # The derivatives are those at the end of the curve.
     beyond, at = (torque_slopes(PLANT, edge - away, w, 1.2) for away in (5.0, 0.0))
     assert beyond == pytest.approx(at, rel=1e-9)
 
@@ -61,12 +61,12 @@ def test_a_torque_off_the_curve_is_held_at_its_edge() -> None:
     assert 0.0 < found < 0.1
     top, valid = velocity_from_torque(PLANT, -2.0 * bollard, w, pitch, 5.0)
     assert not valid
-    assert top == pytest.approx(1.6 * w / (2.0 * math.pi) * 4.2)  # KQ falls all the way
+    assert top == pytest.approx(1.6 * w / (2.0 * math.pi) * 4.2)  # KQ falls over the whole range
     assert highest_velocity(PLANT, w) == pytest.approx(top)
 
 
-def test_a_shaft_that_hardly_turns_tells_nothing() -> None:
-    slowest = 1e-3 * 2.0 * math.pi  # one turn in 1000 s
+def test_near_standstill_the_estimate_is_not_valid() -> None:
+    slowest = 1e-3 * 2.0 * math.pi  # one revolution in 1000 s
     assert velocity_from_torque(PLANT, 0.0, 0.999 * slowest, 1.2, 3.0) == (3.0, False)
     assert velocity_from_torque(PLANT, 0.0, -5.0, 1.2, 3.0) == (3.0, False)
     torque = SCREW.torque(1e-3, 1.001 * slowest, 1.2)
@@ -75,7 +75,7 @@ def test_a_shaft_that_hardly_turns_tells_nothing() -> None:
 
 
 def test_a_table_of_ones_own_is_inverted_like_the_polynomials() -> None:
-    """Observers of a ship with a table: torque, its slopes, and the velocity back from it."""
+    """With an open-water table: torque, derivatives, and the velocity from the torque."""
     ratios, pitches = [0.05 * k - 0.1 for k in range(32)], [0.7, 1.0, 1.3]
     rows = [[float(torque_coefficient(PLANT, j, p)) for j in ratios] for p in pitches]
     tabled = SHIP.with_values(

@@ -1,4 +1,4 @@
-"""The torque of an electric drive without a gauge: of simulated samples, and of a table."""
+"""Torque of an electric drive without a torque meter, from samples and from a table."""
 
 from __future__ import annotations
 
@@ -8,8 +8,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.observers import ObserverError, follow, follow_table, get_observer, readings_of
-from shaftline.observers.torque_curve import believed, read_at_drive, torque_of_drive
+from shaftline.observers import (
+    ObserverError,
+    follow,
+    follow_table,
+    get_observer,
+    simulated_measurements,
+)
+from shaftline.observers.torque_curve import observer_plant, torque_of_drive, uses_drive_torque
 from shaftline.plant import Schedule, Ship, State, load_ship, simulate
 
 from .rig import INERTIA, PITCH, RIG, reversed_run
@@ -36,35 +42,35 @@ def run() -> Any:
 
 
 def net(run: Any, ship: Ship = RIG) -> Any:
-    """What propeller and inertia take, by the samples' truth."""
+    """Return the true torque of propeller and inertia."""
     own = INERTIA * run["shaft_acceleration"]
     return run["propeller_torque"] + own
 
 
-def test_who_has_no_gauge() -> None:
-    assert read_at_drive(RIG)
-    assert read_at_drive(MOTOR)
-    assert not read_at_drive(GEARED)
+def test_ships_without_a_torque_meter() -> None:
+    assert uses_drive_torque(RIG)
+    assert uses_drive_torque(MOTOR)
+    assert not uses_drive_torque(GEARED)
     for name in ("frigate", "ddg-51-surrogate", "esso-osaka"):
-        assert not read_at_drive(load_ship(name))
+        assert not uses_drive_torque(load_ship(name))
 
 
-def test_all_inertia_stands_behind_the_drive() -> None:
-    record = believed(RIG)
+def test_the_whole_inertia_is_behind_the_drive() -> None:
+    record = observer_plant(RIG)
     assert (record["inertia_propeller_side"], record["inertia_engine_side"]) == (INERTIA, 0.0)
     assert get_observer("luenberger").inertia(RIG) == INERTIA
-    assert believed(GEARED) == GEARED.record()
+    assert observer_plant(GEARED) == GEARED.record()
     watery = RIG.with_values({"propeller.entrained_inertia_kg_m2": 0.004})
     assert get_observer("luenberger").inertia(watery) == pytest.approx(INERTIA + 0.004)
 
 
 def test_torque_is_what_drives_propeller_and_inertia(run: Any) -> None:
-    readings = readings_of(run, RIG)
-    np.testing.assert_allclose(readings[:, 1], net(run), atol=1e-9)
-    assert np.ptp(readings[:, 1] - run["measured_shaft_torque"]) > 1.0
-    assert np.array_equal(readings_of(run)[:, 1], run["measured_shaft_torque"])
+    measurements = simulated_measurements(run, RIG)
+    np.testing.assert_allclose(measurements[:, 1], net(run), atol=1e-9)
+    assert np.ptp(measurements[:, 1] - run["measured_shaft_torque"]) > 1.0
+    assert np.array_equal(simulated_measurements(run)[:, 1], run["measured_shaft_torque"])
     geared = simulate(GEARED, Schedule(4.0, PITCH), 0.5, initial=State(PITCH, 5.0, 0.0))
-    assert np.array_equal(readings_of(geared, GEARED), readings_of(geared))
+    assert np.array_equal(simulated_measurements(geared, GEARED), simulated_measurements(geared))
 
 
 def driven_by_voltage() -> Any:
@@ -82,7 +88,7 @@ def test_a_table_is_read_by_what_its_drive_records(run: Any) -> None:
     }
     observer = get_observer("immersion-invariance")
     motor = driven_by_voltage()
-    np.testing.assert_allclose(readings_of(motor, MOTOR)[:, 1], net(motor), atol=1e-9)
+    np.testing.assert_allclose(simulated_measurements(motor, MOTOR)[:, 1], net(motor), atol=1e-9)
     assert motor["motor_current"].min() < -1.0 < 1.0 < motor["motor_current"].max()
     for ship, samples, column, recorded in (
         (RIG, run, "motor_torque_N_m", "brake_torque"),
@@ -94,7 +100,9 @@ def test_a_table_is_read_by_what_its_drive_records(run: Any) -> None:
         ):
             follow_table(observer, ship, table)
         found = follow_table(observer, ship, table.assign(**{column: samples[recorded]}))
-        expected, valid = follow(observer, ship, readings_of(samples, ship), ship.time_step_s)
+        expected, valid = follow(
+            observer, ship, simulated_measurements(samples, ship), ship.time_step_s
+        )
         np.testing.assert_allclose(found["estimated_advance_velocity_m_s"], expected, atol=1e-9)
         assert found["estimate_valid"].tolist() == valid.astype(int).tolist()
 

@@ -4,12 +4,12 @@ import pytest
 
 from shaftline.plant import Ship, load_ship, ship_names
 from shaftline.plant.columns import (
+    ALWAYS_SIMULATED,
     BOUNDS,
     COLUMNS,
     DEMANDS,
-    IN_A_TURN,
     MEASURED,
-    ON_ANY_SHIP,
+    TURNING_COLUMNS,
     drive_column,
     input_columns,
     signal_columns,
@@ -38,11 +38,13 @@ def test_what_a_ship_is_simulated_to_can_drive_her_again(name: str) -> None:
 
 
 def test_a_ship_has_no_columns_of_what_she_lacks(frigate: Ship) -> None:
-    assert not {*IN_A_TURN, "rudder_command_rad", "motor_current_A"} & set(signal_columns(frigate))
+    assert not {*TURNING_COLUMNS, "rudder_command_rad", "motor_current_A"} & set(
+        signal_columns(frigate)
+    )
     assert "motor_current_A" in signal_columns(load_ship("tito-neri-sine"))
     led = signal_columns(load_ship("esso-osaka"))
     assert led["shaft_speed_rad_s"] == "measured_shaft_speed"
-    assert {"rudder_command_rad", *IN_A_TURN} <= set(led)
+    assert {"rudder_command_rad", *TURNING_COLUMNS} <= set(led)
     assert "pitch_ratio_command" not in led
 
 
@@ -71,7 +73,7 @@ def test_each_measured_column_has_the_signal_that_answers_it() -> None:
         "shaft_power_W",
         "electric_power_W",
         "shaft_angle_rad",
-        *IN_A_TURN,
+        *TURNING_COLUMNS,
     )
-    assert IN_A_TURN == ("sway_speed_m_s", "yaw_rate_rad_s", "heading_rad", "rudder_rad")
-    assert ON_ANY_SHIP == MEASURED_ON_ANY_SHIP
+    assert TURNING_COLUMNS == ("sway_speed_m_s", "yaw_rate_rad_s", "heading_rad", "rudder_rad")
+    assert ALWAYS_SIMULATED == MEASURED_ON_ANY_SHIP

@@ -13,13 +13,13 @@ from shaftline.plant import Ship, equilibrium, linearise, load_ship, ship_names
 from shaftline.plant.derivatives import (
     COMPLEX_WORD,
     STEP,
-    acting,
+    as_words,
     complex_record,
     derivatives,
-    words,
+    parameter_slope,
 )
 from shaftline.plant.dynamics import evaluate
-from shaftline.plant.keys import Number
+from shaftline.plant.keys import ShipParameter
 from shaftline.plant.manoeuvring import Manoeuvring
 from shaftline.plant.record import PLANT
 from shaftline.plant.ship import ShipError
@@ -54,7 +54,7 @@ RICH = {
 """A frigate on which every effect acts at once."""
 
 
-def numbers(ship: Ship) -> list[Number]:
+def numbers(ship: Ship) -> list[ShipParameter]:
     """All numbers of a ship that the kernels' record holds."""
     sections = {name: getattr(ship, name) for name in type(ship).model_fields}
     keys = [
@@ -62,18 +62,20 @@ def numbers(ship: Ship) -> list[Number]:
         for name, section in sections.items()
         for key in getattr(type(section), "model_fields", ())
     ]
-    return [ship.number(key) for key in keys if ship.has_key(key)]
+    return [ship.parameter(key) for key in keys if ship.has_key(key)]
 
 
-def along_number(ship: Ship, number: Number, state: State, inputs: Inputs) -> Any:
+def along_number(ship: Ship, number: ShipParameter, state: State, inputs: Inputs) -> Any:
     twin = complex_record(ship.record())
-    acts = acting(ship, number.key)
-    words(twin)[COMPLEX_WORD[acts.words] + 1] = STEP * acts.slopes
+    acts = parameter_slope(ship, number.key)
+    as_words(twin)[COMPLEX_WORD[acts.words] + 1] = STEP * acts.slopes
     rate, outputs = derivatives(twin, state, inputs, BLADE_BEFORE, STILL)
     return np.array([*rate, *outputs])
 
 
-def by_differences(ship: Ship, number: Number, state: State, inputs: Inputs) -> tuple[Any, Any]:
+def by_differences(
+    ship: Ship, number: ShipParameter, state: State, inputs: Inputs
+) -> tuple[Any, Any]:
     """Differences of second order, one-sided at a lower bound, and how far rounding may spoil them."""
     step = 1e-6 * max(abs(number.value), 1e-3)
     at_bound = number.value == number.info.low
@@ -172,7 +174,7 @@ def test_a_number_of_a_term_has_its_derivative_too() -> None:
     own = Outputs._fields.index("shaft_acceleration") + len(State._fields)
     inertia = 53697.0 + 14411.0
     for key, power in (("term.drag.a", 1), ("term.drag.b", 2)):
-        exact = along_number(ship, ship.number(key), state, inputs)
+        exact = along_number(ship, ship.parameter(key), state, inputs)
         assert exact[own] == pytest.approx(-(state.shaft_speed**power) / inertia, rel=1e-12)
 
 
@@ -182,10 +184,12 @@ def test_the_complex_record_holds_the_same_ship() -> None:
     for name in PLANT.names or ():
         np.testing.assert_array_equal(np.asarray(twin[name]), np.asarray(record[name]))
     for number in numbers(ship):
-        acts = acting(ship, number.key)
+        acts = parameter_slope(ship, number.key)
         assert (acts.value, acts.info) == (number.value, number.info)
-        assert words(record)[acts.words] == words(twin)[COMPLEX_WORD[acts.words]] == number.value
-        assert words(twin)[COMPLEX_WORD[acts.words] + 1] == 0.0
+        assert (
+            as_words(record)[acts.words] == as_words(twin)[COMPLEX_WORD[acts.words]] == number.value
+        )
+        assert as_words(twin)[COMPLEX_WORD[acts.words] + 1] == 0.0
 
 
 def test_a_coefficient_that_stands_in_a_table_has_its_derivative_too() -> None:
@@ -197,10 +201,10 @@ def test_a_coefficient_that_stands_in_a_table_has_its_derivative_too() -> None:
         ("thrust_coefficient", "thrust"),
         ("torque_coefficient", "propeller_torque"),
     ):
-        acts = acting(ship, f"propeller.{key}")
+        acts = parameter_slope(ship, f"propeller.{key}")
         assert acts.value == getattr(ship.propeller, key)
         twin = complex_record(ship.record())
-        words(twin)[COMPLEX_WORD[acts.words] + 1] = STEP * acts.slopes
+        as_words(twin)[COMPLEX_WORD[acts.words] + 1] = STEP * acts.slopes
         _, found = derivatives(twin, state, inputs, BLADE_BEFORE, STILL)
         expected = getattr(outputs, output) / acts.value
         assert getattr(found, output) == pytest.approx(expected, rel=1e-9)
@@ -211,10 +215,10 @@ def test_a_coefficient_that_stands_in_a_table_has_its_derivative_too() -> None:
     [
         ("hull.nonsense", "frigate: hull.nonsense is not a known key"),
         ("hull.propellers", "hull.propellers has no field of its own"),
-        ("propeller.expanded_area_ratio", "acts on the equations through tables made from it"),
-        ("tolerances.mass", "tolerances.mass is no number that the equations have a derivative to"),
+        ("propeller.expanded_area_ratio", "the equations use tables computed from it"),
+        ("tolerances.mass", "tolerances.mass has no derivative"),
     ],
 )
 def test_a_number_without_derivative_is_named(key: str, why: str) -> None:
     with pytest.raises(ShipError, match=re.escape(why)):
-        acting(load_ship("frigate"), key)
+        parameter_slope(load_ship("frigate"), key)

@@ -72,7 +72,7 @@ def test_a_voyage_is_refused() -> None:
     start = equilibrium(SHIP, 20.0, 1.2).state
     voyage = Voyage(_runaway(SHIP), start, 20.0)
     with pytest.raises(ValueError, match="diverges"):
-        voyage.sail(20.0, 1.2, steps=1200)
+        voyage.run(20.0, 1.2, steps=1200)
 
 
 def test_the_command_leaves_no_file(tmp_path: Path) -> None:

@@ -10,12 +10,12 @@ import pytest
 from numpy.typing import NDArray
 
 from shaftline.plant import Equilibrium, Schedule, Ship, load_ship, simulate
-from shaftline.plant.dynamics import evaluate, loads, settled
-from shaftline.plant.expressions import Heard
+from shaftline.plant.dynamics import evaluate, loads, settle_lags
+from shaftline.plant.expressions import InputSignals
 from shaftline.plant.open_water import PITCH_POWERS, b_series
 from shaftline.plant.propeller import propeller_load
 from shaftline.plant.state import LAGS, Inputs, State
-from shaftline.plant.terms import OF_A_TURN
+from shaftline.plant.terms import TURNING_SIGNALS
 from shaftline.plant.ventilation import suction_head, ventilation_rate
 
 WEIGHTS = (
@@ -146,7 +146,7 @@ def test_prompt_inflow_is_met_at_once(busy: Any) -> None:
 )
 def test_a_term_adds_to_its_place(frigate: Ship, acts_on: str, name: str, factor: float) -> None:
     """All that it hears, weighed so that each counts."""
-    own = [name for name in Heard._fields if name not in OF_A_TURN]
+    own = [name for name in InputSignals._fields if name not in TURNING_SIGNALS]
     weighed = zip(WEIGHTS, own, strict=True)
     expression = "1e-3 * (" + " + ".join(f"{w} * {signal}" for w, signal in weighed) + ")"
     term = {"id": "one", "acts_on": acts_on, "expression": expression}
@@ -211,7 +211,7 @@ def test_motor_sees_its_shaft_through_the_gear() -> None:
 
 def test_settled_state_has_no_lag_left(busy: Any) -> None:
     inputs = Inputs(22.0, 1.4, 0.3, 0.02, 20.0, 1.0, 0.0, -1.5, 1.1, 7.0)
-    found = settled(busy, STATE, inputs)
+    found = settle_lags(busy, STATE, inputs)
     rate, _ = evaluate(busy, found, inputs, found.pitch_ratio)
     for name in LAGS:
         assert getattr(rate, name) == pytest.approx(0.0, abs=1e-9), name
@@ -224,12 +224,12 @@ def test_settled_state_has_no_lag_left(busy: Any) -> None:
 
 def test_settled_motor_has_its_steady_current() -> None:
     plant = load_ship("tito-neri-sine").record()
-    found = settled(plant, State(1.0, 60.0, 0.0), Inputs(5.0, 1.0))
+    found = settle_lags(plant, State(1.0, 60.0, 0.0), Inputs(5.0, 1.0))
     assert found.motor_current == pytest.approx((5.0 - 0.0183 * 180.0) / 1.51, rel=1e-12)
 
 
 def test_settled_ship_without_lags_is_as_it_was(plant: Any) -> None:
-    assert settled(plant, STATE, Inputs(22.0, 1.4)) == STATE
+    assert settle_lags(plant, STATE, Inputs(22.0, 1.4)) == STATE
 
 
 def test_inflow_lag_is_first_order(frigate: Ship, design_point: Equilibrium) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from shaftline.plant import Schedule, Ship, State, equilibrium, load_ship, ship_names, simulate
 from shaftline.plant.dynamics import evaluate, loads
-from shaftline.plant.shaft import friction_before_gauge, load_torque, shaft_inertia
+from shaftline.plant.shaft import friction_before_meter, load_torque, shaft_inertia
 from shaftline.plant.state import Inputs
 
 SHIPS = ship_names()
@@ -70,7 +70,7 @@ def powers(ship: Ship, samples: NDArray[Any]) -> Powers:
             load_torque(plant, q, w)
             for q, w in zip(samples["propeller_torque"], omega, strict=True)
         ]
-        rub = [friction_before_gauge(plant, w) for w in omega]
+        rub = [friction_before_meter(plant, w) for w in omega]
         others -= shafts * (np.array(load) + np.array(rub)) * omega
     if ship.moves:
         energy += 0.5 * plant["mass"] * speed**2

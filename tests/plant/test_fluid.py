@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from shaftline.plant import Schedule, Ship, ShipError, State, get_sea, load_ship, realise, simulate
-from shaftline.plant.ship import validated
+from shaftline.plant.ship import validate_tables
 
 FAN: dict[str, Any] = {
     "name": "fan",
@@ -24,7 +24,7 @@ FAN: dict[str, Any] = {
 
 
 def fan(**sections: Any) -> Ship:
-    return validated(Ship, FAN | sections, "fan")
+    return validate_tables(Ship, FAN | sections, "fan")
 
 
 @pytest.mark.parametrize("density", [0.9, 1.2, 870.0, 13600.0])
@@ -44,8 +44,8 @@ def test_thrust_and_torque_are_those_of_any_fluid(density: float) -> None:
     [
         ({"ventilation": {"thrust_loss": 0.3}}, r"ventilation draws air .* 1\.2 kg/m3 is a gas"),
         ({"propeller": FAN["propeller"] | {"cavitation_breakdown": 0.5}},
-         r"vapour pressure of water.*950 to 1100.*leave propeller\.cavitation_breakdown out"),
-        ({"cavitation_bucket": {"suction_deg": 3.0}}, r"leave \[cavitation_bucket\] out"),
+         r"vapour pressure of water.*950 to 1100.*remove propeller\.cavitation_breakdown"),
+        ({"cavitation_bucket": {"suction_deg": 3.0}}, r"remove \[cavitation_bucket\]"),
         ({"water": {"density_kg_m3": 13600.0}, "cavitation_bucket": {"suction_deg": 3.0}},
          r"13600 kg/m3 is another fluid"),
         ({"hull": {"mass_kg": 10.0, "resistance_coefficient_N_s2_m2": 1.0}},
@@ -67,14 +67,14 @@ def test_numbers_of_cavitation_and_ventilation_act_on_nothing_in_air() -> None:
     assert in_oil.has_key("ventilation.thrust_loss")
     assert not in_oil.has_key("cavitation_bucket.suction_deg")
     with pytest.raises(ShipError, match="turns in a fluid that is not water"):
-        ship.number("propeller.cavitation_breakdown")
+        ship.parameter("propeller.cavitation_breakdown")
 
 
 def test_waves_need_a_liquid() -> None:
     sea = get_sea("state-4")
     assert sea is not None
     waves = realise(sea, depth_m=1.0, seed=1)
-    with pytest.raises(ValueError, match=r"waves need a liquid.*leave the sea out"):
+    with pytest.raises(ValueError, match=r"waves require a liquid.*simulate without a sea"):
         simulate(fan(), Schedule(100.0, 0.7), 1.0, initial=State(0.7, 100.0, 0.0), sea=waves)
 
 
@@ -89,4 +89,4 @@ def test_a_ship_is_in_water() -> None:
     ship = load_ship("frigate")
     assert ship.in_water
     assert ship.in_liquid
-    assert np.isfinite(ship.number("propeller.cavitation_breakdown").value)
+    assert np.isfinite(ship.parameter("propeller.cavitation_breakdown").value)

@@ -24,7 +24,7 @@ from shaftline.plant.hull import (
     wave_resistance,
 )
 from shaftline.plant.seas import Sea
-from shaftline.plant.waves import motion, realise
+from shaftline.plant.waves import realise, wave_motion
 
 DRAG = 3306.2  # thesis Table B-1 [N s2/m2]
 
@@ -51,7 +51,7 @@ def test_waves_from_ahead_add_resistance(frigate: Ship, heading: float, height: 
     """STAWAVE-1 by hand: 1025 x 9.81 / 16 x Hs^2 x 14.4 x sqrt(14.4 / 45)."""
     plant = with_hull(frigate, beam_m=14.4, bow_length_m=45.0).record()
     sea = realise(Sea(hs_m=3.0, tp_s=9.0, heading_deg=heading), 4.0, 1)
-    found = wave_resistance(plant, motion(sea).head_sea, 2.0)
+    found = wave_resistance(plant, wave_motion(sea).head_sea, 2.0)
     assert found == pytest.approx(5119.2975 * height**2, rel=1e-5)
 
 
@@ -141,7 +141,9 @@ def test_record_counts_propellers_and_knows_whether_the_hull_moves(frigate: Ship
 
 def test_episode_before_it_begins_is_refused(frigate: Ship) -> None:
     assert with_hull(frigate, episode_start_s=10.0, episode_end_s=10.0).hull.episode_end_s == 10.0
-    with pytest.raises(ShipError, match="episode_end_s must not be before episode_start_s"):
+    with pytest.raises(
+        ShipError, match="episode_end_s = 9 s must not be before episode_start_s = 10 s"
+    ):
         with_hull(frigate, episode_start_s=10.0, episode_end_s=9.0)
 
 

@@ -13,12 +13,12 @@ from shaftline.plant import load_ship, ship_names
 from shaftline.plant.keys import (
     KeyInfo,
     MissingKeyError,
-    Number,
     Section,
+    ShipParameter,
     allowed_range,
     effect,
     info_of,
-    number,
+    parameter,
     record_field,
     require,
     unit_of,
@@ -26,9 +26,9 @@ from shaftline.plant.keys import (
 
 
 class Part(Section):
-    plain: float = number("a length", "m", record="length", gt=0, le=15)
-    upper: float = number("a share", record="share", ge=-0.2, lt=0.6, default=0.1)
-    free: float = number("anything", record="free", default=2.0)
+    plain: float = parameter("a length", "m", record="length", gt=0, le=15)
+    upper: float = parameter("a share", record="share", ge=-0.2, lt=0.6, default=0.1)
+    free: float = parameter("anything", record="free", default=2.0)
     absent: float = effect(math.inf, "a limit", "1/s", record="limit", gt=0)
     outside: int = Field(default=4, ge=2, le=7)
     bare: str = "word"
@@ -114,24 +114,26 @@ def test_the_first_key_that_is_left_out_is_named() -> None:
 @pytest.mark.parametrize("place", [(), (1, 2)])
 def test_a_number_is_written_to_its_place_and_read_from_it(place: tuple[int, ...]) -> None:
     record = {"length": np.zeros((2, 3)) if place else np.zeros(())}
-    number = Number("part.plain", 3.0, KeyInfo("m", 0.0, 15.0, None), "length", place)
+    number = ShipParameter("part.plain", 3.0, KeyInfo("m", 0.0, 15.0, None), "length", place)
     number.write(record, 4.0)
     assert number.read(record) == np.sum(record["length"]) == 4.0
 
 
 @pytest.mark.parametrize("value", [1e-6, 3.0, 15.0])
 def test_a_search_keeps_off_an_excluded_bound_only(value: float) -> None:
-    low, high = Number("part.plain", value, info_of(FIELDS["plain"]), "length").searched
+    low, high = ShipParameter("part.plain", value, info_of(FIELDS["plain"]), "length").search_range
     assert 0.0 < low <= 0.01 * value
     assert high == 15.0
     assert Part(plain=low).plain == low
-    low, high = Number("part.upper", 0.1, info_of(FIELDS["upper"]), "share").searched
+    low, high = ShipParameter("part.upper", 0.1, info_of(FIELDS["upper"]), "share").search_range
     assert low == -0.2
     assert 0.59 < high < 0.6
 
 
 def test_a_search_from_an_absent_limit_has_a_finite_end() -> None:
-    low, high = Number("part.absent", math.inf, info_of(FIELDS["absent"]), "limit").searched
+    low, high = ShipParameter(
+        "part.absent", math.inf, info_of(FIELDS["absent"]), "limit"
+    ).search_range
     assert 0.0 < low < 0.01
     assert high == math.inf
 
@@ -149,7 +151,7 @@ def test_every_end_of_every_key_that_a_search_may_try_is_allowed(name: str) -> N
             if not isinstance(value, float) or not ship.has_key(f"{section}.{key}"):
                 continue
             own = TypeAdapter(Annotated[float, key, *field.metadata])
-            for end in ship.number(f"{section}.{key}").searched:
+            for end in ship.parameter(f"{section}.{key}").search_range:
                 if math.isfinite(end):
                     assert own.validate_python(end) == end, f"{section}.{key}"
                     tried += 1

@@ -14,9 +14,9 @@ from shaftline.plant import (
     Schedule,
     Ship,
     ShipError,
-    along,
     equilibrium,
     linearise,
+    linearise_along,
     load_ship,
     simulate,
 )
@@ -194,14 +194,14 @@ def test_unknown_output_names_the_known_ones(frigate: Ship, design_point: Equili
 def test_along_a_steady_run_it_is_the_linear_model(frigate: Ship) -> None:
     point = equilibrium(frigate, 22.0, 1.4)
     run = simulate(frigate, Schedule(22.0, 1.4), 1.0, initial=point.state)
-    models = along(frigate, run, 0.5)
+    models = linearise_along(frigate, run, 0.5)
     assert [one.time_s for one in models] == pytest.approx([0.0, 0.5, 1.0])
     fixed = linearise(frigate, point)
     for one in models:
         assert one.states == tuple(fixed.state_labels)
         assert one.tangent.a == pytest.approx(fixed.A, rel=1e-6, abs=1e-9)
         assert one.tangent.d == pytest.approx(fixed.D, rel=1e-6, abs=1e-6)
-        assert one.ahead(10.0) == pytest.approx(one.state, rel=1e-9)
+        assert one.predict(10.0) == pytest.approx(one.state, rel=1e-9)
 
 
 def test_along_a_run_it_tells_what_comes_next(frigate: Ship) -> None:
@@ -211,18 +211,18 @@ def test_along_a_run_it_tells_what_comes_next(frigate: Ship) -> None:
         lambda t: 20.0 + 0.5 * t, 1.3, inflow=lambda t: 0.4 + 0.0 * t, resistance_factor=1.2
     )
     run = simulate(frigate, schedule, 10.0, initial=start)
-    models = along(frigate, run, frigate.time_step_s)
+    models = linearise_along(frigate, run, frigate.time_step_s)
     names = models[0].states
     now = np.array([[row[name] for name in names] for row in run])
-    ahead = np.array([one.ahead(frigate.time_step_s) for one in models[:-1]])
+    ahead = np.array([one.predict(frigate.time_step_s) for one in models[:-1]])
     moved = np.abs(np.diff(now, axis=0)).max(axis=0)
     assert np.all(np.abs(ahead - now[1:]).max(axis=0)[1:] < 2e-3 * moved[1:])
 
 
 def test_along_refuses_what_samples_do_not_tell(frigate: Ship) -> None:
     run = simulate(frigate, Schedule(22.0, 1.4), 1.0, initial=equilibrium(frigate, 22.0, 1.4).state)
-    with pytest.raises(ValueError, match=r"every_s = 0\.07: must be a multiple of the samples'"):
-        along(frigate, run, 0.07)
+    with pytest.raises(ValueError, match=r"every_s = 0\.07 s must be a multiple of the samples'"):
+        linearise_along(frigate, run, 0.07)
     lagging = frigate.with_values({"propeller.inflow_lag_s": 0.5})
-    with pytest.raises(ShipError, match="samples do not tell inflow"):
-        along(lagging, run, 0.05)
+    with pytest.raises(ShipError, match="samples do not contain inflow"):
+        linearise_along(lagging, run, 0.05)

@@ -41,7 +41,7 @@ def test_every_ship_meets_it_in_her_own_size(name: str, case: str) -> None:
 @pytest.mark.parametrize(
     ("name", "case", "told"),
     [
-        ("rov-thruster", "pitch_step", "needs blades that turn; rov-thruster has a fixed pitch"),
+        ("rov-thruster", "pitch_step", "needs a variable pitch; rov-thruster has a fixed pitch"),
         ("rov-thruster", "resistance_ramp", "needs a hull that moves; rov-thruster's is fixed"),
     ],
 )

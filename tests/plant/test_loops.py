@@ -8,12 +8,12 @@ import control
 import numpy as np
 import pytest
 
-from shaftline.plant.loops import Loop, broken_at, reached, sampled
+from shaftline.plant.loops import Loop, drop_unconnected_states, loop_at_command, sample_plant
 
 
 def test_margins_of_a_third_order_loop_are_those_of_the_textbook() -> None:
     """K / (s + 1)^3: phase -180 deg at sqrt(3), where |L| = K / 8."""
-    loop = Loop.of(control.tf([4.0], [1.0, 3.0, 3.0, 1.0]), control.tf([1.0], [1.0]))
+    loop = Loop.from_plant(control.tf([4.0], [1.0, 3.0, 3.0, 1.0]), control.tf([1.0], [1.0]))
     margins = loop.margins()
     assert margins.gain_margin_dB == pytest.approx(20.0 * math.log10(2.0), abs=1e-9)
     assert margins.phase_crossover == pytest.approx(math.sqrt(3.0), rel=1e-9)
@@ -29,7 +29,7 @@ def test_margins_of_a_third_order_loop_are_those_of_the_textbook() -> None:
 
 def test_a_loop_that_needs_its_gain_has_a_margin_downwards() -> None:
     """2 / (s - 1): 1 would be too little, so the gain may fall by a half."""
-    loop = Loop.of(control.tf([2.0], [1.0, -1.0]), control.tf([1.0], [1.0]))
+    loop = Loop.from_plant(control.tf([2.0], [1.0, -1.0]), control.tf([1.0], [1.0]))
     assert loop.stable
     found = Loop(control.tf([2.0], [1.0, -1.0]) * control.tf([1.0], [0.01, 1.0])).margins()
     assert found.gain_margin_dB > 20.0
@@ -72,7 +72,7 @@ def test_intervals_cost_half_of_themselves_in_phase() -> None:
     """An integrator under a gain every h: crossover near the gain, phase lag of h / 2 times it."""
     gain, interval = 0.5, 0.1
     law = control.ss([], [], [], [[gain]], interval)
-    loop = Loop.of(control.tf([1.0], [1.0, 0.0]), law)
+    loop = Loop.from_plant(control.tf([1.0], [1.0, 0.0]), law)
     assert loop.interval == interval
     margins = loop.margins()
     lag = math.degrees(0.5 * margins.crossover * interval)
@@ -88,7 +88,7 @@ def test_what_follows_at_once_is_read_an_interval_late() -> None:
         [[-1.0]], [[1.0, 0.0]], [[1.0], [0.0]], [[0.0, 0.0], [0.0, 3.0]],
         inputs=["slow", "prompt"], outputs=["state", "echo"],
     )  # fmt: skip
-    held = sampled(plant, 0.5)
+    held = sample_plant(plant, 0.5)
     assert not np.any(held.D)
     time, forced = np.arange(4) * 0.5, np.array([[0.0] * 4, [1.0, 2.0, 4.0, 8.0]])
     outputs = control.forced_response(held, time, forced).outputs
@@ -104,7 +104,7 @@ def test_what_no_input_moves_or_no_output_shows_is_left_out() -> None:
         [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -2.0]], [[1.0], [0.0], [0.0]],
         [[1.0, 0.0, 5.0]], [[0.0]],
     )  # fmt: skip
-    kept = reached(whole)
+    kept = drop_unconnected_states(whole)
     assert kept.nstates == 1
     assert complex(kept(0.3j)) == pytest.approx(complex(whole(0.3j)))
 
@@ -118,13 +118,13 @@ def test_a_loop_is_opened_at_one_command_with_the_inner_one_closed() -> None:
     law = control.ss(
         [], [], [], [[3.0, -2.0, -3.0]], inputs=["r", "w", "y"], outputs=["u"]
     )  # fmt: skip
-    loop = broken_at(plant, law, "u", "r", "y")
+    loop = loop_at_command(plant, law, "u", "r", "y")
     point = 0.7j
     w, y = 1.0 / (point + 1.0), 1.0 / (point * (point + 1.0))
     assert complex(loop.open_loop(point)) == pytest.approx(2.0 * w + 3.0 * y)
-    assert complex(loop.closed(point)) == pytest.approx(3.0 * y / (1.0 + 2.0 * w + 3.0 * y))
+    assert complex(loop.closed_loop(point)) == pytest.approx(3.0 * y / (1.0 + 2.0 * w + 3.0 * y))
     for bad, kind in (
-        (("x", "r", "y"), "command"), (("u", "x", "y"), "order"), (("u", "r", "x"), "reading"),
+        (("x", "r", "y"), "command"), (("u", "x", "y"), "set-point"), (("u", "r", "x"), "measurement"),
     ):  # fmt: skip
         with pytest.raises(ValueError, match=f"unknown {kind} 'x'"):
-            broken_at(plant, law, *bad)
+            loop_at_command(plant, law, *bad)

@@ -17,7 +17,7 @@ from shaftline.plant.memory import (
     begin_step,
     end_step,
     read_instruments,
-    settle,
+    settle_memory,
 )
 from shaftline.plant.state import Outputs, State
 
@@ -118,7 +118,7 @@ def test_speed_log_follows_exactly_first_order(plant: Any, memory: Any) -> None:
 
 def test_speed_sensor_lags_behind_a_ramp_by_its_time_constant(plant: Any, memory: Any) -> None:
     """Of a ramp from rest a first-order lag reads a (t - T + T exp(-t / T)), at any step."""
-    settle(plant, memory, STATE._replace(shaft_speed=0.0), OUTPUTS, 22.0, DT)
+    settle_memory(plant, memory, STATE._replace(shaft_speed=0.0), OUTPUTS, 22.0, DT)
     plant["speed_sensor_lag"] = 0.3
     for k in range(1, 60):
         end_step(plant, memory, 8.0, DT)
@@ -143,7 +143,7 @@ def test_sensors_lag_behind_a_ramp(
 ) -> None:
     """Behind their lag stand gain and bias, 0.9 (a (t - T + T exp(-t / T))) + 50; power has neither."""
     at_rest = OUTPUTS._replace(**{output: 0.0})
-    settle(plant, memory, STATE, at_rest, 22.0, DT)
+    settle_memory(plant, memory, STATE, at_rest, 22.0, DT)
     plant[key] = 0.3
     gain, bias = (1.0, 0.0) if output == "electric_power" else (0.9, 50.0)
     if output != "electric_power":
@@ -179,7 +179,7 @@ def test_a_motor_s_command_lags_as_a_first_order_filter() -> None:
         end_step(plant, memory, 0.0, DT)
     before = float(memory["rack"])
     end = begin_step(plant, memory, 1e6, DT)  # towards its end stop alone
-    highest = load_ship("tito-neri-sine").number("prime_mover.voltage_max_V").value
+    highest = load_ship("tito-neri-sine").parameter("prime_mover.voltage_max_V").value
     assert end == pytest.approx(highest + (before - highest) * math.exp(-1.0 / 3.4))
 
 
@@ -207,7 +207,7 @@ def test_settled_memories_have_seen_nothing_else(plant: Any, memory: Any) -> Non
     plant["speed_log_lag"], plant["torque_sensor_gain"] = 5.0, 1.1
     for name in MEMORY.names or ():
         memory[name] = 7  # whatever it held
-    settle(plant, memory, STATE, OUTPUTS, 22.0, DT)
+    settle_memory(plant, memory, STATE, OUTPUTS, 22.0, DT)
     assert (memory["rack"], memory["rack_start"], memory["cursor"]) == (22.0, 22.0, 0)
     assert (memory["speed_log"], memory["blade_pitch"]) == (8.0, 1.3)
     for _ in range(8):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shaftline.plant import Schedule, State, equilibrium, load_ship, simulate
-from shaftline.plant.columns import answered_columns, foreign_columns
+from shaftline.plant.columns import absent_columns, simulated_columns
 from shaftline.plant.drives.prime_mover import delivered_power, supplied_power
 from shaftline.plant.linear import tangent
 from shaftline.plant.state import active_states
@@ -66,9 +66,9 @@ def test_power_is_read_by_the_torque_meter_and_the_speed_sensor() -> None:
 
 def test_a_diesel_takes_no_electric_power() -> None:
     frigate = load_ship("frigate")
-    assert "electric_power_W" in foreign_columns(frigate)
-    assert "electric_power_W" not in answered_columns(frigate)
-    assert {"electric_power_W", "shaft_power_W"} <= set(answered_columns(TUG))
+    assert "electric_power_W" in absent_columns(frigate)
+    assert "electric_power_W" not in simulated_columns(frigate)
+    assert {"electric_power_W", "shaft_power_W"} <= set(simulated_columns(TUG))
 
 
 def test_linear_models_know_power() -> None:

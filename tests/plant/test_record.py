@@ -52,7 +52,7 @@ NEEDED = {
 )  # fmt: skip
 def test_a_number_of_the_file_is_in_its_field(name: str, key: str) -> None:
     ship = load_ship(name)
-    number = ship.number(key)
+    number = ship.parameter(key)
     low, high = number.info[1:3]
     before = number.read(ship.record())
     assert before == number.value

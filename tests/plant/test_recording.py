@@ -12,8 +12,8 @@ import pytest
 
 from shaftline.plant.recording import (
     RecordingError,
-    as_numbers,
     check_bounds,
+    convert_numbers,
     read_recording,
     read_table,
 )
@@ -64,7 +64,7 @@ def test_parquet_without_its_reader_says_what_to_install(
 
     monkeypatch.setattr(pd, "read_parquet", no_reader)
     (tmp_path / "r.pq").write_bytes(b"PAR1")
-    with pytest.raises(RecordingError, match=r"r\.pq: Parquet needs pyarrow: pip install"):
+    with pytest.raises(RecordingError, match=r"r\.pq: a Parquet file needs pyarrow: pip install"):
         read_table(tmp_path / "r.pq")
 
 
@@ -79,13 +79,18 @@ def test_missing_file_is_named(tmp_path: Path) -> None:
         ("fuel_rack_mm", 7, math.nan, r"r\.csv: fuel_rack_mm, row 8: nan is not a finite"),
         ("fuel_rack_mm", 7, "full", r"fuel_rack_mm, row 8: 'full' is not a finite number"),
         ("fuel_rack_mm", 7, "full", r"\(1 of 40 rows; unit mm\)"),
-        ("fuel_rack_mm", 3, 2200.0, r"fuel_rack_mm, row 4: 2200 mm lies outside 0 to 200 mm"),
+        (
+            "fuel_rack_mm",
+            3,
+            2200.0,
+            r"fuel_rack_mm, row 4: 2200 mm lies outside the physical range of 0 to 200 mm",
+        ),
         ("fuel_rack_mm", 39, -1.0, r"fuel_rack_mm, row 40: -1 mm lies outside"),
         ("shaft_speed_rad_s", 0, math.inf, r"shaft_speed_rad_s, row 1: .*inf"),
-        ("time_s", 5, 0.1, r"time_s, row 6: time does not rise"),
-        ("time_s", 5, 0.2, r"time_s, row 6: time does not rise"),
-        ("time_s", 39, 30.0, r"time_s, row 40: a step of 28\.1 s where 0\.05 s is usual; resample"),
-        ("time_s", 1, 0.0508, r"time_s, row 2: a step of 0\.0508 s where 0\.05 s is usual"),
+        ("time_s", 5, 0.1, r"time_s, row 6: the time does not rise"),
+        ("time_s", 5, 0.2, r"time_s, row 6: the time does not rise"),
+        ("time_s", 39, 30.0, r"time_s, row 40: the step is 28\.1 s instead of 0\.05 s; resample"),
+        ("time_s", 1, 0.0508, r"time_s, row 2: the step is 0\.0508 s instead of 0\.05 s"),
     ],
 )
 def test_bad_value_is_named_with_column_and_row(
@@ -101,7 +106,7 @@ def test_time_steps_within_a_percent_are_even(table: pd.DataFrame, tmp_path: Pat
     table.loc[20:, "time_s"] += 0.0004
     assert len(read_recording(saved(table, tmp_path), NEEDED)) == 40
     table.loc[20:, "time_s"] += 0.00015
-    with pytest.raises(RecordingError, match=r"row 21: a step of 0\.05055 s"):
+    with pytest.raises(RecordingError, match=r"row 21: the step is 0\.05055 s"):
         read_recording(saved(table, tmp_path), NEEDED)
 
 
@@ -111,7 +116,9 @@ def test_values_at_their_bounds_are_taken(table: pd.DataFrame) -> None:
 
 
 def test_missing_column_is_named(table: pd.DataFrame, tmp_path: Path) -> None:
-    words = r"column 'fuel_rack_mm' is missing; needed: time_s, fuel_rack_mm; found: time_s, shaft"
+    words = (
+        r"column 'fuel_rack_mm' is missing; required: time_s, fuel_rack_mm; found: time_s, shaft"
+    )
     with pytest.raises(RecordingError, match=words):
         read_recording(saved(table.drop(columns="fuel_rack_mm"), tmp_path), NEEDED)
 
@@ -125,7 +132,7 @@ def test_recording_without_rows_is_refused(tmp_path: Path, text: str) -> None:
 
 def test_two_rows_are_enough_and_stay_as_they_were() -> None:
     given = pd.DataFrame({"time_s": ["0", "0.1"], "remark": ["a", "b"]})
-    found = as_numbers(Path("r.csv"), given, ["time_s"])
+    found = convert_numbers(Path("r.csv"), given, ["time_s"])
     assert found["time_s"].tolist() == [0.0, 0.1]
     assert given["time_s"].tolist() == ["0", "0.1"]
     assert found["remark"].tolist() == ["a", "b"]

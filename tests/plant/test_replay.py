@@ -23,7 +23,7 @@ from shaftline.plant.columns import input_columns
 from shaftline.plant.recording import RecordingError
 from shaftline.plant.replay import Replay, simulate_recording
 from shaftline.plant.seas import Sea
-from shaftline.plant.waves import field
+from shaftline.plant.waves import wave_field
 
 MEASURED = ["pitch_ratio", "shaft_speed_rad_s", "shaft_torque_N_m", "ship_speed_m_s"]
 LAGS = {"prime_mover.lag_s": 1.5, "propeller.inflow_lag_s": 2.0}
@@ -106,7 +106,7 @@ def test_measured_inflow_of_a_fixed_hull_needs_no_speed(frigate: Ship) -> None:
 
 def test_measured_inflow_of_a_moving_hull_needs_its_speed(frigate: Ship) -> None:
     recording = sailed(frigate).drop(columns="ship_speed_m_s").assign(inflow_velocity_m_s=8.0)
-    with pytest.raises(RecordingError, match="inflow_velocity_m_s asks for ship_speed_m_s"):
+    with pytest.raises(RecordingError, match="inflow_velocity_m_s needs the column ship_speed_m_s"):
         simulate_recording(frigate, recording)
 
 
@@ -240,7 +240,7 @@ def test_moored_ship_of_fixed_pitch_needs_a_shaft_speed_alone() -> None:
 
 def test_a_delay_must_fit_the_replays_step(frigate: Ship) -> None:
     ship = frigate.with_values({"sensors.torque_delay_s": 5.5})
-    with pytest.raises(ShipError, match=r"torque_delay_s = 5\.5 s is more than 5\.1 s"):
+    with pytest.raises(ShipError, match=r"torque_delay_s = 5\.5 s exceeds 5\.1 s"):
         Replay(ship, plain(interval=0.01, **MEASURED_START))
 
 
@@ -320,7 +320,7 @@ def test_a_sea_is_added_and_left_as_it_was(frigate: Ship) -> None:
     table = plain(101, **MEASURED_START)
     samples = Replay(frigate, table).simulate(frigate.record(), sea=sea)
     assert sea.tobytes() == before
-    inflow, _ = field(sea, 0.0, 0.0)
+    inflow, _ = wave_field(sea, 0.0, 0.0)
     assert samples["advance_velocity"][0] == pytest.approx(0.95 * 8.0 + inflow, rel=1e-12)
     calm = Replay(frigate, table).simulate(frigate.record())
     assert calm["advance_velocity"][0] == pytest.approx(0.95 * 8.0, rel=1e-12)

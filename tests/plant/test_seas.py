@@ -169,7 +169,7 @@ def test_a_sea_by_its_numbers() -> None:
         ("hs=30,tp=9", r"significant wave height \[m\]: .*less than or equal to 25"),
         ("hs=nan,tp=9", "finite"),
         ("hs=3", r"peak period \[s\]: field required"),
-        ("hs=a,tp=9", "hs = 'a' is no number"),
+        ("hs=a,tp=9", "hs = 'a' is not a number"),
         ("hs=3,hs=2,tp=9", "each once"),
         ("height=3", "must be one of hs, tp, gamma, heading"),
     ],

@@ -10,14 +10,14 @@ from shaftline.plant import Equilibrium, Schedule, Ship, State, equilibrium, loa
 from shaftline.plant.shaft import (
     brake_torque_of,
     drive_torque,
-    friction_before_gauge,
+    friction_before_meter,
     friction_torque,
-    gauge_torque,
-    inertia_behind_gauge,
+    inertia_behind_meter,
     load_friction,
     load_torque,
     quadratic_drag,
     shaft_inertia,
+    shaft_meter_torque,
 )
 from shaftline.plant.ship_files import template
 
@@ -48,7 +48,7 @@ def test_creeping_shaft_feels_a_share_of_it(omega: float) -> None:
 
 
 def test_the_speed_below_which_friction_sticks_is_a_number_of_the_ship(servo: Ship) -> None:
-    assert servo.number("transmission.stiction_speed_rad_s").value == 0.05
+    assert servo.parameter("transmission.stiction_speed_rad_s").value == 0.05
     plant = servo.with_values({"transmission.stiction_speed_rad_s": 0.002}).record()
     assert friction_torque(plant, 20.0, 0.0, 0.001) == pytest.approx(20.0 * math.tanh(0.5))
     assert friction_torque(plant, 20.0, 0.0, -0.0401) == -20.0
@@ -96,7 +96,7 @@ def test_a_shaft_that_carries_a_load_holds_it_by_its_friction(servo: Ship) -> No
     """Of 10 N m at the load, 2 are friction's: 12 N m raise it, 8 let it fall, between it stands."""
     weight = {"id": "weight", "acts_on": "load_torque", "expression": "10"}
     rig = servo.with_values({"transmission.load_friction_fraction": 0.2, "term": [weight]})
-    viscous = rig.number("transmission.viscous_friction_engine_side_N_m_s_rad").value
+    viscous = rig.parameter("transmission.viscous_friction_engine_side_N_m_s_rad").value
     for torque, left in ((13.0, 1.0), (11.0, 0.0), (9.0, 0.0), (7.0, -1.0)):
         run = simulate(rig, Schedule(torque, 1.0), 5.0, initial=State(1.0, 0.0, 0.0))
         assert run["shaft_speed"][-1] == pytest.approx(left / viscous, abs=0.01 / viscous + 0.03)
@@ -137,26 +137,28 @@ def test_load_torque_adds_friction_and_drag_behind_the_gauge(rubbing: Any) -> No
 
 
 def test_inertias_before_and_behind_the_gauge(rubbing: Any) -> None:
-    assert inertia_behind_gauge(rubbing) == RIGHT + 8e3
+    assert inertia_behind_meter(rubbing) == RIGHT + 8e3
     assert shaft_inertia(rubbing) == LEFT + RIGHT + 8e3
 
 
 def test_gauge_reads_what_is_left_after_accelerating_the_engine_side(plant: Any) -> None:
-    assert gauge_torque(plant, 1e5, 9e4, 0.25) == 1e5 - 0.25 * LEFT
-    assert gauge_torque(plant, 1e5, 9e4, -0.25) == 1e5 + 0.25 * LEFT
+    assert shaft_meter_torque(plant, 1e5, 9e4, 0.25) == 1e5 - 0.25 * LEFT
+    assert shaft_meter_torque(plant, 1e5, 9e4, -0.25) == 1e5 + 0.25 * LEFT
 
 
 def test_gauge_reads_nothing_where_nothing_turns_behind_it() -> None:
     servo = template("drive-with-load").record()
     for drive in np.linspace(-150.0, 150.0, 301):
-        assert gauge_torque(servo, drive, 0.0, drive / shaft_inertia(servo)) == 0.0
+        assert shaft_meter_torque(servo, drive, 0.0, drive / shaft_inertia(servo)) == 0.0
 
 
 def test_gauge_is_the_cut_seen_from_either_side(rubbing: Any) -> None:
     drive, load = drive_torque(rubbing, 2e4, 10.0), load_torque(rubbing, 9e4, 10.0)
     acceleration = (drive - load) / shaft_inertia(rubbing)
-    behind = load + inertia_behind_gauge(rubbing) * acceleration
-    assert gauge_torque(rubbing, drive, load, acceleration) == pytest.approx(behind, rel=1e-12)
+    behind = load + inertia_behind_meter(rubbing) * acceleration
+    assert shaft_meter_torque(rubbing, drive, load, acceleration) == pytest.approx(
+        behind, rel=1e-12
+    )
 
 
 @pytest.mark.parametrize("kind", ["coulomb_friction", "viscous_friction"])
@@ -194,10 +196,10 @@ def test_friction_that_saturates() -> None:
     """k atan(s omega) beside Coulomb and viscous friction: odd, slope k s / (1 + (s omega)^2)."""
     plant = load_ship("towing-tank").record()
     by_hand = 0.262 * math.tanh(2.0 / 0.1) + 0.008 * 2.0 + 0.3 * math.atan(0.2 * 2.0)
-    assert friction_before_gauge(plant, 2.0) == pytest.approx(by_hand, rel=1e-12)
-    assert friction_before_gauge(plant, -2.0) == pytest.approx(-by_hand, rel=1e-12)
-    slope = complex(friction_before_gauge(plant, 30.0 + 1e-20j)).imag / 1e-20
+    assert friction_before_meter(plant, 2.0) == pytest.approx(by_hand, rel=1e-12)
+    assert friction_before_meter(plant, -2.0) == pytest.approx(-by_hand, rel=1e-12)
+    slope = complex(friction_before_meter(plant, 30.0 + 1e-20j)).imag / 1e-20
     assert slope == pytest.approx(0.008 + 0.3 * 0.2 / (1.0 + 36.0), rel=1e-9)
     torque = drive_torque(plant, 5.0, 30.0)
-    assert torque == pytest.approx(5.0 - friction_before_gauge(plant, 30.0), rel=1e-12)
+    assert torque == pytest.approx(5.0 - friction_before_meter(plant, 30.0), rel=1e-12)
     assert brake_torque_of(plant, torque, 30.0) == pytest.approx(5.0, rel=1e-12)

@@ -68,8 +68,8 @@ def test_a_drive_without_a_propeller_has_the_balances_of_a_drive(
     ],
 )
 def test_a_number_that_acts_on_nothing_is_none_of_the_ship(servo: Ship, key: str, why: str) -> None:
-    with pytest.raises(ShipError, match=f"{key} acts on nothing: {why}"):
-        servo.number(key)
+    with pytest.raises(ShipError, match=f"{key} has no effect: {why}"):
+        servo.parameter(key)
     assert not servo.has_key(key)
 
 
@@ -93,7 +93,7 @@ FREED = {
 @pytest.mark.parametrize(("name", "key"), [(s, k) for s, keys in FREED.items() for k in keys])
 def test_a_number_that_may_be_freed_is_written_as_with_values_does(name: str, key: str) -> None:
     ship = load_ship(name)
-    number = ship.number(key)
+    number = ship.parameter(key)
     value = number.value * 1.01 if number.value else 1e-3
     record = ship.record()
     assert number.read(record) == pytest.approx(number.value, rel=1e-15)
@@ -103,7 +103,7 @@ def test_a_number_that_may_be_freed_is_written_as_with_values_does(name: str, ke
 
 def test_coefficients_that_follow_j_are_no_single_numbers(frigate: Ship) -> None:
     with pytest.raises(ShipError, match="frigate has a propeller whose KT and KQ follow J"):
-        frigate.number("propeller.torque_coefficient")
+        frigate.parameter("propeller.torque_coefficient")
 
 
 def test_a_hull_without_a_propeller_has_resistance_and_no_thrust(frigate: Ship) -> None:
@@ -118,14 +118,16 @@ def test_running_speeds_are_those_of_the_propeller_shaft(frigate: Ship) -> None:
     low, high = frigate.shaft_speeds
     assert low == pytest.approx(350.0 * math.pi / 30.0 / 7.38, rel=1e-14)
     assert high == pytest.approx(1000.0 * math.pi / 30.0 / 7.38, rel=1e-14)
-    with pytest.raises(ShipError, match="tito-neri-sine: needs a diesel, not 'dc-motor'"):
+    with pytest.raises(
+        ShipError, match=r"needs a diesel engine, not prime_mover\.type = 'dc-motor'"
+    ):
         _ = TUG.shaft_speeds
 
 
 def test_a_number_stands_at_its_key(frigate: Ship) -> None:
-    number = frigate.number("hull.mass_kg")
+    number = frigate.parameter("hull.mass_kg")
     assert (number.key, number.value, number.place) == ("hull.mass_kg", 3.3e6, ())
-    assert frigate.number("prime_mover.rack_max_mm").value == 40.0
+    assert frigate.parameter("prime_mover.rack_max_mm").value == 40.0
 
 
 def test_a_ship_knows_its_keys(frigate: Ship) -> None:
@@ -162,7 +164,7 @@ def test_with_values_reaches_the_record(frigate: Ship) -> None:
         ({"tolerances.mass": math.inf}, r"tolerances\.mass = inf.*>= 0 and <= 0\.5"),
         ({"hull.colour": 1.0}, r"hull\.colour is not a known key"),
         ({"sail.area_m2": 1.0}, "sail is not a known key"),
-        ({"hull.mass_kg.x": 1.0}, r"no section 'mass_kg'"),
+        ({"hull.mass_kg.x": 1.0}, r"'mass_kg' is no section"),
     ],
     ids=str,
 )
@@ -188,17 +190,17 @@ def test_with_values_validates(frigate: Ship, values: dict[str, float], words: s
 def test_key_has_a_field_and_a_range(
     frigate: Ship, key: str, field: str, info: tuple[object, ...]
 ) -> None:
-    assert frigate.number(key).field == field
-    assert frigate.number(key).info[:4] == info
+    assert frigate.parameter(key).field == field
+    assert frigate.parameter(key).info[:4] == info
 
 
 def test_prime_mover_decides_about_its_keys(frigate: Ship) -> None:
     tug = load_ship("tito-neri-sine")
-    assert tug.number("prime_mover.command_dead_zone_V").field == "command_dead_zone"
+    assert tug.parameter("prime_mover.command_dead_zone_V").field == "command_dead_zone"
     with pytest.raises(
         ShipError, match=r"frigate: prime_mover\.command_dead_zone_V is not a known"
     ):
-        frigate.number("prime_mover.command_dead_zone_V")
+        frigate.parameter("prime_mover.command_dead_zone_V")
 
 
 @pytest.mark.parametrize(
@@ -215,7 +217,7 @@ def test_prime_mover_decides_about_its_keys(frigate: Ship) -> None:
 )
 def test_unknown_key_is_named(frigate: Ship, key: str) -> None:
     with pytest.raises(ShipError, match=f"{key} is not a known key"):
-        frigate.number(key)
+        frigate.parameter(key)
 
 
 @pytest.mark.parametrize(
@@ -224,7 +226,7 @@ def test_unknown_key_is_named(frigate: Ship, key: str) -> None:
 )
 def test_key_without_a_field_of_its_own_is_named(frigate: Ship, key: str) -> None:
     with pytest.raises(ShipError, match=f"{key} has no field of its own"):
-        frigate.number(key)
+        frigate.parameter(key)
 
 
 def test_ship_is_frozen(frigate: Ship) -> None:
@@ -272,13 +274,13 @@ TERMS = [
 
 def test_a_terms_number_is_found_by_term_and_name(frigate: Ship) -> None:
     ship = frigate.with_values({"term": TERMS})
-    found = ship.number("term.second.k")
+    found = ship.parameter("term.second.k")
     assert (found.value, found.place, found.field) == (3.0, (1, 1), "term_constants")
     assert found.info[:4] == ("N m", 0.0, 9.0, None)
-    assert ship.number("term.first.k").place == (0, 0)
+    assert ship.parameter("term.first.k").place == (0, 0)
     for key in ("term.first.j", "term.third.k", "term.second", "term"):
         with pytest.raises(ShipError, match=f"{key} is not a known key"):
-            ship.number(key)
+            ship.parameter(key)
 
 
 def test_a_terms_number_is_changed_by_its_key(frigate: Ship) -> None:
@@ -286,13 +288,13 @@ def test_a_terms_number_is_changed_by_its_key(frigate: Ship) -> None:
     changed = ship.with_values({"term.second.k": 4.0})
     assert [p.value for term in changed.term for p in term.parameters.values()] == [1.0, 2.0, 4.0]
     assert changed.term[1].parameters["k"].high == 9.0
-    with pytest.raises(ShipError, match="outside 0 to 9"):
+    with pytest.raises(ShipError, match="outside its range from low = 0 to high = 9"):
         ship.with_values({"term.second.k": 10.0})
 
 
 def test_a_ship_takes_one_term_more(frigate: Ship) -> None:
     both = frigate.with_values({"term": TERMS})
     assert frigate.with_term(both.term[0]).with_term(both.term[1]) == both
-    with pytest.raises(ShipError, match="term 'first' stands twice"):
+    with pytest.raises(ShipError, match="term 'first' is defined twice"):
         both.with_term(both.term[0])
     assert both.record()["term_count"] == 2

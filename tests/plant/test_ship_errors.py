@@ -12,7 +12,7 @@ import pytest
 from shaftline.plant import Ship, ShipError, load_ship
 from shaftline.plant.drives import DcMotor, Diesel, Drive
 from shaftline.plant.hull import Hull
-from shaftline.plant.ship import kinds, tag_of, validated
+from shaftline.plant.ship import type_tag, union_members, validate_tables
 
 FRIGATE = resources.files("shaftline.plant").joinpath("ships/frigate.toml").read_text("utf-8")
 
@@ -58,8 +58,10 @@ def edited(tmp_path: Path) -> Edit:
         ('model = "b-series"', 'model = "kaplan"', ["propeller.model = 'kaplan'", "b-series"]),
         ('type = "diesel"', 'type = "steam"', ["prime_mover.type = 'steam'", "dc-motor, diesel"]),
         ('type = "diesel"', "", ["prime_mover", "type"]),
-        ("speed_min_rpm = 350.0", "speed_min_rpm = 1e3", ["speed_min_rpm must be below"]),
-        ("pitch_ratio_min = 0.6", "pitch_ratio_min = 1.5", ["pitch_ratio_min must not exceed"]),
+        ("speed_min_rpm = 350.0", "speed_min_rpm = 1e3",
+         ["speed_min_rpm = 1000 must be below speed_max_rpm"]),
+        ("pitch_ratio_min = 0.6", "pitch_ratio_min = 1.5",
+         ["pitch_ratio_min = 1.5 must not exceed pitch_ratio_max"]),
         ("[pitch_actuator]", "[tolerances]\nwake_fraction = 0.6\n[pitch_actuator]",
          ["tolerances.wake_fraction = 0.6", "unit -; allowed: >= 0 and <= 0.5"]),
         ("[pitch_actuator]", "[tolerances]\nmass = -0.01\n[pitch_actuator]",
@@ -98,10 +100,13 @@ def test_all_mistakes_are_named_at_once(edited: Edit) -> None:
         ({"water.density_kg_m3": None},
          "f: water.density_kg_m3 is missing; it is required with a propeller "
          "(unit kg/m3; allowed: >= 0.5 and <= 14000)"),
-        ({"hull.colour": 1.0}, "f: hull.colour is not a known key"),
+        ({"hull.colour": 1.0},
+         "f: hull.colour is not a known key; `shaftline list --markdown FILE` lists the known keys"),
         ({"prime_mover.rack_max_mm": None},
          "f: prime_mover.rack_max_mm is missing (unit mm; allowed: > 0 and <= 200)"),
-        ({"prime_mover.colour": 1.0}, "f: prime_mover.colour is not a known key"),
+        ({"prime_mover.colour": 1.0},
+         "f: prime_mover.colour is not a known key; `shaftline list --markdown FILE` lists the known "
+         "keys"),
         ({"prime_mover.type": "steam"},
          "f: prime_mover.type = 'steam' is unknown (allowed: dc-motor, diesel, "
          "speed-command, torque-command)"),
@@ -111,10 +116,10 @@ def test_all_mistakes_are_named_at_once(edited: Edit) -> None:
          "f: hull.mass_kg = -1.0: input should be greater than or equal to 0.01 "
          "(unit kg; allowed: >= 0.01 and <= 1e+09)"),
         ({"prime_mover.speed_min_rpm": 1e3},
-         "f: prime_mover: speed_min_rpm must be below speed_max_rpm"),
+         "f: prime_mover: speed_min_rpm = 1000 must be below speed_max_rpm = 1000"),
         ({"sensors.torque_delay_s": 6.0, "integration.time_step_s": 0.01},
-         "f: sensors.torque_delay_s = 6.0 s is more than 5.1 s, the longest delay at a time step of "
-         "0.01 s"),
+         "f: sensors.torque_delay_s = 6.0 s exceeds 5.1 s, the longest delay that a time step of 0.01 s "
+         "allows; give a shorter delay or a longer integration.time_step_s"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )  # fmt: skip
@@ -128,24 +133,24 @@ def test_a_mistake_is_one_sentence(change: dict[str, Any], sentence: str) -> Non
         else:
             tree[section][key] = value
     with pytest.raises(ShipError) as caught:
-        validated(Ship, tree, "f")
+        validate_tables(Ship, tree, "f")
     assert str(caught.value) == sentence
 
 
 def test_what_is_wrong_with_the_ship_as_a_whole_has_no_key() -> None:
     with pytest.raises(ShipError, match=r"^f: ship = 3: input should be a valid dict"):
-        validated(Ship, 3, "f")  # type: ignore[arg-type]
+        validate_tables(Ship, 3, "f")  # type: ignore[arg-type]
 
 
 def test_a_right_ship_passes() -> None:
     tree = load_ship("ferry").model_dump(exclude_unset=True)
-    assert validated(Ship, tree, "f") == load_ship("ferry")
+    assert validate_tables(Ship, tree, "f") == load_ship("ferry")
 
 
 def test_kinds_of_a_union_and_their_tags() -> None:
-    assert kinds(Drive)[:2] == (Diesel, DcMotor)
-    assert kinds(Hull) == (Hull,)
-    assert [tag_of(kind) for kind in kinds(Drive)] == [
+    assert union_members(Drive)[:2] == (Diesel, DcMotor)
+    assert union_members(Hull) == (Hull,)
+    assert [type_tag(kind) for kind in union_members(Drive)] == [
         "diesel",
         "dc-motor",
         "torque-command",

@@ -109,7 +109,9 @@ def test_written_motor_is_read_back(tmp_path: Path) -> None:
 
 
 def test_ship_is_written_to_toml_only(frigate: Ship, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"mine\.json: a ship's file ends in \.toml"):
+    with pytest.raises(
+        ValueError, match=r"mine\.json: a ship file must have a name that ends in \.toml"
+    ):
         write_ship(frigate, tmp_path / "mine.json")
 
 

@@ -34,7 +34,9 @@ def test_there_is_one_for_each_kind_of_rig() -> None:
         "Diesel", "DcMotor", "TorqueSource", "SpeedSource",
     }  # fmt: skip
     assert {ship.propeller.model for ship in ships} == {"b-series", "bollard", "table", "none"}
-    with pytest.raises(ShipError, match="unknown template 'yacht'; known: constant-revolutions"):
+    with pytest.raises(
+        ShipError, match="unknown template 'yacht'; known templates: constant-revolutions"
+    ):
         template("yacht")
 
 
@@ -68,7 +70,8 @@ def test_every_number_that_acts_is_told_with_its_range(name: str) -> None:
             assert (key in given.get(section, {})) >= ship.has_key(dotted), dotted
     line = next(line for line in text.splitlines() if line.startswith("# quadratic_drag_"))
     assert line.endswith(
-        "# c omega |omega| behind the gauge [N m s2/rad2] (>= 0 and <= 1e+07; absent at this value)"
+        "# c of the drag c omega |omega| behind the torque meter [N m s2/rad2] "
+        "(>= 0 and <= 1e+07; no effect at this value)"
     )
 
 

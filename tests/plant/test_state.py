@@ -19,10 +19,10 @@ from shaftline.plant.state import (
     active_states,
     get_state,
     motion_state,
-    moved,
     set_state,
+    shift_state,
     without_lags,
-    without_rates,
+    zero_lag_rates,
 )
 
 COUNTING = State(*(float(k) for k in range(1, 9)))
@@ -86,7 +86,7 @@ def test_without_lags_is_a_copy_that_is_prompt(plant: Any) -> None:
 
 def test_a_state_moves_field_by_field() -> None:
     rate = State(*(10.0 * x for x in COUNTING))
-    assert moved(COUNTING, rate, 0.5) == tuple(6.0 * x for x in COUNTING)
+    assert shift_state(COUNTING, rate, 0.5) == tuple(6.0 * x for x in COUNTING)
 
 
 def test_a_state_survives_its_record() -> None:
@@ -115,7 +115,7 @@ def test_root_of_a_rate_that_is_a_line(
 def test_rates_vanish_for_the_lags_alone() -> None:
     rate = State(*(2.0 for _ in COUNTING))
     beside = State(*(1.0 for _ in COUNTING))
-    found = without_rates(COUNTING, rate, beside, LAGGING)
+    found = zero_lag_rates(COUNTING, rate, beside, LAGGING)
     expected = [x + 2.0 * lags for x, lags in zip(COUNTING, LAGGING, strict=True)]
     assert list(found) == expected
 

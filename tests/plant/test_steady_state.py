@@ -14,7 +14,7 @@ DATA = Path(__file__).parents[2] / "reproductions" / "data"
 with (DATA / "advance_velocity_thesis_working_points.csv").open() as stream:
     WORKING_POINTS = {row.pop("point"): row for row in csv.DictReader(stream)}
 
-with (DATA / "tito_neri_operating_points.csv").open() as stream:
+with (DATA.parents[1] / "plant" / "data" / "tito_neri_operating_points.csv").open() as stream:
     TUG_POINTS = {row.pop("point"): row for row in csv.DictReader(stream)}
 
 
@@ -181,5 +181,7 @@ def test_state_of_a_term_is_found_where_it_rests(frigate: Ship, rate: str, rest:
 
 
 def test_engine_that_gives_no_torque_has_no_steady_state(frigate: Ship) -> None:
-    with pytest.raises(ValueError, match=r"frigate: no steady state .* drive 2 and pitch ratio 1"):
+    with pytest.raises(
+        ValueError, match=r"frigate: no steady state .* drive 2 mm and pitch ratio 1"
+    ):
         equilibrium(frigate, 2.0, 1.0)

@@ -15,7 +15,7 @@ from shaftline.plant import (
     nomoto,
     simulate,
 )
-from shaftline.plant.steering import steered
+from shaftline.plant.steering import sway_yaw_model
 
 KNOT = 1852.0 / 3600.0
 
@@ -73,7 +73,7 @@ def test_the_tankers_gain_is_her_steady_turn_at_small_angles(
 
 def test_the_model_tanker_leaves_her_course_to_one_side() -> None:
     ship = load_ship("kvlcc2")
-    model = steered(ship, approach(ship, 1.18))
+    model = sway_yaw_model(ship, approach(ship, 1.18))
     assert model.state_labels == ["sway_speed", "yaw_rate"]
     assert model.input_labels == ["rudder_angle"]
     assert model.B[1, 0] > 0.0  # rudder to starboard turns to starboard
@@ -99,12 +99,14 @@ def test_a_ship_that_cannot_be_steered_is_refused(
     name: str, values: dict[str, float], lacking: str
 ) -> None:
     ship = load_ship(name).with_values(values)
-    with pytest.raises(ShipError, match=f"{name} cannot be steered: it has no {lacking}"):
+    with pytest.raises(
+        ShipError, match=f"{name} cannot be steered: the ship file has no {lacking}"
+    ):
         nomoto(ship, approach(ship, 1.0 if name == "kvlcc2" else 8.0))
 
 
 def test_steering_asks_for_a_speed(osaka: tuple[Ship, Equilibrium]) -> None:
     ship, point = osaka
     stopped = point._replace(state=point.state._replace(ship_speed=0.0))
-    with pytest.raises(ShipError, match="steering asks for a speed ahead, not 0 m/s"):
+    with pytest.raises(ShipError, match="Nomoto's model needs a ship speed above 0 m/s, not 0 m/s"):
         nomoto(ship, stopped)

@@ -33,7 +33,7 @@ from shaftline.plant.stepping import (
     step,
 )
 from shaftline.plant.terms import Term, add_term
-from shaftline.plant.waves import SYNC_STEPS, calm, field
+from shaftline.plant.waves import SYNC_STEPS, calm_sea, wave_field
 
 DT = 0.05
 MASS = 1e9  # so that the speed is all but constant
@@ -46,7 +46,7 @@ class Run:
     def __init__(self, plant: Any, start: State, drive: float = 22.0, sea: Any = None) -> None:
         self.plant = plant
         self.state, self.memory = np.zeros(1, STATE)[0], np.zeros(1, MEMORY)[0]
-        self.sea = calm() if sea is None else sea.copy()
+        self.sea = calm_sea() if sea is None else sea.copy()
         self.state["pitch_ratio"] = 0.0
         for name, value in start._asdict().items():
             self.state[name] = value
@@ -193,7 +193,7 @@ def test_prepared_ship_has_felt_the_waves_and_what_else_acts(
     plant["episode_resistance"] = 0.5  # a moving hull's force; the gauge does not feel it
     memory = np.zeros(1, MEMORY)[0]
     prepare(plant, state, memory, sea, 22.0, Disturbance(0.2, 0.0, 1.0), DT)
-    inflow, _ = field(sea, 0.0, 30.0)
+    inflow, _ = wave_field(sea, 0.0, 30.0)
     inputs = Inputs(22.0, 1.4, 0.2 + inflow)
     _, expected = evaluate(plant, get_state(state), inputs, 1.4)
     assert memory["shaft_torque"] == pytest.approx(expected.shaft_torque, rel=1e-12)
@@ -209,7 +209,7 @@ def test_waves_are_felt_at_each_stage_where_the_ship_is(
     speed = float(run.state["ship_speed"])
     for k in range(2 * SYNC_STEPS + 3):
         out = run.step(22.0, 1.4)
-        inflow, surface = field(sea, k * DT, k * DT * speed)
+        inflow, surface = wave_field(sea, k * DT, k * DT * speed)
         assert out.advance_velocity - 0.95 * speed == pytest.approx(inflow, abs=1e-4)
         assert out.submergence - 4.0 == pytest.approx(surface, abs=1e-4)
 
@@ -223,7 +223,7 @@ def test_waves_within_a_step_move_the_shaft_as_the_field_does(
     in_waves = Run(plant, design_point.state, sea=sea)
     still = Run(plant, design_point.state)
     speed = float(design_point.state.ship_speed)
-    acting = [Disturbance(*field(sea, t, t * speed), 1.0) for t in (0.0, 0.5 * DT, DT)]
+    acting = [Disturbance(*wave_field(sea, t, t * speed), 1.0) for t in (0.0, 0.5 * DT, DT)]
     in_waves.step(22.0, 1.4)
     still.step(22.0, 1.4, *acting)
     for name in ("shaft_speed", "ship_speed"):
@@ -253,7 +253,7 @@ def test_waves_and_moving_pitch_agree_with_scipy(
     initial = design_point.state._replace(pitch_ratio=1.2)
 
     def rate(t: float, y: NDArray[np.float64]) -> tuple[float, ...]:
-        inflow, elevation = field(thesis_sea, t, y[3])
+        inflow, elevation = wave_field(thesis_sea, t, y[3])
         inputs = Inputs(22.0, 1.4, inflow, elevation=elevation, time=t)
         state = State(y[0], y[1], y[2], y[3])
         return evaluate(plant, state, inputs, y[0])[0][:4]
@@ -331,7 +331,7 @@ def test_a_ventilating_ship_at_sea_agrees_with_scipy() -> None:
 
     def rate(t: float, y: NDArray[np.float64]) -> list[float]:
         state = initial._replace(**dict(zip(names, y, strict=True)))
-        inflow, elevation = field(sea, t, state.position)
+        inflow, elevation = wave_field(sea, t, state.position)
         inputs = Inputs(20.0, 1.2, inflow, elevation=elevation, time=t, head_sea=height)
         found, _ = evaluate(plant, state, inputs, 1.2)
         return [getattr(found, name) for name in names]

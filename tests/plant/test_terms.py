@@ -18,16 +18,16 @@ from shaftline.plant import (
     simulate,
     write_ship,
 )
-from shaftline.plant.dynamics import evaluate, settled
+from shaftline.plant.dynamics import evaluate, settle_lags
 from shaftline.plant.expressions import (
     MAX_SIGNALS,
     MAX_STATES,
     NO_SIGNALS,
-    Added,
-    AddedBefore,
+    InputTermSums,
+    LoadTermSums,
     TermError,
-    added,
-    added_before,
+    sum_input_terms,
+    sum_load_terms,
 )
 from shaftline.plant.linear import tangent
 from shaftline.plant.state import Inputs, State
@@ -92,10 +92,10 @@ def test_terms_add_up_and_only_at_their_place(frigate: Ship) -> None:
         for name, place in (("a", "load_torque"), ("b", "load_torque"), ("c", "resistance"))
     ]
     record = frigate.with_values({"term": both}).record()
-    found = added(record, HEARD, LOADED, NO_STATES, NO_SIGNALS)._asdict()
-    expected = dict.fromkeys(Added._fields, 0.0)
+    found = sum_load_terms(record, HEARD, LOADED, NO_STATES, NO_SIGNALS)._asdict()
+    expected = dict.fromkeys(LoadTermSums._fields, 0.0)
     assert found == expected | {"load_torque": 200.0, "resistance": 100.0}
-    assert added_before(record, HEARD, NO_STATES, NO_SIGNALS) == AddedBefore(0.0, 0.0)
+    assert sum_input_terms(record, HEARD, NO_STATES, NO_SIGNALS) == InputTermSums(0.0, 0.0)
 
 
 def test_a_linear_model_knows_the_terms(frigate: Ship) -> None:
@@ -111,22 +111,22 @@ def test_a_linear_model_knows_the_terms(frigate: Ship) -> None:
         ({"id": "a", "acts_on": "wind", "expression": "1"}, "acts_on"),
         ({"id": "A b", "acts_on": "thrust", "expression": "1"}, "id"),
         ({"id": "a", "acts_on": "thrust", "expression": "1", "parameters": {"drive": 1.0}},
-         "a name of its own"),
+         "choose another"),
         ({"id": "a", "acts_on": "thrust", "expression": "k",
           "parameters": {"k": {"value": 3.0, "high": 2.0}}}, "outside"),
         ({"id": "a", "acts_on": "thrust", "expression": "k"},
          r"'k' is unknown; known: shaft_speed.*under \[signals\]"),
         ({"id": "a", "acts_on": "drive", "expression": "thrust"},
-         "thrust is not yet known where drive is formed"),
-        ({"id": "a", "acts_on": "inflow_velocity", "expression": "pitch_rate"}, "not yet known"),
-        ({"id": "a", "acts_on": "thrust", "expression": "1", "also": {"thrust": "2"}}, "already"),
+         "thrust is not known yet where drive is computed"),
+        ({"id": "a", "acts_on": "inflow_velocity", "expression": "pitch_rate"}, "not known yet"),
+        ({"id": "a", "acts_on": "thrust", "expression": "1", "also": {"thrust": "2"}}, "combine both"),
         ({"id": "a", "acts_on": "thrust", "expression": "1", "also": {"wind": "2"}}, "also"),
-        ({"id": "a", "acts_on": "thrust", "expression": "z", "state": "z"}, "go together"),
-        ({"id": "a", "acts_on": "thrust", "expression": "1", "rate": "1"}, "go together"),
+        ({"id": "a", "acts_on": "thrust", "expression": "z", "state": "z"}, "must be given together"),
+        ({"id": "a", "acts_on": "thrust", "expression": "1", "rate": "1"}, "must be given together"),
         ({"id": "a", "acts_on": "thrust", "expression": "1", "state": "drive", "rate": "1"},
-         "a name of its own"),
+         "choose another"),
         ({"id": "a", "acts_on": "thrust", "expression": "1", "state": "z", "rate": "1 +"},
-         "no expression"),
+         "not a valid expression"),
     ],
 )  # fmt: skip
 def test_a_bad_term_is_named(frigate: Ship, term: dict[str, Any], words: str) -> None:
@@ -136,7 +136,7 @@ def test_a_bad_term_is_named(frigate: Ship, term: dict[str, Any], words: str) ->
 
 def test_a_term_stands_once(frigate: Ship) -> None:
     term = {"id": "a", "acts_on": "thrust", "expression": "1"}
-    with pytest.raises(ShipError, match="stands twice"):
+    with pytest.raises(ShipError, match="is defined twice"):
         frigate.with_values({"term": [term, term]})
 
 
@@ -152,7 +152,7 @@ def test_a_terms_parameter_is_a_number_of_the_ship(frigate: Ship) -> None:
     first = {"id": "first", "acts_on": "thrust", "expression": "5"}
     term = {"id": "more-drag", "acts_on": "load_torque", "expression": "a * k", "parameters": given}
     ship = frigate.with_values({"term": [first, term]})
-    number = ship.number("term.more-drag.k")
+    number = ship.parameter("term.more-drag.k")
     assert (number.value, number.info.unit, number.info.low, number.info.high) == (
         3.0, "N m s/rad", 0.0, 9.0,
     )  # fmt: skip
@@ -165,7 +165,7 @@ def test_a_terms_parameter_is_a_number_of_the_ship(frigate: Ship) -> None:
     assert frigate.with_term(ship.term[0]).with_term(ship.term[1]) == ship
     for key in ("term.more-drag.b", "term.other.k", "term.more-drag", "term"):
         assert not ship.has_key(key)
-    with pytest.raises(ShipError, match="outside 0 to 9"):
+    with pytest.raises(ShipError, match="outside its range from low = 0 to high = 9"):
         ship.with_values({"term.more-drag.k": 10.0})
     with pytest.raises(ShipError, match=r"term.other.k is not a known key"):
         ship.with_values({"term.other.k": 1.0})
@@ -200,7 +200,7 @@ def test_a_state_begins_where_its_rate_vanishes(frigate: Ship) -> None:
     }  # fmt: skip
     ship = frigate.with_values({"term": [term]})
     for omega in (11.0, -7.0):
-        state = settled(ship.record(), State(1.2, omega, 6.0), Inputs(22.0, 1.2))
+        state = settle_lags(ship.record(), State(1.2, omega, 6.0), Inputs(22.0, 1.2))
         assert state.term_1 == pytest.approx(0.2 * omega, rel=1e-9)
     point = equilibrium(ship, 22.0, 1.2)
     rate, _ = evaluate(ship.record(), point.state, point.inputs, 1.2)
@@ -212,7 +212,7 @@ def test_a_state_begins_where_its_rate_vanishes(frigate: Ship) -> None:
 def test_a_state_without_a_place_of_rest_begins_at_0(frigate: Ship) -> None:
     summed = {"id": "sum", "acts_on": "thrust", "expression": "0 * z", "state": "z", "rate": "1"}
     ship = frigate.with_values({"term": [summed]})
-    assert settled(ship.record(), State(1.2, 11.0, 6.0), Inputs(22.0, 1.2)).term_1 == 0.0
+    assert settle_lags(ship.record(), State(1.2, 11.0, 6.0), Inputs(22.0, 1.2)).term_1 == 0.0
 
 
 def test_each_term_has_a_state_of_its_own(frigate: Ship) -> None:
@@ -222,7 +222,7 @@ def test_each_term_has_a_state_of_its_own(frigate: Ship) -> None:
         for k in (1, 2, 3)
     ]  # fmt: skip
     record = frigate.with_values({"term": terms}).record()
-    state = settled(record, State(1.2, 11.0, 6.0), Inputs(22.0, 1.2))
+    state = settle_lags(record, State(1.2, 11.0, 6.0), Inputs(22.0, 1.2))
     assert state[-3:] == pytest.approx((22.0, 44.0, 66.0))
     more = {"id": "more", "acts_on": "thrust", "expression": "z", "state": "z", "rate": "-z"}
     with pytest.raises(TermError, match=f"at most {MAX_STATES} states"):
@@ -246,7 +246,7 @@ def test_one_piece_of_physics_may_act_at_several_places(frigate: Ship) -> None:
         inertia.inertia_engine_side_kg_m2 + inertia.inertia_propeller_side_kg_m2
     )
     assert -own == pytest.approx(share * 0.1 * new.propeller_torque, rel=1e-9)
-    assert ship.number("term.worn.k").value == 0.1
+    assert ship.parameter("term.worn.k").value == 0.1
 
 
 def windy(frigate: Ship) -> Ship:
@@ -274,7 +274,9 @@ def test_a_signal_from_outside_is_heard(frigate: Ship) -> None:
 
 def test_a_signal_that_is_not_there_is_refused_by_name(frigate: Ship) -> None:
     ship = windy(frigate)
-    with pytest.raises(ShipError, match=r"term 'wind' hears head_wind \[m/s\].*not have"):
+    with pytest.raises(
+        ShipError, match=r"term 'wind' uses the signal head_wind \[m/s\].*not given"
+    ):
         equilibrium(ship, 20.0, 1.2)
     with pytest.raises(ShipError, match="head_wind"):
         simulate(ship, Schedule(20.0, 1.2), 10.0, initial=State(1.2, 10.0, 8.0))
@@ -288,13 +290,17 @@ def test_the_order_in_which_signals_are_named_does_not_matter(frigate: Ship) -> 
     other = Ship.model_validate(turned)
     assert other.record().tobytes() == windy(frigate).record().tobytes()
     given = {"head_wind": 3.0, "rudder": 0.1}
-    assert other.outside(given) == windy(frigate).outside(given) == (3.0, 0.1, 0.0, 0.0, 0.0, 0.0)
+    assert (
+        other.external_values(given)
+        == windy(frigate).external_values(given)
+        == (3.0, 0.1, 0.0, 0.0, 0.0, 0.0)
+    )
 
 
 @pytest.mark.parametrize(
     ("signals", "words"),
     [
-        ({"drive": "mm"}, "signals.drive: a name of its own"),
+        ({"drive": "mm"}, "signals.drive: this name is already a signal"),
         ({"Wind": "m/s"}, "signals"),
         ({f"s{k}": "-" for k in range(MAX_SIGNALS + 1)}, "at most 6"),
     ],
@@ -321,7 +327,7 @@ def test_a_tangent_passes_through_states_and_signals(frigate: Ship) -> None:
                 rate="tanh(shaft_speed / 9) * head_wind - z ** 2")  # fmt: skip
     ship = windy(frigate).with_term(term)
     state = State(1.2, 11.0, 6.0)._replace(term_1=0.4)
-    inputs = Inputs(22.0, 1.2, outside=ship.outside({"head_wind": 2.0}))
+    inputs = Inputs(22.0, 1.2, outside=ship.external_values({"head_wind": 2.0}))
     names = ("shaft_speed", "term_1")
     found = tangent(ship.record(), state, inputs, 1.2, names, ("thrust",))
     for j, name in enumerate(names):

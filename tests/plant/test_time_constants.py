@@ -44,12 +44,12 @@ def test_one_below_the_time_step_is_refused_by_key_value_and_limit(key: str, sha
 @pytest.mark.parametrize("key", _lags(TURNING))
 def test_one_of_a_time_step_is_allowed_and_0_where_it_leaves_the_lag_out(key: str) -> None:
     TURNING.with_values({key: STEP})
-    if TURNING.number(key).info.neutral == 0.0:
+    if TURNING.parameter(key).info.neutral == 0.0:
         TURNING.with_values({key: 0.0, "rudder.rate_limit_rad_s": math.inf})
 
 
 def test_every_state_that_lags_has_a_key_that_is_looked_at() -> None:
-    fields = {TURNING.number(key).field for key in _lags(TURNING)}
+    fields = {TURNING.parameter(key).field for key in _lags(TURNING)}
     assert set(LAGS.values()) - fields == {"armature_inductance"}  # by its share of the resistance
 
 
@@ -171,17 +171,17 @@ def test_a_terms_state_that_is_slow_enough_is_carried(
 
 
 def test_a_number_is_moved_out_of_what_the_step_cannot_resolve() -> None:
-    info = load_ship("frigate").number("propeller.inflow_lag_s").info
+    info = load_ship("frigate").parameter("propeller.inflow_lag_s").info
     assert info == KeyInfo("s", 0.0, 60.0, 0.0, gap=STEP)
     assert [info.inside(v) for v in (-1.0, 0.0, 0.02, 0.03, 0.2, 99.0)] == [0, 0, 0, STEP, 0.2, 60]
     lagging = load_ship("frigate").with_values({"propeller.inflow_lag_s": 1.0})
-    assert lagging.number("propeller.inflow_lag_s").info.low == STEP
+    assert lagging.parameter("propeller.inflow_lag_s").info.low == STEP
 
 
 def test_the_range_of_an_armature_ends_where_the_step_does_not_resolve_it() -> None:
     ship = load_ship("tito-neri-sine")
     for key in ("armature_inductance_H", "armature_resistance_ohm"):
-        number = ship.number(f"prime_mover.{key}")
+        number = ship.parameter(f"prime_mover.{key}")
         edge = number.info.low if key.endswith("H") else number.info.high
         moved = ship.with_values({number.key: edge})
         (constant,) = moved.prime_mover.time_constants.values()

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from shaftline.plant import Schedule, Sea, approach, load_ship, realise, simulate
-from shaftline.plant.waves import SYNC_STEPS, field
+from shaftline.plant.waves import SYNC_STEPS, wave_field
 
 DEPTH = 4.5  # of the destroyer's propellers [m]
 
@@ -35,11 +35,11 @@ def test_the_advance_velocity_holds_the_fields_part_along_the_ship(heading_deg: 
         s = run[k]
         # what meets her is that of her heading at the last synchronisation
         held = run["heading"][k - k % SYNC_STEPS]
-        inflow, elevation = field(sea, s["time"], s["position"], s["cross_track"], held)
+        inflow, elevation = wave_field(sea, s["time"], s["position"], s["cross_track"], held)
         assert felt[k] == pytest.approx(inflow, abs=2e-5)
         assert s["submergence"] == pytest.approx(DEPTH + elevation, abs=6e-3)
     whole = [
-        field(sea, *s)[0] for s in run[["time", "position", "cross_track", "heading"]].tolist()
+        wave_field(sea, *s)[0] for s in run[["time", "position", "cross_track", "heading"]].tolist()
     ]
     assert np.std(felt - whole) < 0.02 * np.std(felt)
 

@@ -24,11 +24,11 @@ def test_samples_are_those_of_a_simulation_to_the_bit(name: str, speed: float, w
     )  # fmt: skip
     expected = simulate(ship, orders, 30.0, initial=point.state, sea=sea)
     voyage = Voyage(ship, point.state, drive, sea)
-    voyage.sail(drive, pitch, 0.0, 100)
-    voyage.sail(drive, pitch, 0.3, 100)
+    voyage.run(drive, pitch, 0.0, 100)
+    voyage.run(drive, pitch, 0.3, 100)
     for _ in range(200):
-        voyage.sail(1.1 * drive, pitch, 0.3)
-    end = voyage.sail(1.1 * drive, 1.2, 0.3, 200)
+        voyage.run(1.1 * drive, pitch, 0.3)
+    end = voyage.run(1.1 * drive, 1.2, 0.3, 200)
     assert voyage.samples.tobytes() == expected[:-1].tobytes()
     assert voyage.time_s == pytest.approx(30.0)
     for signal in ("position", "heading", "ship_speed", "shaft_speed"):
@@ -41,7 +41,7 @@ def test_samples_have_room_for_a_long_voyage() -> None:
     point = approach(ship, 1.18)
     voyage = Voyage(ship, point.state, point.inputs.drive)
     for steps in (4000, 200, 20_000):
-        voyage.sail(point.inputs.drive, 0.721, 0.1, steps)
+        voyage.run(point.inputs.drive, 0.721, 0.1, steps)
     time = voyage.samples["time"]
     np.testing.assert_array_equal(time, np.arange(24_200) * 0.05)
     assert np.all(voyage.samples["ship_speed"] > 0.0)
@@ -51,8 +51,8 @@ def test_a_disturbance_acts_while_it_is_held() -> None:
     ship = load_ship("kvlcc2")
     point = approach(ship, 1.18)
     voyage = Voyage(ship, point.state, point.inputs.drive)
-    voyage.sail(point.inputs.drive, 0.721, steps=10, acting=Disturbance(0.2, 0.0, 2.0))
-    voyage.sail(point.inputs.drive, 0.721, steps=10)
+    voyage.run(point.inputs.drive, 0.721, steps=10, acting=Disturbance(0.2, 0.0, 2.0))
+    voyage.run(point.inputs.drive, 0.721, steps=10)
     kept = point.outputs
     s = voyage.samples
     assert s["advance_velocity"][0] == pytest.approx(kept.advance_velocity + 0.2)
@@ -65,5 +65,5 @@ def test_the_sea_that_is_given_stays_as_it_is() -> None:
     point = approach(ship, 11.0)
     sea = realise(SEA, ship.propeller.depth_m, 3)
     before = sea.tobytes()
-    Voyage(ship, point.state, point.inputs.drive, sea).sail(point.inputs.drive, 1.4, 0.3, 50)
+    Voyage(ship, point.state, point.inputs.drive, sea).run(point.inputs.drive, 1.4, 0.3, 50)
     assert sea.tobytes() == before

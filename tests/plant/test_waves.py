@@ -12,12 +12,12 @@ from shaftline.plant.seas import jonswap, presets
 from shaftline.plant.state import State
 from shaftline.plant.waves import (
     SYNC_STEPS,
-    calm,
-    field,
-    motion,
+    calm_sea,
     pass_half_step,
     synchronise,
     unit_phasors,
+    wave_field,
+    wave_motion,
 )
 
 GRAVITY = 9.81
@@ -90,15 +90,19 @@ def test_water_under_a_crest_runs_with_the_waves() -> None:
     head, following = (realise(Sea(hs_m=2.0, tp_s=9.0, heading_deg=h), 0.0, 1) for h in (180, 0))
     for sea, sign in ((head, 1.0), (following, -1.0)):
         times = np.arange(0.0, 200.0, 0.5)
-        inflow, surface = np.transpose([field(sea, t, 0.0) for t in times])
+        inflow, surface = np.transpose([wave_field(sea, t, 0.0) for t in times])
         assert np.corrcoef(inflow, surface)[0, 1] * sign > 0.9
         # a ship that has turned about meets it from the other side
-        assert field(sea, 7.0, 3.0, 0.0, math.pi)[0] == pytest.approx(-field(sea, 7.0, 3.0)[0])
+        assert wave_field(sea, 7.0, 3.0, 0.0, math.pi)[0] == pytest.approx(
+            -wave_field(sea, 7.0, 3.0)[0]
+        )
 
 
 def test_beam_seas_bring_no_axial_inflow() -> None:
     sea = realise(THESIS.model_copy(update={"heading_deg": 90.0}), 4.0, seed=1)
-    inflow, surface = np.transpose([field(sea, t, 8.0 * t) for t in np.arange(0.0, 100.0, 0.5)])
+    inflow, surface = np.transpose(
+        [wave_field(sea, t, 8.0 * t) for t in np.arange(0.0, 100.0, 0.5)]
+    )
     assert np.abs(inflow).max() < 1e-14
     assert np.abs(surface).max() > 1.0
 
@@ -111,13 +115,15 @@ def test_same_seed_gives_the_same_sea_and_another_seed_another() -> None:
 
 
 def test_field_is_the_sum_of_its_components() -> None:
-    sea = calm()
+    sea = calm_sea()
     sea["present"], sea["along"] = 1, -1.0
     for name, value in (("amplitude", 2.0), ("velocity", 0.5), ("frequency", 0.8),
                         ("wavenumber", 0.06), ("phase", 1.0)):  # fmt: skip
         sea[name][5] = value
     angle = 0.8 * 7.0 - 0.06 * 30.0 + 1.0
-    assert field(sea, 7.0, 30.0) == pytest.approx((0.5 * math.cos(angle), 2.0 * math.cos(angle)))
+    assert wave_field(sea, 7.0, 30.0) == pytest.approx(
+        (0.5 * math.cos(angle), 2.0 * math.cos(angle))
+    )
 
 
 @pytest.mark.parametrize(
@@ -140,13 +146,13 @@ def test_synchronised_sea_is_the_field_and_its_slope(thesis_sea: Any) -> None:
     sea = thesis_sea.copy()
     for time, place in ((0.0, 0.0), (123.4, 950.0)):
         synchronise(sea, time, State(1.4, 10.0, 8.0, place), 0.025)
-        found = motion(sea)
-        inflow, surface = field(sea, time, place)
+        found = wave_motion(sea)
+        inflow, surface = wave_field(sea, time, place)
         assert (found.inflow, found.elevation) == pytest.approx((inflow, surface), abs=1e-12)
         assert found.place == -place  # where the inflow holds: they travel against the ship
-        ahead, astern = (field(sea, time, place + d)[0] for d in (1e-4, -1e-4))
+        ahead, astern = (wave_field(sea, time, place + d)[0] for d in (1e-4, -1e-4))
         assert -found.inflow_slope == pytest.approx((ahead - astern) / 2e-4, abs=1e-8)
-        ahead, astern = (field(sea, time, place + d)[1] for d in (1e-4, -1e-4))
+        ahead, astern = (wave_field(sea, time, place + d)[1] for d in (1e-4, -1e-4))
         assert -found.elevation_slope == pytest.approx((ahead - astern) / 2e-4, abs=1e-8)
 
 
@@ -155,17 +161,17 @@ def test_passing_sea_is_the_field_at_the_speed_of_the_ship(thesis_sea: Any) -> N
     synchronise(sea, 50.0, State(1.4, 10.0, 8.0, 300.0), 0.025)
     for k in range(1, 2 * SYNC_STEPS + 1):
         pass_half_step(sea)
-        found = motion(sea)
+        found = wave_motion(sea)
         place = 300.0 + 8.0 * 0.025 * k
         assert -found.place == pytest.approx(place, rel=1e-14)
-        inflow, surface = field(sea, 50.0 + 0.025 * k, place)
+        inflow, surface = wave_field(sea, 50.0 + 0.025 * k, place)
         assert (found.inflow, found.elevation) == pytest.approx((inflow, surface), abs=1e-12)
 
 
 def test_no_sea_moves_nothing() -> None:
-    assert tuple(motion(calm())) == 6 * (0.0,)
+    assert tuple(wave_motion(calm_sea())) == 6 * (0.0,)
 
 
 def test_no_wave_height_is_calm() -> None:
-    assert realise(Sea(hs_m=0.0, tp_s=9.0), 4.0, 1).tobytes() == calm().tobytes()
+    assert realise(Sea(hs_m=0.0, tp_s=9.0), 4.0, 1).tobytes() == calm_sea().tobytes()
     assert realise(Sea(hs_m=0.01, tp_s=9.0), 4.0, 1)["present"] == 1

@@ -14,7 +14,7 @@ from shaftline.plant import Equilibrium, Schedule, Sea, Ship, realise, simulate
 from shaftline.plant.waves import (
     COMPONENTS,
     SYNC_STEPS,
-    field,
+    wave_field,
 )
 
 GRAVITY = 9.81
@@ -72,7 +72,7 @@ def test_kernel_equals_the_plain_field_on_a_voyage(
 ) -> None:
     initial = design_point.state._replace(pitch_ratio=1.2)
     s = simulate(frigate, Schedule(22.0, 1.4), 300.0, initial=initial, sea=thesis_sea)
-    plain = np.array([field(thesis_sea, x["time"], x["position"]) for x in s])
+    plain = np.array([wave_field(thesis_sea, x["time"], x["position"]) for x in s])
     inflow = s["advance_velocity"] - 0.95 * s["ship_speed"] - plain[:, 0]
     surface = s["submergence"] - 4.0 - plain[:, 1]
     # exact where it is synchronised, and between by the field's slope

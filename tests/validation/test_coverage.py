@@ -8,15 +8,15 @@ import pytest
 from shaftline.mismatch.identification.free_parameters import number_of
 from shaftline.validation.coverage import (
     KEYS,
-    TOLERATED,
+    MOST_BIAS,
+    TOLERANCE_OF_KEY,
     WATERS,
-    WRONG,
     by_choice,
     cases,
     coverage,
-    free_of,
-    judged,
-    row_of,
+    coverage_row,
+    evaluate_case,
+    free_parameters,
     ship_of,
     truth_of,
     water_of,
@@ -30,9 +30,11 @@ def test_every_water_has_its_cases_and_every_parameter_is_wrong_by_what_the_file
     found = cases(5, SEED)
     assert [water_of(case) for case in found] == [w for w in WATERS for _ in range(5)]
     for case in found:
-        tolerances, own = ship_of(case).tolerances, TOLERATED[case.ship]
+        tolerances, own = ship_of(case).tolerances, TOLERANCE_OF_KEY[case.ship]
         for name, factor in case.factors.items():
-            most = WRONG if name in free_of(case) else 4.0 * getattr(tolerances, own[name])
+            most = (
+                MOST_BIAS if name in free_parameters(case) else 4.0 * getattr(tolerances, own[name])
+            )
             assert 0.0 < abs(factor - 1.0) <= most, name
     assert found == cases(5, SEED)
 
@@ -40,7 +42,7 @@ def test_every_water_has_its_cases_and_every_parameter_is_wrong_by_what_the_file
 def test_the_truth_is_that_of_the_key() -> None:
     for case in cases(3, SEED):
         ship = ship_of(case)
-        for name in free_of(case):
+        for name in free_parameters(case):
             wrong = truth_of(case, name) / number_of(ship, KEYS[name]).value
             close = 0.03 if name == "inertia" else 1e-9  # the bench's two are one in its simulator
             assert wrong == pytest.approx(case.factors[name], rel=close)
@@ -52,13 +54,13 @@ def test_what_intervals_are_worth() -> None:
     exact = np.column_stack(
         [10.0 + error, np.ones(4000), 8.04 + error, 11.96 + error, np.full(4000, 10.0)]
     )
-    row = row_of(exact)
+    row = coverage_row(exact)
     assert row["covered %"] == pytest.approx(95.0, abs=1.0)
     assert row["from %"] < 95.0 < row["to %"]
     for ratio in ("width / calibrated", "width / oracle"):
         assert row[ratio] == pytest.approx(1.0, abs=0.05)
     wide = exact + np.array([0.0, 0.0, -1.96, 1.96, 0.0])
-    assert row_of(wide)["width / calibrated"] == pytest.approx(2.0, abs=0.1)
+    assert coverage_row(wide)["width / calibrated"] == pytest.approx(2.0, abs=0.1)
     found = [
         {"water": "calm", "free": "resistance", "numbers": {"resistance": one.tolist()}}
         for one in exact[:50]
@@ -74,5 +76,5 @@ def test_other_parameters_are_felt_at_what_was_found(index: int) -> None:
     Felt about the file, the constant moves the estimates by up to eight standard errors.
     """
     case = next(c for c in cases(34, SEED) if c.ship == BENCH and c.index == index)
-    for name, (value, error, _, _, truth) in judged(case)["numbers"].items():
+    for name, (value, error, _, _, truth) in evaluate_case(case)["numbers"].items():
         assert abs(value - truth) < 3.0 * error, name

@@ -16,10 +16,10 @@ from shaftline.validation import cases
 from shaftline.validation.cases import draw_case
 from shaftline.validation.reality import bench, effects, instruments, motion
 from shaftline.validation.reality.effects import FRIGATE
-from shaftline.validation.reality.instruments import read
-from shaftline.validation.reality.numbers import NEUTRAL, frigate_numbers
-from shaftline.validation.reality.sail import restless, sail
-from shaftline.validation.recording import Scenario, make
+from shaftline.validation.reality.instruments import add_instruments
+from shaftline.validation.reality.numbers import NEUTRAL, frigate_parameters
+from shaftline.validation.reality.sail import simulate_voyage, varies_every_sample
+from shaftline.validation.recording import Scenario, simulate_case
 
 PERIOD = 0.1
 
@@ -33,7 +33,7 @@ def close(a: pd.Series, b: pd.Series, share: float) -> bool:
 @pytest.mark.parametrize("kind", instruments.LIVELY)
 def test_without_effects_the_frigate_is_the_plants(kind: str) -> None:
     rack, pitch = instruments.voyage(kind, 300.0, PERIOD, np.random.default_rng(3))
-    reality = sail(frigate_numbers(), rack, pitch, PERIOD)
+    reality = simulate_voyage(frigate_parameters(), rack, pitch, PERIOD)
     plant = simulate_recording(load_ship("frigate"), reality)
     for column in ("shaft_speed_rad_s", "shaft_torque_N_m", "ship_speed_m_s"):
         assert close(reality[column], plant[column], 0.01), column
@@ -43,7 +43,7 @@ def test_without_effects_the_frigate_is_the_plants(kind: str) -> None:
 def test_without_effects_the_thruster_is_the_plants(tmp_path: Path) -> None:
     (tmp_path / "ship.toml").write_text(bench.SHIP_FILE, encoding="utf-8")
     volts = bench.voltage_programme("steps", 120.0, PERIOD, np.random.default_rng(3))
-    reality = bench.run_bench(bench.bench_numbers(), volts, PERIOD)
+    reality = bench.run_bench(bench.bench_parameters(), volts, PERIOD)
     plant = simulate_recording(load_ship(tmp_path / "ship.toml"), reality)
     for column in ("shaft_speed_rad_s", "motor_current_A", "thrust_N"):
         assert close(reality[column], plant[column], 0.002), column
@@ -58,13 +58,13 @@ def test_demands_that_never_rest_are_held_to_the_last_sample(
         if c.kind == "null-calm" and c.ship == FRIGATE and c.programme == "sweep"
     )  # fmt: skip
     scenario = Scenario(dataclasses.replace(case, seconds=60.0))
-    assert restless(scenario.drive)
-    found = scenario.sail(scenario.true, waves=False)
-    plain = sail(scenario.true, scenario.drive, scenario.pitch, PERIOD)
+    assert varies_every_sample(scenario.drive)
+    found = scenario.simulate(scenario.true, waves=False)
+    plain = simulate_voyage(scenario.true, scenario.drive, scenario.pitch, PERIOD)
     monkeypatch.setattr(
         "shaftline.validation.reality.sail.JUMP", 1e-9
     )  # it then stops at every sample
-    exact = sail(scenario.true, scenario.drive, scenario.pitch, PERIOD)
+    exact = simulate_voyage(scenario.true, scenario.drive, scenario.pitch, PERIOD)
     for column in ("shaft_speed_rad_s", "shaft_torque_N_m"):
         off, before = (np.abs(table[column] - exact[column]).max() for table in (found, plain))
         assert off < 0.1 * before, column
@@ -72,8 +72,8 @@ def test_demands_that_never_rest_are_held_to_the_last_sample(
 
 def test_the_thruster_holds_its_demand_over_each_sample() -> None:
     volts = bench.voltage_programme("sines", 30.0, PERIOD, np.random.default_rng(4))
-    coarse = bench.run_bench(bench.bench_numbers(), volts, PERIOD)
-    fine = bench.run_bench(bench.bench_numbers(), np.repeat(volts, 50), PERIOD / 50)
+    coarse = bench.run_bench(bench.bench_parameters(), volts, PERIOD)
+    fine = bench.run_bench(bench.bench_parameters(), np.repeat(volts, 50), PERIOD / 50)
     for column in ("shaft_speed_rad_s", "motor_current_A"):
         exact = fine[column].to_numpy()[::50]
         assert np.abs(coarse[column].to_numpy() - exact).max() < 1e-5 * np.abs(exact).max(), column
@@ -97,13 +97,13 @@ def demands() -> tuple[np.ndarray, np.ndarray]:
 
 def frigate_readings(numbers: dict[str, float], rough: bool) -> pd.DataFrame:
     waves = motion.head_sea(6.0, 10.0, 4.0, 1) if rough else None
-    truth = sail(numbers, *demands(), PERIOD, waves=waves)
-    return read(truth, numbers, PERIOD, None)
+    truth = simulate_voyage(numbers, *demands(), PERIOD, waves=waves)
+    return add_instruments(truth, numbers, PERIOD, None)
 
 
 @functools.cache
 def reference(rough: bool) -> pd.DataFrame:
-    return frigate_readings(frigate_numbers() | {"track_speed": 7.0}, rough)
+    return frigate_readings(frigate_parameters() | {"track_speed": 7.0}, rough)
 
 
 def shaped(effect: effects.TrueEffect) -> dict[str, float]:
@@ -131,7 +131,7 @@ MOVED = {
 def test_an_effect_moves_its_own_signals(effect: effects.TrueEffect) -> None:
     strong = effect.most if effect.id in ("cavitation-breakdown", "shallow-water") else None
     size = {effect.size: strong or min(4.0 * effect.first, effect.most)}
-    numbers = frigate_numbers() | shaped(effect) | size | {"track_speed": 7.0}
+    numbers = frigate_parameters() | shaped(effect) | size | {"track_speed": 7.0}
     change = frigate_readings(numbers, effect.waves) - reference(effect.waves)
     moved = {c: float(change[c].abs().max()) for c in (*MOVED.values(), "shaft_torque_N_m")}
     least = {"pitch_ratio": 1e-4, "shaft_speed_rad_s": 1e-3, "ship_speed_m_s": 1e-3,
@@ -150,7 +150,7 @@ def test_an_effect_moves_its_own_signals(effect: effects.TrueEffect) -> None:
 @pytest.mark.parametrize("effect", BENCHES, ids=lambda e: e.key)
 def test_an_effect_moves_the_thruster(effect: effects.TrueEffect) -> None:
     volts = bench.voltage_programme("reversals", 60.0, PERIOD, np.random.default_rng(2))
-    numbers = bench.bench_numbers()
+    numbers = bench.bench_parameters()
     changed = numbers | shaped(effect) | {effect.size: min(4.0 * effect.first, effect.most)}
     change = bench.run_bench(changed, volts, PERIOD) - bench.run_bench(numbers, volts, PERIOD)
     assert float(change["shaft_speed_rad_s"].abs().max()) > 1e-2
@@ -185,9 +185,9 @@ def short(kind: str) -> cases.Case:
 
 
 def test_the_same_seed_gives_the_same_recording() -> None:
-    first, second = make(short("null-waves")), make(short("null-waves"))
+    first, second = simulate_case(short("null-waves")), simulate_case(short("null-waves"))
     pd.testing.assert_frame_equal(first.recording, second.recording)
-    assert cases.sealed(first.truth) == cases.sealed(second.truth)
+    assert cases.hash_truth(first.truth) == cases.hash_truth(second.truth)
     assert np.isfinite(first.recording.to_numpy()).all()
     assert first.truth["sizes"] == {}
 
@@ -199,7 +199,7 @@ def test_an_effect_is_as_strong_as_drawn() -> None:
         short("single"), ship=effects.FRIGATE, effects=(one,), programme="steps",
         wave_height=0.0, factors=dict.fromkeys(cases.TOLERANCES[effects.FRIGATE], 1.0),
     )  # fmt: skip
-    reality = make(case)
+    reality = simulate_case(case)
     assert reality.truth["beyond_tolerances"][effect.key] == pytest.approx(1.0, abs=0.08)
     assert (
         reality.truth["ratios"][effect.key]
@@ -215,5 +215,5 @@ def test_an_effect_is_as_strong_as_drawn() -> None:
 
 def test_a_seal_holds_for_its_truth_alone() -> None:
     truth = {"nonce": "x", "case": {"kind": "single"}, "sizes": {"a": 1.0}}
-    assert cases.sealed(truth) == cases.sealed(dict(reversed(truth.items())))
-    assert cases.sealed(truth) != cases.sealed(truth | {"nonce": "y"})
+    assert cases.hash_truth(truth) == cases.hash_truth(dict(reversed(truth.items())))
+    assert cases.hash_truth(truth) != cases.hash_truth(truth | {"nonce": "y"})

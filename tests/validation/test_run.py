@@ -14,9 +14,9 @@ import pytest
 
 from shaftline.validation import cases, run, scoring
 from shaftline.validation.reality.instruments import voyage
-from shaftline.validation.reality.numbers import frigate_numbers
-from shaftline.validation.reality.sail import sail
-from shaftline.validation.recording import Reality
+from shaftline.validation.reality.numbers import frigate_parameters
+from shaftline.validation.reality.sail import simulate_voyage
+from shaftline.validation.recording import SimulatedCase
 from shaftline.validation.rivals import sindy, stepwise_bic
 from shaftline.validation.scoring import overlap, parameter_of, score, table_of
 
@@ -35,7 +35,7 @@ def report(*names: str, balance: str = "engine", verdict: str = "", **parameters
     }  # fmt: skip
 
 
-def reality(kind: str, *keys: str, window: Any = None) -> Reality:
+def reality(kind: str, *keys: str, window: Any = None) -> SimulatedCase:
     time = np.arange(1000) * 0.1
     still = {"time_s": time, "shaft_speed_rad_s": 10.0 + 0.0 * time}
     wave = np.sin(time)
@@ -53,10 +53,10 @@ def reality(kind: str, *keys: str, window: Any = None) -> Reality:
     recording["shaft_speed_rad_s"] += 4.0 * wave
     concealed = pd.DataFrame(still)
     concealed["shaft_speed_rad_s"] += 3.0 * wave
-    return Reality(recording, truth, pd.DataFrame(still), concealed)
+    return SimulatedCase(recording, truth, pd.DataFrame(still), concealed)
 
 
-def scored(made: Reality, given: Any) -> dict[str, Any]:
+def scored(made: SimulatedCase, given: Any) -> dict[str, Any]:
     return score("tool", given, made.truth, made)
 
 
@@ -186,7 +186,7 @@ def test_the_summary_counts_what_it_says() -> None:
         row["index"] = index
     tables = scoring.tables_of(table_of(rows))
     value = tables["summary"].set_index("figure")["value"]
-    assert value["effects named on null data: all"] == 0.25
+    assert value["effects reported in null cases: all"] == 0.25
     assert value["true id or its class first"] == 0.5
     assert value["balance right"] == 0.5
     assert value["effect absent from the catalogue: unexplained or its class"] == 1.0
@@ -199,10 +199,10 @@ def test_the_summary_counts_what_it_says() -> None:
 def test_the_plain_ways_find_a_strong_effect(module: str, tmp_path: Path) -> None:
     if module == "sindy":
         pytest.importorskip("pysindy")
-    strong = frigate_numbers(map_rack=0.9)
+    strong = frigate_parameters(map_rack=0.9)
     demands = voyage("steps", 300.0, 0.1, np.random.default_rng(1))
     path = tmp_path / "recording.csv"
-    sail(strong, *demands, 0.1).to_csv(path, index=False)
+    simulate_voyage(strong, *demands, 0.1).to_csv(path, index=False)
     way = {"stepwise-bic": stepwise_bic, "sindy": sindy}[module]
     found = way.diagnose(path, "frigate", tmp_path, ())
     assert found["verdict"] == "explained"
@@ -254,7 +254,7 @@ def test_a_proof_is_resumed_sealed_and_written(tmp_path: Path, monkeypatch: Any)
     assert sorted(own["outcome"]) == ["failed", "false alarm"]
     assert set(tables["cases"]["tool"]) == {"shaftline", "stepwise-bic"}
     page = (tmp_path / "validation.md").read_text()
-    assert "effects named on null data" in page
+    assert "effects reported in null cases" in page
     assert (tmp_path / "validation-summary.csv").exists()
 
 

@@ -17,7 +17,7 @@ from shaftline.plant import load_ship
 from shaftline.plant.replay import simulate_recording
 from shaftline.validation import run, variants
 from shaftline.validation.cases import Case, draw_case
-from shaftline.validation.recording import Reality, make
+from shaftline.validation.recording import SimulatedCase, simulate_case
 from shaftline.validation.variants import OFF, VARIANTS
 
 SEED = 3
@@ -32,8 +32,8 @@ def short(variant: str, index: int = FRIGATE) -> Case:
 
 
 @functools.cache
-def made(variant: str, index: int = FRIGATE) -> Reality:
-    return make(short(variant, index))
+def made(variant: str, index: int = FRIGATE) -> SimulatedCase:
+    return simulate_case(short(variant, index))
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
@@ -104,10 +104,12 @@ def test_a_realistic_file_is_off_as_it_says(index: int, tmp_path: Path) -> None:
             "propeller.torque_coefficient": ("kq", 1),
         }),
     }  # fmt: skip
-    values = {key: file.number(key).value * case.off[name] for key, (name, _) in put_right.items()}
+    values = {
+        key: file.parameter(key).value * case.off[name] for key, (name, _) in put_right.items()
+    }
     if case.ship == "frigate":  # KT and 1 - t act on the hull as their product
         values["hull.thrust_deduction"] = 1.0 - 0.93 * case.off["kt_scale"]
-    reality = make(dataclasses.replace(case, wave_height=0.0))
+    reality = simulate_case(dataclasses.replace(case, wave_height=0.0))
     plant = simulate_recording(file.with_values(values), reality.without)
     wrong = simulate_recording(file, reality.without)
     near, far = (
@@ -129,13 +131,13 @@ def test_numbers_that_are_off_are_so_either_way() -> None:
 def test_a_healthy_record_is_another_voyage_without_effects() -> None:
     index = next(i for i in range(40) if draw_case(SEED, i).kind == "single")
     case = draw_case(SEED, index, "realistic")
-    healthy = variants.healthy_of(case)
+    healthy = variants.reference_case(case)
     assert healthy is not None
     assert healthy.effects == ()
     assert healthy.programme != case.programme
     assert healthy.noise_seed != case.noise_seed
     assert (healthy.off, healthy.instruments) == (case.off, case.instruments)
-    assert variants.healthy_of(draw_case(SEED, index)) is None
+    assert variants.reference_case(draw_case(SEED, index)) is None
 
 
 def test_the_tool_is_given_the_file_and_the_healthy_record(
@@ -154,7 +156,7 @@ def test_the_tool_is_given_the_file_and_the_healthy_record(
     tables = run.validate([FRIGATE], SEED, tmp_path, tool, variant="realistic")
     assert list(tables["cases"]["outcome"]) == ["nothing-missing"]
     page = (tmp_path / "validation.md").read_text(encoding="utf-8")
-    assert "Variant `realistic`: inertia and friction of the file off by 10 %" in page
+    assert "Variant `realistic`: inertia and friction of the ship file off by 10 %" in page
     (place,) = tmp_path.glob("case-*")
     truth = json.loads((place / "truth.json").read_text(encoding="utf-8"))
     assert truth["case"]["off"] == short("realistic").off

@@ -91,7 +91,7 @@ def files_of(places: list[Path]) -> list[Path]:
         for file in ([place] if place.is_file() else sorted(place.rglob("*")))
         if file.suffix in (".md", ".py") and "CHANGELOG" not in file.name
     ]
-    return [file for file in found if not {"out", "__pycache__"} & set(file.parts)]
+    return [file for file in found if not {"out", "__pycache__", "tests"} & set(file.parts)]
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -1,5 +1,5 @@
-"""A second, independent ship: what a recording is made of when effects are concealed in it.
+"""Independent simulator of ships with concealed effects.
 
-Integrated by scipy, with its own formulas; it shares no equation with :mod:`shaftline.plant`. Effects
-have other forms here than the ones that a tool under test may know.
+It has its own equations, integrated by scipy, and shares none with :mod:`shaftline.plant`. Its effects
+have other forms than those of the catalogue.
 """

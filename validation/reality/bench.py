@@ -1,6 +1,6 @@
-"""A direct-current thruster on a bench: hull fixed, propeller at bollard pull, demand in volts.
+"""Direct-current thruster on a bench: fixed hull, propeller at bollard pull, command in volts.
 
-The motor's own inductance is left out; shaft, flow through the propeller and warm winding are states.
+The states are shaft speed, flow through the propeller and winding temperature; inductance is neglected.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from .motion import compiled
-from .numbers import NEUTRAL, Numbers
+from .numbers import NEUTRAL, Parameters
 
 Floats = NDArray[np.float64]
 PROGRAMMES = ("steps", "staircase", "sines", "reversals")
 CALM_PROGRAMME = "steady"
 
 SUBSTEPS = 50
-"""Of a sample: 2 ms where a sample is a tenth of a second."""
+"""Integration steps in each sample: 2 ms for samples of 0.1 s."""
 
 SETTLING = 600
-"""Tenths of a second at the first demand before the record begins."""
+"""Duration of the first command before the recording starts [0.1 s]."""
 
 SHIP_FILE = """\
 # A small electric thruster on a bench, assumed: the size of a work-class underwater vehicle's.
@@ -64,8 +64,8 @@ time_step_s = 0.01
 """
 
 
-def bench_numbers(**changes: float) -> Numbers:
-    """The thruster's numbers; ``changes`` are factors as for the frigate."""
+def bench_parameters(**changes: float) -> Parameters:
+    """Return the parameters of the thruster; ``changes`` are factors as for the frigate."""
     numbers = {
         "density": 1000.0, "diameter": 0.20, "kt": 0.40, "kq": 0.050, "constant": 0.12,
         "ohm": 0.6, "volt_high": 48.0, "gear": 3.0, "inertia": 0.070, "rub": 0.05,
@@ -75,11 +75,11 @@ def bench_numbers(**changes: float) -> Numbers:
     return numbers | NEUTRAL
 
 
-THRUSTER = np.dtype([(name, np.float64) for name in bench_numbers()], align=True)
+THRUSTER = np.dtype([(name, np.float64) for name in bench_parameters()], align=True)
 
 
 def voltage_programme(kind: str, seconds: float, period: float, rng: Generator) -> Floats:
-    """Voltage demand [V], one a sample; ``kind`` from ``PROGRAMMES`` or ``"steady"``."""
+    """Return the voltage command [V] at each sample; ``kind`` from ``PROGRAMMES`` or ``"steady"``."""
     count = round(seconds / period) + 1
     time: Floats = np.arange(count, dtype=np.float64) * period
     if kind == CALM_PROGRAMME:
@@ -102,7 +102,7 @@ def voltage_programme(kind: str, seconds: float, period: float, rng: Generator) 
 
 @compiled
 def _motor(volt: float, y: Any, n: Any, rate: Any) -> Any:
-    """Rates of shaft speed, flow and heat; gives the current [A]."""
+    """Write the rates of shaft speed, flow and heat; return the current [A]."""
     omega = y[0]
     gap = n.command_gap
     if gap > 0.0:  # a demand inside the gap passes as nothing, with a soft edge
@@ -164,13 +164,13 @@ def _held(volts: Floats, start: Any, ship: Any, period: float, states: Any, curr
         step_held(volts[sample], y, ship[0], period, k)
 
 
-def run_bench(numbers: Numbers, volts: Floats, period: float) -> pd.DataFrame:
+def run_bench(numbers: Parameters, volts: Floats, period: float) -> pd.DataFrame:
     """Integrate the thruster from the steady state of the first demand; true signals.
 
     Args:
-        numbers: from :func:`bench_numbers`, with effects.
-        volts: demand [V], one a sample, held over it.
-        period: between samples [s].
+        numbers: from :func:`bench_parameters`, with effects.
+        volts: command [V] at each sample, held until the next.
+        period: sampling interval [s].
     """
     record = np.zeros(1, THRUSTER)
     for name, value in numbers.items():

@@ -1,7 +1,7 @@
-"""The effects that reality may conceal, as data.
+"""Table of the effects that the independent simulator may conceal.
 
-Each is one number that grows with its strength, and numbers that shape it, drawn for every case. The
-ids are those of the design's vocabulary; the forms are not. Those in ``UNKNOWN`` stand in nobody's
+Each effect has one parameter that grows with its strength and shape parameters that are drawn for every
+case. The ids are those of the catalogue; the forms are not. The effects in ``UNKNOWN`` are in no
 catalogue.
 """
 
@@ -18,20 +18,20 @@ FAST = ("steps", "staircase")
 
 @dataclass(frozen=True)
 class TrueEffect:
-    """One effect: where it acts, the number that is its size, and what shapes it."""
+    """Effect of the independent simulator: balance, size parameter and shape parameters."""
 
     id: str
     balance: str
-    size: str  # the number that carries its strength
-    first: float  # a size to begin with
-    most: float  # largest size that makes sense
+    size: str  # parameter of its strength
+    first: float  # first trial size
+    most: float  # largest sensible size
     shape: dict[str, tuple[float, float]] = field(default_factory=dict)
     signs: bool = False  # either sign
     programmes: tuple[str, ...] = LIVELY
     ship: str = FRIGATE
-    waves: bool = False  # shows in waves only
-    window: tuple[str, str] | None = None  # numbers that hold its begin and end, as shares
-    family: str = ""  # effects that a recording may well confuse
+    waves: bool = False  # visible in waves only
+    window: tuple[str, str] | None = None  # parameters of its start and end, as shares
+    family: str = ""  # effects that a recording may confuse
 
     @property
     def key(self) -> str:
@@ -143,11 +143,11 @@ CONFOUNDED = (
     "current/hull", "pitch-actuator-offset/pitch-actuator", "pitch-sensor-offset/sensor",
     "torque-sensor-bias/sensor", "torque-sensor-gain/sensor",
 )  # fmt: skip
-"""Effects that a nearly steady cruise shows but cannot tell apart."""
+"""Effects that are visible but not distinguishable in a nearly steady cruise."""
 
 BY_KEY = {effect.key: effect for effect in (*EFFECTS, *UNKNOWN)}
 
 
 def families(ship: str, name: str) -> set[str]:
-    """The families that an id belongs to on a ship."""
+    """Return the families of an id on a ship."""
     return {e.family for e in EFFECTS if (e.ship, e.id) == (ship, name)}

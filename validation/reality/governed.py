@@ -1,8 +1,8 @@
-"""A governor that holds the shaft speed: demands that answer to what the encoder shows.
+"""Ships under a governor, whose commands depend on the measurement of the encoder.
 
-The loop is closed once a sample: the reading, its noise and its rounding among them, goes into a
-proportional and integral rule, and the demand is held until the next. In between the equations of motion
-are integrated by the classical Runge-Kutta method in steps of a fifth of a sample or less.
+The loop is closed once per sample: the measured shaft speed with its noise and rounding is the input
+of a proportional-integral controller, and its command is held until the next sample. Between samples
+the equations of motion are integrated by the classical Runge-Kutta method.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .bench import THRUSTER, _motor, bench_numbers, step_held
+from .bench import THRUSTER, _motor, bench_parameters, step_held
 from .instruments import ENCODER_DIGIT, encoder_noise, steady
 from .motion import STATES, Waves, _balance, calm, compiled
-from .numbers import Numbers, as_record
+from .numbers import Parameters, as_record
 from .sail import FINE, STALLED, StalledError, _clock_table, _first_states, columns_of
 
 Floats = NDArray[np.float64]
@@ -26,14 +26,14 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Governor:
-    """A proportional and integral rule from rad/s to the demand's unit.
+    """Proportional-integral controller from shaft speed [rad/s] to the command's unit.
 
     Args:
-        gain: demand for each rad/s.
-        reset: of the integral, likewise for each second.
-        low: least demand.
-        high: most.
-        ramp: fastest change of the speed that is ordered [rad/s2].
+        gain: proportional gain [unit s/rad].
+        reset: integral gain [unit/rad].
+        low: lowest command.
+        high: highest command.
+        ramp: fastest change of the set-point [rad/s2].
     """
 
     gain: float
@@ -44,14 +44,14 @@ class Governor:
 
 
 RACK = Governor(4.0, 2.0, 0.0, 34.0, 0.25)
-"""The frigate's, in mm of rack."""
+"""Governor of the frigate, command in mm of fuel rack."""
 
 VOLTAGE = Governor(0.35, 0.8, -40.0, 40.0, 60.0)
-"""The thruster's, in V."""
+"""Governor of the thruster, command in V."""
 
 
-def ramped(orders: Floats, governor: Governor, period: float) -> Floats:
-    """Ordered speeds [rad/s] that change no faster than the governor lets them."""
+def limit_rate(orders: Floats, governor: Governor, period: float) -> Floats:
+    """Return set-points [rad/s] with the governor's rate limit."""
     most, found = governor.ramp * period, np.array(orders, dtype=np.float64)
     for k in range(1, len(found)):
         found[k] = found[k - 1] + min(max(found[k] - found[k - 1], -most), most)
@@ -60,7 +60,7 @@ def ramped(orders: Floats, governor: Governor, period: float) -> Floats:
 
 @compiled
 def _rule(error: float, memory: float, rule: Any, period: float) -> tuple[float, float]:
-    """Demand, and the integral that a limit does not wind up."""
+    """Return the command, and the integral with anti-windup."""
     gain, reset, low, high = rule
     grown = memory + reset * period * error
     demand = gain * error + grown
@@ -73,7 +73,7 @@ def _rule(error: float, memory: float, rule: Any, period: float) -> tuple[float,
 def _runge_kutta(
     t: float, h: float, y: Any, ship: Any, waves: Any, table: Any, step: float, k: Any, out: Any
 ) -> None:
-    """One step of the states, in place."""
+    """Advance the states by one step, in place."""
     _balance(t, y, ship, waves, table, step, k[0], out)
     _balance(t + 0.5 * h, y + 0.5 * h * k[0], ship, waves, table, step, k[1], out)
     _balance(t + 0.5 * h, y + 0.5 * h * k[1], ship, waves, table, step, k[2], out)
@@ -86,7 +86,7 @@ def _voyage(
     ship: Any, waves: Any, table: Any, step: float, fine: int, orders: Any, noise: Any, digit: float,
     rule: Any, closed: bool, first: float, start: Any, demands: Any, states: Any,
 ) -> None:  # fmt: skip
-    """Fill states at the samples, the rack in the clock's table, and, in a closed loop, the demands."""
+    """Write the states at the samples, the rack in the table, and in closed loop the commands."""
     ship = ship[0]
     y, k, out = start.copy(), np.zeros((4, len(start))), np.zeros(3)
     memory, here = first, first
@@ -126,8 +126,8 @@ def _voyage(
     table[len(table) - 1, 0] = table[len(table) - 2, 0]
 
 
-def _first_rack(numbers: Numbers, order: float, table: Floats) -> tuple[float, Floats]:
-    """Rack [mm] at which the true ship turns as is ordered, and its states there."""
+def _first_rack(numbers: Parameters, order: float, table: Floats) -> tuple[float, Floats]:
+    """Return the rack [mm] at which the true ship has a shaft speed, and its states there."""
     ship = as_record(numbers)
 
     def settled(rack: float) -> Floats:
@@ -149,23 +149,23 @@ def _first_rack(numbers: Numbers, order: float, table: Floats) -> tuple[float, F
     return rack, states
 
 
-def sail_governed(
-    numbers: Numbers, orders: Floats, pitch: Floats, period: float, seed: int, *,
+def simulate_governed(
+    numbers: Parameters, orders: Floats, pitch: Floats, period: float, seed: int, *,
     waves: Waves | None = None, wind_seed: int = 0,
 ) -> pd.DataFrame:  # fmt: skip
     """Integrate the true ship under a governor.
 
     Args:
-        numbers: of the true ship.
-        orders: shaft speed [rad/s], one a sample.
-        pitch: commanded pitch ratio likewise.
-        period: between samples [s].
-        seed: of the encoder's noise, as of the readings.
-        waves: from :func:`~.water.head_sea`; calm by default.
-        wind_seed: of the slow wandering of the resistance.
+        numbers: parameters of the true ship.
+        orders: set-point of the shaft speed [rad/s] at each sample.
+        pitch: commanded pitch ratio, likewise.
+        period: sampling interval [s].
+        seed: seed of the encoder's noise, as for the measurements.
+        waves: waves from :func:`~.motion.head_sea`; calm by default.
+        wind_seed: seed of the slow variation of the resistance.
 
     Returns:
-        True signals at the samples, with the rack that the governor asked for.
+        True signals at the samples, with the rack command of the governor.
 
     Raises:
         StalledError: the engine stops.
@@ -175,24 +175,24 @@ def sail_governed(
     first, start = _first_rack(numbers, float(orders[0]), table)
     noise = encoder_noise(numbers, len(orders), seed)
     digit = ENCODER_DIGIT if numbers["rounding"] > 0.0 else 0.0
-    demands, wanted = np.zeros(len(orders)), ramped(orders, RACK, period)
+    demands, wanted = np.zeros(len(orders)), limit_rate(orders, RACK, period)
     seen = (wanted, noise, digit, True)
     return _sailed(numbers, demands, pitch, period, waves, table, seen, first, start)
 
 
-def sail_held(
-    numbers: Numbers, rack: Floats, pitch: Floats, period: float, *, waves: Waves | None = None,
+def simulate_held(
+    numbers: Parameters, rack: Floats, pitch: Floats, period: float, *, waves: Waves | None = None,
     wind_seed: int = 0,
 ) -> pd.DataFrame:  # fmt: skip
-    """What :func:`~.sail.sail` does, for demands that never rest: a governor's, given again.
+    """Integrate the true ship with commands that change at every sample, such as those of a governor.
 
     Args:
-        numbers: as of :func:`sail_governed`, likewise the rest.
-        rack: demand [mm], one a sample, held over it.
-        pitch: commanded pitch ratio likewise.
-        period: between samples [s].
+        numbers: as in :func:`simulate_governed`, like the others.
+        rack: command [mm] at each sample, held until the next.
+        pitch: commanded pitch ratio, likewise.
+        period: sampling interval [s].
         waves: calm by default.
-        wind_seed: of the slow wandering of the resistance.
+        wind_seed: seed of the slow variation of the resistance.
 
     Raises:
         StalledError: the engine stops.
@@ -206,7 +206,7 @@ def sail_held(
 
 
 def _sailed(
-    numbers: Numbers, demands: Floats, pitch: Floats, period: float, waves: Waves, table: Floats,
+    numbers: Parameters, demands: Floats, pitch: Floats, period: float, waves: Waves, table: Floats,
     seen: tuple[Floats, Floats, float, bool], first: float, start: Floats,
 ) -> pd.DataFrame:  # fmt: skip
     ship, states = as_record(numbers), np.zeros((len(demands), STATES))
@@ -222,8 +222,8 @@ def _sailed(
 
 
 def bench_orders(volts: Floats) -> Floats:
-    """Shaft speeds [rad/s] that the file's thruster holds at some voltages."""
-    n = bench_numbers()
+    """Return the steady shaft speeds [rad/s] of the ship file's thruster at voltages."""
+    n = bench_parameters()
     speeds = np.linspace(-150.0, 150.0, 6001)
     turns = speeds / (2.0 * math.pi)
     load = n["density"] * n["diameter"] ** 5 * n["kq"] * turns * np.abs(turns)
@@ -237,7 +237,7 @@ def _bench(
     ship: Any, period: float, orders: Any, noise: Any, digit: float, rule: Any,
     first: float, demands: Any, states: Any, currents: Any,
 ) -> None:  # fmt: skip
-    """Fill demands, states and currents at the samples."""
+    """Write commands, states and currents at the samples."""
     ship = ship[0]
     y, k, memory = np.zeros(4), np.zeros((4, 4)), first
     y[0] = orders[0]
@@ -253,21 +253,23 @@ def _bench(
         step_held(volt, y, ship, period, k)
 
 
-def run_bench_governed(numbers: Numbers, orders: Floats, period: float, seed: int) -> pd.DataFrame:
-    """Integrate the thruster under a governor; true signals, with the voltage that it asked for.
+def run_bench_governed(
+    numbers: Parameters, orders: Floats, period: float, seed: int
+) -> pd.DataFrame:
+    """Integrate the thruster under a governor; return true signals with the voltage command.
 
     Args:
-        numbers: from :func:`~.bench.bench_numbers`, with effects.
-        orders: shaft speed [rad/s], one a sample.
-        period: between samples [s].
-        seed: of the encoder's noise, as of the readings.
+        numbers: from :func:`~.bench.bench_parameters`, with effects.
+        orders: set-point of the shaft speed [rad/s] at each sample.
+        period: sampling interval [s].
+        seed: seed of the encoder's noise, as for the measurements.
     """
     record = np.zeros(1, THRUSTER)
     for name, value in numbers.items():
         record[name] = value
     noise = encoder_noise(numbers, len(orders), seed)
     digit = ENCODER_DIGIT if numbers["rounding"] > 0.0 else 0.0
-    wanted = ramped(orders, VOLTAGE, period)
+    wanted = limit_rate(orders, VOLTAGE, period)
     rule = (VOLTAGE.gain, VOLTAGE.reset, VOLTAGE.low, VOLTAGE.high)
     demands, currents = np.zeros((2, len(orders)))
     states = np.zeros((len(orders), 4))

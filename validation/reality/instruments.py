@@ -1,7 +1,4 @@
-"""What the crew does: rack and pitch demands drawn at random.
-
-What the instruments of the true ship show of it.
-"""
+"""Random programmes of rack and pitch commands, and the instruments of the true ship."""
 
 from __future__ import annotations
 
@@ -15,7 +12,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from .motion import _curve
-from .numbers import Numbers, frigate_numbers, open_water_curve
+from .numbers import Parameters, frigate_parameters, open_water_curve
 
 Floats = NDArray[np.float64]
 LIVELY = ("steps", "ramps", "staircase", "harbour", "sweep")
@@ -31,8 +28,8 @@ def _curves() -> tuple[Floats, Floats]:
 
 @functools.lru_cache(4096)
 def steady(omega: float, pitch: float) -> tuple[float, float]:
-    """Rack [mm] and ship speed [m/s] at which the file's frigate holds a shaft speed and pitch."""
-    n = frigate_numbers()
+    """Return rack [mm] and ship speed [m/s] of the frigate at a steady shaft speed and pitch."""
+    n = frigate_parameters()
     kt, kq = _curves()
     turns = omega / (2.0 * math.pi)
     diameter = n["diameter"]
@@ -50,7 +47,7 @@ def steady(omega: float, pitch: float) -> tuple[float, float]:
 
 
 def _level(rng: Generator, slow: bool, governed: bool) -> tuple[float, float]:
-    """Rack (or shaft speed) and pitch of a random working point that the engine can bear."""
+    """Return rack (or shaft speed) and pitch of a random working point within the engine's limits."""
     for _ in range(100):
         omega = rng.uniform(5.8, 8.5) if slow else rng.uniform(6.5, 12.0)
         pitch = rng.uniform(0.7, 1.2) if slow else rng.uniform(0.95, 1.38)
@@ -63,14 +60,14 @@ def _level(rng: Generator, slow: bool, governed: bool) -> tuple[float, float]:
 def voyage(
     kind: str, seconds: float, period: float, rng: Generator, governed: bool = False
 ) -> tuple[Floats, Floats]:
-    """Rack [mm] and pitch demands, a pair a sample.
+    """Return rack [mm] and pitch commands at each sample.
 
     Args:
         kind: one of ``LIVELY``, or ``"cruise"``.
-        seconds: length of the record.
-        period: between samples [s].
-        rng: decides everything.
-        governed: whether the shaft speed [rad/s] is ordered in place of the rack, at the same points.
+        seconds: duration of the recording [s].
+        period: sampling interval [s].
+        rng: random generator.
+        governed: whether to return the shaft speed [rad/s] in place of the rack, at the same points.
     """
     unit = SPEED_PER_RACK if governed else 1.0
     count = round(seconds / period) + 1
@@ -115,11 +112,11 @@ def voyage(
     return demands[:, 0].copy(), demands[:, 1].copy()
 
 
-ENCODER_DIGIT = 0.005  # rad/s; of a rounded reading
+ENCODER_DIGIT = 0.005  # resolution of a rounded measurement [rad/s]
 
 
 def _late(values: Floats, delay: float, smoothing: float, period: float) -> Floats:
-    """A delay of which a share is an exponential smoothing, the rest pure."""
+    """Return values with a delay, a share of which is a first-order lag."""
     time = np.arange(len(values)) * period
     share = -math.expm1(-period / max(smoothing * delay, 1e-9))
     smooth, _ = scipy.signal.lfilter(
@@ -136,19 +133,21 @@ def _trailing_mean(values: Floats, window: float, period: float) -> Floats:
     )
 
 
-def encoder_noise(numbers: Numbers, rows: int, seed: int) -> Floats:
-    """What :func:`read` adds to the shaft speed [rad/s]; it draws it first."""
+def encoder_noise(numbers: Parameters, rows: int, seed: int) -> Floats:
+    """Return the noise that :func:`add_instruments` adds to the shaft speed [rad/s]."""
     return np.asarray(numbers["encoder_noise"] * np.random.default_rng(seed).standard_normal(rows))
 
 
-def read(truth: pd.DataFrame, numbers: Numbers, period: float, seed: int | None) -> pd.DataFrame:
-    """Readings of the true signals.
+def add_instruments(
+    truth: pd.DataFrame, numbers: Parameters, period: float, seed: int | None
+) -> pd.DataFrame:
+    """Return the measurements of the true signals.
 
     Args:
-        truth: the canonical columns, true.
-        numbers: of the instruments: systematic errors, and noise as one standard deviation.
-        period: between samples [s].
-        seed: of the noise; None for none.
+        truth: true signals in canonical columns.
+        numbers: parameters of the instruments: systematic errors, and standard deviations of noise.
+        period: sampling interval [s].
+        seed: seed of the noise; None for no noise.
     """
     table = truth.copy()
     time = table["time_s"].to_numpy()

@@ -1,8 +1,6 @@
-"""A long-crested JONSWAP head sea of its own: components of equal energy with random phases.
+"""Waves, actuators and equations of motion of the true ship, with the effects that its file leaves out.
 
-Fuel rack and pitch mechanism of the true ship: from demands to what acts, on a fine grid of time.
-
-Equations of motion of the true ship, with whatever its file leaves out.
+The waves are a long-crested JONSWAP head sea of components of equal energy with random phases.
 
 Compiled for speed. The states are shaft speed, ship speed, position, brake torque and its rate (of an
 engine with lag), inflow (where it lags), air at the propeller, bearing heat, and the phase of a torque
@@ -18,7 +16,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from .numbers import Numbers
+from .numbers import Parameters
 
 GRAVITY = 9.81
 COMPONENTS = 48
@@ -29,7 +27,7 @@ circular frequency [rad/s], wave number along the track [rad/m], phase [rad]."""
 
 
 def calm() -> Waves:
-    """No waves at all."""
+    """Return calm water."""
     return np.zeros((0, 5))
 
 
@@ -73,8 +71,8 @@ def head_sea(
 Floats = NDArray[np.float64]
 
 
-def rack_travel(demand: Floats, numbers: Numbers, step: float) -> Floats:
-    """Rack position [mm] on the fine grid.
+def rack_travel(demand: Floats, numbers: Parameters, step: float) -> Floats:
+    """Return the rack position [mm] on the fine grid.
 
     Args:
         demand: on the fine grid [mm].
@@ -99,8 +97,9 @@ def rack_travel(demand: Floats, numbers: Numbers, step: float) -> Floats:
     return moved
 
 
-def pitch_travel(command: Floats, numbers: Numbers, step: float) -> Floats:
-    """Blade pitch ratio on the fine grid: mechanism, then play between mechanism and blade.
+def pitch_travel(command: Floats, numbers: Parameters, step: float) -> Floats:
+    """Return the blade pitch ratio on the fine grid: mechanism, then backlash between mechanism and
+    blade.
 
     Args:
         command: on the fine grid.
@@ -144,7 +143,7 @@ def pitch_travel(command: Floats, numbers: Numbers, step: float) -> Floats:
 STATES = 9
 ABSOLUTE_TOLERANCES = np.array([1e-5, 1e-5, 1e-2, 5.0, 20.0, 1e-4, 1e-3, 1e-3, 1e-2])
 CLOCK = ("rack", "pitch", "resistance", "current", "generator", "bubbles")
-"""What acts by the clock, a column each: rack [mm] (held), blade pitch, resistance factor,
+"""Prescribed inputs over time, one column each: rack [mm] (held), blade pitch, resistance factor,
 current [m/s], torque of a shaft generator [N m], share of air blown over the propeller."""
 
 SURFACE_PRESSURE = 101325.0 - 1671.0  # Pa, above vapour pressure
@@ -176,7 +175,7 @@ def _curve(table: NDArray[np.float64], j: float, p: float) -> float:
 
 @compiled
 def _stribeck(ship: Any, dry: float, wet: float, omega: float) -> Any:
-    """Friction that falls from a breakaway torque, and oil drag not quite linear in speed."""
+    """Return Stribeck friction and oil drag that is not quite linear in speed [N m]."""
     speed = abs(omega)
     torque = dry * (1.0 + ship.stribeck_rise * math.exp(-((speed / ship.stribeck_speed) ** 2)))
     if wet != 0.0:
@@ -222,7 +221,7 @@ def _screw(
     ship: Any, omega: float, pitch: float, inflow: float, submergence: float, air: float,
     bubbles: float,
 ) -> tuple[float, float]:  # fmt: skip
-    """Thrust [N] and torque [N m] of one propeller."""
+    """Return thrust [N] and torque [N m] of one propeller."""
     n = omega / (2.0 * math.pi)
     scale = ship.density * n * n * ship.diameter**4
     j = min(max(inflow / (max(n, 1e-3) * ship.diameter), -0.25), 1.6)
@@ -272,7 +271,7 @@ def _balance(
     t: float, y: NDArray[np.float64], ship: Any, waves: NDArray[np.float64],
     table: NDArray[np.float64], step: float, rate: NDArray[np.float64], out: NDArray[np.float64],
 ) -> None:  # fmt: skip
-    """Fill the states' rates, and gauge torque, thrust and submergence."""
+    """Write the rates of the states, and measured torque, thrust and submergence."""
     now = np.empty(table.shape[1])
     _clock(table, step, t, now)
     omega, v, x = y[0], y[1], y[2]
@@ -333,7 +332,7 @@ def rates(
     t: float, y: NDArray[np.float64], ship: NDArray[Any], waves: NDArray[np.float64],
     table: NDArray[np.float64], step: float,
 ) -> NDArray[np.float64]:  # fmt: skip
-    """Time derivative of the states; ``ship`` is an array of one record (quick to hand over)."""
+    """Return the time derivative of the states; ``ship`` is an array of one record."""
     rate, out = np.zeros(STATES), np.zeros(3)
     _balance(t, y, ship[0], waves, table, step, rate, out)
     return rate
@@ -344,7 +343,7 @@ def signals(
     times: NDArray[np.float64], states: NDArray[np.float64], ship: NDArray[Any],
     waves: NDArray[np.float64], table: NDArray[np.float64], step: float,
 ) -> NDArray[np.float64]:  # fmt: skip
-    """Gauge torque [N m], thrust [N] and submergence [m] at the samples, shape (n, 3)."""
+    """Return measured torque [N m], thrust [N] and submergence [m] at the samples, shape (n, 3)."""
     outs, rate = np.zeros((len(times), 3)), np.zeros(STATES)
     for k in range(len(times)):
         _balance(times[k], states[k], ship[0], waves, table, step, rate, outs[k])

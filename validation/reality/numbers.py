@@ -1,6 +1,6 @@
-"""The numbers of a true ship: its file's, moved within tolerances, and what the file knows nothing of.
+"""Parameters of the true ship: those of the ship file within tolerances, and those of effects.
 
-Nothing here comes from the plant's code; only its data files are read.
+Only data files of the plant are read; none of its code is used.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-Numbers = dict[str, float]
-"""All numbers of a ship by name; those of absent effects are neutral."""
+Parameters = dict[str, float]
+"""All parameters by name; those of absent effects are neutral."""
 
 J_TERMS, PITCH_TERMS = 4, 7
 CURVE = (J_TERMS, PITCH_TERMS)
 
-NEUTRAL: Numbers = {
+NEUTRAL: Parameters = {
     # engine: second-order lag, loss of torque that grows with speed, bend of the map
     "lag_time": 0.0, "lag_damping": 0.9, "derating": 0.0, "derating_slope": 0.0,
     "bend": 0.0, "bend_speed": 75.0, "bend_skew": 0.0,
-    # shaft: Stribeck friction and nearly linear drag before and behind the gauge
+    # shaft: Stribeck friction and nearly linear drag on both sides of the shaft torque meter
     "dry_front": 0.0, "dry_back": 0.0, "stribeck_rise": 0.0, "stribeck_speed": 4.0,
     "wet_front": 0.0, "wet_back": 0.0, "wet_power": 1.0,
     # propeller
@@ -37,10 +37,10 @@ NEUTRAL: Numbers = {
     "breakdown": 0.0, "breakdown_sigma": 2.0, "breakdown_torque": 0.7,
     # hull
     "fouling": 0.0, "fouling_power": 2.0, "fouling_speed": 7.0,
-    # not in anybody's catalogue
+    # effects that are in no catalogue
     "shallow_rise": 0.0, "shallow_speed": 7.0, "bearing_heat": 0.0, "bearing_time": 300.0,
     "order_torque": 0.0, "order_ratio": 0.13, "limiter_cut": 0.0, "limiter_line": 2.4,
-    # what acts by the clock: a resistance episode, current, shaft generator, air, rudder, wind
+    # prescribed over time: a resistance episode, current, shaft generator, air, rudder, wind
     "episode_gain": 0.0, "episode_start": 0.4, "episode_end": 0.7, "episode_edge": 15.0,
     "current": 0.0, "current_swing": 0.0, "current_period": 900.0, "current_phase": 0.0,
     "generator_torque": 0.0, "generator_start": 0.3, "generator_end": 0.6,
@@ -61,19 +61,19 @@ NEUTRAL: Numbers = {
     "astern_change": 0.0, "astern_width": 3.0, "supply_sag": 0.0, "flow_memory": 0.0,
     "flow_share": 0.25, "winding_heat": 0.0, "winding_time": 120.0, "cogging": 0.0,
 }  # fmt: skip
-"""Every number of an effect or instrument, with the value at which it is absent or shapes nothing."""
+"""Parameters of effects and instruments at the values at which they are absent."""
 
 
 @functools.cache
 def ship_file(name: str) -> dict[str, Any]:
-    """A preset's TOML as plain tables."""
+    """Return the TOML tables of a preset."""
     path = resources.files("shaftline.plant").joinpath(f"ships/{name}.toml")
     return tomllib.loads(path.read_text(encoding="utf-8"))
 
 
 @functools.cache
 def open_water_curve(curve: str, blades: int, area_ratio: float) -> NDArray[np.float64]:
-    """Polynomial of one propeller: entry [s, t] multiplies J^s (P/D)^t."""
+    """Return the polynomial of one propeller: entry [s, t] multiplies J^s (P/D)^t."""
     table = np.zeros(CURVE)
     with resources.files("shaftline.plant").joinpath("data/b_series_polynomials.csv").open() as f:
         terms = pd.read_csv(f)
@@ -84,12 +84,11 @@ def open_water_curve(curve: str, blades: int, area_ratio: float) -> NDArray[np.f
     return table
 
 
-def frigate_numbers(**changes: float) -> Numbers:
-    """The frigate's numbers.
+def frigate_parameters(**changes: float) -> Parameters:
+    """Return the parameters of the frigate.
 
     Args:
-        changes: factors by name on the file's numbers (``resistance=1.01``), for a ship that
-            differs from its file within tolerances.
+        changes: factors by name on the parameters of the ship file (``resistance=1.01``).
     """
     file = ship_file("frigate")
     hull, screw, engine = file["hull"], file["propeller"], file["prime_mover"]
@@ -130,14 +129,14 @@ def frigate_numbers(**changes: float) -> Numbers:
 
 
 TRUE_SHIP = np.dtype(
-    [(name, np.float64) for name in frigate_numbers()]
+    [(name, np.float64) for name in frigate_parameters()]
     + [("kt", np.float64, CURVE), ("kq", np.float64, CURVE)],
     align=True,
 )
 
 
-def as_record(numbers: Numbers) -> NDArray[Any]:
-    """The numbers for the compiled equations of motion: an array of one TRUE_SHIP record."""
+def as_record(numbers: Parameters) -> NDArray[Any]:
+    """Return the parameters for the compiled equations: an array of one TRUE_SHIP record."""
     ship = np.zeros(1, TRUE_SHIP)
     for name, value in numbers.items():
         ship[name] = value

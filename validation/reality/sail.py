@@ -1,4 +1,4 @@
-"""One voyage of the true ship: demands and waves in, true signals out."""
+"""Simulate a voyage of the true ship from commands and waves."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .motion import (
     rates,
     signals,
 )
-from .numbers import Numbers, as_record
+from .numbers import Parameters, as_record
 
 Floats = NDArray[np.float64]
 FINE = 5  # steps of the clock's table within a sample
@@ -31,17 +31,17 @@ STALLED = 0.5  # rad/s; an engine this slow has stopped
 
 
 class StalledError(ValueError):
-    """The effect is so large that it has stopped the engine."""
+    """Error for an effect so large that the engine stops."""
 
 
-def restless(rack: Floats) -> bool:
-    """Return whether a demand has steps too small for :func:`sail` to stop at.
+def varies_every_sample(rack: Floats) -> bool:
+    """Return whether a command changes in steps too small for :func:`simulate_voyage`.
 
-    Its error control does not notice them: over a sweep of the rack its steps of a second would skip
-    what each sample holds, and the shaft would answer up to half a sample early.
+    Its error control does not detect them: during a slow ramp of the rack its steps of a second would
+    skip samples, and the shaft would respond up to half a sample early.
 
     Args:
-        rack: demand [mm], one a sample.
+        rack: command [mm] at each sample.
     """
     steps = np.abs(np.diff(rack))
     return bool(np.any((steps > 0.0) & (steps <= JUMP)))
@@ -54,22 +54,22 @@ def _slow(_: float, states: Floats, *__: Any) -> float:
 _slow.terminal = True  # type: ignore[attr-defined]
 
 
-def episode_factor(numbers: Numbers, time: Floats, seconds: float) -> Floats:
-    """Added share of the resistance with its ramped edges."""
+def episode_factor(numbers: Parameters, time: Floats, seconds: float) -> Floats:
+    """Return the added share of the resistance with its ramps."""
     edge = numbers["episode_edge"]
     rise = np.clip((time - numbers["episode_start"] * seconds) / edge + 0.5, 0.0, 1.0)
     fall = np.clip((time - numbers["episode_end"] * seconds) / edge + 0.5, 0.0, 1.0)
     return np.asarray(numbers["episode_gain"] * (rise - fall))
 
 
-def current_over(numbers: Numbers, time: Floats) -> Floats:
-    """Current along the track [m/s]."""
+def current_over(numbers: Parameters, time: Floats) -> Floats:
+    """Return the current along the track [m/s]."""
     angle = 2.0 * math.pi * time / numbers["current_period"] + numbers["current_phase"]
     return np.asarray(numbers["current"] * (1.0 + numbers["current_swing"] * np.sin(angle)))
 
 
 def _clock_table(
-    numbers: Numbers, rack: Floats, pitch: Floats, period: float, wind_seed: int
+    numbers: Parameters, rack: Floats, pitch: Floats, period: float, wind_seed: int
 ) -> Floats:
     step = period / FINE
     time: Floats = np.arange((len(rack) - 1) * FINE + 1, dtype=np.float64) * step
@@ -99,8 +99,8 @@ def _clock_table(
     return table
 
 
-def _first_states(ship: NDArray[Any], numbers: Numbers, table: Floats) -> Floats:
-    """States after a long time at the first demands, in calm water."""
+def _first_states(ship: NDArray[Any], numbers: Parameters, table: Floats) -> Floats:
+    """Return the steady states at the first commands in calm water."""
     held = np.vstack([table[0], table[0]])
     held[:, 2] = 1.0
     held[:, 4:] = 0.0
@@ -121,18 +121,18 @@ def _first_states(ship: NDArray[Any], numbers: Numbers, table: Floats) -> Floats
     return settled
 
 
-def sail(
-    numbers: Numbers, rack: Floats, pitch: Floats, period: float, *, waves: Waves | None = None,
+def simulate_voyage(
+    numbers: Parameters, rack: Floats, pitch: Floats, period: float, *, waves: Waves | None = None,
     wind_seed: int = 0,
 ) -> pd.DataFrame:  # fmt: skip
     """Integrate the true ship.
 
     Args:
-        numbers: of the true ship.
-        rack: demand [mm], one a sample, held over it.
-        pitch: commanded pitch ratio likewise.
-        period: between samples [s].
-        waves: from :func:`~.water.head_sea`; calm by default.
+        numbers: parameters of the true ship.
+        rack: command [mm] at each sample, held until the next.
+        pitch: commanded pitch ratio, likewise.
+        period: sampling interval [s].
+        waves: waves from :func:`~.motion.head_sea`; calm by default.
         wind_seed: of the slow wandering of the resistance.
 
     Returns:
@@ -170,13 +170,13 @@ def columns_of(
     rack: Floats, pitch: Floats, period: float, states: Floats, ship: NDArray[Any], waves: Waves,
     table: Floats,
 ) -> pd.DataFrame:  # fmt: skip
-    """True signals by the canonical columns of a recording.
+    """Return the true signals in the canonical columns of a recording.
 
     Args:
-        rack: demand [mm], one a sample.
-        pitch: commanded pitch ratio likewise.
-        period: between samples [s].
-        states: at the samples.
+        rack: command [mm] at each sample.
+        pitch: commanded pitch ratio, likewise.
+        period: sampling interval [s].
+        states: states at the samples.
         ship: array of one record.
         waves: of the voyage.
         table: of the clock.

@@ -1,1 +1,1 @@
-"""What others would do, to be compared with: stepwise BIC and sparse identification."""
+"""Rival methods for comparison: stepwise BIC and sparse identification."""

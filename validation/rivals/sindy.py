@@ -1,7 +1,7 @@
-"""Sparse identification (PySINDy's sequentially thresholded least squares), to be compared with.
+"""Rival method: sparse identification by PySINDy's sequentially thresholded least squares.
 
-It picks terms for the same equation errors as :mod:`.stepwise_bic`, all scaled to unit rms. PySINDy is
-not among the dependencies; without it :func:`diagnose` raises ImportError.
+It selects terms for the same equation errors as :mod:`.stepwise_bic`, all scaled to unit rms. PySINDy is
+an optional dependency; without it :func:`diagnose` raises ImportError.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ THRESHOLD = 0.1  # PySINDy's own default: a tenth of the error's rms
 
 
 def _sparse(error: Floats, terms: Terms) -> list[Chosen]:
-    """Terms that survive the threshold, the largest first, scored by the share that they explain."""
+    """Return the terms above the threshold, the largest first, scored by the share that they explain."""
     optimizer = importlib.import_module("pysindy").STLSQ(threshold=THRESHOLD)
     names = list(terms)
     matrix = np.column_stack([terms[name] for name in names])
@@ -38,7 +38,7 @@ def _sparse(error: Floats, terms: Terms) -> list[Chosen]:
 
 
 def diagnose(recording: Path, ship: str, out: Path, exclude: tuple[str, ...]) -> dict[str, Any]:
-    """A report in the form of ``report.json``; arguments as for :func:`.plain.diagnose`.
+    """Return a report like ``report.json``; arguments as for :func:`.stepwise_bic.diagnose`.
 
     Raises:
         ImportError: PySINDy is not installed.

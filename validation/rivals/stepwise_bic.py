@@ -1,8 +1,8 @@
-"""The plain way, to be compared with: stepwise BIC on equation errors of the measured signals.
+"""Rival method: stepwise regression by BIC on equation errors of the measured signals.
 
-Each balance of the ship's file is solved for what it lacks, with measured signals differentiated
-numerically; terms of the vocabulary are added one by one as long as the Bayesian information criterion
-falls. It takes every sample for an independent one, and regresses on noisy signals.
+The equation error of each balance of the ship file follows from measured signals and their numerical
+derivatives. Terms of a vocabulary are added one by one as long as the Bayesian information criterion
+decreases. The method treats all samples as independent and regresses on noisy signals.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ import pandas as pd
 import scipy
 from numpy.typing import NDArray
 
-from ..reality.bench import bench_numbers
+from ..reality.bench import bench_parameters
 from ..reality.motion import _curve
-from ..reality.numbers import Numbers, frigate_numbers, open_water_curve
+from ..reality.numbers import Parameters, frigate_parameters, open_water_curve
 
 Floats = NDArray[np.float64]
 Terms = dict[str, Floats]
 Chosen = tuple[float, str, float, float]
-"""A term that was chosen: its score, name, coefficient, and the coefficient's standard error."""
+"""Chosen term: score, name, coefficient, and standard error of the coefficient."""
 MOST_EFFECTS = 3
 SMOOTHED_ROWS = 11  # samples of the quadratic through which signals are differentiated
 HELD_OUT_SHARE = 0.25  # last share of the record; fitted on the rest
@@ -39,15 +39,15 @@ def _lagged(values: Floats, period: float, lag: float) -> Floats:
     return np.concatenate([np.full(shift, values[0]), values[:-shift]])
 
 
-def _curves(j: Floats, p: Floats, n: Numbers) -> tuple[Floats, Floats]:
+def _curves(j: Floats, p: Floats, n: Parameters) -> tuple[Floats, Floats]:
     tables = (open_water_curve(c, round(n["blades"]), n["area_ratio"]) for c in ("KT", "KQ"))
     kt, kq = (np.array([_curve(t, a, b) for a, b in zip(j, p, strict=True)]) for t in tables)
     return kt, kq
 
 
 def frigate_errors(table: pd.DataFrame) -> dict[str, tuple[Floats, Terms]]:
-    """What each balance lacks, and the terms that might supply it, by balance."""
-    n = frigate_numbers()
+    """Return the equation error of each balance of the frigate, and its candidate terms."""
+    n = frigate_parameters()
     period = float(table["time_s"].iloc[1] - table["time_s"].iloc[0])
     rack, order = (table[c].to_numpy() for c in ("fuel_rack_mm", "pitch_ratio_command"))
     pitch, omega, torque, v = (
@@ -122,7 +122,7 @@ def frigate_errors(table: pd.DataFrame) -> dict[str, tuple[Floats, Terms]]:
     }  # fmt: skip
 
 
-def _relaxed(order: Floats, n: Numbers, period: float) -> Floats:
+def _relaxed(order: Floats, n: Parameters, period: float) -> Floats:
     share = -math.expm1(-period / n["pitch_time"])
     here, track = float(order[0]), np.empty(len(order))
     for k, goal in enumerate(order.tolist()):
@@ -132,8 +132,8 @@ def _relaxed(order: Floats, n: Numbers, period: float) -> Floats:
 
 
 def bench_errors(table: pd.DataFrame) -> dict[str, tuple[Floats, Terms]]:
-    """The same of the thruster: shaft with measured current, and current with measured speed."""
-    n = bench_numbers()
+    """Return equation errors and candidate terms of the thruster's shaft and armature circuit."""
+    n = bench_parameters()
     period = float(table["time_s"].iloc[1] - table["time_s"].iloc[0])
     volt, omega, current = (
         table[c].to_numpy() for c in ("motor_voltage_V", "shaft_speed_rad_s", "motor_current_A")
@@ -160,7 +160,7 @@ def _bic(left: Floats, terms: int) -> float:
 
 
 def _stepwise(error: Floats, terms: Terms) -> list[Chosen]:
-    """Terms in the order taken, scored by the fall of the BIC."""
+    """Return terms in the order of selection, scored by the decrease of the BIC."""
     taken: list[str] = []
     falls: list[float] = []
     score = _bic(error, 0)
@@ -186,13 +186,13 @@ def _stepwise(error: Floats, terms: Terms) -> list[Chosen]:
 
 
 def diagnose(recording: Path, ship: str, out: Path, exclude: tuple[str, ...]) -> dict[str, Any]:
-    """A report in the form of ``report.json``, by the plain way.
+    """Return a report like ``report.json``.
 
     Args:
-        recording: CSV with the canonical columns.
-        ship: the frigate's name, or the path of the thruster's file.
-        out: not used; nothing is drawn.
-        exclude: ids that may not be named.
+        recording: CSV file with the canonical columns.
+        ship: name of the frigate, or path of the thruster's ship file.
+        out: unused.
+        exclude: ids that may not be reported.
     """
     return report_by(_stepwise, recording, ship, exclude)
 
@@ -203,7 +203,7 @@ def report_by(
     ship: str,
     exclude: tuple[str, ...],
 ) -> dict[str, Any]:
-    """A report whose effects are chosen for each balance's equation error by some method."""
+    """Return a report with the effects that a method chooses for the equation error of each balance."""
     table = pd.read_csv(recording)
     frigate = "fuel_rack_mm" in table
     errors: Callable[[pd.DataFrame], dict[str, tuple[Floats, Terms]]]

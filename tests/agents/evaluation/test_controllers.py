@@ -9,8 +9,8 @@ import pytest
 
 from shaftline.agents import PolicyError, load_controller, load_policy
 from shaftline.agents.evaluation import episodes
-from shaftline.agents.evaluation.episodes import known, label, version_of
-from shaftline.agents.policy.policy import Policy, trained
+from shaftline.agents.evaluation.episodes import known_controllers, label, version_of
+from shaftline.agents.policy.policy import Policy, packaged_policies
 from shaftline.baselines import SteeringController
 from shaftline.baselines.registry import ControllerError
 from shaftline.envs import get_task
@@ -24,7 +24,7 @@ def file(tmp_path: Path) -> Path:
     """A copy of a packaged policy."""
     path = tmp_path / "runs" / "mine.npz"
     path.parent.mkdir()
-    path.write_bytes(trained()["rough-sea"].read_bytes())
+    path.write_bytes(packaged_policies()["rough-sea"].read_bytes())
     return path
 
 
@@ -45,7 +45,7 @@ def test_controllers_by_name(file: Path) -> None:
 )
 def test_a_task_with_a_rudder_gets_a_helmsman(text: str, helmsman: str, propulsion: str) -> None:
     task = get_task("course-keeping")
-    found = load_controller(text, task.sailed(), 0.5, task)
+    found = load_controller(text, task.load_ship(), 0.5, task)
     assert isinstance(found, SteeringController)
     assert (found.helmsman.name, found.propulsion.name) == (helmsman, propulsion)
     assert label(text) == text
@@ -63,24 +63,25 @@ def test_unknown_controllers_are_told_with_the_known(text: str) -> None:
 
 def test_a_policy_is_of_one_ship_and_one_interval(file: Path) -> None:
     with pytest.raises(
-        PolicyError, match=r"mine.npz: .* control_interval_s: the policy has 0\.5 s, here it is 1 s"
+        PolicyError,
+        match=r"mine.npz: .* control_interval_s: the policy has 0\.5 s, the environment 1 s",
     ):
         load_controller(f"policy:{file}", SHIP, 1.0)
     with pytest.raises(PolicyError, match="control_interval_s"):
         load_controller(f"policy:{file}", SHIP, 0.5 + 1e-6)
     assert load_controller(f"policy:{file}", SHIP, 0.5 + 1e-12)
     with pytest.raises(
-        PolicyError, match="ship: the policy has 'frigate-at-sea', here it is 'ferry'"
+        PolicyError, match="ship: the policy has 'frigate-at-sea', the environment 'ferry'"
     ):
         load_controller(f"policy:{file}", load_ship("ferry"), 0.5)
 
 
 def test_what_is_known_names_the_packaged_policies() -> None:
-    assert known().startswith("combinator, ")
-    assert known().endswith(
-        "policy:FILE.npz" + "".join(f", policy:{name}" for name in sorted(trained()))
+    assert known_controllers().startswith("combinator, ")
+    assert known_controllers().endswith(
+        "policy:FILE.npz" + "".join(f", policy:{name}" for name in sorted(packaged_policies()))
     )
-    assert {"rough-sea", "speed-keeping"} <= set(trained())
+    assert {"rough-sea", "speed-keeping"} <= set(packaged_policies())
 
 
 def test_a_policys_label_changes_with_its_file_and_with_what_sails_it(

@@ -24,7 +24,7 @@ def combinator() -> Combinator:
 
 
 class Still:
-    """Commands that never change, and a diary of what it was told."""
+    """Controller with constant commands that records its observations."""
 
     action = (0.5, 0.1)
 

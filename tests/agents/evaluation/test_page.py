@@ -7,7 +7,7 @@ from typing import Any
 import pandas as pd
 
 from shaftline.agents import KPIS
-from shaftline.agents.evaluation.page import distinct, page
+from shaftline.agents.evaluation.page import merge_equal_rows, page
 
 
 def row(controller: str, sea: str, observer: str, **values: float) -> dict[str, Any]:
@@ -30,14 +30,14 @@ TABLE = pd.DataFrame(
 
 
 def test_rows_of_equal_figures_are_joined() -> None:
-    found = distinct(TABLE)
+    found = merge_equal_rows(TABLE)
     assert found[["controller", "sea", "observer"]].to_numpy().tolist() == [
         ["lever", "calm", "any"],
         ["pilot", "calm", "none, oracle"],
         ["pilot", "calm", "luenberger"],
         ["lever", "state-5", "none"],
     ]
-    alone = distinct(TABLE[TABLE["observer"] == "none"])
+    alone = merge_equal_rows(TABLE[TABLE["observer"] == "none"])
     assert alone["observer"].tolist() == ["none"] * 3  # of one observer there is no `any`
 
 
@@ -54,9 +54,9 @@ def test_a_page_has_a_section_a_sea_and_says_what_is_zero() -> None:
     assert "lever" in rough
     assert "pilot" not in rough
     assert "Zero everywhere: `overspeed_s`." in text
-    assert "Observer `any`: with each of the 3 observers" in text
+    assert "Observer `any`: the figures are the same with each of the 3 observers" in text
     assert text.endswith(
-        "- `reward`: sum of the task's rewards, 0 where the episode failed; best where highest\n"
+        "- `reward`: sum of the task's rewards, 0 where the episode failed; higher is better\n"
         "- `overspeed_s`: time beyond the engine's highest speed [s]\n"
     )
 

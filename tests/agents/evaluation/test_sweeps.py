@@ -1,4 +1,4 @@
-"""Cells that are sailed once, and what an evaluation says, gives and saves."""
+"""Cells are simulated once; an evaluation returns, prints and saves their results."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from stable_baselines3 import SAC
 
 from shaftline.agents import Policy, load_policy
 from shaftline.agents.learning.checkpoints import Checkpoints
-from shaftline.core.archives import read_archive, unpacked
+from shaftline.core.archives import read_archive, unpack_tree
 
 from ..tiny import plain_policy
 
@@ -67,7 +67,7 @@ def test_an_evaluation_is_kept_and_read_again(tmp_path: Path, policy: Policy) ->
     again = Checkpoints(tmp_path)
     assert len(again.evaluations) == 2
     assert (
-        unpacked(read_archive(again.model))["parameters"]["policy"]["weight"].tolist()
+        unpack_tree(read_archive(again.model))["parameters"]["policy"]["weight"].tolist()
         == [[2.0, 2.0]] * 2
     )
     assert load_policy(tmp_path / "checkpoints/policy-01.npz").curve == {
@@ -95,7 +95,7 @@ def test_only_the_last_replay_buffer_is_kept(tmp_path: Path, policy: Policy) -> 
     (buffer,) = (tmp_path / "checkpoints").glob("buffer-*")
     assert buffer == progress.buffer
     assert buffer.name == "buffer-02.npz"
-    assert unpacked(read_archive(buffer))["rewards"].tolist() == [2, 2, 2]
+    assert unpack_tree(read_archive(buffer))["rewards"].tolist() == [2, 2, 2]
 
 
 def test_no_code_is_run_by_a_checkpoint(tmp_path: Path, policy: Policy) -> None:
@@ -108,9 +108,9 @@ def test_no_code_is_run_by_a_checkpoint(tmp_path: Path, policy: Policy) -> None:
             return (Path.touch, (mark,))
 
     progress.model.write_bytes(pickle.dumps(Bomb()))
-    with pytest.raises(ValueError, match="not an archive of numbers"):
+    with pytest.raises(ValueError, match="not a NumPy archive of numbers"):
         progress.resume(Noted(1))
     np.savez(progress.model, np.array([Bomb()], dtype=object))
-    with pytest.raises(ValueError, match="not an archive of numbers"):
+    with pytest.raises(ValueError, match="not a NumPy archive of numbers"):
         progress.resume(Noted(1))
     assert not mark.exists()

@@ -65,13 +65,15 @@ def test_qualities_differ_by_their_share_of_random_actions(
 def test_what_cannot_be_recorded_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="unknown quality 'best'; known: expert, medium, random"):
         record("storm", "best", 1, tmp_path)
-    with pytest.raises(ValueError, match="episodes = 0: must be 1 or more"):
+    with pytest.raises(ValueError, match="episodes = 0: must be at least 1"):
         record("storm", "expert", 0, tmp_path)
     with pytest.raises(ValueError, match="recorded intervals"):
         record("storm", "expert", 10**9, tmp_path)
-    with pytest.raises(PolicyError, match="trained for 'flank', the data set is of 'storm'"):
+    with pytest.raises(
+        PolicyError, match="trained for the task 'flank', the data set is of 'storm'"
+    ):
         record("storm", "expert", 1, tmp_path, policy=load_policy("flank"))
     assert not list(tmp_path.iterdir())
     record("storm", "random", 1, tmp_path)
-    with pytest.raises(ValueError, match="is there already: remove it, or choose another folder"):
+    with pytest.raises(ValueError, match="already exists: remove it, or choose another folder"):
         record("storm", "random", 1, tmp_path)

@@ -1,4 +1,4 @@
-"""Plans are made once, sailed as a policy sees them, and imitated before the learning."""
+"""Plans are computed once, simulated with the observations of a policy, and imitated before learning."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from shaftline.agents.learning.recipe_search import FIRST_FRESH_SEA
 from shaftline.agents.learning.training import (
     EVALUATION_EPISODES,
     FIRST_EVALUATION_SEED,
-    built,
-    digest,
+    build_model,
+    weights_digest,
 )
 from shaftline.agents.policy.policy import Policy
 from shaftline.baselines import make_controller
@@ -68,7 +68,7 @@ def test_a_plan_earns_more_than_the_controller_that_it_starts_from(made: dict[in
     assert list(made) == [FIRST_SEED, FIRST_SEED + 1]
     for seed, actions in made.items():
         assert actions.shape == (40, 2)
-        controller = make_controller(tuned_controller(TASK), get_task(TASK).sailed(), 0.5)
+        controller = make_controller(tuned_controller(TASK), get_task(TASK).load_ship(), 0.5)
         memory: list[Any] = [None]
 
         def tuned(k: int, seen: Any, memory: Any = memory, controller: Any = controller) -> Any:
@@ -129,7 +129,7 @@ def test_observations_are_stacked_as_a_policy_stacks_them(made: dict[int, Any]) 
 
 
 def test_an_imitation_commands_what_was_shown_and_values_what_followed() -> None:
-    model, venv, _ = built(planned_recipe(hyperparameters={"n_steps": 16}), 0, SHIP, "cpu", 1)
+    model, venv, _ = build_model(planned_recipe(hyperparameters={"n_steps": 16}), 0, SHIP, "cpu", 1)
     width = venv.observation_space.shape[0]
     rng = np.random.default_rng(0)
     seen = rng.uniform(-1.0, 1.0, (2000, width)).astype(np.float32)
@@ -150,9 +150,9 @@ def test_a_training_with_plans_repeats_and_resumes(folder: Path, tmp_path: Path)
     interrupted_after_an_evaluation(planned_recipe(), 3, tmp_path / "again")
     assert len(json.loads((tmp_path / "again/curve.json").read_text())) == 2
     resumed = train(planned_recipe(), 3, tmp_path / "again", **keywords)
-    assert digest(whole) == digest(resumed)
+    assert weights_digest(whole) == weights_digest(resumed)
     without = train(recipe(env_kwargs=RACK), 3, tmp_path / "without", device="cpu", threads=1)
-    assert digest(without) != digest(whole)
+    assert weights_digest(without) != weights_digest(whole)
     assert load_policy(whole).about["recipe"]["plans"] == 2
     assert load_policy(whole).curve["steps"] == [0, 64, 128]  # the first is the imitation's
 
@@ -180,7 +180,9 @@ def test_a_policy_that_cannot_follow_a_plan_is_refused(changes: Any, reason: str
 
 
 def test_a_task_with_a_rudder_has_no_plan() -> None:
-    with pytest.raises(RecipeError, match="a plan has no rudder, and course-keeping needs one"):
+    with pytest.raises(
+        RecipeError, match="a plan has no rudder command, which course-keeping needs"
+    ):
         read_recipe("ppo", "course-keeping", plans=4, env_kwargs=RACK)
 
 
@@ -240,7 +242,7 @@ def test_a_damaged_plan_is_refused_by_name(tmp_path: Path, content: str) -> None
     make_plans(plan, SHIP, tmp_path, jobs=1)
     (file,) = tmp_path.glob("plan-*.json")
     file.write_text(content)
-    with pytest.raises(ValueError, match=rf"{file.name}: must hold 40 pairs .* remove the file"):
+    with pytest.raises(ValueError, match=rf"{file.name}: must contain 40 pairs .* remove the file"):
         make_plans(plan, SHIP, tmp_path, jobs=1)
 
 

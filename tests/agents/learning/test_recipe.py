@@ -9,7 +9,7 @@ import pytest
 
 from shaftline.agents import RecipeError, load_policy, read_recipe
 from shaftline.agents.learning.recipe import Recipe, tuned_controller
-from shaftline.agents.policy.policy import trained
+from shaftline.agents.policy.policy import packaged_policies
 from shaftline.baselines import make_controller
 from shaftline.envs import get_task, tasks
 from shaftline.envs.settings import Settings
@@ -81,10 +81,13 @@ def test_a_recipe_without_more_than_its_size_is_plain() -> None:
         ("transit: {n_envs: 1}", "n_timesteps.*required"),
         (
             "transit: {n_envs: 1, n_timesteps: 1, n_step: 2}",
-            "'n_step'; PPO knows .*n_steps.*n_envs",
+            "'n_step'; known keys of PPO: .*n_steps.*n_envs",
         ),
         ("transit: {n_envs: 1, n_timesteps: 1, seed: 2}", "unknown key 'seed'"),
-        ("transit: {n_envs: 1, n_timesteps: 1, buffer_size: 2}", "unknown key 'buffer_size'; PPO"),
+        (
+            "transit: {n_envs: 1, n_timesteps: 1, buffer_size: 2}",
+            "unknown key 'buffer_size'; known keys of PPO",
+        ),
         ("transit: {n_envs: 1, n_timesteps: 1, frame_stack: 65}", "frame_stack = 65"),
         (
             "transit: {n_envs: 1, n_timesteps: 1, env_kwargs: 3}",
@@ -94,13 +97,13 @@ def test_a_recipe_without_more_than_its_size_is_plain() -> None:
         *(
             (
                 f"transit: {{n_envs: 1, n_timesteps: 1, env_kwargs: {{{key}: 1}}}}",
-                rf"env_kwargs\.{key}: cannot be set by a recipe; it may set observer, tuning, sea,",
+                rf"env_kwargs\.{key}: cannot be set by a recipe; allowed are observer, tuning, sea,",
             )
             for key in ELSEWHERE
         ),
-        ("storm: {n_envs: 1}", "no section 'transit'; it has storm"),
+        ("storm: {n_envs: 1}", "no section 'transit'; its sections are storm"),
         ("transit: 3", "no section 'transit'"),
-        ("- a\n- b", "no section 'transit'; it has none"),
+        ("- a\n- b", "no section 'transit'; its sections are none"),
         ("transit: {", "cannot be read as YAML"),
     ],
 )
@@ -145,7 +148,7 @@ def test_the_packages_recipe_is_read_and_changed() -> None:
 
 @pytest.mark.parametrize("task", tasks())
 def test_every_task_has_a_tuned_controller(task: str) -> None:
-    controller = make_controller(tuned_controller(task), get_task(task).sailed(), 0.5)
+    controller = make_controller(tuned_controller(task), get_task(task).load_ship(), 0.5)
     assert controller.name in ("va-pitch", "speed-pilot")
 
 
@@ -154,7 +157,7 @@ def test_a_task_without_a_tuned_controller_is_named() -> None:
         tuned_controller("race")
 
 
-@pytest.mark.parametrize("name", sorted(trained()))
+@pytest.mark.parametrize("name", sorted(packaged_policies()))
 def test_packaged_policies_are_of_the_packaged_recipes(name: str) -> None:
     """Or the command on their cards would train something else."""
     kept = load_policy(name).about["recipe"]

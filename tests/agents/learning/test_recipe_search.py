@@ -17,10 +17,10 @@ from shaftline.agents.learning.recipe_search import (
     FIRST_FRESH_SEED,
     _study,
     _watch,
+    change_recipe,
+    default_space,
     distribution_of,
     search_recipe,
-    space_of,
-    varied,
 )
 from shaftline.agents.learning.training import FIRST_EVALUATION_SEED, train
 
@@ -97,7 +97,7 @@ def test_what_is_believed_has_decided_nothing(
         return {"reward": float(policy.about["seed"])}
 
     monkeypatch.setattr(recipe_search, "train", watched)
-    monkeypatch.setattr(recipe_search, "judged", told)
+    monkeypatch.setattr(recipe_search, "evaluate_policy", told)
     given: dict[str, Any] = {
         "vary": {"learning_rate": "1e-3:1e-2"},
         "trials": 3,
@@ -120,7 +120,7 @@ def test_a_trial_far_below_the_others_is_given_up() -> None:
     for reward, kept in ((-2.0, False), (-0.5, True)):
         trial = recipe_search.Trial({"gamma": 0.5})
         watch = _watch(trial, _study(good, space, 0).ask(space), 3)
-        watch([reward])  # the first evaluation stops nobody
+        watch([reward])  # the first evaluation stops no trial
         if kept:
             watch([reward, reward])
         else:
@@ -161,11 +161,11 @@ def test_a_range_is_read(text: str, expected: dict[str, Any]) -> None:
         ({"gamma": "0.9:nan"}, "must be LOW:HIGH"),
         ({"gamma": "0.5:5.0"}, r"gamma = 5: must be above 0 and at most 1"),
         ({"gama": "0.5:0.9"}, "unknown key 'gama'"),
-        ({"env_kwargs.max_episode_steps": "10:20"}, "the easiest would win"),
-        ({"env_kwargs.sensor_noise": "0.0:1.0"}, "the easiest would win"),
+        ({"env_kwargs.max_episode_steps": "10:20"}, "the easiest evaluation would win"),
+        ({"env_kwargs.sensor_noise": "0.0:1.0"}, "the easiest evaluation would win"),
         ({"env_kwargs.task": "storm,transit"}, "cannot be set by a recipe"),
-        ({"env_kwargs.observer": "luenberger,nobody"}, "unknown observer 'nobody'"),
-        ({"n_timesteps": "100:200"}, "the longest would win"),
+        ({"env_kwargs.observer": "luenberger,unknown"}, "unknown observer 'unknown'"),
+        ({"n_timesteps": "100:200"}, "the longest training would win"),
         ({"frame_stack": "0:4"}, "frame_stack"),
         ({"gamma.high": "0:1"}, "gamma"),
     ],
@@ -179,7 +179,7 @@ def test_what_cannot_be_searched_is_refused_before_the_work(
 
 
 def test_a_dotted_key_stands_under_another() -> None:
-    found = varied(
+    found = change_recipe(
         recipe(), {"policy_kwargs.log_std_init": -1.0, "env_kwargs.observer": "none", "n_envs": 2}
     )
     assert found.hyperparameters["policy_kwargs"] == {"net_arch": [8, 8], "log_std_init": -1.0}
@@ -190,7 +190,7 @@ def test_a_dotted_key_stands_under_another() -> None:
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
 def test_the_packages_spaces_fit_its_recipes(algorithm: str) -> None:
     plan = read_recipe(algorithm, "rough-sea")
-    space = space_of(algorithm)
+    space = default_space(algorithm)
     assert len(recipe_search._space(plan, space)) == len(space) > 3
     if algorithm == "ppo":  # so that the search begins with something
         values = {key: recipe_search._given(plan, key) for key in space}

@@ -16,13 +16,13 @@ from shaftline.agents.evaluation.statistics import interquartile_mean
 from shaftline.agents.learning import training
 from shaftline.agents.learning.recipe import tuned_controller
 from shaftline.agents.learning.training import (
-    Falling,
-    _built,
+    LinearDecay,
+    _build,
     _Watch,
-    built,
-    digest,
-    evaluations_of,
-    network_of,
+    build_model,
+    evaluation_schedule,
+    extract_network,
+    weights_digest,
 )
 from shaftline.baselines import make_controller, make_steering
 from shaftline.core import sweep
@@ -50,7 +50,10 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 
 def checkpoints(policy: Path) -> list[str]:
-    return [digest(file) for file in sorted((policy.parent / "checkpoints").glob("policy-*.npz"))]
+    return [
+        weights_digest(file)
+        for file in sorted((policy.parent / "checkpoints").glob("policy-*.npz"))
+    ]
 
 
 def test_equal_seeds_give_equal_policies(whole: Any, tmp_path: Path) -> None:
@@ -77,7 +80,9 @@ def test_evaluations_have_seeds_of_their_own_and_the_last_policy_is_kept(whole: 
     policy = load_policy(whole("ppo"))
     assert policy.curve["steps"] == [64, 128]
     last = load_policy(whole("ppo").parent / "checkpoints/policy-02.npz")
-    assert digest(whole("ppo")) == digest(whole("ppo").parent / "checkpoints/policy-02.npz")
+    assert weights_digest(whole("ppo")) == weights_digest(
+        whole("ppo").parent / "checkpoints/policy-02.npz"
+    )
     assert last.curve == policy.curve
     assert policy.about["seed"] == 3
     assert policy.about["recipe"]["hyperparameters"]["n_steps"] == 16
@@ -180,7 +185,7 @@ def test_learning_is_compared_with_a_controller_in_the_same_episodes(
 
 
 def test_episodes_of_a_training_do_not_end_in_step() -> None:
-    _, venv, _ = built(recipe(n_envs=4), 0, "frigate", "cpu", 1)
+    _, venv, _ = build_model(recipe(n_envs=4), 0, "frigate", "cpu", 1)
     venv.reset()
     assert venv.get_attr("vector", [0])[0].batch.elapsed.tolist() == [0, 5, 10, 15]
 
@@ -220,11 +225,11 @@ def test_few_steps_are_few_evaluations(tmp_path: Path) -> None:
 def test_parts_are_whole_rollouts(
     algorithm: str, changes: dict[str, Any], expected: tuple[int, int]
 ) -> None:
-    assert evaluations_of(recipe(algorithm, **changes)) == expected
+    assert evaluation_schedule(recipe(algorithm, **changes)) == expected
 
 
 def test_falling_values_follow_the_whole_training() -> None:
-    falling, told = Falling(3.0), []
+    falling, told = LinearDecay(3.0), []
     watch = _Watch(recipe(n_timesteps=2000), [falling], lambda *said: told.append(said), ["good"])
     assert falling(0.1) == 3.0
     for steps, left in (
@@ -248,7 +253,7 @@ def frigates() -> Sb3Frigates:
 
 def test_texts_become_numbers_and_falling_values() -> None:
     plan = recipe(hyperparameters=PPO | {"clip_range": "0.3", "ent_coef": "1e-2"})
-    model, falling = _built(plan, frigates(), 7, "cpu")
+    model, falling = _build(plan, frigates(), 7, "cpu")
     assert [value.value for value in falling] == [1e-3]
     assert model.clip_range(1.0) == 0.3
     assert model.ent_coef == 0.01
@@ -268,8 +273,8 @@ def test_texts_become_numbers_and_falling_values() -> None:
 def test_a_network_is_a_copy_of_the_model(
     algorithm: str, activation: str, squashed: bool, last: Any
 ) -> None:
-    model, _ = _built(recipe(algorithm), frigates(), 0, "cpu")
-    network = network_of(model)
+    model, _ = _build(recipe(algorithm), frigates(), 0, "cpu")
+    network = extract_network(model)
     assert (network.activation, network.squashed) == (activation, squashed)
     assert [w.shape for w in network.weights] == [(8, SEEN), (8, 8), (2, 8)]
     assert np.array_equal(network.biases[2], last(model).bias.detach().numpy())
@@ -358,10 +363,10 @@ def test_what_cannot_begin_leaves_nothing(
 def test_the_commit_is_the_checkouts(monkeypatch: pytest.MonkeyPatch) -> None:
     here = Path(training.__file__).parent
     found = subprocess.run(["git", "rev-parse", "HEAD"], cwd=here, capture_output=True, text=True)
-    assert training.commit() == (found.stdout.strip() if found.returncode == 0 else None)
+    assert training.git_commit() == (found.stdout.strip() if found.returncode == 0 else None)
 
     def nowhere(*_: Any, **__: Any) -> Any:
         raise OSError
 
     monkeypatch.setattr(subprocess, "run", nowhere)
-    assert training.commit() is None
+    assert training.git_commit() is None

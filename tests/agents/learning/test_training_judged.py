@@ -1,4 +1,4 @@
-"""A training is judged in the environment that its recipe describes."""
+"""A policy is evaluated in the environment that its recipe describes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from shaftline.agents import read_recipe
 from shaftline.agents.evaluation.statistics import interquartile_mean
-from shaftline.agents.learning.training import FIRST_EVALUATION_SEED, judged
+from shaftline.agents.learning.training import FIRST_EVALUATION_SEED, evaluate_policy
 from shaftline.envs import FrigateVectorEnv
 
 from ..tiny import plain_policy
@@ -24,16 +24,16 @@ from ..tiny import plain_policy
     ],
 )
 def test_evaluation_intervals_use_every_keyword_of_the_recipe(own: dict[str, Any]) -> None:
-    """What a training's environment has, the one that judges it has as well."""
+    """The evaluation uses the same keywords of the environment as the training."""
     policy = plain_policy("rough-sea")
     keywords: dict[str, Any] = {"max_episode_steps": 10, "sensor_noise": 0.0, "observer": "none"}
     keywords |= own
     plan = read_recipe("ppo", "rough-sea", env_kwargs=keywords)
-    found = judged(policy, plan, "frigate-at-sea", threads=1)
+    found = evaluate_policy(policy, plan, "frigate-at-sea", threads=1)
     env = FrigateVectorEnv(24, threads=1, ship="frigate-at-sea", task="rough-sea", **keywords)
     env.reset(seed=FIRST_EVALUATION_SEED)
     rewards = sum(env.step(np.zeros((24, 2)))[1] for _ in range(10))
     assert found["reward"] == pytest.approx(interquartile_mean(rewards))
-    plain = judged(policy, read_recipe("ppo", "rough-sea", env_kwargs={"max_episode_steps": 10}),
-                   "frigate-at-sea", threads=1)  # fmt: skip
+    default = read_recipe("ppo", "rough-sea", env_kwargs={"max_episode_steps": 10})
+    plain = evaluate_policy(policy, default, "frigate-at-sea", threads=1)
     assert found != plain

@@ -15,7 +15,7 @@ QUICK: dict[str, Any] = {"rounds": 3, "episodes": 3, "episode_s": 60.0, "threads
 
 
 def test_a_search_gains_and_repeats() -> None:
-    """The untuned pilot answers a new speed order slowly: any search of its gains finds faster ones."""
+    """The untuned pilot follows a new speed order slowly, so any search finds faster gains."""
     text = "speed-pilot:torque_gain=0,pitch_gain=0"
     found = tune(text, "acceleration", ranges={"speed_gain": (0.5, 16.0)}, **QUICK)
     assert found.fresh > found.untuned

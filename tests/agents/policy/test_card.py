@@ -1,4 +1,4 @@
-"""The card of a policy tells what the policy is, and how it compares."""
+"""The card of a policy describes the policy and compares its returns."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import yaml
 
 from shaftline.agents import load_policy
 from shaftline.agents.policy.card import card
-from shaftline.agents.policy.policy import trained
+from shaftline.agents.policy.policy import packaged_policies
 
 RETURNS = {
     "policy": {"training": 401.23, "held-out": 380.0},
@@ -41,7 +41,7 @@ def test_the_text_tells_task_recipe_returns_and_use() -> None:
     assert 'env = FrigateEnv(task="storm", **policy.interface)' in text
 
 
-@pytest.mark.parametrize("name", sorted(trained()))
+@pytest.mark.parametrize("name", sorted(packaged_policies()))
 def test_what_a_policy_was_learned_on_is_said(name: str) -> None:
     policy = load_policy(name)
     _, text = head_and_text(name)
@@ -49,11 +49,11 @@ def test_what_a_policy_was_learned_on_is_said(name: str) -> None:
     assert (f"a classic controller, `{base}`" in text) == bool(base)
     plans = policy.about["recipe"].get("plans", 0)
     assert (f"imitated plans of {plans} episodes" in text) == (plans > 0)
-    assert ("learned from nothing" in text) == (not base and not plans)
+    assert ("trained from random weights" in text) == (not base and not plans)
 
 
-@pytest.mark.parametrize("name", sorted(trained()))
+@pytest.mark.parametrize("name", sorted(packaged_policies()))
 def test_every_packaged_policy_has_its_card(name: str) -> None:
-    text = trained()[name].with_suffix(".md").read_text(encoding="utf-8")
+    text = packaged_policies()[name].with_suffix(".md").read_text(encoding="utf-8")
     assert f"# {name}\n" in text
     assert f'load_policy("{name}")' in text

@@ -1,4 +1,4 @@
-"""A policy file: what is saved is loaded, and what does not fit is refused."""
+"""A policy file: what is saved is loaded, and a policy that does not match is refused."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from stable_baselines3.common.vec_env import VecFrameStack
 from shaftline.agents import Policy, PolicyError, Setting, load_policy, run_episodes, train
 from shaftline.agents.learning.checkpoints import Checkpoints
 from shaftline.agents.learning.recipe import Recipe
-from shaftline.agents.learning.training import built
-from shaftline.agents.policy.policy import Network, layout, trained
+from shaftline.agents.learning.training import build_model
+from shaftline.agents.policy.policy import Network, layout, packaged_policies
 from shaftline.envs import FrigateEnv, Sb3Frigates, Settings
 from shaftline.envs.batch import Batch
 from shaftline.plant import load_ship
@@ -140,7 +140,7 @@ def test_a_policy_is_run_with_the_keywords_of_its_training() -> None:
     assert trace[-1, 4:][list(info).index("shaft_speed")] == info["shaft_speed"]
 
 
-@pytest.mark.parametrize("name", sorted(trained()))
+@pytest.mark.parametrize("name", sorted(packaged_policies()))
 def test_packaged_policies_load_by_name(name: str) -> None:
     policy = load_policy(name)
     assert policy.about["recipe"]["task"] == name
@@ -166,7 +166,7 @@ def test_what_is_saved_is_loaded(file: Path, tmp_path: Path) -> None:
 def test_inference_is_that_of_stable_baselines3(file: Path) -> None:
     policy = load_policy(file)
     made = Recipe.model_validate(policy.about["recipe"])
-    model, _, _ = built(made, 7, policy.about["ship_source"], "cpu", 1)
+    model, _, _ = build_model(made, 7, policy.about["ship_source"], "cpu", 1)
     Checkpoints(file.parent).resume(model)
     rows = np.random.default_rng(0).uniform(-3.0, 3.0, (50, SEEN)).astype(np.float32)
     expected, _ = model.predict(rows, deterministic=True)
@@ -191,16 +191,18 @@ def test_one_observation_is_a_batch_of_one(file: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"layout__format": 2}, "format: the policy has 2, here it is 3"),
-        ({"layout__ship": "launch"}, "ship: the policy has 'launch', here it is 'frigate'"),
+        ({"layout__format": 2}, "format: the policy has 2, the environment 3"),
+        ({"layout__ship": "launch"}, "ship: the policy has 'launch', the environment 'frigate'"),
         ({"layout__ranges__drive_max": 1.0}, "drive_max: the policy has 1.0"),
         ({"layout__observed": ["torque"]}, r"observed: the policy has \['torque'\]"),
-        ({"layout__actions": 3}, "actions: the policy has 3, here it is 2"),
+        ({"layout__actions": 3}, "actions: the policy has 3, the environment 2"),
         ({"layout__command": "fuel-rack"}, "observed: the policy has"),
     ],
 )
 def test_another_layout_is_refused(altered: Any, change: dict[str, Any], words: str) -> None:
-    with pytest.raises(PolicyError, match=rf"other\.npz: this policy does not fit: .*{words}"):
+    with pytest.raises(
+        PolicyError, match=rf"other\.npz: this policy does not match the environment: .*{words}"
+    ):
         load_policy(altered(**change))
 
 
@@ -220,7 +222,9 @@ def test_a_description_that_cannot_be_is_refused(
 
 
 def test_another_ship_is_refused(file: Path) -> None:
-    with pytest.raises(PolicyError, match="ship: the policy has 'frigate', here it is 'ferry'"):
+    with pytest.raises(
+        PolicyError, match="ship: the policy has 'frigate', the environment 'ferry'"
+    ):
         load_policy(file, load_ship("ferry"))
     shifted = load_ship("frigate").with_values({"propeller.pitch_ratio_max": 1.35})
     with pytest.raises(PolicyError, match="pitch_ratio_max: the policy has"):
@@ -278,8 +282,8 @@ def test_what_is_no_policy_is_refused(file: Path, tmp_path: Path) -> None:
 
 
 def test_a_damaged_policy_is_refused_or_still_a_policy(tmp_path: Path) -> None:
-    """Whatever bit of the file has flipped, wherever it ends."""
-    content = trained()["rough-sea"].read_bytes()
+    """A flipped bit or a cut anywhere in the file is refused."""
+    content = packaged_policies()["rough-sea"].read_bytes()
     rng = np.random.default_rng(0)
     path = tmp_path / "damaged.npz"
     refused = 0

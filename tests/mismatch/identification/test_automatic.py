@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from shaftline.mismatch.identification.frequency_band import told_by
+from shaftline.mismatch.identification.frequency_band import identifiable_keys
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import load_ship
@@ -14,11 +14,11 @@ KQ, ETA_R = "propeller.torque_coefficient", "propeller.relative_rotative_efficie
 
 def test_a_rich_voyage_tells_all_but_what_it_does_not_measure() -> None:
     balances = Balances(JointReplay(load_ship("frigate"), frigate_voyage(seed=3, seconds=400.0)))
-    keys, left = told_by(balances, balances.replay.segments)
+    keys, left = identifiable_keys(balances, balances.replay.segments)
     hull = ("hull.mass_kg", "hull.resistance_coefficient_N_s2_m2")
     assert left == {
-        "prime_mover.fuel_base_g_kWh": "it moves nothing that is measured here",
-        "hull.thrust_deduction": f"only its combination with {hull[0]} and {hull[1]} is told",
+        "prime_mover.fuel_base_g_kWh": "no measured channel depends on it here",
+        "hull.thrust_deduction": f"only its combination with {hull[0]} and {hull[1]} is identifiable",
     }
     assert {*hull, "pitch_actuator.time_constant_s"} <= set(keys)
 
@@ -28,7 +28,7 @@ def test_without_gauge_and_log_less_is_told() -> None:
         columns=["shaft_torque_N_m", "ship_speed_m_s"]
     )
     balances = Balances(JointReplay(load_ship("frigate"), table))
-    keys, left = told_by(balances, balances.replay.segments)
+    keys, left = identifiable_keys(balances, balances.replay.segments)
     assert len(keys) < 8
     assert "transmission.inertia_propeller_side_kg_m2" in left or (
         "transmission.inertia_engine_side_kg_m2" in left
@@ -39,9 +39,9 @@ def test_of_a_ratio_one_is_left_as_it_is() -> None:
     """KQ and eta_R act as their product; and no speed alone tells the torques' common factor."""
     tug = bench_tug().with_values({ETA_R: 0.98})
     balances = Balances(JointReplay(tug, tug_run()))
-    keys, left = told_by(balances, balances.replay.segments)
+    keys, left = identifiable_keys(balances, balances.replay.segments)
     assert len(keys) == 4
     assert left.keys() >= {ETA_R}
-    assert left[ETA_R] == f"only its combination with {KQ} is told"
+    assert left[ETA_R] == f"only its combination with {KQ} is identifiable"
     (other,) = left.keys() - {ETA_R}
     assert "only its combination" in left[other]

@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch.identification.free_parameters import Free
-from shaftline.mismatch.identification.frequency_band import numbers_hertz
-from shaftline.mismatch.search.band import LEAST_FREQUENCIES, TELLING
+from shaftline.mismatch.identification.frequency_band import parameters_hertz
+from shaftline.mismatch.search.band import INFORMATION_SHARE, LEAST_FREQUENCIES
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import Ship
@@ -40,7 +40,7 @@ def shaken(ship: Ship, every: int, column: str = "shaft_speed_rad_s") -> Balance
 def telling(balances: Balances, key: str, changes: dict[str, float] | None = None) -> float:
     ship = balances.replay.ship.with_values(changes or {})
     free = Free(ship, (key,))
-    return numbers_hertz(balances, free, free.values, [(0, balances.replay.rows)])
+    return parameters_hertz(balances, free, free.values, [(0, balances.replay.rows)])
 
 
 def test_of_a_friction_it_is_that_of_two_poles(servo: Ship) -> None:
@@ -50,7 +50,7 @@ def test_of_a_friction_it_is_that_of_two_poles(servo: Ship) -> None:
     """
     x = np.linspace(0.0, 20.0, 200_001)
     share = (x / (1.0 + x**2) + np.arctan(x)) * 2.0 / math.pi
-    wanted = CORNER_HZ * float(x[np.searchsorted(share, TELLING)])
+    wanted = CORNER_HZ * float(x[np.searchsorted(share, INFORMATION_SHARE)])
     assert telling(shaken(servo, 2), FRICTION) == pytest.approx(wanted, rel=0.1)
 
 

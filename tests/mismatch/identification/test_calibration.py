@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import Options, diagnose
-from shaftline.mismatch.calibration import calibrated
+from shaftline.mismatch.calibration import calibrate
 from shaftline.mismatch.identification.start import Start
 from shaftline.plant import Ship
 
@@ -30,18 +30,18 @@ def healthy() -> pd.DataFrame:
 
 @functools.cache
 def start() -> Start:
-    return calibrated(quick_frigate(), [healthy()], (RESISTANCE, INERTIA))
+    return calibrate(quick_frigate(), [healthy()], (RESISTANCE, INERTIA))
 
 
 def test_the_numbers_of_the_healthy_period_are_those_of_the_ship() -> None:
     found = start()
     assert found.calibrated == (RESISTANCE, INERTIA)
     assert found.file == quick_frigate()
-    assert not found.left
+    assert not found.left_out
     for key, value in TRUE.items():
         error = found.ship.tolerances.numbers[key]
         assert 0.0 < error < 0.01 * value
-        assert abs(found.ship.number(key).value - value) < 4.0 * error
+        assert abs(found.ship.parameter(key).value - value) < 4.0 * error
     assert 0.0 < abs(found.ship.tolerances.correlation(RESISTANCE, INERTIA)) < 1.0
 
 
@@ -56,7 +56,7 @@ def test_what_a_wrong_number_hid_or_feigned_is_then_told() -> None:
     found = diagnose(start(), fouled)
     assert [f.effect.id for f in found.findings] == ["hull-fouling"]
     assert found.findings[0].estimates[0].value == pytest.approx(0.1, abs=0.01)
-    assert found.wrong == [None]  # the resistance was right on the healthy period
+    assert found.biased == [None]  # the resistance was right on the healthy period
     assert found.ship == start().ship
     numbers = found.to_dict()["numbers"]
     assert numbers[RESISTANCE]["file"] == 3306.2
@@ -67,25 +67,25 @@ def test_what_a_wrong_number_hid_or_feigned_is_then_told() -> None:
 def test_a_number_that_is_not_told_stays_as_it_is() -> None:
     """Of resistance, mass and 1 - t only ratios act; the one named last is left."""
     keys = (RESISTANCE, "hull.mass_kg", "hull.thrust_deduction")
-    found = calibrated(quick_frigate(), [healthy()], keys)
+    found = calibrate(quick_frigate(), [healthy()], keys)
     assert found.calibrated == (RESISTANCE, "hull.mass_kg")
     assert found.ship.hull.thrust_deduction == 0.07
     # whoever calibrates does not trust the file: it may be off by as much as a number that is told
     assert found.ship.tolerances.numbers["hull.thrust_deduction"] == pytest.approx(0.1 * 0.07)
-    (said,) = (r for r in found.remarks if "stays as it is" in r)
-    assert "calibration: hull.thrust_deduction stays as it is" in said
+    (said,) = (r for r in found.remarks if "keeps the ship file's value" in r)
+    assert "calibration: hull.thrust_deduction keeps the ship file's value" in said
     assert "only its combination with hull.mass_kg" in said
 
 
 def test_a_number_that_moves_nothing_stays_as_it_is() -> None:
     fuel = "prime_mover.fuel_base_g_kWh"
-    found = calibrated(quick_frigate(), [healthy()], (fuel,))
+    found = calibrate(quick_frigate(), [healthy()], (fuel,))
     assert found.ship == quick_frigate()
-    assert set(found.left) == {fuel}
+    assert set(found.left_out) == {fuel}
     assert "tells no number" in found.remarks[0]
 
 
 def test_one_recording_is_not_both(tmp_path: object) -> None:
     options = Options(calibrate=("trial.csv",))
-    with pytest.raises(FileNotFoundError, match=r"trial\.csv: no such recording to calibrate on"):
+    with pytest.raises(FileNotFoundError, match=r"trial\.csv: recording of the reference"):
         diagnose(quick_frigate(), "trial.csv", options=options)

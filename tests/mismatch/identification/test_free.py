@@ -9,8 +9,8 @@ from shaftline.mismatch.identification.free_parameters import (
     RATIO,
     Free,
     doubtful,
-    freed,
     number_of,
+    parse_free,
     usual_keys,
 )
 from shaftline.plant import Ship, load_ship, ship_names
@@ -39,12 +39,12 @@ def test_a_number_that_the_record_holds_in_another_form_moves_too() -> None:
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ((), "no number is free"),
+        ((), "no parameter is free"),
         ((MASS, WAKE, MASS), r"hull\.mass_kg is given twice"),
-        (("hull.mas",), r"frigate: hull\.mas is no number .* of \[hull\]: hull\.mass_kg"),
-        (("nothing.x",), r"nothing\.x is no number of this ship that can be free$"),
-        (("propeller.blades",), r"propeller\.blades is no number"),
-        (("propeller.model",), r"propeller\.model is no number"),
+        (("hull.mas",), r"frigate: hull\.mas is no parameter .* of \[hull\] are hull\.mass_kg"),
+        (("nothing.x",), r"nothing\.x is no parameter of this ship that can be free$"),
+        (("propeller.blades",), r"propeller\.blades is no parameter"),
+        (("propeller.model",), r"propeller\.model is no parameter"),
     ],
 )
 def test_what_cannot_be_free_is_named(frigate: Ship, keys: tuple[str, ...], words: str) -> None:
@@ -54,7 +54,7 @@ def test_what_cannot_be_free_is_named(frigate: Ship, keys: tuple[str, ...], word
 
 def test_a_step_stops_short_of_a_bound(frigate: Ship) -> None:
     free = Free(frigate, (MASS, "transmission.efficiency"))
-    low = free.numbers[0].searched[0]
+    low = free.numbers[0].search_range[0]
     assert low == free.numbers[0].info.low == 0.01
     found = free.towards((3e6, 0.95), (-1e6, 0.97))
     assert found == [pytest.approx(0.1 * 3e6 + 0.9 * low), 0.97]
@@ -63,7 +63,7 @@ def test_a_step_stops_short_of_a_bound(frigate: Ship) -> None:
 
 def test_a_search_stays_off_a_bound_that_the_file_excludes(frigate: Ship) -> None:
     diameter = Free(frigate, ("propeller.diameter_m",)).numbers[0]
-    assert diameter.info.low == 0.0 < diameter.searched[0] < 0.01 * diameter.value
+    assert diameter.info.low == 0.0 < diameter.search_range[0] < 0.01 * diameter.value
 
 
 def test_a_file_may_be_wrong_about_what_it_states_and_has_a_tolerance_or_an_effect() -> None:
@@ -83,21 +83,21 @@ def test_a_file_may_be_wrong_about_what_it_states_and_has_a_tolerance_or_an_effe
 @pytest.mark.parametrize(
     ("free", "message"),
     [
-        ((), "tito-neri-sine: no number is free"),
+        ((), "tito-neri-sine: no parameter is free"),
         ((CONSTANT, CONSTANT), f"{CONSTANT} is given twice"),
         (RATIO, "only the ratio of propeller.torque_coefficient and propeller.relative_rotative"),
-        (("prime_mover.colour",), r"prime_mover\.colour is no number of this ship"),
-        (("propeller.model",), "propeller.model is no number"),
-        (("engine.x",), r"engine\.x is no number of this ship"),
+        (("prime_mover.colour",), r"prime_mover\.colour is no parameter of this ship"),
+        (("propeller.model",), "propeller.model is no parameter"),
+        (("engine.x",), r"engine\.x is no parameter of this ship"),
     ],
 )
 def test_what_a_method_cannot_find_is_named(free: tuple[str, ...], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        freed(tug(), free, ())
+        parse_free(tug(), free, ())
 
 
 def test_defaults_ranges_and_values() -> None:
-    chosen = freed(tug(), None, (CONSTANT, LOAD))
+    chosen = parse_free(tug(), None, (CONSTANT, LOAD))
     assert chosen.keys == (CONSTANT, LOAD)
     assert chosen.start == pytest.approx([0.0183, 0.136])
     assert CONSTANT in chosen
@@ -108,13 +108,13 @@ def test_defaults_ranges_and_values() -> None:
     ship = chosen.on([0.02, 0.1])
     assert ship == tug().with_values({CONSTANT: 0.02, LOAD: 0.1})
     assert ship.record()["motor_constant"] == 0.02
-    zero = freed(tug(), ("sensors.speed_delay_s",), ())
+    zero = parse_free(tug(), ("sensors.speed_delay_s",), ())
     assert zero.scale == pytest.approx([1e-3])
     assert (zero.bounds[0][0], zero.bounds[1][0]) == (0.0, 6.0)
 
 
 def test_a_search_may_pass_where_the_time_step_does_not_fit() -> None:
-    assert freed(tug(), (INDUCTANCE,), ()).on([1e-6]).number(INDUCTANCE).value == 1e-6
+    assert parse_free(tug(), (INDUCTANCE,), ()).on([1e-6]).parameter(INDUCTANCE).value == 1e-6
 
 
 def test_a_term_s_numbers_may_be_found() -> None:
@@ -123,7 +123,7 @@ def test_a_term_s_numbers_may_be_found() -> None:
     term = Term.model_validate({**said, "parameters": own})
     ship = tug().with_term(term)
     assert number_of(ship, "term.drag.c").value == 1e-5
-    assert freed(ship, ("term.drag.c",), ()).on([2e-5]).number("term.drag.c").value == 2e-5
+    assert parse_free(ship, ("term.drag.c",), ()).on([2e-5]).parameter("term.drag.c").value == 2e-5
 
 
 def test_a_diesel_s_numbers_too() -> None:

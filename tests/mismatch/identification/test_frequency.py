@@ -12,12 +12,12 @@ from numpy.testing import assert_allclose
 from shaftline.mismatch.identification.drive_train import drive_train
 from shaftline.mismatch.identification.frequency import (
     FrequencyResponse,
-    blurred,
+    attenuation,
     channels_of,
-    held,
     interval_of,
-    modelled,
+    modelled_response,
     slowest_s,
+    zero_order_hold,
 )
 from shaftline.plant import Ship, equilibrium, linearise, load_ship
 
@@ -39,14 +39,14 @@ def test_the_model_is_the_drive_train_s() -> None:
     ship = tug()
     train = drive_train(ship)
     model = train.linear(train.equilibrium(5.89))
-    found = modelled(ship, about(ship))
+    found = modelled_response(ship, about(ship))
     assert_allclose(found["shaft_speed_rad_s"], model.speed_response(FREQUENCY), rtol=1e-6)
     assert_allclose(found["motor_current_A"], model.current_response(FREQUENCY), rtol=1e-6)
 
 
 def test_a_late_sensor_turns_the_phase_alone() -> None:
     ship = tug().with_values({"sensors.speed_delay_s": 0.0015})
-    prompt, late = modelled(tug(), about(tug())), modelled(ship, about(ship))
+    prompt, late = modelled_response(tug(), about(tug())), modelled_response(ship, about(ship))
     turned = prompt["shaft_speed_rad_s"] * np.exp(-0.0015j * FREQUENCY)
     assert_allclose(late["shaft_speed_rad_s"], turned, rtol=1e-9)
     assert_allclose(late["motor_current_A"], prompt["motor_current_A"], rtol=1e-12)
@@ -67,15 +67,19 @@ def test_sampled_model_is_the_simulation_s_at_a_coarse_interval() -> None:
     )  # fmt: skip
     mean = measured.means["motor_current_A"]
     effect = 2.0 * np.mean((table["motor_current_A"] / mean - 1.0).to_numpy()[rows] * carrier)
-    found = modelled(ship, measured)["motor_current_A"][0] * held(frequency, step)
+    found = modelled_response(ship, measured)["motor_current_A"][0] * zero_order_hold(
+        frequency, step
+    )
     assert effect / cause == pytest.approx(found, rel=2e-3)
-    plain = modelled(ship, replace(measured, interval_s=0.0))["motor_current_A"][0]
+    plain = modelled_response(ship, replace(measured, interval_s=0.0))["motor_current_A"][0]
     assert abs(effect / cause / plain - 1.0) > 0.05
 
 
 def test_holding_delays_by_half_an_interval() -> None:
-    assert held(100.0, 1e-3) == pytest.approx(np.sinc(0.05 / np.pi) * np.exp(-0.05j), rel=1e-12)
-    assert held([0.0, 5.0], 0.0) == pytest.approx([1.0, 1.0])
+    assert zero_order_hold(100.0, 1e-3) == pytest.approx(
+        np.sinc(0.05 / np.pi) * np.exp(-0.05j), rel=1e-12
+    )
+    assert zero_order_hold([0.0, 5.0], 0.0) == pytest.approx([1.0, 1.0])
 
 
 def test_the_slowest_pole_of_a_ship_that_moves() -> None:
@@ -111,8 +115,8 @@ def test_table_has_gains_phases_errors_and_coherence() -> None:
             lambda t: t.drop(columns="shaft_speed_rad_s"),
             "sine: tito-neri-sine needs shaft_speed_rad_s",
         ),
-        (lambda t: t.assign(shaft_speed_rad_s=t["time_s"] - 0.05), "the shaft rests or reverses"),
-        (lambda t: t.assign(motor_voltage_V=0.0), "motor_voltage_V has no mean"),
+        (lambda t: t.assign(shaft_speed_rad_s=t["time_s"] - 0.05), "the shaft stops or reverses"),
+        (lambda t: t.assign(motor_voltage_V=0.0), "the mean of motor_voltage_V is 0"),
     ],
 )
 def test_recordings_without_a_response(change: object, message: str) -> None:
@@ -125,11 +129,11 @@ def test_recordings_without_a_response(change: object, message: str) -> None:
 
 def test_a_channel_that_is_held_may_lack_something() -> None:
     values = np.repeat(np.random.default_rng(0).standard_normal(500), 10)
-    lacking = blurred(values, 1e-4, np.array([1.0, 1000.0, 2000.0, 1e5]))
+    lacking = attenuation(values, 1e-4, np.array([1.0, 1000.0, 2000.0, 1e5]))
     expected = 1.0 - np.sinc(np.array([1.0, 1000.0, 2000.0, 2e3 * np.pi]) * 5e-4 / np.pi) ** 2
     assert_allclose(lacking, expected, rtol=5e-3, atol=1e-9)
     assert lacking[-1] == pytest.approx(1.0, abs=1e-2)
-    assert_allclose(blurred(values[::10], 1e-3, [10.0, 3000.0]), 0.0, atol=0.0)
+    assert_allclose(attenuation(values[::10], 1e-3, [10.0, 3000.0]), 0.0, atol=0.0)
 
 
 def test_a_channel_without_a_mean_has_no_response() -> None:

@@ -15,13 +15,13 @@ from shaftline.mismatch.identification.drive_train import (
     SIX,
     drive_train,
 )
-from shaftline.mismatch.identification.free_parameters import freed
+from shaftline.mismatch.identification.free_parameters import parse_free
 from shaftline.mismatch.identification.frequency import (
     FrequencyResponse,
     closed_form,
     fit,
-    found_by,
-    modelled,
+    fit_response,
+    modelled_response,
 )
 from shaftline.plant import Ship, load_ship
 
@@ -34,7 +34,7 @@ DELAY = "sensors.speed_delay_s"
 def exact(ship: Ship, error: float = np.nan, interval_s: float = 0.0) -> FrequencyResponse:
     """A ship's own response, with a known error or none."""
     empty = about(ship, interval_s)
-    response = modelled(ship, empty)
+    response = modelled_response(ship, empty)
     sizes = {column: np.full(len(values), error) for column, values in response.items()}
     return replace(empty, response=response, error=sizes)
 
@@ -45,8 +45,8 @@ def test_a_ship_s_own_response_gives_its_numbers(name: str, interval_s: float) -
     ship = tug(name)
     other = tug("staircase" if name == "sine" else "sine")
     start = other.with_values({"water.density_kg_m3": ship.water.density_kg_m3})
-    found = fit(freed(start, None, SIX), exact(ship, interval_s=interval_s), "sine")
-    values = freed(ship, SIX, ()).start
+    found = fit(parse_free(start, None, SIX), exact(ship, interval_s=interval_s), "sine")
+    values = parse_free(ship, SIX, ()).start
     assert_allclose(found.values, values, rtol=1e-5)
     assert found.misfit < 1e-5
     assert found.steps["cost"].iloc[-1] < found.steps["cost"].iloc[0]
@@ -54,14 +54,14 @@ def test_a_ship_s_own_response_gives_its_numbers(name: str, interval_s: float) -
 
 def test_delay_is_found_beside_all_six() -> None:
     ship = tug().with_values({DELAY: 0.0016})
-    found = fit(freed(tug("staircase"), (*SIX, DELAY), ()), exact(ship, 1e-3), "sine")
+    found = fit(parse_free(tug("staircase"), (*SIX, DELAY), ()), exact(ship, 1e-3), "sine")
     assert found.values[-1] == pytest.approx(0.0016, rel=1e-3)
 
 
 def test_standard_errors_are_those_of_repeated_noise() -> None:
     """Draws of known noise on every part of the response."""
     ship, rng, clean = tug(), np.random.default_rng(4), exact(tug(), 0.02)
-    chosen = freed(ship, (CONSTANT, RESISTANCE, LOAD), ())
+    chosen = parse_free(ship, (CONSTANT, RESISTANCE, LOAD), ())
     values = []
     for _ in range(24):
         response = {
@@ -78,7 +78,7 @@ def test_where_no_error_is_known_what_is_left_tells_it() -> None:
     response = {c: v + 0.02 * rng.standard_normal(len(v)) for c, v in clean.response.items()}
     some = replace(clean, response=response)
     twice = {c: v + 2.0 * (response[c] - v) for c, v in clean.response.items()}
-    chosen = freed(ship, (CONSTANT,), ())
+    chosen = parse_free(ship, (CONSTANT,), ())
     once = fit(chosen, some, "sine").covariance[0, 0]
     assert once > 0.0
     assert fit(chosen, replace(clean, response=twice), "sine").covariance[0, 0] > 2.0 * once
@@ -106,7 +106,7 @@ def test_closed_form_is_for_drive_trains_with_a_current() -> None:
 
 
 def test_found_tells_responses_search_and_closed_form() -> None:
-    found = found_by("sine", freed(tug(), None, SIX), exact(tug(), 1e-3))
+    found = fit_response("sine", parse_free(tug(), None, SIX), exact(tug(), 1e-3))
     assert max(map(abs, shares_off(tug(), found).values())) < 1e-4
     table = found.tables["frequency-response"]
     assert_allclose(table["motor_current_gain_model"], table["motor_current_gain"], rtol=1e-4)
@@ -116,9 +116,9 @@ def test_found_tells_responses_search_and_closed_form() -> None:
 
 def test_numbers_that_act_alike_are_refused() -> None:
     both = (LOAD, "transmission.quadratic_drag_N_m_s2_rad2")
-    with pytest.raises(ValueError, match=r"sine: the recording does not tell .* apart"):
-        fit(freed(tug(), both, ()), exact(tug(), 1e-3), "sine")
+    with pytest.raises(ValueError, match=r"sine: the recording does not distinguish .*"):
+        fit(parse_free(tug(), both, ()), exact(tug(), 1e-3), "sine")
     with pytest.raises(
         ValueError, match=r"nothing that it compares depends on hull\.wake_fraction"
     ):
-        fit(freed(tug(), ("hull.wake_fraction",), ()), exact(tug(), 1e-3), "sine")
+        fit(parse_free(tug(), ("hull.wake_fraction",), ()), exact(tug(), 1e-3), "sine")

@@ -5,21 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shaftline.mismatch.identification.results import Found
-from shaftline.mismatch.identify import _refuse_diverged, unjudged
+from shaftline.mismatch.identification.results import MethodResult
+from shaftline.mismatch.identify import _refuse_diverged, identification_without_fit
 
 from .benches import tug
 
 KEY = "transmission.inertia_engine_side_kg_m2"
 
 
-def found(value: float) -> Found:
-    return Found((KEY,), (value,), np.array([[1e-12]]))
+def found(value: float) -> MethodResult:
+    return MethodResult((KEY,), (value,), np.array([[1e-12]]))
 
 
 def test_steady_states_give_a_ship_and_how_well_it_is_known() -> None:
-    one = unjudged("steady", tug(), found(3e-4), {"hull.mass_kg": "it moves nothing"})
-    assert one.identified.number(KEY).value == 3e-4
+    one = identification_without_fit(
+        "steady", tug(), found(3e-4), {"hull.mass_kg": "it moves nothing"}
+    )
+    assert one.identified.parameter(KEY).value == 3e-4
     assert one.identified.tolerances.numbers[KEY] == pytest.approx(1e-6)
     assert one.left_out == {"hull.mass_kg": "it moves nothing"}
 
@@ -28,6 +30,6 @@ def test_parameters_that_cannot_be_simulated_are_refused() -> None:
     good, bad = np.ones(3), np.array([1.0, np.nan, np.inf])
     _refuse_diverged("ekf", found(1.0), {"ship_speed_m_s": good})
     with pytest.raises(
-        ValueError, match=r"ekf: .*inertia_engine_side_kg_m2 = 1.*ship_speed_m_s does"
+        ValueError, match=r"ekf: .*inertia_engine_side_kg_m2 = 1.*ship_speed_m_s diverges"
     ):
         _refuse_diverged("ekf", found(1.0), {"shaft_speed_rad_s": good, "ship_speed_m_s": bad})

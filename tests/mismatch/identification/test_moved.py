@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from shaftline.mismatch import Options, diagnose
-from shaftline.mismatch.identification.parameters import Numbers
-from shaftline.mismatch.identification.start import Start, widened
-from shaftline.mismatch.search.catalogue import Placed
+from shaftline.mismatch.identification.parameters import MovableParameters
+from shaftline.mismatch.identification.start import Start, start_with_free_parameters
+from shaftline.mismatch.search.catalogue import SizedEffect
 from shaftline.mismatch.search.fitting import Fitter
 
 from ..toy import FOULING, RESISTANCE, ROWS, Toy, bands, entry, white
@@ -19,12 +19,14 @@ from ..voyages import frigate_voyage, quick_frigate
 HELD = np.arange(ROWS)
 
 
-def numbers_of(truth: dict[str, float], known: float, free: tuple[str, ...] = ()) -> Numbers:
+def numbers_of(
+    truth: dict[str, float], known: float, free: tuple[str, ...] = ()
+) -> MovableParameters:
     toy: Any = Toy(truth, white(0, 0.5, 2.0), known)
-    start = widened(toy.ship, free)
+    start = start_with_free_parameters(toy.ship, free)
     toy.ship = start.ship
     toy.recorded = toy.measured
-    return Numbers(start if free else Start(toy.ship, toy.ship), Fitter(toy, bands()))
+    return MovableParameters(start if free else Start(toy.ship, toy.ship), Fitter(toy, bands()))
 
 
 def test_a_move_is_told_in_tolerances() -> None:
@@ -33,7 +35,7 @@ def test_a_move_is_told_in_tolerances() -> None:
     null = numbers.fitter.null
     assert numbers.values(null)[RESISTANCE] == pytest.approx(1.03 * 3306.2, rel=0.003)
     assert numbers.shifts(null)[RESISTANCE] == pytest.approx(1.5, abs=0.15)
-    (told,) = numbers.told(null, numbers.start.ship)
+    (told,) = numbers.changes(null, numbers.start.ship)
     assert (told.key, told.source, told.file, told.corrected) == (
         RESISTANCE, "tolerance", 3306.2, 3306.2,
     )  # fmt: skip
@@ -43,7 +45,7 @@ def test_a_move_is_told_in_tolerances() -> None:
 
 def test_a_number_that_hardly_moves_is_not_told() -> None:
     numbers = numbers_of({}, 0.02)
-    assert numbers.told(numbers.fitter.null, numbers.start.ship) == []
+    assert numbers.changes(numbers.fitter.null, numbers.start.ship) == []
 
 
 @pytest.mark.parametrize(("better", "carried"), [(20.0, True), (3.0, False), (-20.0, False)])
@@ -56,9 +58,9 @@ def test_the_corrected_ship_carries_what_the_data_set_aside_ask_for(
     def judge(record: Any) -> float:
         return better if record["resistance_coefficient"] > own else 0.0
 
-    ship = numbers.carried(numbers.start.ship, numbers.fitter.null, judge, HELD)
+    ship = numbers.with_estimates(numbers.start.ship, numbers.fitter.null, judge, HELD)
     value = numbers.values(numbers.fitter.null)[RESISTANCE] if carried else 3306.2
-    assert ship.number(RESISTANCE).value == value
+    assert ship.parameter(RESISTANCE).value == value
 
 
 def test_no_channel_may_be_followed_worse() -> None:
@@ -66,7 +68,7 @@ def test_no_channel_may_be_followed_worse() -> None:
     numbers = numbers_of({RESISTANCE: 1.03 * 3306.2}, 0.02)
     toy: Any = numbers.fitter.balances.replay
     toy.recorded = toy.nominal | {"hull": toy.nominal["hull"] + 20.0 * np.sin(HELD)}
-    ship = numbers.carried(
+    ship = numbers.with_estimates(
         numbers.start.ship, numbers.fitter.null, lambda r: float(r["resistance_coefficient"]), HELD
     )
     assert ship == numbers.start.ship
@@ -74,20 +76,20 @@ def test_no_channel_may_be_followed_worse() -> None:
 
 def test_a_free_number_goes_where_the_recording_has_it() -> None:
     numbers = numbers_of({RESISTANCE: 1.2 * 3306.2}, 0.0, (RESISTANCE,))
-    moved = numbers.relinearised()
+    moved = numbers.relinearised_ship()
     assert moved is not None
-    assert moved.number(RESISTANCE).value == pytest.approx(1.2 * 3306.2, rel=0.003)
+    assert moved.parameter(RESISTANCE).value == pytest.approx(1.2 * 3306.2, rel=0.003)
     near = numbers_of({}, 0.0, (RESISTANCE,))
-    assert near.relinearised() is None
+    assert near.relinearised_ship() is None
 
 
 def test_a_free_number_and_an_effect_are_told_apart() -> None:
     """Both act on the hull, each in its own way; the number is 20 % off."""
     numbers = numbers_of({RESISTANCE: 1.2 * 3306.2, FOULING: 0.3}, 0.0, (RESISTANCE,))
-    fit = numbers.fitter.fitted((Placed(entry("hull-fouling (hull)"), (0.3,)),))
+    fit = numbers.fitter.evaluate((SizedEffect(entry("hull-fouling (hull)"), (0.3,)),))
     assert numbers.values(fit)[RESISTANCE] == pytest.approx(1.2 * 3306.2, rel=0.003)
-    (told,) = numbers.told(fit, numbers.start.ship)
-    (alone,) = numbers.told(numbers.fitter.null, numbers.start.ship)
+    (told,) = numbers.changes(fit, numbers.start.ship)
+    (alone,) = numbers.changes(numbers.fitter.null, numbers.start.ship)
     assert told.standard_error < alone.standard_error  # of which fouling is the noise
 
 
@@ -98,10 +100,10 @@ def test_a_ship_with_a_number_far_off_is_put_right() -> None:
     table = frigate_voyage(true, seed=31, seconds=400.0)
     found = diagnose(quick_frigate(), table, options=Options(free=(key,)))
     assert [f.effect.id for f in found.findings] == ["engine-torque-lag"]
-    assert found.corrected.number(key).value == pytest.approx(1.2 * 3306.2, rel=0.01)
-    (number,) = (n for n in found.numbers if n.key == key)
+    assert found.corrected.parameter(key).value == pytest.approx(1.2 * 3306.2, rel=0.01)
+    (number,) = (n for n in found.parameters if n.key == key)
     assert number.source == "free"
     assert number.shifts == pytest.approx(0.2 / 0.3, rel=0.05)
     assert 0.0 < number.standard_error < 0.02 * 3306.2
     assert found.fit_before["ship_speed_m_s"] < found.fit_after["ship_speed_m_s"] - 20.0
-    assert found.ship == widened(quick_frigate(), (key,)).ship
+    assert found.ship == start_with_free_parameters(quick_frigate(), (key,)).ship

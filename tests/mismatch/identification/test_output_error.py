@@ -7,8 +7,12 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch.identification.free_parameters import Free
-from shaftline.mismatch.identification.output_error import OutputError, output_error, refuse_untold
-from shaftline.mismatch.identification.results import Found
+from shaftline.mismatch.identification.output_error import (
+    OutputError,
+    output_error,
+    refuse_uncertain,
+)
+from shaftline.mismatch.identification.results import MethodResult
 from shaftline.mismatch.judge.held_out import bands_of
 from shaftline.mismatch.search.fitting import Fitter
 from shaftline.mismatch.simulate.balances import Balances
@@ -56,7 +60,7 @@ def test_what_physics_is_missing_is_said() -> None:
     table = frigate_voyage({"prime_mover.lag_s": 2.5}, seed=3, seconds=400.0)
     found = output_error(fitter_of(ship, table, (RESISTANCE,)), Free(ship, (RESISTANCE,)))
     (said,) = found.remarks
-    assert said.startswith("what is left in the engine balance is not noise")
+    assert said.startswith("the residual of the engine balance is not noise")
 
 
 def test_a_ratio_is_refused_with_both_names() -> None:
@@ -71,7 +75,9 @@ def test_a_ratio_is_refused_with_both_names() -> None:
 def test_a_number_that_is_not_excited_is_refused() -> None:
     ship, key = load_ship("frigate"), "prime_mover.fuel_base_g_kWh"
     fitter = fitter_of(ship, frigate_voyage(seed=1, seconds=200.0), (key,))
-    with pytest.raises(ValueError, match=r"fuel_base_g_kWh cannot be found: it moves nothing"):
+    with pytest.raises(
+        ValueError, match=r"fuel_base_g_kWh is not identifiable: no measured channel"
+    ):
         output_error(fitter, Free(ship, (key,)))
 
 
@@ -81,26 +87,28 @@ def test_columns_are_derivatives() -> None:
     free = Free(ship, (RESISTANCE,))
     (column,) = OutputError(fitter, free).columns(free.values, fitter.null)
     small = 1e-3
-    beside = fitter.predicted(free.record((3306.2 + small,)))
-    slope = (beside - fitter.predicted(ship.record())) / small
+    beside = fitter.predict(free.record((3306.2 + small,)))
+    slope = (beside - fitter.predict(ship.record())) / small
     assert np.linalg.norm(column - slope) < 0.02 * np.linalg.norm(slope)
 
 
 def test_a_number_whose_absence_is_found_is_not_refused(servo: Ship) -> None:
     """No offset acts: an interval about 0 says so; an inertia that sure would be no inertia."""
     free = Free(servo, ("prime_mover.torque_offset_N_m",))
-    found = Found(free.keys, (0.01,), np.array([[0.3**2]]))
-    refuse_untold(found, free)
+    found = MethodResult(free.keys, (0.01,), np.array([[0.3**2]]))
+    refuse_uncertain(found, free)
     unsure = Free(servo, (INERTIA,))
-    with pytest.raises(ValueError, match=r"inertia.* cannot be found.*found 90, standard error 91"):
-        refuse_untold(Found(unsure.keys, (90.0,), np.array([[91.0**2]])), unsure)
+    with pytest.raises(
+        ValueError, match=r"inertia.* not identifiable.*estimate 90, standard error 91"
+    ):
+        refuse_uncertain(MethodResult(unsure.keys, (90.0,), np.array([[91.0**2]])), unsure)
 
     # near 0, and far surer of it than the file's 95 kg m2 are large
-    refuse_untold(Found(unsure.keys, (10.0,), np.array([[20.0**2]])), unsure)
-    with pytest.raises(ValueError, match="found 10, standard error 30"):
-        refuse_untold(Found(unsure.keys, (10.0,), np.array([[30.0**2]])), unsure)
+    refuse_uncertain(MethodResult(unsure.keys, (10.0,), np.array([[20.0**2]])), unsure)
+    with pytest.raises(ValueError, match="estimate 10, standard error 30"):
+        refuse_uncertain(MethodResult(unsure.keys, (10.0,), np.array([[30.0**2]])), unsure)
 
     both = Free(servo, (INERTIA, "transmission.viscous_friction_engine_side_N_m_s_rad"))
     alike = np.array([[91.0**2, 0.99 * 91.0 * 180.0], [0.99 * 91.0 * 180.0, 180.0**2]])
-    with pytest.raises(ValueError, match=r"does not tell it from transmission\.viscous"):
-        refuse_untold(Found(both.keys, (90.0, 190.0), alike), both)
+    with pytest.raises(ValueError, match=r"does not distinguish it from transmission\.viscous"):
+        refuse_uncertain(MethodResult(both.keys, (90.0, 190.0), alike), both)

@@ -38,7 +38,7 @@ def test_numbers_and_fit(found: Identification) -> None:
     assert end - start == pytest.approx(0.25 * SECONDS, abs=0.5)
     for column in ("shaft_speed_rad_s", "ship_speed_m_s"):
         assert found.fit_after[column] > found.fit_before[column] + 1.0
-    assert found.identified.number(RESISTANCE).value == found.parameters[RESISTANCE]
+    assert found.identified.parameter(RESISTANCE).value == found.parameters[RESISTANCE]
     assert not found.warnings
 
 
@@ -77,7 +77,7 @@ def test_numbers_wrong_in_the_rest_of_the_file_widen_the_intervals(voyage: pd.Da
         ({"method": "guess"}, "unknown method 'guess'; known: output-error"),
         ({"free": "everything"}, "free = 'everything': a list of keys is needed, or 'auto'"),
         ({"free": ["hull.mas"]}, r"hull\.mas is no number"),
-        ({"free": []}, "no number is free"),
+        ({"free": []}, "no parameter is free"),
     ],
 )
 def test_what_cannot_be_is_refused_before_anything_is_read(
@@ -109,7 +109,7 @@ def test_the_summary_tells_numbers_and_doubts(found: Identification) -> None:
     said = found.summary()
     assert f"{found.parameters[INERTIA]:.5g}" in said
     assert "strongest correlation: hull.resistance" in said
-    assert "set aside before anything was fitted" in said
+    assert "held out before anything was fitted" in said
     assert np.allclose(np.diag(found.correlation), 1.0)
 
 
@@ -143,10 +143,8 @@ def test_of_a_force_of_which_few_rows_were_kept_lines_are_drawn(servo: Ship) -> 
     start = servo.with_values(SERVO)
     found = identify(start, table, free=list(SERVO))
     for key, value in found.parameters.items():
-        assert value == pytest.approx(truth.number(key).value, rel=0.02), key
-    assert any(
-        said.startswith("the demands are taken as straight lines") for said in found.warnings
-    )
+        assert value == pytest.approx(truth.parameter(key).value, rel=0.02), key
+    assert any(said.startswith("the commands are interpolated linearly") for said in found.warnings)
     assert {"highest_Hz", "2logL", *SERVO} == set(found.tables["search"])
 
 

@@ -77,7 +77,7 @@ def test_order_of_the_keys_is_the_callers() -> None:
         (lambda: staircase(tug(), (5.0, 6.0), interval_s=5e-3), (INDUCTANCE,),
          "one every 0.005 s is too slow"),
         (lambda: staircase(tug(), LEVELS), ("propeller.inflow_lag_s",),
-         "step: does not find propeller.inflow_lag_s"),
+         "step: this method does not estimate propeller.inflow_lag_s"),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_is_refused(make: Any, free: Any, message: str) -> None:
@@ -86,5 +86,5 @@ def test_what_does_not_fit_is_refused(make: Any, free: Any, message: str) -> Non
 
 
 def test_another_ship_is_refused() -> None:
-    with pytest.raises(ValueError, match="step: frigate has no motor with a voltage"):
+    with pytest.raises(ValueError, match="step: frigate needs a motor with a voltage"):
         step(load_ship("frigate"), [])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from shaftline.mismatch.identification.drive_train import DriveTrain, drive_train, keys_of
-from shaftline.mismatch.identification.step import steps, told
+from shaftline.mismatch.identification.step import evaluate_step, steps
 
 from .benches import recorded, staircase, tug
 
@@ -19,7 +19,7 @@ def test_one_step_tells_both(name: str, levels: tuple[float, ...]) -> None:
     """The paper's step, its reverse, and one of a third, where a linear rise would be 3 % off."""
     train = drive_train(tug(name))
     (one,) = steps(tug(name), staircase(tug(name), levels))
-    found = told(train, one)
+    found = evaluate_step(train, one)
     assert found.inertia == pytest.approx(train.inertia, rel=5e-3)
     assert found.electric_s * train.resistance == pytest.approx(train.inductance, rel=2e-3)
 
@@ -27,41 +27,41 @@ def test_one_step_tells_both(name: str, levels: tuple[float, ...]) -> None:
 def test_without_propeller_the_rise_is_exponential() -> None:
     ship = tug().with_values({"propeller.torque_coefficient": 1e-4})
     (one,) = steps(ship, staircase(ship, (5.0, 6.0)))
-    assert told(drive_train(ship), one).inertia == pytest.approx(3.18e-5, rel=5e-3)
+    assert evaluate_step(drive_train(ship), one).inertia == pytest.approx(3.18e-5, rel=5e-3)
 
 
 def test_viscous_friction_counts() -> None:
     ship = tug().with_values({"transmission.viscous_friction_engine_side_N_m_s_rad": 1e-3})
     (one,) = steps(ship, staircase(ship, (5.0, 6.0)))
-    assert told(drive_train(ship), one).inertia == pytest.approx(3.18e-5, rel=5e-3)
+    assert evaluate_step(drive_train(ship), one).inertia == pytest.approx(3.18e-5, rel=5e-3)
 
 
 def test_its_own_time_constants_do_not_matter() -> None:
     train = drive_train(tug())
     wrong = replace(train, inertia=1.0, inductance=1.0)
     (one,) = steps(tug(), staircase(tug(), (5.89, 6.88)))
-    assert told(wrong, one) == told(train, one)
+    assert evaluate_step(wrong, one) == evaluate_step(train, one)
 
 
 def test_a_late_speed_is_known_to_be_late() -> None:
     ship = tug().with_values({"sensors.speed_delay_s": 0.005})
     (one,) = steps(ship, staircase(ship, (5.89, 6.88)))
     train = drive_train(ship)
-    assert told(train, one, 0.005).inertia == pytest.approx(train.inertia, rel=5e-3)
-    assert told(train, one).inertia > 1.03 * train.inertia
+    assert evaluate_step(train, one, 0.005).inertia == pytest.approx(train.inertia, rel=5e-3)
+    assert evaluate_step(train, one).inertia > 1.03 * train.inertia
 
 
 def test_without_current_the_inertia_alone() -> None:
     table = staircase(tug(), (5.89, 6.88)).drop(columns="motor_current_A")
     (one,) = steps(tug(), table)
-    found = told(drive_train(tug()), one)
+    found = evaluate_step(drive_train(tug()), one)
     assert found.inertia == pytest.approx(3.18e-5, rel=1e-2)
     assert np.isnan(found.electric_s)
 
 
 def test_a_slow_recording_knows_no_inductance() -> None:
     (one,) = steps(tug(), staircase(tug(), (5.89, 6.88), interval_s=5e-3))
-    found = told(drive_train(tug()), one)
+    found = evaluate_step(drive_train(tug()), one)
     assert np.isnan(found.electric_s)
     assert found.inertia == pytest.approx(3.18e-5, rel=0.05)
 
@@ -73,7 +73,7 @@ def test_errors_are_those_of_white_noise() -> None:
     for _ in range(40):
         noisy = table.copy()
         noisy["motor_current_A"] += 0.01 * rng.standard_normal(len(table))
-        found.append(told(train, steps(tug(), noisy)[0]))
+        found.append(evaluate_step(train, steps(tug(), noisy)[0]))
     spread = float(np.std([one.electric_s for one in found]))
     assert found[0].electric_error_s == pytest.approx(spread, rel=0.35)
 
@@ -104,6 +104,6 @@ def test_a_supply_may_take_its_time() -> None:
     (plain,), (slow,) = steps(tug(), table), steps(tug(), run)
     assert slow.time[0] == pytest.approx(-7e-5, abs=1e-5)
     assert plain.time[0] == 0.0
-    found = told(drive_train(tug()), slow)
+    found = evaluate_step(drive_train(tug()), slow)
     assert found.inertia == pytest.approx(3.18e-5, rel=5e-3)
     assert found.electric_s == pytest.approx(6.03e-4 / 1.51, rel=0.06)

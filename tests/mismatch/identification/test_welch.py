@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch.identification.drive_train import SIX
-from shaftline.mismatch.identification.frequency import modelled
-from shaftline.mismatch.identification.welch import coherent, noise_response, welch
+from shaftline.mismatch.identification.frequency import modelled_response
+from shaftline.mismatch.identification.welch import keep_coherent, noise_response, welch
 
 from .benches import recorded, shares_off, staircase, swing, tug
 
@@ -34,7 +34,7 @@ def table() -> pd.DataFrame:
 def test_response_is_the_linear_model_s_where_it_is_coherent(table: pd.DataFrame) -> None:
     """Gain within 5 %, phase within 5 degrees, from 0.5 to 900 rad/s."""
     found = noise_response(tug(), [table])
-    expected = modelled(tug(), found)
+    expected = modelled_response(tug(), found)
     for column, values in found.response.items():
         sure = (found.coherence[column] > 0.9) & (found.frequency > 0.5)
         ratio = (values / expected[column])[sure]
@@ -79,15 +79,15 @@ def test_noise_of_the_instrument_lowers_the_coherence_and_widens_the_error() -> 
 def test_what_is_not_coherent_counts_for_nothing(table: pd.DataFrame) -> None:
     rng = np.random.default_rng(9)
     deaf = table.assign(motor_current_A=1.3 + rng.standard_normal(len(table)))
-    kept = coherent(noise_response(tug(), [deaf]))
+    kept = keep_coherent(noise_response(tug(), [deaf]))
     assert (kept.error["motor_current_A"] == 1e6).mean() > 0.8
     speed = kept.error["shaft_speed_rad_s"]
     assert (speed < 1.0).mean() > 0.9
     deaf["shaft_speed_rad_s"] = 70.0 + rng.standard_normal(len(table))
     found = noise_response(tug(), [deaf])
     none = replace(found, coherence={c: 0.0 * v for c, v in found.coherence.items()})
-    with pytest.raises(ValueError, match="welch: no channel answers the demand"):
-        coherent(none)
+    with pytest.raises(ValueError, match="welch: no channel has a coherence of"):
+        keep_coherent(none)
 
 
 @pytest.mark.parametrize(

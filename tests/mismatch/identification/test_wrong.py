@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from shaftline.mismatch import diagnose
-from shaftline.mismatch.identification.parameters import wrong_numbers
-from shaftline.mismatch.report.wording import wrong_words
+from shaftline.mismatch.identification.parameters import find_biased_parameters
+from shaftline.mismatch.report.wording import biased_parameter_sentence
 from shaftline.plant import Ship
 
 from ..toy import fitter
@@ -30,7 +30,7 @@ def test_fouling_is_a_wrong_resistance_as_well() -> None:
     )
     found = diagnose(only(quick_frigate()), table)
     assert [f.effect.id for f in found.findings] == ["hull-fouling"]
-    (wrong,) = found.wrong
+    (wrong,) = found.biased
     assert wrong is not None
     score = found.findings[0].score
     assert score - 6.0 < wrong.gain
@@ -44,14 +44,14 @@ def test_fouling_is_a_wrong_resistance_as_well() -> None:
         "gain": wrong.gain,
     }
     assert f"A wrong {wrong.key} would explain it as well" in found.summary()
-    assert wrong_words(wrong) in found.summary()
+    assert biased_parameter_sentence(wrong) in found.summary()
 
 
 def test_a_lag_is_no_wrong_number() -> None:
     true = quick_frigate().with_values({"prime_mover.lag_s": 1.5})
     found = diagnose(quick_frigate(), frigate_voyage(true, seed=2, seconds=300.0))
     assert [f.effect.id for f in found.findings] == ["engine-torque-lag"]
-    assert found.wrong == [None]
+    assert found.biased == [None]
     assert found.to_dict()["effects"][0]["wrong_number"] is None
     assert "would explain it as well" not in found.summary()
 
@@ -64,19 +64,19 @@ def test_a_number_that_the_file_knows_is_not_blamed() -> None:
     sure = quick_frigate().with_values({"tolerances.numbers": known})
     found = diagnose(sure, table)
     assert [f.effect.id for f in found.findings] == ["hull-fouling"]
-    assert all(wrong is None or wrong.key not in known for wrong in found.wrong)
+    assert all(wrong is None or wrong.key not in known for wrong in found.biased)
 
 
 @pytest.mark.parametrize(("lost", "named"), [(5.0, True), (7.0, False)])
 def test_a_number_must_come_as_near_as_another_name(lost: float, named: bool) -> None:
     """The resistance is wrong; an effect that did a little better than it does would be told with it."""
     toy: Any = fitter({RESISTANCE: 1.02 * 3306.2})
-    base = toy.scored(_record(toy, 1.0))
-    right = toy.scored(_record(toy, 1.02))
+    base = toy.evaluate_record(_record(toy, 1.0))
+    right = toy.evaluate_record(_record(toy, 1.02))
     assert right.score > base.score + 20.0
     effect = SimpleNamespace(effects=(None,), score=right.score + lost)
     fit: Any = SimpleNamespace(fit=effect, gains=(right.score + lost - base.score,))
-    (wrong,) = wrong_numbers(toy, fit)
+    (wrong,) = find_biased_parameters(toy, fit)
     assert (wrong is not None) == named
     if wrong is not None:
         assert wrong.key == RESISTANCE

@@ -11,13 +11,13 @@ from shaftline.mismatch.judge.confirmation import (
     ELSEWHERE_SHARE,
     REMNANT_SHARE,
     REMOTE_SHARE,
-    confirmed,
-    settled_edges,
-    with_rivals,
+    add_rivals,
+    drop_unconfirmed,
+    settle_episode_edges,
 )
-from shaftline.mismatch.search.catalogue import Placed
+from shaftline.mismatch.search.catalogue import SizedEffect
 from shaftline.mismatch.search.selection import Candidate, Selection
-from shaftline.mismatch.search.spectra import chance
+from shaftline.mismatch.search.spectra import chance_gain
 
 from ..toy import entry
 
@@ -42,12 +42,12 @@ class Fitter:
         self.trial_ship = SimpleNamespace(neutral=lambda _: 0.0, resolution=lambda _: least)
         self.least, self.lost = least, lost
 
-    def fitted(self, effects: Any) -> Any:
+    def evaluate(self, effects: Any) -> Any:
         small = {p.effect.id for p in effects if p.values[0] == self.least}
         score = -(self.lost if small == {LAG.id} else 100.0 * len(small))
         return SimpleNamespace(effects=effects, refitted=False, score=score)
 
-    def joint(self, fit: Any) -> Any:
+    def refine_effects(self, fit: Any) -> Any:
         return SimpleNamespace(effects=fit.effects, refitted=True)
 
 
@@ -57,7 +57,7 @@ def told(rivals: Any) -> list[list[str]]:
 
 def chosen(*effects: Any, gains: tuple[float, ...]) -> Selection:
     fit: Any = SimpleNamespace(
-        effects=tuple(Placed(e, (1.0,)) for e in effects), refitted=False, score=0.0
+        effects=tuple(SizedEffect(e, (1.0,)) for e in effects), refitted=False, score=0.0
     )
     rivals: Any = tuple((f"rival of {e.id}",) for e in effects)
     return Selection(fit, gains, tuple(10.0 + i for i in range(len(effects))), rivals, ())
@@ -71,7 +71,7 @@ def kept(selection: Selection, **judged: float) -> Selection:
         return sum(judged.get(name.replace("-", "_"), 1.0) for name in names)
 
     fitter: Any = Fitter()
-    return confirmed(selection, fitter, judge)
+    return drop_unconfirmed(selection, fitter, judge)
 
 
 def ids(selection: Selection) -> list[str]:
@@ -91,7 +91,7 @@ def test_what_is_no_larger_than_the_recording_resolves_is_dropped(
 ) -> None:
     """A lag of 1 s where rows are that far apart: clocks and filters do the same."""
     fitter: Any = Fitter(least, lost=50.0)
-    assert ids(confirmed(chosen(LAG, gains=(400.0,)), fitter, lambda _: 0.0)) == names
+    assert ids(drop_unconfirmed(chosen(LAG, gains=(400.0,)), fitter, lambda _: 0.0)) == names
 
 
 @pytest.mark.parametrize(("score", "names"), [(0.0, ["engine-torque-lag", "hull-fouling"]),
@@ -137,22 +137,22 @@ class Rivals:
     def __init__(self, **worth: float) -> None:
         self.worth = worth
 
-    def fitted(self, effects: Any) -> Any:
+    def evaluate(self, effects: Any) -> Any:
         score = sum(self.worth[p.effect.id.replace("-", "_")] for p in effects)
         return SimpleNamespace(effects=effects, score=score)
 
-    def polished(self, fit: Any) -> Any:
+    def polish(self, fit: Any) -> Any:
         return fit
 
 
 def alike(gain: float, rival: float, explained: float = 1.0) -> list[str]:
     """Names that are as good as a lag that is worth a gain, where a derating is worth another."""
     fitter: Any = Rivals(engine_torque_lag=gain, engine_derating=rival, hull_fouling=50.0)
-    fit = fitter.fitted((Placed(FOULING, (1.0,)), Placed(LAG, (1.0,))))
-    near = Candidate(DERATING, fitter.fitted((Placed(DERATING, (1.0,)),)), rival)
-    same = Candidate(LAG, fitter.fitted((Placed(LAG, (2.0,)),)), gain)
+    fit = fitter.evaluate((SizedEffect(FOULING, (1.0,)), SizedEffect(LAG, (1.0,))))
+    near = Candidate(DERATING, fitter.evaluate((SizedEffect(DERATING, (1.0,)),)), rival)
+    same = Candidate(LAG, fitter.evaluate((SizedEffect(LAG, (2.0,)),)), gain)
     selection = Selection(fit, (50.0, gain), (10.0, 10.0), ((), (same, near)), ())
-    found = with_rivals(selection, fitter, explained)
+    found = add_rivals(selection, fitter, explained)
     assert found.rivals[0] == ()
     for candidate in found.rivals[1]:
         assert candidate.gain == pytest.approx(rival)
@@ -175,23 +175,25 @@ def test_a_rival_is_refuted_by_more_than_the_form_s_error(
 
 def test_what_fewer_parameters_do_is_as_good_by_what_the_others_cost() -> None:
     """A bend in two parameters leads a derating in one by its price and a little."""
-    price = chance(2, 1, 0.01) - chance(1, 1, 0.01)
+    price = chance_gain(2, 1, 0.01) - chance_gain(1, 1, 0.01)
     for behind, names in ((5.9 + price, ["engine-derating"]), (6.1 + price, [])):
         fitter: Any = Rivals(engine_torque_curvature=300.0, engine_derating=300.0 - behind)
-        fit = fitter.fitted((Placed(BEND, (1.0, 1.0)),))
-        near = Candidate(DERATING, fitter.fitted((Placed(DERATING, (1.0,)),)), 300.0 - behind)
+        fit = fitter.evaluate((SizedEffect(BEND, (1.0, 1.0)),))
+        near = Candidate(
+            DERATING, fitter.evaluate((SizedEffect(DERATING, (1.0,)),)), 300.0 - behind
+        )
         selection = Selection(fit, (300.0,), (10.0,), ((near,),), ())
-        (rivals,) = with_rivals(selection, fitter, 1.0).rivals
+        (rivals,) = add_rivals(selection, fitter, 1.0).rivals
         assert [c.effect.id for c in rivals] == names
 
 
 def test_what_may_be_taken_for_an_effect_is_tried_in_its_place_however_far_behind_it_was() -> None:
     for other, names in ((DERATING, ["engine-derating"]), (FOULING, [])):
         fitter: Any = Rivals(coulomb_friction=300.0, engine_derating=299.0, hull_fouling=299.0)
-        fit = fitter.fitted((Placed(FRICTION, (1.0,)),))
-        then = Candidate(other, fitter.fitted((Placed(other, (1.0,)),)), 100.0)
+        fit = fitter.evaluate((SizedEffect(FRICTION, (1.0,)),))
+        then = Candidate(other, fitter.evaluate((SizedEffect(other, (1.0,)),)), 100.0)
         selection = Selection(fit, (300.0,), (10.0,), ((then,),), ())
-        (rivals,) = with_rivals(selection, fitter, 1.0).rivals
+        (rivals,) = add_rivals(selection, fitter, 1.0).rivals
         assert [c.effect.id for c in rivals] == names
 
 
@@ -210,9 +212,11 @@ def test_the_edge_of_an_episode_in_data_set_aside_is_where_these_have_it() -> No
         (110.0, 300.0): (150.0, 300.0),
     }
     for before, after in windows.items():
-        fit: Any = SimpleNamespace(effects=(Placed(LAG, (1.0,)), Placed(EPISODE, (0.1,), before)))
+        fit: Any = SimpleNamespace(
+            effects=(SizedEffect(LAG, (1.0,)), SizedEffect(EPISODE, (0.1,), before))
+        )
         selection = Selection(fit, (9.0, 9.0), (1.0, 1.0), ((), ()), ())
-        found = settled_edges(selection, fitter, [(200, 400)], judge)  # 100 to 200 s
+        found = settle_episode_edges(selection, fitter, [(200, 400)], judge)  # 100 to 200 s
         assert found.fit.effects[1].window == after
         assert found.fit.effects[0] == fit.effects[0]
 
@@ -231,7 +235,7 @@ def test_a_name_elsewhere_needs_a_smaller_share_than_one_beside() -> None:
 )
 def test_what_does_as_well_at_the_least_size_is_not_measured(lost: float, names: list[str]) -> None:
     fitter: Any = Fitter(least=0.1, lost=lost)
-    found = confirmed(
+    found = drop_unconfirmed(
         chosen(LAG, FOULING, gains=(100.0, 90.0)), fitter, lambda fit: len(fit.effects)
     )
     assert [placed.effect.id for placed in found.fit.effects] == names

@@ -29,7 +29,7 @@ def free() -> FreeRunning:
     replay: Any = SimpleNamespace(
         recorded={"speed": MEASURED},
         noise_rms={"speed": NOISE},
-        channels_of=lambda ship: {
+        simulate_channels=lambda ship: {
             "speed": MEASURED + ship.error * np.array([1.0, -1.0, 1.0, 50.0])
         },
     )
@@ -69,7 +69,8 @@ def test_a_heading_is_judged_only_where_no_rate_of_turn_is() -> None:
     measured = {"heading_rad": MEASURED, "yaw_rate_rad_s": MEASURED}
     for recorded, judged in ((measured, {"yaw_rate_rad_s"}), ({"heading_rad": MEASURED}, None)):
         replay: Any = SimpleNamespace(
-            recorded=recorded, channels_of=lambda ship: dict.fromkeys(measured, MEASURED + 1.0)
+            recorded=recorded,
+            simulate_channels=lambda ship: dict.fromkeys(measured, MEASURED + 1.0),
         )
         ship: Any = Ship("any", 0.0)
         found = FreeRunning(replay, np.array([0, 1])).errors(ship)

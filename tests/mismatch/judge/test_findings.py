@@ -7,9 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.mismatch.judge.findings import at_bound, detectable_effects, findings_of, implausible
+from shaftline.mismatch.judge.findings import (
+    detectable_effects,
+    findings_of,
+    implausible_parameter,
+    parameter_at_bound,
+)
 from shaftline.mismatch.report.text import finding_sentence
-from shaftline.mismatch.search.catalogue import Placed
+from shaftline.mismatch.search.catalogue import SizedEffect
 from shaftline.mismatch.search.fitting import Fitter
 from shaftline.mismatch.search.selection import Selection
 
@@ -25,18 +30,18 @@ EPISODE = entry("resistance-episode (hull)")
 @pytest.fixture
 def both() -> tuple[Fitter, Selection]:
     fit = fitter({FRICTION: 6000.0, FOULING: 0.3})
-    placed = (Placed(ENGINE_FRICTION, (6000.0,)), Placed(HULL_FOULING, (0.3,)))
+    placed = (SizedEffect(ENGINE_FRICTION, (6000.0,)), SizedEffect(HULL_FOULING, (0.3,)))
     rivals: Any = ((), ("rival",))
-    return fit, Selection(fit.fitted(placed), (300.0, 200.0), (10.0, 11.0), rivals, ())
+    return fit, Selection(fit.evaluate(placed), (300.0, 200.0), (10.0, 11.0), rivals, ())
 
 
-def lacking(fit: Fitter) -> Any:
-    return fit.balances.lacking(fit.balances.nominal)
+def residuals_against(fit: Fitter) -> Any:
+    return fit.balances.residuals_against(fit.balances.nominal)
 
 
 def test_a_finding_carries_what_was_found(both: tuple[Fitter, Selection]) -> None:
     fit, selection = both
-    friction, fouling = findings_of(fit, selection, lacking(fit))
+    friction, fouling = findings_of(fit, selection, residuals_against(fit))
     assert (friction.effect, fouling.effect) == (ENGINE_FRICTION, HULL_FOULING)
     assert (friction.score, friction.threshold, friction.rivals) == (300.0, 10.0, ())
     assert (fouling.score, fouling.threshold) == (200.0, 11.0)
@@ -47,7 +52,7 @@ def test_a_finding_carries_what_was_found(both: tuple[Fitter, Selection]) -> Non
 
 def test_a_trace_is_what_the_effect_changes_in_its_balance(both: tuple[Fitter, Selection]) -> None:
     fit, selection = both
-    friction, fouling = findings_of(fit, selection, lacking(fit))
+    friction, fouling = findings_of(fit, selection, residuals_against(fit))
     assert (friction.row, fouling.row) == (0, 1)
     assert friction.trace == pytest.approx(6000.0 * SLOPES[FRICTION][0])
     assert fouling.trace == pytest.approx(0.3 * SLOPES[FOULING][1])
@@ -66,7 +71,7 @@ def test_an_instrument_is_shown_in_the_balance_that_feels_it_most() -> None:
 
     toy.simulate = simulate
     fit = Fitter(toy, bands())
-    chosen = Selection(fit.fitted((Placed(GAUGE, (1.1,)),)), (9.0,), (8.0,), ((),), ())
+    chosen = Selection(fit.evaluate((SizedEffect(GAUGE, (1.1,)),)), (9.0,), (8.0,), ((),), ())
     (found,) = findings_of(fit, chosen, white(0, 0.5, 2.0))
     assert found.row == 0  # 4 of 0.5 is more than 5 of 2
     (found,) = findings_of(fit, chosen, white(0, 0.5, 0.4))
@@ -77,32 +82,36 @@ def test_a_value_at_the_bound_of_its_search_has_no_interval(both: tuple[Fitter, 
     fit, _ = both
     low, high = fit.trial_ship.range_of(HULL_FOULING.parameters[0])
     for bound in (low, high):
-        placed = Placed(HULL_FOULING, (bound,))
-        chosen = Selection(fit.fitted((placed,)), (90.0,), (8.0,), ((),), ())
-        (found,) = findings_of(fit, chosen, lacking(fit))
-        said = f"fouling_fraction ended at the bound of its search, {bound:.4g}"
+        placed = SizedEffect(HULL_FOULING, (bound,))
+        chosen = Selection(fit.evaluate((placed,)), (90.0,), (8.0,), ((),), ())
+        (found,) = findings_of(fit, chosen, residuals_against(fit))
+        said = f"fouling_fraction is at the bound of its search, {bound:.4g}"
         assert found.unmeasured == said
         assert f"({said}: no interval)" in finding_sentence(found)
     for inside in (0.9 * low, 0.0, 0.99 * high):
-        assert at_bound(fit.trial_ship, Placed(HULL_FOULING, (inside,))) == ""
+        assert parameter_at_bound(fit.trial_ship, SizedEffect(HULL_FOULING, (inside,))) == ""
     # friction begins at 0, where it is absent: that bound is no end of a search
-    assert at_bound(fit.trial_ship, Placed(ENGINE_FRICTION, (0.0,))) == ""
+    assert parameter_at_bound(fit.trial_ship, SizedEffect(ENGINE_FRICTION, (0.0,))) == ""
 
 
 def test_a_value_that_physics_does_not_allow_is_reported_as_such(
     both: tuple[Fitter, Selection],
 ) -> None:
     fit, selection = both
-    chosen = Selection(fit.fitted((Placed(HULL_FOULING, (1.2,)),)), (90.0,), (8.0,), ((),), ())
-    (found,) = findings_of(fit, chosen, lacking(fit))
+    chosen = Selection(
+        fit.evaluate((SizedEffect(HULL_FOULING, (1.2,)),)), (90.0,), (8.0,), ((),), ()
+    )
+    (found,) = findings_of(fit, chosen, residuals_against(fit))
     said = "fouling_fraction lies outside its plausible range, -0.05 to 1"
     assert (found.implausible, found.unmeasured) == (said, "")
     assert finding_sentence(found).endswith(f"; {said}, so another cause is likely.")
-    assert [f.implausible for f in findings_of(fit, selection, lacking(fit))] == ["", ""]
+    assert [f.implausible for f in findings_of(fit, selection, residuals_against(fit))] == ["", ""]
     for value in (-0.05, 1.0):
-        assert implausible(fit.trial_ship, Placed(HULL_FOULING, (value,))) == ""
+        assert implausible_parameter(fit.trial_ship, SizedEffect(HULL_FOULING, (value,))) == ""
     most = fit.trial_ship.plausible_range(ENGINE_FRICTION.parameters[0])[1]
-    assert "N m" in implausible(fit.trial_ship, Placed(ENGINE_FRICTION, (1.01 * most,)))
+    assert "N m" in implausible_parameter(
+        fit.trial_ship, SizedEffect(ENGINE_FRICTION, (1.01 * most,))
+    )
 
 
 def test_windows_and_regime_are_those_of_the_trace(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -112,9 +121,9 @@ def test_windows_and_regime_are_those_of_the_trace(monkeypatch: pytest.MonkeyPat
     samples = toy.simulate
     toy.simulate = lambda *given: samples(*given) | {"ship_speed": np.linspace(5.0, 8.0, ROWS)}
     fit = Fitter(toy, bands())
-    placed = (Placed(ENGINE_FRICTION, (6000.0,)),)
+    placed = (SizedEffect(ENGINE_FRICTION, (6000.0,)),)
     (found,) = findings_of(
-        fit, Selection(fit.fitted(placed), (9.0,), (8.0,), ((),), ()), lacking(fit)
+        fit, Selection(fit.evaluate(placed), (9.0,), (8.0,), ((),), ()), residuals_against(fit)
     )
     assert found.windows == [(479.0, ROWS - 1.0)]
     assert found.regime == "ship_speed above 7.4 m/s"
@@ -122,9 +131,9 @@ def test_windows_and_regime_are_those_of_the_trace(monkeypatch: pytest.MonkeyPat
 
 def test_an_episode_keeps_its_own_window() -> None:
     fit = fitter({})
-    episode = Placed(EPISODE, (0.5,), (60.0, 150.0))
-    chosen = Selection(fit.fitted((episode,)), (9.0,), (8.0,), ((),), ())
-    (found,) = findings_of(fit, chosen, lacking(fit))
+    episode = SizedEffect(EPISODE, (0.5,), (60.0, 150.0))
+    chosen = Selection(fit.evaluate((episode,)), (9.0,), (8.0,), ((),), ())
+    (found,) = findings_of(fit, chosen, residuals_against(fit))
     assert found.windows == [(60.0, 150.0)]
     assert found.regime == ""
 
@@ -163,9 +172,9 @@ def test_the_size_is_the_distance_from_the_ship_s_own() -> None:
 
 def test_effects_in_one_balance_have_traces_of_their_own() -> None:
     fit = fitter({})
-    placed = (Placed(ENGINE_FRICTION, (6000.0,)), Placed(VISCOUS_FRICTION, (300.0,)))
-    chosen = Selection(fit.fitted(placed), (9.0, 9.0), (8.0, 8.0), ((), ()), ())
-    first, second = findings_of(fit, chosen, lacking(fit))
+    placed = (SizedEffect(ENGINE_FRICTION, (6000.0,)), SizedEffect(VISCOUS_FRICTION, (300.0,)))
+    chosen = Selection(fit.evaluate(placed), (9.0, 9.0), (8.0, 8.0), ((), ()), ())
+    first, second = findings_of(fit, chosen, residuals_against(fit))
     assert first.trace == pytest.approx(6000.0 * SLOPES[FRICTION][0])
     assert second.trace == pytest.approx(300.0 * SLOPES[VISCOUS][0])
 
@@ -177,14 +186,16 @@ def test_what_acts_always_has_no_regime(monkeypatch: pytest.MonkeyPatch) -> None
     samples = toy.simulate
     toy.simulate = lambda *given: samples(*given) | {"ship_speed": np.linspace(5.0, 8.0, ROWS)}
     fit = Fitter(toy, bands())
-    chosen = Selection(fit.fitted((Placed(ENGINE_FRICTION, (6000.0,)),)), (9.0,), (8.0,), ((),), ())
-    (found,) = findings_of(fit, chosen, lacking(fit))
+    chosen = Selection(
+        fit.evaluate((SizedEffect(ENGINE_FRICTION, (6000.0,)),)), (9.0,), (8.0,), ((),), ()
+    )
+    (found,) = findings_of(fit, chosen, residuals_against(fit))
     assert (found.windows, found.regime) == ([(0.0, ROWS - 1.0)], "")
 
 
 def test_sizes_are_told_beside_what_was_found() -> None:
     fit = fitter({FOULING: 0.3})
-    found = fit.fitted((Placed(HULL_FOULING, (0.3,)),))
+    found = fit.evaluate((SizedEffect(HULL_FOULING, (0.3,)),))
     (friction,) = detectable_effects(fit, lambda effect: 16.0, found, [ENGINE_FRICTION])
     column = fit.bands.transform(SLOPES[FRICTION])[None]
     variance = np.linalg.inv(fit.likelihood.information(found.weight, column))[0, 0]
@@ -194,13 +205,13 @@ def test_sizes_are_told_beside_what_was_found() -> None:
 def test_a_size_is_worked_out_at_the_probe_nearest_to_none() -> None:
     fit = fitter({})
     tried: list[float] = []
-    predicted = fit.predicted
+    predicted = fit.predict
 
     def spied(record: Any) -> Any:
-        tried.append(fit.trial_ship.ship.number(FOULING).read(record))
+        tried.append(fit.trial_ship.ship.parameter(FOULING).read(record))
         return predicted(record)
 
-    fit.predicted = spied  # type: ignore[method-assign]
+    fit.predict = spied  # type: ignore[method-assign]
     detectable_effects(fit, lambda effect: 16.0, fit.null, [HULL_FOULING])
     assert tried == [0.0, -0.03]
 

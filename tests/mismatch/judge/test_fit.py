@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from shaftline.mismatch import fit_percent
-from shaftline.mismatch.judge.held_out import fits
+from shaftline.mismatch.judge.held_out import fit_percents
 
 Y = np.sin(np.linspace(0.0, 9.0, 100))
 
@@ -38,5 +38,5 @@ def test_a_constant_channel_has_none(level: float) -> None:
 def test_constant_channels_are_left_out_and_only_some_rows_judged() -> None:
     rows = np.arange(50, 100)
     stays = np.where(np.arange(100) < 50, Y, 1.2)
-    found = fits({"moves": Y, "stays": stays}, {"moves": 0.9 * Y, "stays": Y}, rows)
+    found = fit_percents({"moves": Y, "stays": stays}, {"moves": 0.9 * Y, "stays": Y}, rows)
     assert found == {"moves": fit_percent(Y[50:], 0.9 * Y[50:])}

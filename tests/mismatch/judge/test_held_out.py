@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.mismatch.judge.held_out import HeldOut, bands_of, set_aside
-from shaftline.mismatch.search.catalogue import Placed
+from shaftline.mismatch.judge.held_out import HeldOut, bands_of, split_held_out
+from shaftline.mismatch.search.catalogue import SizedEffect
 from shaftline.mismatch.search.spectra import Likelihood
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
-from shaftline.mismatch.simulate.tolerances import tolerance_moves
+from shaftline.mismatch.simulate.tolerances import tolerance_perturbations
 
 from ..toy import FRICTION, ROWS, entry, fitter, white
 from ..turning import quick_tanker, swinging
@@ -31,7 +31,7 @@ def replay(demand: Any, command: Any = None, segments: Any = None) -> Any:
 
 
 def first_choice(demand: Any, command: Any = None, segments: Any = None) -> tuple[Any, Any]:
-    return set_aside(replay(demand, command, segments), 0)[0]
+    return split_held_out(replay(demand, command, segments), 0)[0]
 
 
 EVEN = np.tile(np.linspace(0.0, 1.0, 50), 8)  # each quarter covers all of the range
@@ -42,7 +42,7 @@ def test_the_last_quarter_is_set_aside_where_all_are_alike() -> None:
 
 
 def test_each_quarter_is_set_aside_in_turn() -> None:
-    ways = set_aside(replay(EVEN), 0)
+    ways = split_held_out(replay(EVEN), 0)
     assert ways[0][1] == [(300, 400)]
     assert sorted(held for _, held in ways) == [[(a, a + 100)] for a in (0, 100, 200, 300)]
     fitted = {held[0][0]: train for train, held in ways}
@@ -77,7 +77,7 @@ def test_of_three_the_one_is_set_aside_without_which_the_rest_covers_most() -> N
     part = np.linspace(0.0, 1.0, 100)
     # only the second reaches the upper half; of the others the third covers more itself
     demand = np.concatenate([0.3 * part, part, 0.5 * part])
-    ways = set_aside(replay(demand, None, segments), 0)
+    ways = split_held_out(replay(demand, None, segments), 0)
     assert ways[0] == ([(0, 100), (100, 200)], [(200, 300)])
     assert [held for _, held in ways[1:]] == [[(0, 100)], [(100, 200)]]
 
@@ -91,22 +91,22 @@ def test_of_alike_recordings_the_last_is_set_aside_and_of_six_two() -> None:
 
 def test_half_of_everything_is_not_set_aside() -> None:
     segments = [(0, 100), (100, 500), (500, 600)]
-    ways = set_aside(replay(np.tile(np.linspace(0.0, 1.0, 50), 12), None, segments), 0)
+    ways = split_held_out(replay(np.tile(np.linspace(0.0, 1.0, 50), 12), None, segments), 0)
     assert [held for _, held in ways] == [[(500, 600)], [(0, 100)]]
 
 
 def test_whole_recordings_are_set_aside_where_the_user_says_so() -> None:
     segments = [(0, 100), (100, 500), (500, 600)]
     both = replay(np.zeros(600), None, segments)
-    assert set_aside(both, 1) == [([(0, 100), (100, 500)], [(500, 600)])]
-    assert set_aside(both, 2) == [([(0, 100)], [(100, 500), (500, 600)])]
+    assert split_held_out(both, 1) == [([(0, 100), (100, 500)], [(500, 600)])]
+    assert split_held_out(both, 2) == [([(0, 100)], [(100, 500), (500, 600)])]
 
 
 def test_crumbs_are_not_fitted() -> None:
     demand = np.tile(np.linspace(0.0, 1.0, 20), 4)
-    ways = set_aside(replay(demand), 0)
+    ways = split_held_out(replay(demand), 0)
     assert {held[0]: train for train, held in ways}[(20, 40)] == [(40, 80)]  # not the first 20 rows
-    longer = set_aside(replay(np.tile(np.linspace(0.0, 1.0, 21), 4)), 0)
+    longer = split_held_out(replay(np.tile(np.linspace(0.0, 1.0, 21), 4)), 0)
     assert {held[0]: train for train, held in longer}[(21, 42)] == [(0, 21), (42, 84)]
 
 
@@ -124,7 +124,7 @@ def test_bands_reach_four_fifths_of_nyquist_s_frequency() -> None:
 def test_bands_of_a_ship_that_turns_hold_more_than_her_many_numbers_explain() -> None:
     """Nine frequencies of three balances are explained perfectly by 14 numbers of her file."""
     balances = Balances(JointReplay(quick_tanker(), swinging(quick_tanker(), seconds=120.0)))
-    free = len(list(tolerance_moves(balances.replay)))
+    free = len(list(tolerance_perturbations(balances.replay)))
     assert free >= 14
     assert bands_of(balances, [(0, 600)]).edges[1] == free + 4
 
@@ -132,7 +132,7 @@ def test_bands_of_a_ship_that_turns_hold_more_than_her_many_numbers_explain() ->
 def test_a_rudder_that_moves_in_a_quarter_is_not_set_aside_with_it() -> None:
     still: Any = replay(np.ones(400))
     still.rudder_rows = np.where(np.arange(400) < 300, 0.0, 0.4 * np.sin(np.arange(400)))
-    train, held = set_aside(still, 0)[0]
+    train, held = split_held_out(still, 0)[0]
     assert held == [(300, 400)]  # the quarter that covers the rudder's range best
     assert sum(b - a for a, b in train) == 300
 
@@ -143,10 +143,10 @@ def test_the_part_set_aside_is_judged_alone() -> None:
     grid = bands_of(fit.balances, [(300, ROWS)])
     scores = []
     for value in (0.0, 6000.0):
-        placed = Placed(entry("coulomb-friction (engine)"), (value,))
+        placed = SizedEffect(entry("coulomb-friction (engine)"), (value,))
         record = fit.trial_ship.record((placed,))
         replayed = fit.balances.replay.simulate(record)
-        lacking = fit.balances.lacking(fit.balances.replay.simulated(replayed))
+        lacking = fit.balances.residuals_against(fit.balances.replay.simulated(replayed))
         left = grid.transform(lacking)
         by_hand = Likelihood(grid, np.zeros((1, *left.shape), complex))(left).score
         assert judge(record) == pytest.approx(by_hand)
@@ -179,10 +179,10 @@ def test_a_model_that_loses_a_channel_is_refuted(
     simulated = toy.simulated
     toy.simulated = lambda samples: simulated(samples) | {column: np.full(ROWS, level)}
     judge = HeldOut(fit, [(300, ROWS)])
-    chosen = fit.fitted((Placed(entry("coulomb-friction (engine)"), (6000.0,)),))
+    chosen = fit.evaluate((SizedEffect(entry("coulomb-friction (engine)"), (6000.0,)),))
     size = float(np.sqrt(np.mean(toy.recorded[column][300:] ** 2)))
     assert np.isfinite(judge.score(chosen))
     toy.simulated = lambda samples: simulated(samples) | {column: np.full(ROWS, level + off * size)}
-    assert judge.lost(chosen) == ([column] if lost else [])
+    assert judge.lost_channels(chosen) == ([column] if lost else [])
     assert np.isneginf(judge.score(chosen)) == lost
     assert np.isfinite(judge.score(fit.null))

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from shaftline.mismatch import Diagnosis, diagnose
-from shaftline.mismatch.judge.confirmation import refuted
+from shaftline.mismatch.judge.confirmation import refutes_effects
 from shaftline.plant.terms import Term
 
 from ..search.test_formulas import recorded, rig
@@ -72,4 +72,4 @@ def test_far_behind_or_with_more_or_elsewhere_names_are_refuted(
     balances = SimpleNamespace(replay=SimpleNamespace(outside={"wind": None}))
     fitter = SimpleNamespace(null=SimpleNamespace(score=7.0), balances=balances)
     whiteness: Any = SimpleNamespace(fitter=fitter)
-    assert refuted(formula, selection, whiteness) is gone
+    assert refutes_effects(formula, selection, whiteness) is gone

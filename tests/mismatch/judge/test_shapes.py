@@ -17,14 +17,14 @@ from shaftline.mismatch.judge.shapes import (
     signals_of,
 )
 from shaftline.mismatch.search.fitting import Fitter
-from shaftline.mismatch.search.spectra import Likelihood, chance
+from shaftline.mismatch.search.spectra import Likelihood, chance_gain
 from shaftline.mismatch.search.whiteness import Colour
 from shaftline.plant import load_ship
 
 from ..toy import FRICTION, RESISTANCE, ROWS, SLOPES, SPEED, TIME, Toy, bands, fitter, white
 
 
-def lacking(rows: Any, **changes: Any) -> Fitter:
+def residuals_against(rows: Any, **changes: Any) -> Fitter:
     """A recording that differs by these rows of the two balances."""
     toy: Any = Toy({}, white(0, 0.5, 2.0) + rows, **changes)
     return Fitter(toy, bands())
@@ -65,7 +65,7 @@ def test_a_signal_that_hardly_moves_is_not_followed(moves: float, any_: bool) ->
 
 
 def test_signals_carry_their_units() -> None:
-    fit = lacking(np.zeros((2, ROWS)))
+    fit = residuals_against(np.zeros((2, ROWS)))
     found = signals_of(fit, fit.null)
     assert {name: unit for name, (_, unit) in found.items()} == {
         "shaft_speed": "rad/s", "ship_speed": "m/s", "pitch_ratio": "", "drive": "mm", "time": "s",
@@ -81,20 +81,20 @@ def test_signals_carry_their_units() -> None:
 
 def test_a_curve_over_a_signal_is_found_with_its_values() -> None:
     curve = 6.0 * (SPEED - 10.0) ** 2
-    fit = lacking(np.array([curve, 0.0 * curve]))
+    fit = residuals_against(np.array([curve, 0.0 * curve]))
     found = best_shapes(fit, fit.null)
     assert [one.balance for one in found] == ["engine", "hull"]
     best = found[0]
     assert (best.signal, best.signal_unit, best.unit) == ("shaft_speed", "rad/s", "N m")
     assert best.excess > 100.0
-    assert best.threshold == pytest.approx(chance(5, 5 * 2, 1e-3))
+    assert best.threshold == pytest.approx(chance_gain(5, 5 * 2, 1e-3))
     assert best.values - best.values[2] == pytest.approx(6.0 * (best.knots - 10.0) ** 2, abs=1.0)
     assert best.trace == pytest.approx(np.interp(SPEED, best.knots, best.values))
     assert found[1].excess < 0.0  # nothing is missing there
 
 
 def test_the_gain_is_that_of_the_likelihood() -> None:
-    fit = lacking(np.array([5.0 * np.sign(np.sin(TIME / 60.0)), np.zeros(ROWS)]))
+    fit = residuals_against(np.array([5.0 * np.sign(np.sin(TIME / 60.0)), np.zeros(ROWS)]))
     best = best_shapes(fit, fit.null)[0]
     without = np.array([best.trace, np.zeros(ROWS)])
     toy: Any = fit.balances
@@ -113,7 +113,7 @@ def test_a_shape_s_values_are_next_to_free(monkeypatch: pytest.MonkeyPatch) -> N
             asked.append(regressors)
             super().__init__(grid, regressors)
 
-    fit = lacking(np.zeros((2, ROWS)))
+    fit = residuals_against(np.zeros((2, ROWS)))
     monkeypatch.setattr("shaftline.mismatch.search.fitting.Likelihood", Spied)
     best_shapes(fit, fit.null)
     rms = np.sqrt(np.mean(np.abs(fit.null.difference) ** 2, axis=1))

@@ -14,13 +14,13 @@ from shaftline.mismatch.judge.verdict import (
     PARTLY,
     UNEXPLAINED,
     balance_verdicts,
-    close_call,
     explained_shares,
-    far_from_noise,
-    limited,
+    is_close_call,
+    is_far_from_noise,
+    is_undecidable,
+    judge_selection,
+    limit_verdict,
     sure_effects,
-    too_little,
-    verdict_of,
 )
 from shaftline.mismatch.search.whiteness import Colour
 
@@ -65,7 +65,7 @@ def selection(
 ) -> Any:
     told = SimpleNamespace(
         key="sensors.torque_gain", name="torque_gain", whole=whole, plausible=plausible,
-        number=lambda _: SimpleNamespace(info=SimpleNamespace(unit="-")),
+        in_ship=lambda _: SimpleNamespace(info=SimpleNamespace(unit="-")),
     )  # fmt: skip
     placed = SimpleNamespace(pairs=((told, value),))
     return SimpleNamespace(
@@ -76,7 +76,7 @@ def selection(
 
 
 def verdict(chosen: Any, whiteness: Whiteness, gain: float = 50.0, excited: bool = True) -> str:
-    return verdict_of(chosen, whiteness, gain, excited).name  # type: ignore[arg-type]
+    return judge_selection(chosen, whiteness, gain, excited).name  # type: ignore[arg-type]
 
 
 def test_the_explained_share_is_of_the_power_beyond_noise() -> None:
@@ -95,12 +95,12 @@ def test_the_explained_share_is_of_the_power_beyond_noise() -> None:
 
 @pytest.mark.parametrize(("second", "close"), [(59.9, False), (60.0, False), (60.1, True)])
 def test_a_second_name_is_close_beyond_three_fifths(second: float, close: bool) -> None:
-    assert close_call(selection(100.0, second, 99.0)) is close
-    assert close_call(selection(100.0)) is False
+    assert is_close_call(selection(100.0, second, 99.0)) is close
+    assert is_close_call(selection(100.0)) is False
 
 
 def test_what_explains_all_is_believed() -> None:
-    found: Any = verdict_of(selection(100.0), Whiteness([[9.0]], [[1.0]]), 50.0, True)  # type: ignore[arg-type]
+    found: Any = judge_selection(selection(100.0), Whiteness([[9.0]], [[1.0]]), 50.0, True)  # type: ignore[arg-type]
     assert (found.name, found.explained, found.colour, found.left_over) == (
         EXPLAINED, 1.0, RED, None,
     )  # fmt: skip
@@ -115,9 +115,9 @@ def test_a_value_at_the_bound_of_its_search_explains_nothing_wholly(
     value: float, name: str, sure: bool
 ) -> None:
     chosen, whiteness = selection(100.0, value=value), Whiteness([[9.0]], [[1.0]])
-    found: Any = verdict_of(chosen, whiteness, 50.0, True, sure)  # type: ignore[arg-type]
+    found: Any = judge_selection(chosen, whiteness, 50.0, True, sure)  # type: ignore[arg-type]
     assert found.name == name
-    refuted: Any = verdict_of(chosen, whiteness, -np.inf, True, sure)  # type: ignore[arg-type]
+    refuted: Any = judge_selection(chosen, whiteness, -np.inf, True, sure)  # type: ignore[arg-type]
     assert refuted.name == UNEXPLAINED
 
 
@@ -159,7 +159,7 @@ def test_effects_that_add_to_the_power_beyond_noise_explain_nothing(
 ) -> None:
     """Of a power of 2 beyond the noise, 0.05 may be added; neither residual is coloured."""
     dim = Whiteness([[3.0]], [[after]], null=False)
-    found: Any = verdict_of(selection(100.0), dim, 50.0, True)  # type: ignore[arg-type]
+    found: Any = judge_selection(selection(100.0), dim, 50.0, True)  # type: ignore[arg-type]
     assert found.name == name
 
 
@@ -170,8 +170,8 @@ def test_effects_that_add_to_the_power_beyond_noise_explain_nothing(
 def test_ten_times_the_noise_s_amplitude_is_far_from_it(
     ratio: float, explained: float, far: bool
 ) -> None:
-    assert far_from_noise(Colour(0, 1, 0.005, 0.02, ratio), explained) is far
-    assert not far_from_noise(None, explained)
+    assert is_far_from_noise(Colour(0, 1, 0.005, 0.02, ratio), explained) is far
+    assert not is_far_from_noise(None, explained)
 
 
 def test_shares_are_of_what_the_ship_file_leaves_where_parameters_differ() -> None:
@@ -211,12 +211,12 @@ def test_where_nothing_was_chosen_the_colour_decides() -> None:
 def test_what_is_sure_in_one_balance_is_not_thrown_away_for_another() -> None:
     """Nine tenths of one balance explained, nothing of another that is as far from noise."""
     poor = Whiteness([[91.0, 91.0]], [[10.0, 91.0]], left=True)
-    found: Any = verdict_of(selection(500.0), poor, 50.0, True, sure=True)  # type: ignore[arg-type]
+    found: Any = judge_selection(selection(500.0), poor, 50.0, True, sure=True)  # type: ignore[arg-type]
     assert found.name == PARTLY
     assert [b.verdict for b in found.balances] == [EXPLAINED, UNEXPLAINED]
     assert [b.explained for b in found.balances] == pytest.approx([0.9, 0.0])
     assert verdict(selection(500.0), poor) == UNEXPLAINED  # where it is not
-    refuted: Any = verdict_of(selection(500.0), poor, -6.01, True, sure=True)  # type: ignore[arg-type]
+    refuted: Any = judge_selection(selection(500.0), poor, -6.01, True, sure=True)  # type: ignore[arg-type]
     assert refuted.name == UNEXPLAINED
 
 
@@ -225,7 +225,7 @@ def test_what_is_sure_in_one_balance_is_not_thrown_away_for_another() -> None:
 )
 def test_each_balance_is_judged_for_itself(after: float, name: str) -> None:
     whiteness: Any = Whiteness([[91.0, 1.0]], [[after, 1.0]], left=True)
-    found: Any = verdict_of(selection(500.0), whiteness, 50.0, True, sure=True)  # type: ignore[arg-type]
+    found: Any = judge_selection(selection(500.0), whiteness, 50.0, True, sure=True)  # type: ignore[arg-type]
     assert [b.verdict for b in found.balances] == [name, NOTHING]
 
 
@@ -243,13 +243,14 @@ def test_an_effect_is_sure_by_its_own_balance_and_its_gain(
 
 @pytest.mark.parametrize(
     ("excited", "limits", "little"),
-    [(True, [], False), (False, [], False), (False, ["dull"], True), (True, ["dull"], False),
+    [(True, [], False), (False, [], False), (False, ["insufficient excitation"], True),
+     (True, ["insufficient excitation"], False),
      (True, ["too short for the hull"], True)],
 )  # fmt: skip
 def test_too_little_is_told_by_what_limits_the_recordings(
     excited: bool, limits: list[str], little: bool
 ) -> None:
-    assert too_little(excited, limits) is little
+    assert is_undecidable(excited, limits) is little
 
 
 @pytest.mark.parametrize(
@@ -267,4 +268,4 @@ def test_too_little_is_told_by_what_limits_the_recordings(
 def test_dull_recordings_and_biased_parameters_limit_a_verdict(
     name: str, undecidable: bool, biased: bool, expected: str
 ) -> None:
-    assert limited(name, undecidable, biased) == expected
+    assert limit_verdict(name, undecidable, biased) == expected

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.recordings.checks import dull, pitch_swapped
+from shaftline.mismatch.recordings.checks import insufficient_excitation, pitch_columns_swapped
 from shaftline.plant import RecordingError, Ship, equilibrium, load_ship
 
 from .conftest import Load
@@ -21,7 +21,12 @@ from .trials import COLUMNS, NOISE, voyage
     [
         ("shaft_speed_rad_s", 0, math.inf, r"shaft_speed_rad_s, row 1: .*inf.*rad/s"),
         ("fuel_rack_mm", 2, "full", r"fuel_rack_mm, row 3: 'full' is not a finite number"),
-        ("ship_speed_m_s", 0, 70.0, r"ship_speed_m_s, row 1: 70 m/s lies outside -40 to 40 m/s"),
+        (
+            "ship_speed_m_s",
+            0,
+            70.0,
+            r"ship_speed_m_s, row 1: 70 m/s lies outside the physical range of -40 to 40 m/s",
+        ),
         ("time_s", 5, 0.1, r"time_s, row 6: 0\.1 s after 0\.4 s; time must rise"),
         ("time_s", 1799, 280.0, r"time_s, row 1800: a gap of 100.* s .* cut the recording"),
     ],
@@ -62,7 +67,7 @@ def test_irregular_time_is_resampled_and_said(load: Load, calm: pd.DataFrame) ->
     while (gaps := np.diff(np.flatnonzero(kept)) > 4).any():
         kept[np.flatnonzero(kept)[np.flatnonzero(gaps)] + 2] = True
     found = load(calm[kept])
-    assert "steps of time run from 0.1 to 0.4 s" in found.warnings[0]
+    assert "steps of time range from 0.1 to 0.4 s" in found.warnings[0]
     assert "every channel was interpolated linearly" in found.warnings[0]
     expected = np.interp(found.time_s, calm["time_s"], calm["ship_speed_m_s"])
     assert np.sqrt(np.mean((found["ship_speed_m_s"] - expected) ** 2)) < 0.06  # its noise
@@ -82,7 +87,7 @@ def test_saturated_and_frozen_sensors_are_warned_of(load: Load, calm: pd.DataFra
     table = calm.assign(shaft_torque_N_m=calm["shaft_torque_N_m"].clip(upper=limit))
     table.loc[1000:1100, "ship_speed_m_s"] = table.loc[1000, "ship_speed_m_s"]
     warnings = load(table).warnings
-    assert any("shaft_torque_N_m stands at its extreme" in w and "10%" in w for w in warnings)
+    assert any("shaft_torque_N_m stays at its extreme value" in w and "10%" in w for w in warnings)
     assert any("ship_speed_m_s does not change for 101 rows from row 1001" in w for w in warnings)
 
 
@@ -105,28 +110,35 @@ def test_short_and_dull_are_limits_not_errors(load: Load, frigate: Ship) -> None
     of_it, needed = (float(number) for number in re.findall(r"([\d.]+) s\b", hull)[-2:])
     assert needed == pytest.approx(3.0 * of_it, rel=0.02)
     for column in COLUMNS:
-        assert any(sentence.startswith(f"dull: {column} moves") for sentence in limits), column
+        assert any(
+            sentence.startswith(f"insufficient excitation: {column} varies") for sentence in limits
+        ), column
 
 
 def test_the_range_of_a_demand_either_way_is_both_ways() -> None:
     rov = load_ship("rov-thruster")
-    top = rov.number("prime_mover.voltage_max_V").value
+    top = rov.parameter("prime_mover.voltage_max_V").value
     volts = 0.04 * top * np.linspace(-1.0, 1.0, 4001)  # the middle 95 % of 4 % of its range
     table = pd.DataFrame({"motor_voltage_V": volts})
-    (said,) = dull(table, rov, {})
+    (said,) = insufficient_excitation(table, rov, {})
     assert said.endswith("3.8% of its range")
 
 
 def test_a_step_from_rest_is_not_dull_although_the_command_then_stands() -> None:
     rov, time = load_ship("rov-thruster"), np.arange(400.0)
     table = pd.DataFrame({"motor_voltage_V": np.where(time < 1.0, 0.0, 7.0)})
-    assert dull(table.assign(shaft_speed_rad_s=50.0 - 50.0 * np.exp(-time / 50.0)), rov, {}) == []
-    (said,) = dull(table.assign(shaft_speed_rad_s=50.0), rov, {})
-    assert said.startswith("dull: motor_voltage_V moves over 0 V")
+    assert (
+        insufficient_excitation(
+            table.assign(shaft_speed_rad_s=50.0 - 50.0 * np.exp(-time / 50.0)), rov, {}
+        )
+        == []
+    )
+    (said,) = insufficient_excitation(table.assign(shaft_speed_rad_s=50.0), rov, {})
+    assert said.startswith("insufficient excitation: motor_voltage_V varies over 0 V")
 
 
 def test_a_pitch_that_leads_its_command_is_swapped(frigate: Ship) -> None:
     table = voyage(frigate)
-    assert not pitch_swapped(table, 0.1, frigate)
+    assert not pitch_columns_swapped(table, 0.1, frigate)
     names = {"pitch_ratio": "pitch_ratio_command", "pitch_ratio_command": "pitch_ratio"}
-    assert pitch_swapped(table.rename(columns=names), 0.1, frigate)
+    assert pitch_columns_swapped(table.rename(columns=names), 0.1, frigate)

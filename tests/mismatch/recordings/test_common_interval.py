@@ -8,7 +8,7 @@ import pytest
 
 from shaftline.mismatch import load_recording
 from shaftline.mismatch.recordings.joint import at_common_interval, load_jointly
-from shaftline.mismatch.recordings.time_base import on_even_time, seconds_of_stamps
+from shaftline.mismatch.recordings.time_base import resample_evenly, seconds_since_first
 from shaftline.plant import RecordingError, Ship, simulate_recording
 
 from ..structure.rigs import motor
@@ -47,7 +47,7 @@ def test_the_faster_recording_is_brought_to_the_slower_one(rig: Ship) -> None:
     # two rows are averaged: half of the noise's power is left
     ratio = one.noise["shaft_speed_rad_s"].white_rms / fast.noise["shaft_speed_rad_s"].white_rms
     assert 0.4 < ratio < 0.85
-    assert "one every 0.02 s, were brought to one every 0.05 s" in one.warnings[-1]
+    assert "from one row every 0.02 s to one row every 0.05 s" in one.warnings[-1]
     np.testing.assert_allclose(
         one["motor_voltage_V"], np.interp(one.time_s, fast.time_s, fast["motor_voltage_V"])
     )
@@ -67,7 +67,7 @@ def test_a_motor_at_rest_without_a_command_is_no_dead_sensor(rig: Ship) -> None:
     long = pd.concat([table, table.iloc[:1500].assign(motor_voltage_V=0.0, shaft_speed_rad_s=0.0)])
     long["time_s"] = 0.02 * np.arange(len(long))
     found = load_recording(long.reset_index(drop=True), rig)
-    assert not [said for said in found.warnings if "stood still" in said or "saturated" in said]
+    assert not [said for said in found.warnings if "stopped there" in said or "saturated" in said]
     dead = table.copy()  # but one that stops reading under way is
     dead.loc[1000:2600, "shaft_speed_rad_s"] = dead.loc[1000, "shaft_speed_rad_s"]
     with pytest.raises(RecordingError, match="dead sensor or a stopped logger"):
@@ -94,15 +94,15 @@ def test_rows_with_the_time_of_the_row_before_are_averaged(tmp_path: object) -> 
     time = np.arange(100.0)
     table = pd.DataFrame({"time_s": time, "x": time})
     twice = pd.concat([table, table.iloc[[40, 70]].assign(x=[42.0, 70.0])]).sort_values("time_s")
-    found, said = on_even_time(tmp_path, twice.reset_index(drop=True))  # type: ignore[arg-type]
+    found, said = resample_evenly(tmp_path, twice.reset_index(drop=True))  # type: ignore[arg-type]
     assert len(found) == 100
     assert found["x"].iloc[40] == 41.0
     assert said == ["2 rows have the time of the row before, first row 42; such rows were averaged"]
     often = pd.concat([table, table.iloc[::5]]).sort_values("time_s").reset_index(drop=True)
     with pytest.raises(RecordingError, match="time must rise"):
-        on_even_time(tmp_path, often)  # type: ignore[arg-type]
+        resample_evenly(tmp_path, often)  # type: ignore[arg-type]
 
 
 def test_milliseconds_behind_a_colon_are_read() -> None:
     stamps = pd.Series(["2019-11-05 17:14:08:947", "2019-11-05 17:14:09:047"])
-    assert seconds_of_stamps(stamps).tolist() == pytest.approx([0.0, 0.1])
+    assert seconds_since_first(stamps).tolist() == pytest.approx([0.0, 0.1])

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.recordings.draft import first_map
+from shaftline.mismatch.recordings.draft import draft_column_map
 from shaftline.plant import load_ship
 
 BENCH = {"Kanal 0": "", "Kanal 1": "V", "Kanal 2": "1/min", "Kanal 3": "N", "Kanal 4": "Nmm"}
@@ -16,7 +16,7 @@ BENCH = {"Kanal 0": "", "Kanal 1": "V", "Kanal 2": "1/min", "Kanal 3": "N", "Kan
 
 def guessed(ship: str, units: dict[str, str], **cells: Any) -> tuple[dict[str, Any], list[str]]:
     table = pd.DataFrame({name: cells.get(name, [1.0, 2.0]) for name in units})
-    lines = list(first_map(load_ship(ship), table, units, set()))[1:]
+    lines = list(draft_column_map(load_ship(ship), table, units, set()))[1:]
     read: dict[str, Any] = tomllib.loads("\n".join(lines))
     return read["columns"], [line for line in lines if line.startswith("#")]
 

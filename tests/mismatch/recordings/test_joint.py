@@ -34,7 +34,7 @@ def test_files_recordings_and_tables_go_together(
     assert found.tables[1] is checked.table
     for table, given in ((found.tables[0], calm), (found.tables[2], later)):
         pd.testing.assert_frame_equal(table, given)
-    assert told == [("reading and checking", i, 3) for i in range(4)]
+    assert told == [("loading recordings", i, 3) for i in range(4)]
     assert (found.limits, found.warnings) == ([], [])
 
 
@@ -48,26 +48,29 @@ def test_files_are_read_by_their_column_map(
 
 
 def test_one_recording_speaks_for_itself(frigate: Ship) -> None:
-    found = load_jointly(frigate, [recording("a.csv", ("dull",), ("clipped",))])
-    assert (found.limits, found.warnings) == (["dull"], ["clipped"])
+    found = load_jointly(frigate, [recording("a.csv", ("insufficient excitation",), ("clipped",))])
+    assert (found.limits, found.warnings) == (["insufficient excitation"], ["clipped"])
 
 
 def test_of_several_each_is_named_and_limits_count_where_all_have_them(frigate: Ship) -> None:
-    dull, good = recording("a.csv", ("dull",)), recording("b.csv", (), ("clipped",))
+    dull, good = (
+        recording("a.csv", ("insufficient excitation",)),
+        recording("b.csv", (), ("clipped",)),
+    )
     short = recording("c.csv", ("short",), ("late",))
     one = load_jointly(frigate, [dull, good])
     assert one.limits == []
-    assert one.warnings == ["b.csv: clipped", "a.csv: dull"]
+    assert one.warnings == ["b.csv: clipped", "a.csv: insufficient excitation"]
     # what is set aside limits nothing, and does not lift the others' limits
     both = load_jointly(frigate, [dull, short], [good])
-    assert both.limits == ["a.csv: dull", "c.csv: short"]
+    assert both.limits == ["a.csv: insufficient excitation", "c.csv: short"]
     assert both.warnings == ["c.csv: late", "b.csv: clipped"]
     aside = load_jointly(frigate, [good], [dull])
     assert (aside.limits, aside.held_out) == ([], 1)
 
 
 def test_lengths_are_counted_together(frigate: Ship, calm: pd.DataFrame) -> None:
-    limits = ("too short: 150 rows; below 200 little can be told",)
+    limits = ("too short: 150 rows; at least 200 are needed for a diagnosis",)
     parts = [
         Recording(Path(name), calm.iloc[a : a + 150], 0.1, {}, (), limits)
         for name, a in (("a.csv", 0), ("b.csv", 200), ("c.csv", 400))
@@ -103,13 +106,15 @@ def test_short_parts_of_a_voyage_count_together(frigate: Ship, calm: pd.DataFram
         RecordingError, match="table 1 and table 2: 20 rows; at least 40 are needed"
     ):
         load_jointly(frigate, parts[:2], parts[2:])
-    with pytest.raises(RecordingError, match="table 2: 9 rows; at least 10 are needed of each"):
+    with pytest.raises(
+        RecordingError, match="table 2: 9 rows; at least 10 are needed in each recording"
+    ):
         load_jointly(frigate, [calm, calm.iloc[:9]])
 
 
 def test_a_table_with_one_name_twice_is_refused(frigate: Ship, calm: pd.DataFrame) -> None:
     twice = pd.concat([calm, calm[["ship_speed_m_s"]]], axis=1)
-    with pytest.raises(RecordingError, match="table: column 'ship_speed_m_s' stands twice"):
+    with pytest.raises(RecordingError, match="table: column 'ship_speed_m_s' occurs twice"):
         load_jointly(frigate, [twice])
 
 

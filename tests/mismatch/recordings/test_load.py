@@ -70,12 +70,14 @@ def test_getting_under_way_is_not_taken_for_a_wrong_unit(
     values = dict(zip(NOISE, (samples[name] for name in names), strict=True))
     orders = {"fuel_rack_mm": rack, "pitch_ratio_command": 1.2}
     found = load(pd.DataFrame({"time_s": 0.1 * np.arange(1000)} | orders | values))
-    assert any(sentence.startswith("dull: fuel_rack_mm") for sentence in found.limits)
+    assert any(
+        sentence.startswith("insufficient excitation: fuel_rack_mm") for sentence in found.limits
+    )
 
 
 def test_missing_and_empty_are_named(load: Load, calm: pd.DataFrame, tmp_path: Path) -> None:
     with pytest.raises(
-        RecordingError, match=r"column 'shaft_speed_rad_s' is missing; needed: time"
+        RecordingError, match=r"column 'shaft_speed_rad_s' is missing; required: time"
     ):
         load(calm.drop(columns="shaft_speed_rad_s"))
     with pytest.raises(RecordingError, match=r"r\.csv: 0 row\(s\)"):
@@ -169,11 +171,11 @@ def test_an_angle_stands_for_the_speed(load: Load, servo: Ship) -> None:
 @pytest.mark.parametrize(
     ("slip", "words"),
     [
-        (180.0 / np.pi, 'looks like deg .* say unit = "deg"'),
-        (-1.0, "looks like itself with the sign turned"),
+        (180.0 / np.pi, 'looks like deg .* set unit = "deg"'),
+        (-1.0, "looks like itself with the opposite sign"),
     ],
 )
-def test_slips_of_an_angle_are_told_by_its_steps(
+def test_unit_errors_of_an_angle_are_recognised_by_its_steps(
     load: Load, servo: Ship, slip: float, words: str
 ) -> None:
     """Far from 0, where the angle itself tells nothing of its unit."""
@@ -187,7 +189,7 @@ def test_slips_of_an_angle_are_told_by_its_steps(
 def test_an_angle_that_begins_anew_is_refused(load: Load, servo: Ship) -> None:
     run = turning(servo.with_values({"transmission.viscous_friction_engine_side_N_m_s_rad": 5.0}))
     wrapped = run.assign(shaft_angle_rad=np.mod(run["shaft_angle_rad"], 2.0 * np.pi))
-    with pytest.raises(RecordingError, match=r"row \d+: .* begins anew with every turn; .*unwrap"):
+    with pytest.raises(RecordingError, match=r"row \d+: .* restarts at each turn, .*unwrap"):
         load(wrapped, ship=servo)
 
 
@@ -206,7 +208,10 @@ def test_a_speed_that_is_held_is_a_demand(
     steady = run.assign(shaft_speed_rad_s=10.0)
     assert not any("shaft_speed" in said for said in load(steady, ship=held_frigate).limits)
     still = steady.assign(ship_speed_m_s=8.0 + 0.01 * run["ship_speed_m_s"])
-    assert any("dull: shaft_speed_rad_s" in said for said in load(still, ship=held_frigate).limits)
+    assert any(
+        "insufficient excitation: shaft_speed_rad_s" in said
+        for said in load(still, ship=held_frigate).limits
+    )
 
 
 AXIS = """[columns]

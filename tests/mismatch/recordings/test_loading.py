@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.recordings.checks import dull
-from shaftline.mismatch.recordings.excitation import loaded, moves
+from shaftline.mismatch.recordings.checks import insufficient_excitation
+from shaftline.mismatch.recordings.excitation import load_varies, varies
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import Ship
 
@@ -30,20 +30,20 @@ def steady(**more: object) -> pd.DataFrame:
 )
 def test_what_loads_the_propeller_excites(frigate: Ship, column: str, values: object) -> None:
     table = steady(**{column: values})
-    assert loaded(frigate, table)
+    assert load_varies(frigate, table)
     assert JointReplay(frigate, table).excited
-    assert dull(table, frigate, {}) == []
+    assert insufficient_excitation(table, frigate, {}) == []
 
 
 def test_constant_orders_and_loads_are_dull(frigate: Ship, held_frigate: Ship) -> None:
     deep = steady(propeller_submergence_m=30.0 + 3.0 * SWING)
     for table in (steady(), deep, steady(ship_speed_m_s=8.0 + SWING)):
-        assert not loaded(frigate, table)
+        assert not load_varies(frigate, table)
         assert not JointReplay(frigate, table).excited
-        assert len(dull(table, frigate, {})) == 2
-    assert loaded(held_frigate, steady(ship_speed_m_s=8.0 + SWING))
+        assert len(insufficient_excitation(table, frigate, {})) == 2
+    assert load_varies(held_frigate, steady(ship_speed_m_s=8.0 + SWING))
 
 
 def test_a_signal_moves_over_more_than_a_twentieth_of_its_size() -> None:
-    assert moves(1.0 + 0.03 * SWING)
-    assert not moves(1.0 + 0.02 * SWING)
+    assert varies(1.0 + 0.03 * SWING)
+    assert not varies(1.0 + 0.02 * SWING)

@@ -14,7 +14,7 @@ import pytest
 
 from shaftline.mismatch import Recording, load_recording
 from shaftline.mismatch.recordings.columns import Source
-from shaftline.mismatch.recordings.unit_errors import ranges_of
+from shaftline.mismatch.recordings.unit_errors import command_ranges
 from shaftline.plant import RecordingError, Ship
 
 from .conftest import Load
@@ -121,12 +121,14 @@ def test_a_plain_file_is_read_without_a_word(load: Load, calm: pd.DataFrame) -> 
 
 def test_percent_of_range_reaches_both_limits(frigate: Ship) -> None:
     source = Source(column="pitch_ratio_command", unit="percent of range")
-    low, high = ranges_of(frigate)["pitch_ratio_command"]
-    given = source.convert(pd.Series([-100.0, -50.0, 0.0, 50.0, 100.0]), ranges_of(frigate))
+    low, high = command_ranges(frigate)["pitch_ratio_command"]
+    given = source.convert(pd.Series([-100.0, -50.0, 0.0, 50.0, 100.0]), command_ranges(frigate))
     half = -0.5 * abs(low)
     np.testing.assert_allclose(given, [-abs(low), half, 0.0, 0.5 * high, high])
     with pytest.raises(ValueError, match=r"needs a range .* ship_speed_m_s has none"):
-        Source(column="ship_speed_m_s", unit="percent of range").convert(given, ranges_of(frigate))
+        Source(column="ship_speed_m_s", unit="percent of range").convert(
+            given, command_ranges(frigate)
+        )
 
 
 def through(load: Load, calm: pd.DataFrame, stamps: Any, unit: str = "datetime") -> Recording:
@@ -147,7 +149,7 @@ def test_whole_second_stamps_are_spread(load: Load, calm: pd.DataFrame) -> None:
     stamps = [f"2024-05-03T12:00:{int(s):02d}" if s < 60 else
               f"2024-05-03T12:{int(s) // 60:02d}:{int(s) % 60:02d}" for s in late]  # fmt: skip
     found = through(load, calm, stamps)
-    assert "stands still for 10 rows at a time and then steps by 1 s" in found.warnings[0]
+    assert "repeats each time for 10 rows and then steps by 1 s" in found.warnings[0]
     np.testing.assert_allclose(found.time_s, calm["time_s"], atol=1e-6)
 
 
@@ -205,11 +207,14 @@ def test_a_slow_channel_keeps_each_value(load: Load, calm: pd.DataFrame) -> None
 @pytest.mark.parametrize(
     ("said", "words"),
     [
-        ('separator = "ab"', r"file\.separator: 'ab' \(allowed: one sign such as"),
+        ('separator = "ab"', r"file\.separator: 'ab' \(allowed: one character such as"),
         ('decimal = "x"', r"file\.decimal: .*'.' or ','"),
-        ('encoding = "klingon"', r"file\.encoding: 'klingon' is unknown"),
-        ('encoding = "rot13"', r"file\.encoding: 'rot13' is unknown"),  # turns text into text
-        ('encoding = "zip"', r"file\.encoding: 'zip' is unknown"),  # and bytes into bytes
+        ('encoding = "klingon"', r"file\.encoding: 'klingon' is no known encoding"),
+        (
+            'encoding = "rot13"',
+            r"file\.encoding: 'rot13' is no known encoding",
+        ),  # turns text into text
+        ('encoding = "zip"', r"file\.encoding: 'zip' is no known encoding"),  # and bytes into bytes
         ('separator = ","\ndecimal = ","', r"file: separator and decimal are both ','"),
         ("header_row = 0", r"file\.header_row: .*greater than or equal to 1"),
         ("names = 3", r"file\.names is not a known key \(allowed: separator, decimal, encoding"),
@@ -221,7 +226,7 @@ def test_a_bad_layout_is_named(load: Load, calm: pd.DataFrame, said: str, words:
 
 
 @pytest.mark.parametrize(
-    ("unit", "why"), [("%", "percent of range"), ("fathom", "cannot be turned")]
+    ("unit", "why"), [("%", "percent of range"), ("fathom", "cannot be converted")]
 )
 def test_a_unit_of_the_file_that_may_mislead_is_refused(
     load: Load, tmp_path: Path, frigate: Ship, calm: pd.DataFrame, unit: str, why: str
@@ -234,7 +239,7 @@ def test_a_unit_of_the_file_that_may_mislead_is_refused(
     if unit == "fathom":
         (tmp_path / "u.csv").write_text((tmp_path / "u.csv").read_text().replace("fathom", "kN"))
     with pytest.raises(
-        RecordingError, match=rf"the file's unit .*{why}.*say unit = in the column map"
+        RecordingError, match=rf"the unit .* in the file .*{why}.*set unit = in the column map"
     ):
         load_recording(tmp_path / "u.csv", frigate, tmp_path / "map.toml")
 

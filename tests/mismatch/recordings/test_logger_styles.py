@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.recordings.logger_names import read_name
+from shaftline.mismatch.recordings.logger_names import split_name
 from shaftline.mismatch.recordings.survey import survey
 from shaftline.plant import Ship, load_ship, simulate_recording
 
@@ -64,7 +64,7 @@ def close(found: pd.DataFrame, expected: pd.DataFrame, columns: tuple[str, ...])
 
 
 def test_rcbenchmark(bench: pd.DataFrame, rov: Ship, tmp_path: Path) -> None:
-    top = rov.number("prime_mover.voltage_max_V").value
+    top = rov.parameter("prime_mover.voltage_max_V").value
     rpm = RPM * bench["shaft_speed_rad_s"]
     log = pd.DataFrame({
         "Time (s)": bench["time_s"],
@@ -104,9 +104,9 @@ def test_names_of_a_bench(
     time, drive, speed = names
     volts = bench["motor_voltage_V"]
     if drive == "throttle":
-        volts = 100.0 * volts / rov.number("prime_mover.voltage_max_V").value
+        volts = 100.0 * volts / rov.parameter("prime_mover.voltage_max_V").value
     if drive == "pwm":
-        volts = volts / rov.number("prime_mover.voltage_max_V").value
+        volts = volts / rov.parameter("prime_mover.voltage_max_V").value
     log = pd.DataFrame({
         time: bench["time_s"] * (1000.0 if time == "time_ms" else 1.0),
         drive: volts,
@@ -128,7 +128,7 @@ def test_ros_clock_and_angle(bench: pd.DataFrame, rov: Ship, tmp_path: Path) -> 
         "joint_states.position[0]": (bench["shaft_speed_rad_s"] * 0.04).cumsum(),
         "joint_states.velocity[0]": bench["shaft_speed_rad_s"],
         "joint_states.effort[0]": bench["shaft_torque_N_m"],
-        "motor.cmd": bench["motor_voltage_V"] / rov.number("prime_mover.voltage_max_V").value,
+        "motor.cmd": bench["motor_voltage_V"] / rov.parameter("prime_mover.voltage_max_V").value,
     })  # fmt: skip
     found, lines = drafted(log, rov, tmp_path)
     close(found, bench, ("motor_voltage_V", "shaft_speed_rad_s", "shaft_torque_N_m"))
@@ -197,5 +197,5 @@ def test_signal_k(turn: pd.DataFrame, tmp_path: Path) -> None:
     ],
 )
 def test_names_are_split(name: str, words: tuple[str, ...], unit: str) -> None:
-    found = read_name(name)
+    found = split_name(name)
     assert (found.core[: len(words)], found.unit) == (words, unit)

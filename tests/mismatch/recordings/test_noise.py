@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from shaftline.mismatch.recordings.noise import (
     Noise,
-    clipped,
-    describe,
-    describe_command,
-    frozen,
+    estimate_command_noise,
+    estimate_noise,
+    longest_rest,
     quantisation,
+    saturated_ends,
     white_rms,
 )
 from shaftline.plant import Schedule, Ship, equilibrium, get_sea, realise, simulate
@@ -52,14 +52,14 @@ def test_known_noise_is_found_in_waves_and_manoeuvres(
     samples = sailed(frigate, sea, manoeuvre)[::2]
     for name, rms in KNOWN.items():
         noisy = samples[name] + rms * rng.standard_normal(len(samples))
-        assert describe(noisy, 0.1).white_rms == pytest.approx(rms, rel=0.1), name
+        assert estimate_noise(noisy, 0.1).white_rms == pytest.approx(rms, rel=0.1), name
 
 
 @pytest.mark.parametrize("sea", [None, "state-6"])
 def test_without_noise_almost_none_is_found(frigate: Ship, sea: str | None) -> None:
     samples = sailed(frigate, sea, "steps")[::2]
     for name, rms in KNOWN.items():
-        assert describe(samples[name], 0.1).white_rms < 0.3 * rms, name
+        assert estimate_noise(samples[name], 0.1).white_rms < 0.3 * rms, name
 
 
 @given(
@@ -79,7 +79,7 @@ def test_level_slope_and_unit_do_not_matter(
 @pytest.mark.parametrize("step", [0.05, 0.5, 2.0])
 def test_quantisation_is_found_and_counts_as_noise(step: float) -> None:
     noise = np.random.default_rng(3).standard_normal(4000)
-    found = describe(step * np.round(noise / step), 0.1)
+    found = estimate_noise(step * np.round(noise / step), 0.1)
     assert found.quantisation == pytest.approx(step)
     assert found.white_rms == pytest.approx(np.hypot(1.0, step / np.sqrt(12.0)), rel=0.1)
 
@@ -93,36 +93,36 @@ def test_orders_and_smooth_signals_are_not_quantised() -> None:
 
 def test_a_slow_instrument_is_seen_and_its_noise_found() -> None:
     held = np.repeat(np.random.default_rng(4).standard_normal(600), 10)
-    found = describe(held, 0.1)
+    found = estimate_noise(held, 0.1)
     assert found.update_s == pytest.approx(1.0)
     assert found.white_rms == pytest.approx(1.0, rel=0.1)
 
 
 @pytest.mark.parametrize("values", [np.full(50, 3.0), np.array([1.0, 2.0]), np.array([])])
 def test_nothing_to_see_is_no_noise(values: Any) -> None:
-    assert describe(values, 0.1) == Noise(0.0, 0.0, 0.1)
+    assert estimate_noise(values, 0.1) == Noise(0.0, 0.0, 0.1)
 
 
 @pytest.mark.parametrize("values", [np.array([1.0, np.nan]), np.zeros((3, 2))])
 def test_noise_of_bad_values_is_refused(values: Any) -> None:
-    with pytest.raises(ValueError, match="one row of finite values"):
-        describe(values, 0.1)
+    with pytest.raises(ValueError, match="one-dimensional array of finite values"):
+        estimate_noise(values, 0.1)
 
 
 def test_clipping_is_found_at_the_end_that_clips() -> None:
     noise = np.random.default_rng(5).standard_normal(3000)
-    ((end, share, row),) = clipped(np.minimum(noise, 1.0), describe(noise, 0.1))
+    ((end, share, row),) = saturated_ends(np.minimum(noise, 1.0), estimate_noise(noise, 0.1))
     assert end == 1.0
     assert share == pytest.approx(0.16, abs=0.02)
     assert row == int(np.argmax(noise >= 1.0))
-    assert clipped(noise, describe(noise, 0.1)) == []
+    assert saturated_ends(noise, estimate_noise(noise, 0.1)) == []
 
 
 def test_a_frozen_stretch_is_found() -> None:
     noise = np.random.default_rng(6).standard_normal(3000)
-    assert frozen(noise, describe(noise, 0.1)) == (0, 0)
+    assert longest_rest(noise, estimate_noise(noise, 0.1)) == (0, 0)
     noise[1000:1100] = noise[1000]
-    assert frozen(noise, describe(noise, 0.1)) == (1000, 100)
+    assert longest_rest(noise, estimate_noise(noise, 0.1)) == (1000, 100)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.3, 0.45, 0.5, 0.55, 0.9])
@@ -132,9 +132,9 @@ def test_a_sensor_that_stops_has_the_noise_that_it_had_before(frigate: Ship, sha
         noisy = samples[name] + rms * np.random.default_rng(2).standard_normal(len(samples))
         stop = round((1.0 - share) * len(noisy))
         noisy[stop:] = noisy[stop - 1]
-        noise = describe(noisy, 0.1)
+        noise = estimate_noise(noisy, 0.1)
         assert noise.white_rms == pytest.approx(rms, rel=0.15), name
-        assert frozen(noisy, noise) == (stop - 1, len(noisy) - stop + 1), name
+        assert longest_rest(noisy, noise) == (stop - 1, len(noisy) - stop + 1), name
 
 
 def test_an_order_that_is_held_and_led_by_turns_has_no_noise() -> None:
@@ -144,10 +144,10 @@ def test_an_order_that_is_held_and_led_by_turns_has_no_noise() -> None:
 
 def test_the_steps_of_a_command_are_no_noise_and_its_rests_no_slow_instrument() -> None:
     steps = np.resize(np.repeat([20.0, 25.0, 16.0, 22.0], 60), 1200)
-    assert describe_command(steps, 0.5) == Noise(0.0, quantisation(steps), 0.5)
+    assert estimate_command_noise(steps, 0.5) == Noise(0.0, quantisation(steps), 0.5)
     measured = steps + 0.1 * np.random.default_rng(7).standard_normal(1200)
-    assert describe_command(measured, 0.5).white_rms == pytest.approx(0.1, rel=0.1)
+    assert estimate_command_noise(measured, 0.5).white_rms == pytest.approx(0.1, rel=0.1)
     for values in (np.array([1.0]), np.array([])):
-        assert describe_command(values, 0.5) == Noise(0.0, 0.0, 0.5)
-    with pytest.raises(ValueError, match="one row of finite values"):
-        describe_command(np.array([1.0, np.nan]), 0.5)
+        assert estimate_command_noise(values, 0.5) == Noise(0.0, 0.0, 0.5)
+    with pytest.raises(ValueError, match="one-dimensional array of finite values"):
+        estimate_command_noise(np.array([1.0, np.nan]), 0.5)

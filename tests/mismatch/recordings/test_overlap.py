@@ -15,10 +15,10 @@ import pytest
 from shaftline.mismatch import Options, Recording, diagnose, identify
 from shaftline.mismatch.recordings.joint import (
     LEAST_REPEATED,
+    flatten,
     load_each,
-    parts_of,
+    refuse_common_rows,
     refuse_overlap,
-    refuse_shared,
 )
 from shaftline.plant import RecordingError, Ship
 
@@ -72,21 +72,21 @@ def test_what_repeats_is_refused(
     command: str, given: Given, frigate: Ship, calm: pd.DataFrame, tmp_path: Path
 ) -> None:
     one, other = given(calm, tmp_path)
-    with pytest.raises(ValueError, match=r"is given twice; |rows \d+ to \d+ stand in .* as well; "):
+    with pytest.raises(ValueError, match=r"is given twice; |rows \d+ to \d+ are in .* as well; "):
         COMMANDS[command](frigate, one, other)
 
 
 def test_the_repeated_rows_are_named(frigate: Ship, calm: pd.DataFrame) -> None:
-    one, other = parts_of(load_each(frigate, [calm.iloc[:1000], calm.iloc[900:]]))
+    one, other = flatten(load_each(frigate, [calm.iloc[:1000], calm.iloc[900:]]))
     with pytest.raises(
-        RecordingError, match=r"^table 2: rows 1 to 100 stand in table 1 as well; why$"
+        RecordingError, match=r"^table 2: rows 1 to 100 are in table 1 as well; why$"
     ):
-        refuse_shared(one, other, "why")
+        refuse_common_rows(one, other, "why")
 
 
 def test_another_voyage_of_the_same_programme_is_another(frigate: Ship, calm: pd.DataFrame) -> None:
     three = [calm, voyage(frigate, seed=2), voyage(frigate, seed=3)]
-    refuse_overlap(parts_of(load_each(frigate, three)), "")
+    refuse_overlap(flatten(load_each(frigate, three)), "")
 
 
 def test_rows_that_agree_by_chance_are_no_overlap(frigate: Ship, calm: pd.DataFrame) -> None:
@@ -94,10 +94,10 @@ def test_rows_that_agree_by_chance_are_no_overlap(frigate: Ship, calm: pd.DataFr
     rest = pd.DataFrame({"time_s": 0.1 * np.arange(400.0), "shaft_speed_rad_s": 0.0})
     rest["shaft_torque_N_m"] = np.arange(400.0) // 7 % 2
     still, again = (Recording(Path(name), rest, 0.1, {}) for name in ("a.csv", "b.csv"))
-    refuse_shared(still, again, "")
+    refuse_common_rows(still, again, "")
     few = voyage(frigate, seed=2)
     few.iloc[50 : 50 + LEAST_REPEATED - 1] = calm.iloc[50 : 50 + LEAST_REPEATED - 1]
-    refuse_overlap(parts_of(load_each(frigate, [calm, few])), "")
+    refuse_overlap(flatten(load_each(frigate, [calm, few])), "")
 
 
 def _constant(column: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
@@ -115,7 +115,7 @@ WRONG: dict[str, tuple[Callable[[pd.DataFrame], pd.DataFrame], str]] = {
     ),
     "sign": (
         lambda t: t.assign(shaft_torque_N_m=-t["shaft_torque_N_m"]),
-        "shaft_torque_N_m looks like itself with the sign turned",
+        "shaft_torque_N_m looks like itself with the opposite sign",
     ),
     "dead speed": (_constant("shaft_speed_rad_s"), "shaft_speed_rad_s is constant at"),
     "dead torque": (_constant("shaft_torque_N_m"), "shaft_torque_N_m is constant at"),

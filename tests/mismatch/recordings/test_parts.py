@@ -11,7 +11,7 @@ import pytest
 from shaftline.mismatch.recordings.joint import load_jointly
 from shaftline.mismatch.recordings.load import load_parts
 from shaftline.mismatch.recordings.survey import survey
-from shaftline.mismatch.recordings.time_base import parts
+from shaftline.mismatch.recordings.time_base import split_at_gaps
 from shaftline.plant import RecordingError, Ship
 
 from .trials import voyage
@@ -25,11 +25,14 @@ def with_gaps(calm: pd.DataFrame) -> pd.DataFrame:
 
 def test_rows_between_long_gaps_are_parts() -> None:
     time = np.array([0.0, 1.0, 2.0, 6.0, 7.0, 11.6, 12.6])
-    assert parts(time) == [(0, 5), (5, 7)]  # 4 s are three missing samples, which are filled in
+    assert split_at_gaps(time) == [
+        (0, 5),
+        (5, 7),
+    ]  # 4 s are three missing samples, which are filled in
     coarse = np.array([0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 9.0, 9.0])
-    assert parts(coarse) == [(0, 6), (6, 8)]
+    assert split_at_gaps(coarse) == [(0, 6), (6, 8)]
     for odd in ([0.0, 9.0, 8.0], [0.0, np.nan, 8.0], [1.0, 1.0]):
-        assert parts(np.array(odd)) == [(0, len(odd))]
+        assert split_at_gaps(np.array(odd)) == [(0, len(odd))]
 
 
 def test_each_part_is_a_recording_of_its_own(frigate: Ship, calm: pd.DataFrame) -> None:
@@ -39,8 +42,9 @@ def test_each_part_is_a_recording_of_its_own(frigate: Ship, calm: pd.DataFrame) 
     np.testing.assert_allclose(other["shaft_speed_rad_s"], calm["shaft_speed_rad_s"].iloc[606:1700])
     assert other.source.name == "table part 2 (from row 607)"
     assert one.warnings[0] == (
-        "the recording was cut at 2 gaps (100.1 s before row 601, 2.1 s before row 607) into 2 parts, "
-        "each simulated from its own start; 6 rows in parts of fewer than 10 rows were left out"
+        "the recording was cut at 2 gaps (100.1 s before row 601, 2.1 s before row 607) into 2 parts; "
+        "each part is simulated from its own first row; 6 rows in parts of fewer than 10 rows were "
+        "left out"
     )
     assert not any("cut" in said for said in other.warnings)
 

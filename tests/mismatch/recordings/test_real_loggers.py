@@ -46,18 +46,21 @@ def test_servo_sticks(tmp_path: Path) -> None:
         found, lines = drafted(file, ship, tmp_path)
         assert '# also possible as shaft_angle_rad: "pendulum_angle" (no unit)' in lines
         assert found.recording is not None
-        assert not any("stood still" in said for said in found.recording.warnings)
+        assert not any("stopped there" in said for said in found.recording.warnings)
     found, _ = drafted(folder("servo_pendulum") / "kp200_sin_sin_v.csv", ship, tmp_path)
     assert found.recording is not None
     (said,) = (said for said in found.recording.warnings if "does not change" in said)
-    assert "144 rows (0.72 s) from row 358 and goes on from where it stood" in said
-    assert "motor_voltage_V lies between 1.272 and 4.819 V: the machine may stick" in said
+    assert "144 rows (0.72 s) from row 358 and continues from the same value" in said
+    assert (
+        "motor_voltage_V lies between 1.272 and 4.819 V: static friction may hold the machine"
+        in said
+    )
 
 
 def test_generator(tmp_path: Path) -> None:
     there = folder("dc_motor_generator")
     found, lines = drafted(there / "data.csv", load_ship(there / "ship.toml"), tmp_path)
-    assert "if it counts rows, add scale = seconds from row to row" in lines
+    assert "if it counts rows, add scale = seconds per row" in lines
     assert (
         '"speed_raw" = { column = "shaft_speed_rad_s", unit = "rpm" }  # unit not stated' in lines
     )

@@ -9,10 +9,15 @@ import pandas as pd
 import pytest
 from numpy.typing import NDArray
 
-from shaftline.mismatch.recordings.checks import standing, sticks
+from shaftline.mismatch.recordings.checks import constant_channel_warnings, may_stick
 from shaftline.mismatch.recordings.load import load_recording
 from shaftline.mismatch.recordings.noise import Noise
-from shaftline.mismatch.recordings.remarks import grid, lag_of, quantisation_remark, remarks
+from shaftline.mismatch.recordings.remarks import (
+    estimate_lag,
+    quantisation_grid,
+    quantisation_remark,
+    remarks,
+)
 from shaftline.mismatch.recordings.survey import survey
 from shaftline.plant import Ship, load_ship, simulate_recording
 
@@ -64,11 +69,11 @@ def test_a_rectified_channel_is_named(bench: pd.DataFrame, rov: Ship, column: st
     (found,) = said(bench.assign(**{column: bench[column].abs()}), rov)
     assert found.startswith(f"{column} looks rectified: it is never below ")
     assert "reverses (42% of the rows below zero)" in found
-    assert "give the column that of motor_voltage_V (numpy.copysign)" in found
+    assert "give the column the sign of motor_voltage_V (numpy.copysign)" in found
 
 
 def test_a_turned_sign_is_still_refused(bench: pd.DataFrame, rov: Ship) -> None:
-    with pytest.raises(ValueError, match=r"thrust_N looks like itself with the sign turned"):
+    with pytest.raises(ValueError, match=r"thrust_N looks like itself with the opposite sign"):
         load_recording(bench.assign(**{THRUST: -bench[THRUST]}), rov)
 
 
@@ -81,7 +86,7 @@ def test_a_lead_or_lag_is_measured(bench: pd.DataFrame, rov: Ship, rows: float) 
     assert found[0].startswith(f"{THRUST} {word} the simulation by ")
     seconds = float(found[0].split(" by ")[1].split(" s (")[0])
     assert seconds == pytest.approx(abs(rows) * 0.04, abs=0.012)
-    assert f"{SPEED} by +0.0 rows" in found[0] or f"{SPEED} by -0.0 rows" in found[0]
+    assert f"{SPEED} +0.0 rows" in found[0] or f"{SPEED} -0.0 rows" in found[0]
 
 
 def test_a_late_command_makes_all_channels_lead_alike(bench: pd.DataFrame, rov: Ship) -> None:
@@ -90,7 +95,7 @@ def test_a_late_command_makes_all_channels_lead_alike(bench: pd.DataFrame, rov: 
     assert {sentence.split()[0] for sentence in found} >= {SPEED, THRUST}
     for sentence in found:
         assert "leads the simulation by 0.1" in sentence
-        assert "all channels do alike; the command is logged late" in sentence
+        assert "all channels have this shift; the command is logged late" in sentence
 
 
 def test_a_torque_gauge_that_is_seconds_late_is_found(frigate: Ship) -> None:
@@ -123,9 +128,9 @@ def test_chance_is_no_lag() -> None:
     for _ in range(50):
         walk = np.cumsum(rng.standard_normal(1000))
         other = np.cumsum(rng.standard_normal(1000))
-        lag = lag_of(walk, other)
+        lag = estimate_lag(walk, other)
         assert lag is None or not lag.is_significant
-        noisy = lag_of(
+        noisy = estimate_lag(
             walk + 2.0 * rng.standard_normal(1000), walk + 2.0 * rng.standard_normal(1000)
         )
         assert noisy is None or not noisy.is_significant
@@ -134,11 +139,11 @@ def test_chance_is_no_lag() -> None:
 def test_a_grid_is_found_under_rounding_and_not_in_noise_or_few_levels() -> None:
     rng = np.random.default_rng(2)
     swing = np.sin(0.01 * np.arange(2000)) + 0.05 * rng.standard_normal(2000)
-    step, levels = grid(np.round(np.round(swing / 0.0245) * 0.0245, 3))
+    step, levels = quantisation_grid(np.round(np.round(swing / 0.0245) * 0.0245, 3))
     assert step == pytest.approx(0.0245, rel=2e-3)
     assert levels > 60
-    assert grid(swing) == (0.0, 0)
-    assert grid(np.round(3.0 * swing)) == (0.0, 0)  # seven levels
+    assert quantisation_grid(swing) == (0.0, 0)
+    assert quantisation_grid(np.round(3.0 * swing)) == (0.0, 0)  # seven levels
     assert quantisation_remark("thrust_N", np.round(swing, 4)) == ""
     assert "in steps of 0.02 V" in quantisation_remark("motor_voltage_V", np.round(swing * 50) / 50)
 
@@ -165,29 +170,31 @@ def test_a_machine_that_sticks_is_no_dead_sensor(
     drive: tuple[Ship, pd.DataFrame, pd.DataFrame],
 ) -> None:
     ship, free, stuck = drive
-    (found,) = standing(stuck, ship, NOISY, free)
+    (found,) = constant_channel_warnings(stuck, ship, NOISY, free)
     assert (
-        "does not change for 81 rows (0.81 s) from row 301 and goes on from where it stood" in found
+        "does not change for 81 rows (0.81 s) from row 301 and continues from the same value"
+        in found
     )
     low, high = (stuck["motor_voltage_V"][300:381].agg(f) for f in ("min", "max"))
     assert (
-        f"motor_voltage_V lies between {low:.4g} and {high:.4g} V: the machine may stick" in found
+        f"motor_voltage_V lies between {low:.4g} and {high:.4g} V: static friction may hold the machine"
+        in found
     )
     dead = free.copy()
     dead.loc[300:380, "shaft_angle_rad"] = free.loc[300, "shaft_angle_rad"]
-    (found,) = standing(dead, ship, NOISY, free)
-    assert found.endswith("moves it elsewhere: the sensor or its logger stood still")
-    assert not list(standing(free, ship, NOISY, free))
+    (found,) = constant_channel_warnings(dead, ship, NOISY, free)
+    assert found.endswith("in other rows: the sensor or its logger stopped there")
+    assert not list(constant_channel_warnings(free, ship, NOISY, free))
 
 
 def test_an_angle_that_rests_while_the_speed_does_not_is_a_dead_sensor(
     drive: tuple[Ship, pd.DataFrame, pd.DataFrame],
 ) -> None:
     ship, free, stuck = drive
-    assert sticks(stuck, ship, "shaft_angle_rad", 300, 381, 5.6)
+    assert may_stick(stuck, ship, "shaft_angle_rad", 300, 381, 5.6)
     turning = stuck.assign(shaft_speed_rad_s=np.gradient(free["shaft_angle_rad"], 0.01))
-    assert not sticks(turning, ship, "shaft_angle_rad", 300, 381, 5.6)
-    assert not sticks(stuck, load_ship("frigate"), "shaft_angle_rad", 300, 381, 5.6)
+    assert not may_stick(turning, ship, "shaft_angle_rad", 300, 381, 5.6)
+    assert not may_stick(stuck, load_ship("frigate"), "shaft_angle_rad", 300, 381, 5.6)
 
 
 def test_check_says_them(bench: pd.DataFrame, rov: Ship, tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.recordings.checks import spikes
+from shaftline.mismatch.recordings.checks import find_spikes
 from shaftline.plant import RecordingError
 
 from .conftest import Load
@@ -27,7 +27,7 @@ def test_what_jumps_away_and_back_is_found(width: int, size: float) -> None:
     for first in (2, 50, 300, 310, 600 - width - 2):
         true[first : first + width] = True
     values[true] += size
-    np.testing.assert_array_equal(spikes(values), true)
+    np.testing.assert_array_equal(find_spikes(values), true)
 
 
 def test_events_that_stay_longer_or_do_not_come_back_are_none() -> None:
@@ -37,7 +37,7 @@ def test_events_that_stay_longer_or_do_not_come_back_are_none() -> None:
     still[300:] = 1.0
     still[400] = 2.0
     for values in (noisy(), step, pulse, still, np.zeros(2), np.zeros(0)):
-        assert not spikes(values).any()
+        assert not find_spikes(values).any()
 
 
 def test_they_are_mended_before_anything_is_made_of_them(load: Load, calm: pd.DataFrame) -> None:
@@ -55,7 +55,7 @@ def test_a_channel_of_little_else_is_refused(load: Load, calm: pd.DataFrame) -> 
     table = calm.copy()
     table.loc[np.arange(5, len(calm) - 5, 12), TORQUE] = 0.0
     with pytest.raises(
-        RecordingError, match=rf"{TORQUE}: \d+ of 1800 values are spikes .* more than 5%"
+        RecordingError, match=rf"{TORQUE}: \d+ of 1800 values are spikes .* at most 5%"
     ):
         load(table)
 

@@ -25,11 +25,11 @@ def test_rows_are_equilibria_from_two_surge_time_constants_on() -> None:
 
 def test_faster_rows_are_equilibria_on_request_only() -> None:
     ship, log = load_ship("frigate"), service_log("frigate", rows=60, interval_s=60.0)
-    with pytest.raises(RecordingError, match=r"steps by 60 s .* say --steady"):
+    with pytest.raises(RecordingError, match=r"steps by 60 s .* use --steady"):
         load_recording(log, ship)
     recording = load_recording(log, ship, steady=True)
     assert recording.steady
-    assert "as asked for" in recording.warnings[0]
+    assert "as requested" in recording.warnings[0]
 
 
 def test_rows_without_an_equilibrium_of_their_own_are_left_out() -> None:

@@ -11,12 +11,12 @@ import pytest
 from shaftline.mismatch import Options
 from shaftline.mismatch.example import COLUMN_MAP, FOLDER, RECORDING
 from shaftline.mismatch.recordings.joint import load_jointly
-from shaftline.mismatch.recordings.load import OUTSIDE
+from shaftline.mismatch.recordings.load import EXTRA_SIGNALS
 from shaftline.mismatch.recordings.survey import survey
 from shaftline.plant import Ship, load_ship, ship_names
 from shaftline.plant.columns import signal_columns
 from shaftline.plant.load_cases import get_case
-from shaftline.plant.terms import OF_A_TURN
+from shaftline.plant.terms import TURNING_SIGNALS
 
 
 def test_a_good_recording_is_told_in_full(frigate: Ship) -> None:
@@ -50,9 +50,9 @@ def test_what_is_missing_is_named_with_its_cost(calm: pd.DataFrame, tmp_path: Pa
     bare = calm.drop(columns=["shaft_torque_N_m", "ship_speed_m_s"]).assign(weather=1.0)
     bare.to_csv(tmp_path / "r.csv", index=False)
     said = list(survey(tmp_path / "r.csv", load_ship("frigate")).sentences())
-    assert "left out, as neither canonical nor in the column map: weather" in said
-    assert any(s.startswith("without shaft_torque_N_m: a loss of the engine and") for s in said)
-    assert any(s.startswith("without ship_speed_m_s: the hull does not show") for s in said)
+    assert "left out, neither canonical nor in the column map: weather" in said
+    assert any(s.startswith("without shaft_torque_N_m: losses of the engine and") for s in said)
+    assert any(s.startswith("without ship_speed_m_s: effects on the hull") for s in said)
     assert said[-1].startswith("usable")
 
 
@@ -63,13 +63,13 @@ def test_check_leaves_out_no_column_that_a_diagnosis_uses(name: str, tmp_path: P
     samples = get_case("rack_step").run(ship, seed=0)
     table = pd.DataFrame({c: samples[s] for c, s in signal_columns(ship).items()})
     drift = 0.1 * np.sin(0.05 * table["time_s"])
-    turn = {column: drift for column in OF_A_TURN.values() if column not in table}
-    outside = {signal: drift for signal in OUTSIDE if signal not in OF_A_TURN}
+    turn = {column: drift for column in TURNING_SIGNALS.values() if column not in table}
+    outside = {signal: drift for signal in EXTRA_SIGNALS if signal not in TURNING_SIGNALS}
     table.assign(**turn, **outside, weather=1.0).to_csv(file, index=False)
     found = survey(file, ship)
     assert found.recording is not None, found.refused
     left = next(s for s in found.sentences() if s.startswith("left out")).partition(": ")[2]
     used = {*load_jointly(ship, [file], signals=Options().signals).tables[0]}
-    heard = {column for signal, column in OF_A_TURN.items() if signal in used}
+    heard = {column for signal, column in TURNING_SIGNALS.items() if signal in used}
     assert not {*left.split(", ")} & (used | heard)
     assert "weather" in left.split(", ")

@@ -89,7 +89,7 @@ def test_texts_of_dates_are_refused_with_what_to_say(
     table = calm.assign(time_s=dates.dt.strftime(form))
     with pytest.raises(RecordingError, match="time_s holds dates or times of day") as refused:
         load(table)
-    advice = str(refused.value).split("; say ")[1].removesuffix(" in the column map")
+    advice = str(refused.value).split("; add ")[1].removesuffix(" to the column map")
     assert len(load(table, f"[columns]\n{advice}")) == len(calm)
 
 
@@ -109,7 +109,7 @@ def test_times_that_fall_or_begin_below_zero_are_refused_with_what_to_do(
 def test_a_time_in_minutes_is_suspected_where_the_rows_come_too_fast(
     load: Load, calm: pd.DataFrame
 ) -> None:
-    advice = 'if time_s counts minutes, say unit = "min" in the column map'
+    advice = 'if time_s counts minutes, set unit = "min" in the column map'
     (said,) = (s for s in load(calm.assign(time_s=calm["time_s"] / 60.0)).limits if "time_s" in s)
     assert said.endswith(advice)
     assert advice not in "".join(load(calm.iloc[:900]).limits)
@@ -133,6 +133,7 @@ def test_a_ship_that_diverges_at_once_refuses_every_recording(
 ) -> None:
     light = frigate.with_values({"hull.mass_kg": mass})
     with pytest.raises(
-        RecordingError, match="cannot be driven by it: frigate: the simulation diverges"
+        RecordingError,
+        match="cannot be simulated with the recorded commands: frigate: the simulation diverges",
     ):
         load_recording(calm, light)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from shaftline.mismatch.recordings.columns import LONGEST_UNIT, load_map, unit_of
+from shaftline.mismatch.recordings.columns import LONGEST_UNIT, load_map, parse_unit
 from shaftline.mismatch.recordings.load import load_recording
 from shaftline.plant import load_ship
 
@@ -18,7 +18,7 @@ from shaftline.plant import load_ship
      "%", "rpm", "knot", "deg/s"],
 )  # fmt: skip
 def test_a_unit_of_a_log_is_understood(name: str) -> None:
-    assert unit_of(name) is not None
+    assert parse_unit(name) is not None
 
 
 @pytest.mark.parametrize(
@@ -30,14 +30,14 @@ def test_a_unit_of_a_log_is_understood(name: str) -> None:
 def test_a_tower_of_powers_is_refused_at_once(name: str) -> None:
     begun = time.monotonic()
     with pytest.raises(ValueError, match="an exponent is one number from -9 to 9"):
-        unit_of(name)
+        parse_unit(name)
     assert time.monotonic() - begun < 5.0
 
 
 def test_one_without_an_end_is_refused() -> None:
-    unit_of("m" + " s" * (LONGEST_UNIT // 2 - 1))
-    with pytest.raises(ValueError, match=f"has 100000 letters; at most {LONGEST_UNIT}"):
-        unit_of("m" * 100_000)
+    parse_unit("m" + " s" * (LONGEST_UNIT // 2 - 1))
+    with pytest.raises(ValueError, match=f"has 100000 characters; at most {LONGEST_UNIT}"):
+        parse_unit("m" * 100_000)
 
 
 def test_a_tower_in_a_column_map_is_refused_for_its_exponent(tmp_path: Path) -> None:

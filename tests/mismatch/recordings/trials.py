@@ -1,4 +1,4 @@
-"""Trials of the frigate with noisy instruments, and effects that are no slips."""
+"""Trials of the frigate with noisy instruments, and effects that are no unit errors."""
 
 from __future__ import annotations
 

@@ -8,14 +8,14 @@ from dataclasses import replace
 
 import pytest
 
-from shaftline.mismatch.report.data import as_dict, finite, merged
+from shaftline.mismatch.report.data import diagnosis_as_dict, merge_windows, replace_non_finite
 
 from ..diagnoses import ROWS, candidate, diagnosis_of, entry
 
 
 def test_a_finding_has_its_place_numbers_and_evidence() -> None:
     diagnosis = diagnosis_of("explained", warnings=["w"], limits=["l"])
-    report = as_dict(diagnosis)
+    report = diagnosis_as_dict(diagnosis)
     effect = entry("coulomb-friction (engine)")
     (found,) = report["effects"]
     (estimate,) = diagnosis.findings[0].estimates
@@ -64,7 +64,7 @@ def test_rivals_of_the_same_id_are_no_other_name() -> None:
         "viscous-friction (propeller)",
     )
     finding = replace(found.findings[0], rivals=tuple(candidate(r, 9.0, 1.0) for r in rivals))
-    (told,) = as_dict(replace(found, findings=[finding]))["effects"]
+    (told,) = diagnosis_as_dict(replace(found, findings=[finding]))["effects"]
     assert told["equivalent_ids"] == ["viscous-friction"]
 
 
@@ -73,7 +73,7 @@ def test_places_of_several_findings_are_joined() -> None:
     first = found.findings[0]
     other = replace(first, effect=entry("hull-fouling (hull)"), windows=[(100.0, 150.0)], regime="")
     third = replace(first, regime="drive above 20 mm", windows=[(10.0, 20.0)])
-    location = as_dict(replace(found, findings=[first, other, third]))["location"]
+    location = diagnosis_as_dict(replace(found, findings=[first, other, third]))["location"]
     assert location == {
         "balances": ["engine", "hull"],
         "windows_s": [[10.0, 20.0], [60.0, 150.0]],
@@ -82,7 +82,7 @@ def test_places_of_several_findings_are_joined() -> None:
 
 
 def test_what_has_no_name_has_place_and_curve() -> None:
-    report = as_dict(diagnosis_of("unexplained", shape_regime="r"))
+    report = diagnosis_as_dict(diagnosis_of("unexplained", shape_regime="r"))
     assert report["location"] == {
         "balances": ["engine"], "windows_s": [[20.0, 50.0]], "regime": "r",
     }  # fmt: skip
@@ -92,32 +92,35 @@ def test_what_has_no_name_has_place_and_curve() -> None:
         "evidence": {"score": 300.0, "threshold": 40.0},
     }  # fmt: skip
     assert report["effects"] == []
-    everywhere = as_dict(diagnosis_of("unexplained", shape_windows=[]))
+    everywhere = diagnosis_as_dict(diagnosis_of("unexplained", shape_windows=[]))
     assert everywhere["location"]["windows_s"] == [[0.0, pytest.approx(239.8)]]
     shape = replace(diagnosis_of("unexplained").shape, balance="thrust")  # type: ignore[type-var]
-    assert as_dict(diagnosis_of("unexplained", shape=shape))["location"]["balances"] == [
+    assert diagnosis_as_dict(diagnosis_of("unexplained", shape=shape))["location"]["balances"] == [
         "propeller"
     ]
 
 
 def test_where_nothing_is_missing_there_is_no_place() -> None:
-    report = as_dict(diagnosis_of("nothing-missing"))
+    report = diagnosis_as_dict(diagnosis_of("nothing-missing"))
     assert report["location"] == {"balances": [], "windows_s": [], "regime": ""}
 
 
 def test_windows_that_touch_are_one() -> None:
-    assert merged([(5.0, 9.0), (1.0, 5.0), (9.1, 10.0), (2.0, 3.0)]) == [[1.0, 9.0], [9.1, 10.0]]
-    assert merged([]) == []
+    assert merge_windows([(5.0, 9.0), (1.0, 5.0), (9.1, 10.0), (2.0, 3.0)]) == [
+        [1.0, 9.0],
+        [9.1, 10.0],
+    ]
+    assert merge_windows([]) == []
 
 
 def test_a_number_that_is_not_finite_is_null() -> None:
-    assert finite({"a": [1.0, -math.inf], "b": (math.nan, "x", 3)}) == {
+    assert replace_non_finite({"a": [1.0, -math.inf], "b": (math.nan, "x", 3)}) == {
         "a": [1.0, None],
         "b": [None, "x", 3],
     }
     found = diagnosis_of("explained")
     wild = replace(found.findings[0].estimates[0], standard_error=math.inf)
-    (told,) = as_dict(replace(found, findings=[replace(found.findings[0], estimates=(wild,))]))[
-        "effects"
-    ]
+    (told,) = diagnosis_as_dict(
+        replace(found, findings=[replace(found.findings[0], estimates=(wild,))])
+    )["effects"]
     assert told["parameters"]["coulomb_friction_engine_side_N_m"]["ci95"] == [None, None]

@@ -50,9 +50,9 @@ def shaded(axes: Any, colour: str) -> list[tuple[float, float]]:
 
 def test_traces_show_the_whole_and_the_part_set_aside(drawn: Drawn) -> None:
     diagnosis = diagnosis_of("explained")
-    assert figures.traces(diagnosis) == [
-        "pitch ratio over time", "pitch ratio over time, on the part set aside",
-        "shaft speed over time", "shaft speed over time, on the part set aside",
+    assert figures.trace_panels(diagnosis) == [
+        "pitch ratio over time", "pitch ratio over time, held-out data",
+        "shaft speed over time", "shaft speed over time, held-out data",
     ]  # fmt: skip
     assert [prefix for _, _, prefix in drawn] == ["t0", "t1", "t2", "t3"]
     whole, part = drawn[2][0], drawn[3][0]
@@ -77,7 +77,9 @@ def test_traces_show_the_whole_and_the_part_set_aside(drawn: Drawn) -> None:
 
 def test_large_channels_are_drawn_with_a_prefix(drawn: Drawn) -> None:
     torque = {"shaft_torque_N_m": np.linspace(-2e5, 1e5, ROWS)}
-    figures.traces(diagnosis_of("nothing-missing", measured=torque, before=torque, after=torque))
+    figures.trace_panels(
+        diagnosis_of("nothing-missing", measured=torque, before=torque, after=torque)
+    )
     axes = drawn[0][0]
     assert axes.get_ylabel() == "shaft torque [kN m]"
     assert lines(axes)[BEFORE].get_ydata()[0] == pytest.approx(-200.0)
@@ -87,7 +89,7 @@ def test_large_channels_are_drawn_with_a_prefix(drawn: Drawn) -> None:
 
 def test_residuals_are_block_means_with_the_spread_about_them(drawn: Drawn) -> None:
     diagnosis = diagnosis_of("explained")
-    assert figures.residuals(diagnosis) == [
+    assert figures.residual_panels(diagnosis) == [
         "residual of the hull balance over time", "residual of the engine balance over time",
     ]  # fmt: skip
     axes = drawn[1][0]
@@ -113,9 +115,9 @@ def test_a_spread_that_would_hide_the_means_is_told_in_words(drawn: Drawn) -> No
     diagnosis = diagnosis_of("nothing-missing")
     wide = diagnosis.residual_before.copy()
     wide[1] = np.resize([9e5, -9e5], ROWS) + 100.0 * np.sin(TIME / 30.0)
-    figures.residuals(diagnosis_of("nothing-missing", residual_before=wide))
+    figures.residual_panels(diagnosis_of("nothing-missing", residual_before=wide))
     axes = drawn[1][0]
-    assert [text.get_text() for text in axes.texts] == ["samples spread by ±900 kN m"]
+    assert [text.get_text() for text in axes.texts] == ["standard deviation of samples 900 kN m"]
     assert not axes.collections
     assert axes.get_ylim() == pytest.approx((-230.0, 230.0), abs=1.0)  # 100, and 0.65 of 200 about
 
@@ -137,7 +139,7 @@ def test_windows_that_hold_all_are_not_shaded() -> None:
 
 def test_spectra_are_amplitudes(drawn: Drawn) -> None:
     diagnosis = diagnosis_of("explained")
-    assert figures.spectra(diagnosis) == [
+    assert figures.spectrum_panels(diagnosis) == [
         "spectrum of the hull balance's residual", "spectrum of the engine balance's residual",
     ]  # fmt: skip
     axes = drawn[1][0]
@@ -199,21 +201,21 @@ def test_the_sea_is_shaded_where_a_ship_sails(drawn: Drawn) -> None:
     swell = diagnosis.residual_before.copy()
     swell[1] += 2e4 * np.sin(2.0 * np.pi * 0.15 * TIME) + 2e4 * np.sin(2.0 * np.pi * 0.13 * TIME)
     moving = diagnosis_of("nothing-missing", residual_before=swell)
-    figures.spectra(moving)
+    figures.spectrum_panels(moving)
     (band,) = shaded(drawn[1][0], WINDOW)
     assert band[0] < 0.14 < band[1]
     from shaftline.plant import load_ship
 
     drawn.clear()
     bench = load_ship("rov-thruster")
-    figures.spectra(
+    figures.spectrum_panels(
         diagnosis_of("nothing-missing", residual_before=swell, ship=bench, corrected=bench)
     )
     assert shaded(drawn[1][0], WINDOW) == []
 
 
 def test_the_ranking_shows_gains_beside_their_thresholds(drawn: Drawn) -> None:
-    figures.ranking(diagnosis_of("explained"))
+    figures.ranking_panels(diagnosis_of("explained"))
     axes = drawn[0][0]
     bars = [patch.get_width() for patch in axes.patches]
     assert bars == [347.0, 343.0, 0.0]
@@ -231,13 +233,13 @@ def test_the_ranking_shows_gains_beside_their_thresholds(drawn: Drawn) -> None:
 
 def test_at_most_twelve_are_ranked_and_none_leaves_no_figure(drawn: Drawn) -> None:
     many = [(candidate("hull-fouling (hull)", 50.0 - i, 0.1), 10.5) for i in range(15)]
-    figures.ranking(diagnosis_of("nothing-missing", ranking=many))
+    figures.ranking_panels(diagnosis_of("nothing-missing", ranking=many))
     assert len(drawn[0][0].patches) == 12
     assert drawn[0][0].get_xlim() == pytest.approx((0.0, 57.5))  # small gains need less room
-    assert figures.ranking(diagnosis_of("nothing-missing", ranking=[])) == []
+    assert figures.ranking_panels(diagnosis_of("nothing-missing", ranking=[])) == []
 
 
 def test_rows_are_evenly_spaced() -> None:
-    assert figures.interval(diagnosis_of("explained")) == pytest.approx(0.2)
-    assert figures.changed(diagnosis_of("explained"))
-    assert not figures.changed(diagnosis_of("nothing-missing"))
+    assert figures.sampling_interval(diagnosis_of("explained")) == pytest.approx(0.2)
+    assert figures.is_corrected(diagnosis_of("explained"))
+    assert not figures.is_corrected(diagnosis_of("nothing-missing"))

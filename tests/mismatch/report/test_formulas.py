@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from shaftline.mismatch import Estimate
-from shaftline.mismatch.report.data import as_dict
+from shaftline.mismatch.report.data import diagnosis_as_dict
 from shaftline.mismatch.report.html import report_html
 from shaftline.mismatch.report.text import summary
 from shaftline.mismatch.report.wording import formula_as_dict, formula_lines, formula_sentence
@@ -54,20 +54,20 @@ def test_a_formula_as_data() -> None:
 def test_a_sentence_says_place_form_and_sizes() -> None:
     said = formula_sentence(formula())
     assert said.startswith("In the hull balance the thrust changes as (a + b |drift angle|) drift")
-    assert "a = −1200 N/rad (95 %: −1400 to −1000)" in said
-    assert said.endswith("b = 50.0 N/rad² (95 %: 48.0 to 52.0).")
+    assert "a = −1200 N/rad (95 % interval: −1400 to −1000)" in said
+    assert said.endswith("b = 50.0 N/rad² (95 % interval: 48.0 to 52.0).")
 
 
 def test_report_text_and_page_hold_it() -> None:
     diagnosis = diagnosis_of("unexplained", formula=formula())
-    assert as_dict(diagnosis)["formula"] == formula_as_dict(formula())
-    assert as_dict(diagnosis_of("unexplained"))["formula"] is None
-    assert as_dict(diagnosis_of("explained"))["formula"] is None
+    assert diagnosis_as_dict(diagnosis)["formula"] == formula_as_dict(formula())
+    assert diagnosis_as_dict(diagnosis_of("unexplained"))["formula"] is None
+    assert diagnosis_as_dict(diagnosis_of("explained"))["formula"] is None
     text = summary(diagnosis)
-    assert "A formula for it\n" + "\n".join(formula_lines(formula())) in text
-    assert "or equally thrust: a * drift_angle * ship_speed" in text
+    assert "Formula\n" + "\n".join(formula_lines(formula())) in text
+    assert "indistinguishable from thrust: a * drift_angle * ship_speed" in text
     page = report_html(diagnosis)
-    assert "A formula for what has no name" in page
+    assert "A formula for the residual" in page
     assert "thrust: (a + b * abs(drift_angle)) * drift_angle" in page
-    assert "A formula for what has no name" not in report_html(diagnosis_of("unexplained"))
+    assert "A formula for the residual" not in report_html(diagnosis_of("unexplained"))
     assert diagnosis.sentence.endswith(formula_sentence(formula()))

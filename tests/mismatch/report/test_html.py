@@ -13,7 +13,14 @@ import pytest
 
 from shaftline.mismatch import Diagnosis, catalogue
 from shaftline.mismatch.report import figures
-from shaftline.mismatch.report.html import _detectable, _facts, _fits, _shape, _untold, report_html
+from shaftline.mismatch.report.html import (
+    _detectable_rows,
+    _facts,
+    _fits,
+    _shape,
+    _without_size,
+    report_html,
+)
 from shaftline.mismatch.report.text import CONSTANT, status
 from shaftline.plant import load_ship
 
@@ -64,7 +71,7 @@ CASES: dict[str, dict[str, Any]] = {
     "unexplained": {},
     "nothing-missing": {},
     "undecided": {
-        "limits": ["dull: the rack stands still"],
+        "limits": ["insufficient excitation: the rack stands still"],
         "undecidable": True,
         "warnings": ["two rows were <b>lost</b>"],
         "ship": load_ship("frigate").model_copy(update={"name": "a<b ship"}),
@@ -123,7 +130,7 @@ def test_a_finding_is_told_in_full(pages: dict[str, tuple[Diagnosis, str]]) -> N
         "Coulomb friction", "8.00", "6.95 … 9.05", "kN m", FRICTION, effect.split_by,
         "viscous-friction (engine)", "60 to 120 s", "shaft speed above 11 rad/s",
         f"shaftline {version('shaftline')}",
-        "98 % of the slow difference", "324 N m",
+        "98 % of the low-frequency residual power", "324 N m",
     ):  # fmt: skip
         assert told in text, told
 
@@ -145,14 +152,14 @@ def test_unexplained_without_a_shape_gives_a_page() -> None:
         )
     )  # fmt: skip
     assert page.count("<small>constant: no FitPercent</small>") == 1
-    assert "has no name</h2>" not in page
+    assert "Residual of unknown cause" not in page
     assert "−20.0" not in page  # nothing was corrected
 
 
 def test_the_same_diagnosis_gives_the_same_drawing(
     pages: dict[str, tuple[Diagnosis, str]],
 ) -> None:
-    (drawn,) = figures.ranking(pages["explained"][0])
+    (drawn,) = figures.ranking_panels(pages["explained"][0])
     assert drawn in pages["explained"][1]
 
 
@@ -162,15 +169,16 @@ def test_facts_are_those_of_the_recording(pages: dict[str, tuple[Diagnosis, str]
     for told in (
         "Ship frigate",
         "Recording 240 s (4 min), 1200 rows, one every 0.2 s",
-        "Set aside, never fitted 180 to 240 s",
+        "Held-out data, never fitted 180 to 240 s",
         "Balances checked hull, engine",
         f"Effects tried 3 of {len(catalogue())} in the catalogue",
-        "Explained 98 % of the slow difference beyond noise",
-        "Gain on what was set aside 285 in 2 log L",
+        "Explained 98 % of the low-frequency residual power beyond noise",
+        "2 Δ log L on held-out data 285",
         "pitch ratio 84.5 → 99.4 %",
-        "gain 347 in 2 log L, threshold 10.5",
-        "cannot tell it from viscous-friction (engine) with viscous friction engine side 700 N m s/rad",
-        "The best 3 of 3 entries",
+        "2 Δ log L = 347, threshold 10.5",
+        "cannot distinguish it from viscous-friction (engine) with viscous friction engine side 700 N m "
+        "s/rad",
+        "The best 3 of 3 effects",
     ):
         assert told in text, told
     assert "width:84.5%" in page
@@ -184,7 +192,7 @@ def test_short_recordings_are_told_in_seconds_alone() -> None:
     }
     facts = dict(_facts(diagnosis_of("nothing-missing", held_out=[(100.0, 118.0)], **short)))
     assert facts["Recording"] == "119 s, 595 rows, one every 0.2 s"
-    assert facts["Set aside, never fitted"] == "100.0 to 118.0 s"
+    assert facts["Held-out data, never fitted"] == "100.0 to 118.0 s"
     longer = dict(_facts(diagnosis_of("nothing-missing", time_s=np.linspace(0.0, 120.0, 1200))))
     assert longer["Recording"] == "120 s (2 min), 1200 rows, one every 0.1 s"
 
@@ -212,13 +220,17 @@ def test_fits_are_drawn_between_0_and_100(value: float, percent: str, width: str
 @pytest.mark.parametrize(
     ("verdict", "changes", "told"),
     [
-        ("explained", {"limits": ["dull"], "excited": False}, "explained"),
-        ("nothing-missing", {"limits": ["dull"]}, "nothing-missing"),
+        ("explained", {"limits": ["insufficient excitation"], "excited": False}, "explained"),
+        ("nothing-missing", {"limits": ["insufficient excitation"]}, "nothing-missing"),
         ("unexplained", {"limits": ["too short"], "undecidable": True}, "undecided"),
-        ("partly-explained", {"limits": ["dull"], "excited": False}, "partly-explained"),
+        (
+            "partly-explained",
+            {"limits": ["insufficient excitation"], "excited": False},
+            "partly-explained",
+        ),
         ("nothing-missing", {"limits": [], "excited": False}, "nothing-missing"),
-        ("unexplained", {"limits": ["dull"], "excited": False}, "undecided"),
-        ("unexplained", {"limits": ["dull"]}, "unexplained"),
+        ("unexplained", {"limits": ["insufficient excitation"], "excited": False}, "undecided"),
+        ("unexplained", {"limits": ["insufficient excitation"]}, "unexplained"),
     ],
 )
 def test_what_limits_the_recording_may_leave_it_undecided(
@@ -243,11 +255,11 @@ def test_a_shape_is_told_by_its_knots() -> None:
 
 def test_what_has_no_smallest_size_is_listed_with_the_reason() -> None:
     diagnosis = diagnosis_of("explained")
-    told = _untold(diagnosis)
+    told = _without_size(diagnosis)
     assert told["unsized"] == ["viscous-friction (engine)", "hull-fouling (hull)"]
     tried = {c.effect.label for c, _ in diagnosis.ranking}
     assert sorted([*told["untried"], *tried]) == sorted(e.label for e in catalogue())
-    assert _detectable(diagnosis) == [
+    assert _detectable_rows(diagnosis) == [
         {
             "effect": "Coulomb friction",
             "balance": "engine",

@@ -10,25 +10,25 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import DiagnosisIndex
-from shaftline.mismatch.report.data import as_dict
-from shaftline.mismatch.report.index import INDEX_COLUMNS, page, row_of
+from shaftline.mismatch.report.data import diagnosis_as_dict
+from shaftline.mismatch.report.index import INDEX_COLUMNS, index_html, index_row
 
 from ..diagnoses import diagnosis_of
 
 
 def report(verdict: str, **changes: Any) -> dict[str, Any]:
-    return as_dict(diagnosis_of(verdict, **changes))
+    return diagnosis_as_dict(diagnosis_of(verdict, **changes))
 
 
 def row(name: str, verdict: str, gain: float = 0.0) -> dict[str, Any]:
     fit = {"pitch_ratio": 50.0, "shaft_speed_rad_s": 50.0}
     after = {"pitch_ratio": 50.0, "shaft_speed_rad_s": 50.0 + gain}
-    return row_of(
+    return index_row(
         name, "2024-05-03", report(verdict, fit_before=fit, fit_after=after), f"{name}/r.html"
     )
 
 
-BAD = row_of("bad <1>.csv", "2024-05-04", error="bad <1>.csv: time_s, row 3")
+BAD = index_row("bad <1>.csv", "2024-05-04", error="bad <1>.csv: time_s, row 3")
 
 
 @pytest.fixture
@@ -49,20 +49,20 @@ def test_a_row_tells_what_was_found_where() -> None:
         "channel": "shaft_speed_rad_s", "fit_before": 50.0, "fit_after": 62.0,
         "sentence": diagnosis_of("explained").sentence, "report": "a.csv/r.html", "error": "",
     }  # fmt: skip
-    assert row("b.csv", "unexplained")["found"] == "no name; follows shaft speed"
-    nameless = row_of("c.csv", "", report("unexplained", shape=None))
-    assert nameless["found"] == "no name"
+    assert row("b.csv", "unexplained")["found"] == "unknown cause; depends on shaft speed"
+    nameless = index_row("c.csv", "", report("unexplained", shape=None))
+    assert nameless["found"] == "unknown cause"
     assert row("d.csv", "nothing-missing")["found"] == ""
 
 
 def test_without_a_fit_there_is_no_channel() -> None:
-    found = row_of("a.csv", "", report("explained", fit_before={}, fit_after={}))
+    found = index_row("a.csv", "", report("explained", fit_before={}, fit_after={}))
     assert found["channel"] == ""
     assert pd.isna(found["fit_before"])
     absent = report("explained")
     absent["fit"]["held_out"]["before"]["pitch_ratio"] = None
     absent["fit"]["held_out"]["after"]["shaft_speed_rad_s"] = None
-    assert row_of("a.csv", "", absent)["channel"] == ""
+    assert index_row("a.csv", "", absent)["channel"] == ""
 
 
 def test_the_worst_stands_first(index: DiagnosisIndex) -> None:
@@ -77,7 +77,7 @@ def test_the_worst_stands_first(index: DiagnosisIndex) -> None:
 
 def test_a_summary_tells_findings_and_failures(index: DiagnosisIndex) -> None:
     lines = index.summary().splitlines()
-    assert lines[0] == "Worst first; FitPercent on what was set aside, 100 is perfect"
+    assert lines[0] == "Largest mismatch first; FitPercent on the held-out data, 100 is perfect"
     assert lines[1].split() == [
         "recording",
         "date",
@@ -92,7 +92,7 @@ def test_a_summary_tells_findings_and_failures(index: DiagnosisIndex) -> None:
     assert lines[-1] == "could not be diagnosed: bad <1>.csv: time_s, row 3"
     assert DiagnosisIndex.of([BAD]).summary() == lines[-1]
     empty = DiagnosisIndex.of(
-        [row_of("a.csv", "", report("explained", fit_before={}, fit_after={}))]
+        [index_row("a.csv", "", report("explained", fit_before={}, fit_after={}))]
     )
     assert empty.summary().splitlines()[2].split()[-2:] == ["–", "–"]
 
@@ -108,11 +108,11 @@ def test_it_is_saved_as_table_and_page(index: DiagnosisIndex, tmp_path: Path) ->
     assert {file.name for file in (tmp_path / "out").iterdir()} == {"index.csv", "index.html"}
     kept = pd.read_csv(tmp_path / "out" / "index.csv", keep_default_na=False)
     assert list(kept["recording"]) == list(index.table["recording"])
-    assert (tmp_path / "out" / "index.html").read_text(encoding="utf-8") == page(index)
+    assert (tmp_path / "out" / "index.html").read_text(encoding="utf-8") == index_html(index)
 
 
 def test_the_page_counts_links_and_escapes(index: DiagnosisIndex) -> None:
-    text = page(index)
+    text = index_html(index)
     counts = "1 unexplained, 2 explained, 1 nothing missing, 1 could not be diagnosed."
     assert f"<b>5 recordings of frigate</b>: {counts}" in text
     assert '<a href="a%20b.csv/r.html">a b.csv</a>' in text
@@ -120,8 +120,8 @@ def test_the_page_counts_links_and_escapes(index: DiagnosisIndex) -> None:
     assert "bad &lt;1&gt;.csv: time_s, row 3" in text
     assert "<small>20..50 s</small>" in text
     assert "Could not be diagnosed" in text
-    good = page(DiagnosisIndex.of([row("a.csv", "explained")]))
+    good = index_html(DiagnosisIndex.of([row("a.csv", "explained")]))
     assert "ould not be diagnosed" not in good
-    bad = page(DiagnosisIndex.of([BAD]))
+    bad = index_html(DiagnosisIndex.of([BAD]))
     assert "<b>1 recordings</b>: 1 could not be diagnosed." in bad
     assert "FitPercent" not in bad

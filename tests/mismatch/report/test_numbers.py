@@ -1,4 +1,4 @@
-"""What reports say of the ship's numbers."""
+"""Parameters of the ship in the reports."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from shaftline.mismatch import Diagnosis
-from shaftline.mismatch.identification.parameters import MovedNumber, WrongNumber
+from shaftline.mismatch.identification.parameters import BiasedParameter, ParameterChange
 from shaftline.mismatch.report.html import report_html
 from shaftline.mismatch.report.wording import source_words
 
@@ -19,14 +19,14 @@ RESISTANCE, INERTIA = (
     "hull.resistance_coefficient_N_s2_m2", "transmission.inertia_engine_side_kg_m2",
 )  # fmt: skip
 NUMBERS = [
-    MovedNumber(RESISTANCE, "N s2/m2", 3306.2, 3471.5, 6.125, -0.75, "calibrated", 3472.5),
-    MovedNumber(INERTIA, "kg m2", 53697.0, 48000.0, math.nan, 3.0, "free", 53697.0),
+    ParameterChange(RESISTANCE, "N s2/m2", 3306.2, 3471.5, 6.125, -0.75, "calibrated", 3472.5),
+    ParameterChange(INERTIA, "kg m2", 53697.0, 48000.0, math.nan, 3.0, "free", 53697.0),
 ]
-WRONG = WrongNumber("prime_mover.torque_offset_N_m", -7381.0, -6321.5, "N m", 345.0)
+WRONG = BiasedParameter("prime_mover.torque_offset_N_m", -7381.0, -6321.5, "N m", 345.0)
 
 
 def told(**more: Any) -> Diagnosis:
-    return diagnosis_of("explained", numbers=NUMBERS, wrong=[WRONG], **more)
+    return diagnosis_of("explained", parameters=NUMBERS, biased=[WRONG], **more)
 
 
 def test_they_stand_in_the_data() -> None:
@@ -49,31 +49,33 @@ def test_they_stand_in_the_text() -> None:
     row = next(line for line in said.splitlines() if line.startswith(RESISTANCE))
     assert row.split()[1:4] == ["3306.2", "3471.5", "6.1"]
     assert "-0.8" in row
-    assert "told by the healthy period" in row
+    assert "estimated from the reference period" in row
     assert (
-        "coulomb-friction (engine): A wrong prime_mover.torque_offset_N_m would explain it as well "
-        "(−6322 N m; the file has −7381 N m)."
+        "coulomb-friction (engine): A biased prime_mover.torque_offset_N_m would explain the difference "
+        "as well: −6322 N m in place of −7381 N m in the ship file."
     ) in said
-    assert "The ship's numbers" not in diagnosis_of("explained").summary()
-    assert "wrong" not in diagnosis_of("explained").summary()
+    assert "Parameters of the ship" not in diagnosis_of("explained").summary()
+    assert "biased" not in diagnosis_of("explained").summary()
 
 
 def test_they_stand_on_the_page() -> None:
     page = report_html(told())
-    assert "<h2>The ship's numbers</h2>" in page
-    assert "told by the healthy period" in page
-    assert "A wrong prime_mover.torque_offset_N_m would explain it as well" in page
-    assert "<h2>The ship's numbers</h2>" not in report_html(diagnosis_of("explained"))
+    assert "<h2>Parameters of the ship</h2>" in page
+    assert "estimated from the reference period" in page
+    assert "A biased prime_mover.torque_offset_N_m would explain the difference as well" in page
+    assert "<h2>Parameters of the ship</h2>" not in report_html(diagnosis_of("explained"))
 
 
 def test_numbers_that_explain_are_the_answer() -> None:
-    right = MovedNumber(RESISTANCE, "N s2/m2", 3306.2, 3967.0, 6.0, 0.67, "free", 3967.0)
-    found = diagnosis_of("nothing-missing", numbers=[right, NUMBERS[1]])
-    assert found.sentence.startswith("Nothing is missing once the numbers are right: hull.")
+    right = ParameterChange(RESISTANCE, "N s2/m2", 3306.2, 3967.0, 6.0, 0.67, "free", 3967.0)
+    found = diagnosis_of("nothing-missing", parameters=[right, NUMBERS[1]])
+    assert found.sentence.startswith(
+        "No physics is missing once the parameters are corrected: hull."
+    )
     assert f"{RESISTANCE} is 3967 N s²/m² in place of 3306 N s²/m². The" in found.sentence
     assert INERTIA not in found.sentence  # the corrected ship has it as the file has
-    plain = diagnosis_of("nothing-missing", numbers=NUMBERS)
-    assert plain.sentence.startswith("Nothing is missing: ")
+    plain = diagnosis_of("nothing-missing", parameters=NUMBERS)
+    assert plain.sentence.startswith("No physics is missing: ")
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
@@ -82,16 +84,16 @@ def test_numbers_that_explain_are_the_answer() -> None:
     [
         (0.0, "inside its tolerance"),
         (1.9, "inside its tolerance"),
-        (2.1, "beyond its tolerance, 2.1 times"),
-        (5.5, "beyond its tolerance, 5.5 times"),
-        (10.7, "beyond its tolerance, 10.7 times"),
+        (2.1, "2.1 times its tolerance"),
+        (5.5, "5.5 times its tolerance"),
+        (10.7, "10.7 times its tolerance"),
     ],
 )
 def test_a_number_is_inside_its_tolerance_only_if_it_is(
     shifts: float, words: str, sign: float
 ) -> None:
-    moved = MovedNumber(RESISTANCE, "N", 1.0, 2.0, 0.1, sign * shifts, "tolerance", 1.0)
+    moved = ParameterChange(RESISTANCE, "N", 1.0, 2.0, 0.1, sign * shifts, "tolerance", 1.0)
     assert source_words(moved) == words
-    found = diagnosis_of("explained", numbers=[moved])
+    found = diagnosis_of("explained", parameters=[moved])
     assert words in found.summary()
     assert words in report_html(found)

@@ -12,12 +12,12 @@ from shaftline.mismatch.report.figures import (
     HEIGHT,
     WIDTH,
     block_rows,
-    blocks,
+    block_statistics,
     equation,
     outline,
     panel,
     svg,
-    thinned,
+    thin,
 )
 
 
@@ -35,8 +35,8 @@ def test_blocks_are_five_seconds_or_less_in_a_short_recording() -> None:
     assert block_rows(240.0, 0.2) == 20  # a sixtieth of it
     assert block_rows(1200.0, 30.0) == 1
     rows = np.arange(11.0)
-    assert blocks(rows, 3) == pytest.approx([1.0, 4.0, 7.0])
-    assert blocks(rows, 3, np.max) == pytest.approx([2.0, 5.0, 8.0])
+    assert block_statistics(rows, 3) == pytest.approx([1.0, 4.0, 7.0])
+    assert block_statistics(rows, 3, np.max) == pytest.approx([2.0, 5.0, 8.0])
 
 
 def test_a_long_trace_keeps_its_extremes() -> None:
@@ -56,9 +56,9 @@ def test_a_long_trace_keeps_its_extremes() -> None:
 
 def test_a_smooth_trace_is_thinned() -> None:
     time = np.arange(12600.0)
-    assert (thinned(time, -time)[0] == time[::10]).all()
-    assert (thinned(time, -time)[1] == -time[::10]).all()
-    assert len(thinned(time[:500], time[:500])[0]) == 500
+    assert (thin(time, -time)[0] == time[::10]).all()
+    assert (thin(time, -time)[1] == -time[::10]).all()
+    assert len(thin(time[:500], time[:500])[0]) == 500
 
 
 def test_a_panel_has_its_size_and_labels() -> None:

@@ -9,31 +9,37 @@ import numpy as np
 import pytest
 
 from shaftline.mismatch import Effect, Estimate, catalogue
-from shaftline.mismatch.report.text import MOST_WORDS, between, finding_sentence, headline, sentence
+from shaftline.mismatch.report.text import (
+    MOST_WORDS,
+    _between,
+    finding_sentence,
+    headline,
+    sentence,
+)
 
 from ..diagnoses import diagnosis_of, entry
 
 
 def test_windows_in_words() -> None:
-    assert between([]) == ""
-    assert between([(10.4, 50.0)]) == "between 10 and 50 s"
+    assert _between([]) == ""
+    assert _between([(10.4, 50.0)]) == "between 10 and 50 s"
     four = [(0.0, 1.0), (2.0, 3.0), (4.0, 5.0), (6.0, 7.0)]
-    assert between(four[:3]) == "between 0 and 1 s, between 2 and 3 s, between 4 and 5 s"
-    assert between(four).endswith("between 4 and 5 s, and in 1 more windows")
+    assert _between(four[:3]) == "between 0 and 1 s, between 2 and 3 s, between 4 and 5 s"
+    assert _between(four).endswith("between 4 and 5 s, and in 1 more windows")
 
 
 def test_a_finding_says_where_what_and_how_much() -> None:
     diagnosis = diagnosis_of("explained")
     assert finding_sentence(diagnosis.findings[0]) == (
-        "Between 60 and 120 s, shaft_speed above 11 rad/s, the engine balance lacks torque that does "
-        "not depend on speed: Coulomb friction on the engine side of the gauge, "
-        "8.00 kN m (95 %: 6.95 kN m to 9.05 kN m)."
+        "Between 60 and 120 s, with shaft speed above 11 rad/s, the engine balance lacks "
+        f"{diagnosis.findings[0].effect.lacks}, with coulomb friction engine side 8.00 kN m "
+        "(95 % interval: 6.95 kN m to 9.05 kN m)."
     )
     everywhere = replace(diagnosis.findings[0], regime="", windows=[])
     assert finding_sentence(everywhere).startswith(" the engine balance lacks torque")
 
 
-def test_several_parameters_are_told_by_name_and_instruments_as_such() -> None:
+def test_parameters_have_names_and_instruments_are_called_instruments() -> None:
     ship = diagnosis_of("explained").ship
     bend = entry("engine-torque-curvature (engine)")
     numbers = tuple(
@@ -56,25 +62,30 @@ def test_each_verdict_has_its_sentence() -> None:
     two = replace(found, findings=found.findings * 2)
     assert sentence(two) == " ".join([finding_sentence(found.findings[0])] * 2)
     assert sentence(diagnosis_of("nothing-missing")).startswith(
-        "Nothing is missing: the simulation"
+        "No physics is missing: the simulation"
     )
-    limits = ["dull: a", "too short: b"]
+    limits = ["insufficient excitation: a", "too short: b"]
     assert sentence(diagnosis_of("nothing-missing", limits=limits)).endswith(
-        "allow. Mind that the recording is limited: dull: a; too short: b."
+        "allow. Warning: the recording is limited: insufficient excitation: a; too short: b."
     )
     nothing_told = diagnosis_of("unexplained", limits=limits, undecidable=True, shape=None)
-    assert sentence(nothing_told) == "Cannot be decided, because dull: a; too short: b."
+    assert (
+        sentence(nothing_told)
+        == "Whether physics is missing cannot be decided, because insufficient excitation: a; "
+        "too short: b."
+    )
     assert sentence(diagnosis_of("unexplained")) == (
-        "Something is missing that has no name: the engine balance lacks −12.0 kN m to 500 N m, "
+        "No effect of the catalogue fits: the engine balance lacks −12.0 kN m to 500 N m, "
         "depending on shaft speed."
     )
     assert sentence(diagnosis_of("unexplained", limits=limits, excited=False)) == (
-        "Something differs; which effect it is cannot be decided, because dull: a; too short: b."
+        "Simulation and recording differ; which effect is the cause cannot be decided, because "
+        "insufficient excitation: a; too short: b."
     )
     for changes in ({"limits": limits}, {"excited": False}):
-        assert "no name" in sentence(diagnosis_of("unexplained", **changes))
+        assert "No effect of the catalogue" in sentence(diagnosis_of("unexplained", **changes))
     assert sentence(diagnosis_of("unexplained", shape=None)) == (
-        "Something is missing that the catalogue does not name."
+        "Simulation and recording differ, and no effect of the catalogue fits."
     )
 
 
@@ -95,7 +106,7 @@ def test_a_sentence_lacks_what_is_missing_and_has_what_is_too_much(
     effect: Effect, neutral: float
 ) -> None:
     more, less = (told_at(effect, neutral + change, neutral) for change in (0.5, -0.5))
-    assert f" lacks {effect.lacks}, " in more
+    assert f" lacks {effect.lacks}, with " in more
     assert " lacks " not in less
     assert " has " in less
     assert (effect.excess or effect.lacks) in less
@@ -112,7 +123,7 @@ def test_every_entry_of_either_sign_says_what_it_is_below_its_neutral_value() ->
 
 def test_an_entry_of_ones_own_without_words_for_too_much_has_some() -> None:
     own = replace(SIGNED[0], excess="", lacks="force as of ice")
-    assert "has too much of this: force as of ice, " in told_at(own, -0.5, 0.0)
+    assert "has too much of this: force as of ice, with " in told_at(own, -0.5, 0.0)
 
 
 def test_a_limit_that_is_absent_at_infinity_is_lacking_below_it() -> None:
@@ -146,7 +157,11 @@ def test_a_headline_names_as_many_effects_as_it_has_words_for() -> None:
     ("verdict", "changes", "line"),
     [
         ("nothing-missing", {}, "Nothing missing: the difference is within noise"),
-        ("unexplained", {"limits": ["dull"], "excited": False}, "Cannot be decided: the recording"),
+        (
+            "unexplained",
+            {"limits": ["insufficient excitation"], "excited": False},
+            "Cannot be decided: the recording",
+        ),
     ],
 )
 def test_a_headline_without_effects(verdict: str, changes: dict[str, object], line: str) -> None:

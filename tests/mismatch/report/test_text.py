@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from shaftline.mismatch.report.text import aligned, summary
+from shaftline.mismatch.report.text import align_columns, summary
 
 from ..diagnoses import candidate, diagnosis_of
 
@@ -14,16 +14,16 @@ def test_columns_are_aligned_under_their_heads() -> None:
         {"name": "a", "value": "1.0", "note": ""},
         {"name": "long one", "value": "10.0", "note": "x"},
     ]
-    assert aligned(rows, ["value"]) == (
+    assert align_columns(rows, ["value"]) == (
         "name      value  note\n"
         "a           1.0\n"
         "long one   10.0  x"
     )  # fmt: skip
-    assert aligned([]) == ""
+    assert align_columns([]) == ""
 
 
 def test_a_summary_has_answer_findings_fit_and_notes() -> None:
-    found = diagnosis_of("explained", limits=["dull: a"], warnings=["b"])
+    found = diagnosis_of("explained", limits=["insufficient excitation: a"], warnings=["b"])
     finding = replace(
         found.findings[0],
         rivals=(
@@ -36,22 +36,23 @@ def test_a_summary_has_answer_findings_fit_and_notes() -> None:
         [
             "Explained by Coulomb friction.",
             "",
-            "What is missing (evidence in 2 log L)",
+            "Missing physics (evidence: log-likelihood-ratio statistic, 2 Δ log L)",
             "effect            balance  parameter                         value  95 % from    to  unit"
-            "  evidence  threshold  or equally",
+            "  evidence  threshold  indistinguishable from",
             "coulomb-friction  engine   coulomb_friction_engine_side_N_m   8000       6950  9050  N m"
             "      347.0       10.5  viscous-friction (engine)",
             "",
             "In words",
             found.sentence,
             "",
-            "Ship file (before) and corrected ship (after), run freely; FitPercent: 100 is perfect",
+            "Fit of the ship file (before) and of the corrected ship (after), simulated open loop; "
+            "FitPercent: 100 is perfect",
             "channel            before  after  rms before  rms after  unit",
             "pitch_ratio          84.5   99.4           0          0",
             "shaft_speed_rad_s    84.5   99.4         0.3          0  rad/s",
-            "judged on 180 to 240 s, which was set aside before anything was fitted",
+            "evaluated on 180 to 240 s, which was held out before anything was fitted",
             "",
-            "note: dull: a",
+            "note: insufficient excitation: a",
             "note: b",
         ]
     )
@@ -75,5 +76,5 @@ def test_a_constant_channel_says_so() -> None:
     assert line.split(maxsplit=6) == [
         "shaft_speed_rad_s", "–", "–", "0.3", "0", "rad/s", "constant: no FitPercent",
     ]  # fmt: skip
-    assert "What is missing" not in summary(found)
+    assert "Missing physics" not in summary(found)
     assert "note:" not in summary(found)

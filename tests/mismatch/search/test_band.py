@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.search.band import catalogue_hertz, rows_averaged
-from shaftline.mismatch.search.catalogue import applicable
+from shaftline.mismatch.search.band import highest_informative_frequency, rows_per_average
+from shaftline.mismatch.search.catalogue import applicable_effects
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import Ship
@@ -30,8 +30,8 @@ def run(ship: Ship, every: int) -> pd.DataFrame:
 
 def hertz(ship: Ship, table: pd.DataFrame, exclude: tuple[str, ...] = ()) -> float:
     balances = Balances(JointReplay(ship, table))
-    effects = [e for e in applicable(ship, set(table.columns), exclude) if not e.together]
-    return catalogue_hertz(balances, effects, [(0, balances.replay.rows)])
+    effects = [e for e in applicable_effects(ship, set(table.columns), exclude) if not e.together]
+    return highest_informative_frequency(balances, effects, [(0, balances.replay.rows)])
 
 
 def test_it_does_not_follow_the_sampling_rate(servo: Ship) -> None:
@@ -46,7 +46,7 @@ def test_it_is_that_of_the_fastest_effect(servo: Ship) -> None:
 
 
 def test_a_period_keeps_five_rows() -> None:
-    assert rows_averaged(0.001, 2.0) == 100
-    assert rows_averaged(0.001, 2.1) == 95
-    assert rows_averaged(0.1, 3.0) == 1
-    assert rows_averaged(0.1, math.inf) == 1
+    assert rows_per_average(0.001, 2.0) == 100
+    assert rows_per_average(0.001, 2.1) == 95
+    assert rows_per_average(0.1, 3.0) == 1
+    assert rows_per_average(0.1, math.inf) == 1

@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import Diagnosis, catalogue, diagnose
-from shaftline.mismatch.recordings.excitation import one_way
-from shaftline.mismatch.search.catalogue import Placed, applicable, entries_of
+from shaftline.mismatch.recordings.excitation import shaft_runs_one_way
+from shaftline.mismatch.search.catalogue import SizedEffect, applicable_effects, parse_entries
 from shaftline.mismatch.search.trial_ship import TrialShip
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
@@ -79,7 +79,7 @@ def thruster() -> Ship:
 def thruster_run(ship: Ship) -> pd.DataFrame:
     """30 s of the thruster in both directions; all that such a rig measures."""
     rows = 1500
-    top = 0.9 * ship.number("prime_mover.voltage_max_V").value
+    top = 0.9 * ship.parameter("prime_mover.voltage_max_V").value
     table = pd.DataFrame(
         {"time_s": 0.02 * np.arange(rows), "motor_voltage_V": steps(rows, top, 50, 1)}
     )
@@ -110,7 +110,7 @@ def true_ship(nominal: Ship, plain: pd.DataFrame, label: str, values: tuple[floa
     """The ship with an effect of some size on it."""
     effect = next(e for e in catalogue() if e.label == label)
     trial_ship = TrialShip(Balances(JointReplay(nominal, plain)))
-    return trial_ship.corrected((Placed(effect, values),))
+    return trial_ship.corrected((SizedEffect(effect, values),))
 
 
 def names(found: Diagnosis) -> set[str]:
@@ -152,7 +152,7 @@ def test_a_loss_of_thrust_is_not_told_from_a_sensor_s_gain_on_a_fixed_rig() -> N
 
 def test_effects_of_an_angle_or_a_sensor_ask_for_its_column(servo: Ship) -> None:
     def ids(ship: Ship, *columns: str) -> set[str]:
-        return {e.id for e in applicable(ship, columns)}
+        return {e.id for e in applicable_effects(ship, columns)}
 
     thrust = {"thrust-loss", "astern-thrust", "thrust-sensor-gain", "thrust-sensor-lag"}
     assert thrust <= ids(thruster(), "thrust_N")
@@ -168,19 +168,21 @@ def test_effects_of_an_angle_or_a_sensor_ask_for_its_column(servo: Ship) -> None
     # without the current, another motor constant and inertia would do as well
     assert "speed-sensor-gain" not in ids(thruster(), "shaft_speed_rad_s")
     assert "speed-sensor-gain" in ids(thruster(), "shaft_speed_rad_s", "motor_current_A")
-    labels = {e.label for e in applicable(thruster(), ["thrust_N"])}
+    labels = {e.label for e in applicable_effects(thruster(), ["thrust_N"])}
     assert "astern-thrust (propeller, on-a-rig)" not in labels  # the motor's load says the same
 
 
 def test_effects_of_reversing_are_offered_where_something_reverses() -> None:
-    both = {e.id for e in applicable(thruster(), ["thrust_N"])}
-    ahead = {e.id for e in applicable(thruster(), ["thrust_N"], one_way=True)}
+    both = {e.id for e in applicable_effects(thruster(), ["thrust_N"])}
+    ahead = {e.id for e in applicable_effects(thruster(), ["thrust_N"], one_way=True)}
     assert both - ahead == {"direction-asymmetry", "astern-thrust"}
     run = thruster_run(thruster())
-    assert not one_way(thruster(), [run])
-    assert one_way(thruster(), [run.abs()])
+    assert not shaft_runs_one_way(thruster(), [run])
+    assert shaft_runs_one_way(thruster(), [run.abs()])
     # a shaft that a brake or its inertia turns the other way counts as well
-    assert not one_way(thruster(), [run.assign(motor_voltage_V=run["motor_voltage_V"].abs())])
+    assert not shaft_runs_one_way(
+        thruster(), [run.assign(motor_voltage_V=run["motor_voltage_V"].abs())]
+    )
 
 
 def test_a_plausible_range_whose_ends_are_swapped_is_refused() -> None:
@@ -194,8 +196,8 @@ expression = "c * shaft_speed"
 c = { unit = "N m s/rad", probes = [1.0], plausible = [2.0, 1.0] }
 """
     with pytest.raises(ValueError, match=r"term drag: parameters\.c: .*low must be below high"):
-        entries_of(text)
-    (own,) = entries_of(text.replace("[2.0, 1.0]", "[0.0, 0.5], plausible_of = 'torque'"))
+        parse_entries(text)
+    (own,) = parse_entries(text.replace("[2.0, 1.0]", "[0.0, 0.5], plausible_of = 'torque'"))
     assert (own.parameters[0].plausible, own.parameters[0].plausible_of) == ((0.0, 0.5), "torque")
 
 

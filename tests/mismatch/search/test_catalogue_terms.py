@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import catalogue, diagnose
-from shaftline.mismatch.search.catalogue import Placed
+from shaftline.mismatch.search.catalogue import SizedEffect
 from shaftline.mismatch.search.trial_ship import TrialShip
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
@@ -68,13 +68,13 @@ def of_form(label: str, values: tuple[float, ...]) -> tuple[Ship, pd.DataFrame]:
         "yaw_rate": lambda t: 0.015 * np.sin(t / 31.0 + 0.3),
         "rudder_angle": lambda t: 0.3 * np.sin(t / 23.0),
     }
-    heard = {name: outside[name] for name in (effect.term.hears if effect.term else ())}
+    heard = {name: outside[name] for name in (effect.term.external_signals if effect.term else ())}
     frigate = effect.balance != "motor"
     ship = quick_frigate() if frigate else bench_tug()
     nominal = ship.with_signals(dict.fromkeys(heard, "-"))
     plain = frigate_voyage(nominal, seed=3, seconds=300.0, extra=heard) if frigate else tug_run()
     trial_ship = TrialShip(Balances(JointReplay(nominal, plain)))
-    true = trial_ship.corrected((Placed(effect, values),))
+    true = trial_ship.corrected((SizedEffect(effect, values),))
     if not frigate:
         return ship, tug_run(true, seed=1)
     return ship, frigate_voyage(true, seed=3, seconds=300.0, extra=heard)

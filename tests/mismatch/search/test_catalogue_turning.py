@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import catalogue, diagnose
-from shaftline.mismatch.recordings.excitation import turned
-from shaftline.mismatch.search.catalogue import Placed, applicable
+from shaftline.mismatch.recordings.excitation import course_changes
+from shaftline.mismatch.search.catalogue import SizedEffect, applicable_effects
 from shaftline.mismatch.search.trial_ship import TrialShip
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
@@ -43,7 +43,7 @@ def concealed(label: str, values: tuple[float, ...]) -> tuple[Ship, pd.DataFrame
     nominal = quick_tanker().with_signals(dict.fromkeys(extra, "m/s"))
     plain = swinging(nominal, extra=extra, astern=astern)
     trial_ship = TrialShip(Balances(JointReplay(nominal, plain)))
-    true = trial_ship.corrected((Placed(effect, values),))
+    true = trial_ship.corrected((SizedEffect(effect, values),))
     return quick_tanker(), swinging(true, extra=extra, astern=astern)
 
 
@@ -63,7 +63,7 @@ def test_only_a_ship_that_turns_is_offered_them() -> None:
     everything = {"sway_speed_m_s", "yaw_rate_rad_s", "ship_speed_m_s"}
     for name, offered in (("kvlcc2", labels), ("frigate", set())):
         ship = load_ship(name).with_signals({"side_wind": "m/s"})
-        assert labels & {e.label for e in applicable(ship, everything)} == offered
+        assert labels & {e.label for e in applicable_effects(ship, everything)} == offered
 
 
 def test_a_current_from_ahead_for_ever_is_not_offered_where_the_recording_turns() -> None:
@@ -71,18 +71,20 @@ def test_a_current_from_ahead_for_ever_is_not_offered_where_the_recording_turns(
     for name, turns, offered in (
         ("frigate", False, True), ("frigate", True, False), ("kvlcc2", True, True)
     ):  # fmt: skip
-        found = {e.id for e in applicable(load_ship(name), columns, turned=turns)}
+        found = {e.id for e in applicable_effects(load_ship(name), columns, turning=turns)}
         assert ("current" in found) == offered
 
 
 def test_a_recording_turns_by_its_heading_or_its_rate() -> None:
     time = np.arange(0.0, 60.0, 0.5)
     straight = pd.DataFrame({"time_s": time, "heading_rad": 0.4 * np.sin(time)})
-    assert not turned([straight])
-    assert turned([straight, straight + {"time_s": 0.0, "heading_rad": 3.0}])  # another course
-    assert not turned([straight, straight + {"time_s": 0.0, "heading_rad": 2.0 * np.pi}])
-    assert turned([straight.assign(heading_rad=0.02 * time)])
+    assert not course_changes([straight])
+    assert course_changes(
+        [straight, straight + {"time_s": 0.0, "heading_rad": 3.0}]
+    )  # another course
+    assert not course_changes([straight, straight + {"time_s": 0.0, "heading_rad": 2.0 * np.pi}])
+    assert course_changes([straight.assign(heading_rad=0.02 * time)])
     rates = pd.DataFrame({"time_s": time, "yaw_rate": 0.02})
-    assert turned([rates])
-    assert not turned([rates.assign(yaw_rate=0.005)])
-    assert not turned([rates[["time_s"]]])
+    assert course_changes([rates])
+    assert not course_changes([rates.assign(yaw_rate=0.005)])
+    assert not course_changes([rates[["time_s"]]])

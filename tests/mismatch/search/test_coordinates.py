@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import catalogue
-from shaftline.mismatch.search.catalogue import Placed
-from shaftline.mismatch.search.trial_ship import JointSearch, Search, TrialShip
+from shaftline.mismatch.search.catalogue import SizedEffect
+from shaftline.mismatch.search.trial_ship import EffectSearch, JointSearch, TrialShip
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import load_ship, ship_names
@@ -38,16 +38,16 @@ def test_every_value_that_a_search_can_reach_is_one_that_a_ship_file_allows(name
     assert len(effects) > 5
     for effect in effects:
         windows = [(10.0, 40.0)]
-        for placed in trial_ship.smallest(effect, windows):
-            search = Search(trial_ship, placed)
+        for placed in trial_ship.smallest_trials(effect, windows):
+            search = EffectSearch(trial_ship, placed)
             count = len(search.point())
             for point in itertools.product(*[FAR] * count):
                 reached = trial_ship.corrected(
-                    (search.placed(point),)
+                    (search.effects_at(point),)
                 )  # refuses what is not allowed
                 for parameter in effect.parameters:
                     low, high = trial_ship.range_of(parameter)
-                    assert low <= reached.number(parameter.key).value <= high, effect.label
+                    assert low <= reached.parameter(parameter.key).value <= high, effect.label
 
 
 def test_a_search_stays_off_an_excluded_bound() -> None:
@@ -55,18 +55,18 @@ def test_a_search_stays_off_an_excluded_bound() -> None:
     trial_ship = on_trial("rov-thruster")
     effect = next(e for e in catalogue() if e.label == "direction-asymmetry (motor)")
     key = effect.parameters[0].key
-    search = Search(trial_ship, Placed(effect, (0.9,)))
-    lowest = search.placed([60.0]).values[0]
+    search = EffectSearch(trial_ship, SizedEffect(effect, (0.9,)))
+    lowest = search.effects_at([60.0]).values[0]
     assert 0.0 < lowest < 0.01
-    assert trial_ship.ship.with_values({key: lowest}).number(key).value == lowest
+    assert trial_ship.ship.with_values({key: lowest}).parameter(key).value == lowest
 
 
 def test_a_joint_search_moves_what_it_is_told_to() -> None:
     trial_ship = on_trial("frigate")
     labels = ("hull-fouling (hull)", "coulomb-friction (engine)")
     first, second = (next(e for e in catalogue() if e.label == label) for label in labels)
-    both = (Placed(first, (0.1,)), Placed(second, (5000.0,)))
+    both = (SizedEffect(first, (0.1,)), SizedEffect(second, (5000.0,)))
     search = JointSearch(trial_ship, both, [1])
-    moved = search.placed(search.start + np.log(2.0))
+    moved = search.effects_at(search.start + np.log(2.0))
     assert moved[0] == both[0]
     assert moved[1].values[0] == pytest.approx(10000.0)

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from shaftline.mismatch.search.catalogue import Placed, Window
+from shaftline.mismatch.search.catalogue import SizedEffect, Window
 from shaftline.mismatch.search.fitting import Fitter
-from shaftline.mismatch.search.selection import MOST_WINDOWS, episodes
+from shaftline.mismatch.search.selection import MOST_WINDOWS, find_episodes
 
 from ..toy import FOULING, ROWS, Toy, bands, entry, white
 
@@ -22,7 +22,7 @@ def hull(seed: int, share: float, first: int = 150, end: int = 325) -> Fitter:
 
 
 def stretches(fitter: Fitter) -> list[Window]:
-    return episodes(fitter, fitter.null)
+    return find_episodes(fitter, fitter.null)
 
 
 @pytest.mark.parametrize(("first", "end"), [(150, 325), (0, 100), (400, 600)])
@@ -54,8 +54,10 @@ def test_what_is_known_to_be_missing_hides_no_episode() -> None:
     noise[1, 400:500] += 50.0
     toy: Any = Toy({FOULING: 2.0}, noise)
     fitter = Fitter(toy, bands())
-    known = fitter.refined(fitter.fitted((Placed(entry("hull-fouling (hull)"), (1.5,)),)), 0)
-    start, stop = episodes(fitter, known)[0]
+    known = fitter.refine_effect(
+        fitter.evaluate((SizedEffect(entry("hull-fouling (hull)"), (1.5,)),)), 0
+    )
+    start, stop = find_episodes(fitter, known)[0]
     assert (start, stop) == pytest.approx((400.0, 500.0), abs=26.0)
 
 

@@ -7,10 +7,10 @@ import functools
 import numpy as np
 import pytest
 
-from shaftline.mismatch.judge.held_out import bands_of, set_aside
+from shaftline.mismatch.judge.held_out import bands_of, split_held_out
 from shaftline.mismatch.search.blocks import Block, Factor
 from shaftline.mismatch.search.fitting import Fitter
-from shaftline.mismatch.search.formula_screen import Screen, home_of, places_of
+from shaftline.mismatch.search.formula_screen import Screen, balance_of_location, locations_of
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant.terms import Term
@@ -24,7 +24,7 @@ def frigate() -> Fitter:
     ship = quick_frigate().with_term(Term.model_validate(truth))
     table = frigate_voyage(ship, seed=4, seconds=400.0)
     balances = Balances(JointReplay(quick_frigate(), table))
-    train, _ = set_aside(balances.replay, 0)[0]
+    train, _ = split_held_out(balances.replay, 0)[0]
     return Fitter(balances, bands_of(balances, train, 0.2))
 
 
@@ -48,9 +48,9 @@ def test_an_answer_is_what_a_constant_in_the_simulator_does(place: str, size: fl
     balances = frigate().balances
     replay = balances.replay
     term = Term.model_validate({"id": "one", "acts_on": place, "expression": repr(size)})
-    moved = replay.channels_of(quick_frigate().with_term(term).record())
+    moved = replay.simulate_channels(quick_frigate().with_term(term).record())
     felt = (balances.residuals(moved) - balances.residuals(balances.nominal)) / size
-    answer = screen().answer(place)
+    answer = screen().unit_response(place)
     told = np.median(felt[:, 100:], axis=1)
     expected = np.median(answer[:, 100:], axis=1)
     largest = np.abs(expected).max()
@@ -59,13 +59,13 @@ def test_an_answer_is_what_a_constant_in_the_simulator_does(place: str, size: fl
 
 def test_a_place_is_told_in_a_balance_that_is_measured() -> None:
     balances = frigate().balances
-    assert home_of("load_torque", balances) == "propeller"
-    assert home_of("thrust", balances) == "hull"
-    assert home_of("inflow_velocity", balances) == "propeller"
+    assert balance_of_location("load_torque", balances) == "propeller"
+    assert balance_of_location("thrust", balances) == "hull"
+    assert balance_of_location("inflow_velocity", balances) == "propeller"
     bench = Balances(JointReplay(bench_tug(), tug_run(seed=1)))
-    assert home_of("load_torque", bench) == "motor"
-    assert places_of(bench, bench.names) == ["drive", "drive_torque"]
-    assert places_of(balances, ["hull"]) == ["inflow_velocity", "resistance"]
+    assert balance_of_location("load_torque", bench) == "motor"
+    assert locations_of(bench, bench.names) == ["drive", "drive_torque"]
+    assert locations_of(balances, ["hull"]) == ["inflow_velocity", "resistance"]
 
 
 def test_the_missing_power_of_speed_is_among_the_likeliest() -> None:
@@ -87,5 +87,5 @@ def test_the_missing_power_of_speed_is_among_the_likeliest() -> None:
 
 
 def test_only_signals_that_are_known_there_are_heard() -> None:
-    assert "thrust" not in screen().heard("inflow_velocity")
-    assert "propeller_torque" in screen().heard("load_torque")
+    assert "thrust" not in screen().signals_at("inflow_velocity")
+    assert "propeller_torque" in screen().signals_at("load_torque")

@@ -12,16 +12,16 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 from shaftline.mismatch.judge.correction import FreeRunning
-from shaftline.mismatch.judge.held_out import HeldOut, bands_of, set_aside
+from shaftline.mismatch.judge.held_out import HeldOut, bands_of, split_held_out
 from shaftline.mismatch.search.blocks import Block, Factor
 from shaftline.mismatch.search.fitting import Fitter
 from shaftline.mismatch.search.formulas import (
     Formula,
     FormulaSearch,
-    SetAside,
-    as_well,
-    formula_of,
-    found_formula,
+    HeldOutData,
+    choose_formula,
+    is_as_good,
+    search_formula,
 )
 from shaftline.mismatch.search.whiteness import Whiteness
 from shaftline.mismatch.simulate.balances import Balances
@@ -62,17 +62,17 @@ def recorded(ship: Ship, seed: int) -> pd.DataFrame:
 @functools.cache
 def searched(
     expression: str, size: float, seed: int
-) -> tuple[FormulaSearch, SetAside, Formula | None]:
+) -> tuple[FormulaSearch, HeldOutData, Formula | None]:
     term = {"id": "truth", "acts_on": "drive_torque", "expression": expression}
     ship = rig()
     if expression:
         ship = ship.with_term(Term.model_validate(term | {"parameters": {"c": size}}))
     balances = Balances(JointReplay(rig(), recorded(ship, seed)))
-    train, held = set_aside(balances.replay, 0)[0]
+    train, held = split_held_out(balances.replay, 0)[0]
     fitter = Fitter(balances, bands_of(balances, train, HIGHEST_HZ))
-    aside = SetAside(HeldOut(fitter, held), np.concatenate([np.arange(a, b) for a, b in held]))
+    aside = HeldOutData(HeldOut(fitter, held), np.concatenate([np.arange(a, b) for a, b in held]))
     search = FormulaSearch(fitter, fitter.null, balances.names)
-    return search, aside, found_formula(search, aside)
+    return search, aside, choose_formula(search, aside)
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_a_coefficient_has_its_unit_and_the_term_its_value() -> None:
     assert formula.term.parameters["a"].value == found.value
     assert formula.words == "a drive side force"
     corrected = rig().with_term(formula.term)
-    assert corrected.number("term.formula.a").value == found.value
+    assert corrected.parameter("term.formula.a").value == found.value
 
 
 @pytest.mark.parametrize("seed", [5, 6])
@@ -118,7 +118,7 @@ def test_it_is_asked_only_where_more_than_noise_is_left() -> None:
     search, aside, _ = searched("", 0.0, 5)
     fitter = search.fitter
     whiteness = Whiteness(fitter, fitter.balances.replay.noise_rms)
-    assert formula_of(whiteness, fitter.null, aside.judge, aside.rows) is None
+    assert search_formula(whiteness, fitter.null, aside.judge, aside.rows) is None
 
 
 def test_a_formula_pays_for_each_block_and_for_the_search() -> None:
@@ -134,23 +134,23 @@ def test_a_formula_pays_for_each_block_and_for_the_search() -> None:
 def test_what_the_data_set_aside_refute_is_not_told() -> None:
     search, aside, formula = searched("-c * side_force * drive", 5e-5, 4)
     assert formula is not None
-    against = SetAside(lambda record: -aside.judge(record), aside.rows)
-    assert found_formula(search, against) is None
+    against = HeldOutData(lambda record: -aside.judge(record), aside.rows)
+    assert choose_formula(search, against) is None
 
 
 def test_a_wrong_number_is_no_formula() -> None:
     wrong = rig().with_values(
         {
-            k: rig().number(k).value * 1.01
+            k: rig().parameter(k).value * 1.01
             for k in ("prime_mover.armature_resistance_ohm", "prime_mover.motor_constant_V_s_rad")
         }
     )
     balances = Balances(JointReplay(rig(), recorded(wrong, 8)))
-    train, held = set_aside(balances.replay, 0)[0]
+    train, held = split_held_out(balances.replay, 0)[0]
     fitter = Fitter(balances, bands_of(balances, train, HIGHEST_HZ))
     rows = np.concatenate([np.arange(a, b) for a, b in held])
     search = FormulaSearch(fitter, fitter.null, balances.names)
-    assert found_formula(search, SetAside(HeldOut(fitter, held), rows)) is None
+    assert choose_formula(search, HeldOutData(HeldOut(fitter, held), rows)) is None
 
 
 def test_coefficients_are_fitted_in_the_simulator() -> None:
@@ -158,23 +158,23 @@ def test_coefficients_are_fitted_in_the_simulator() -> None:
     assert formula is not None
     block = Block.of(Factor("drive"), Factor("shaft_speed", "size"))
     for start in (-7e-6, -1.4e-5):  # beside where it ends
-        trial = search.refined("drive_torque", (block,), (start,))
+        trial = search.fit_formula("drive_torque", (block,), (start,))
         assert trial is not None
-        assert trial.placed.values[0] == pytest.approx(formula.estimates[0].value, rel=0.08)
+        assert trial.sized_effect.values[0] == pytest.approx(formula.estimates[0].value, rel=0.08)
         assert trial.gain > 0.95 * formula.gain
 
 
 def test_one_that_runs_away_is_dropped() -> None:
     search, _, _ = searched("", 0.0, 5)
     cubed = Block.of(*[Factor("shaft_speed")] * 3)
-    assert search.refined("drive_torque", (cubed,), (1e3,)) is None
+    assert search.fit_formula("drive_torque", (cubed,), (1e3,)) is None
 
 
 def test_a_formula_takes_a_shape_s_place_where_it_does_as_well() -> None:
-    assert as_well(96.0, 100.0)
-    assert not as_well(90.0, 100.0)
-    assert not as_well(-1.0, -5.0)
-    assert as_well(3.0, 0.0)
+    assert is_as_good(96.0, 100.0)
+    assert not is_as_good(90.0, 100.0)
+    assert not is_as_good(-1.0, -5.0)
+    assert is_as_good(3.0, 0.0)
 
 
 def test_a_channel_that_is_simulated_worse_is_seen() -> None:

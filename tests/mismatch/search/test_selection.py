@@ -11,9 +11,9 @@ import pytest
 from scipy.stats import chi2
 
 from shaftline.mismatch import Effect
-from shaftline.mismatch.search.catalogue import Placed
+from shaftline.mismatch.search.catalogue import SizedEffect
 from shaftline.mismatch.search.selection import REFINED, Selector
-from shaftline.mismatch.search.spectra import chance
+from shaftline.mismatch.search.spectra import chance_gain
 
 from ..toy import entry
 
@@ -34,25 +34,25 @@ class Scores:
         self.worth.setdefault(frozenset(), 0.0)
         self.refining = refining
         self.trial_ship = SimpleNamespace(
-            trials=self._trials, smallest=self._smallest, record=lambda effects: effects, nominal=(),
-            ship=SimpleNamespace(turns=False),
+            trials=self._trials, smallest_trials=self._smallest, record=lambda effects: effects,
+            nominal=(), ship=SimpleNamespace(turns=False),
         )  # fmt: skip
-        self.null = self.fitted(())
+        self.null = self.evaluate(())
         self.refined_labels: list[str] = []
         self.jointly: list[tuple[str, ...]] = []
         self.evaluations: list[int] = []
 
     def _trials(self, effect: Effect, windows: Any) -> Any:
-        yield Placed(effect, (1.0,))
-        yield Placed(effect, (2.0,))
+        yield SizedEffect(effect, (1.0,))
+        yield SizedEffect(effect, (2.0,))
 
     def _smallest(self, effect: Effect, windows: Any) -> Any:
-        yield Placed(effect, (1.0,))
+        yield SizedEffect(effect, (1.0,))
 
-    def scaled(self, base: Any, placed: Placed) -> Placed | None:
+    def scale_effect(self, base: Any, placed: SizedEffect) -> SizedEffect | None:
         return None
 
-    def score(self, effects: tuple[Placed, ...]) -> float:
+    def score(self, effects: tuple[SizedEffect, ...]) -> float:
         """A probe of 1 is worth half of what one of 2 is."""
         names = frozenset(p.effect.label for p in effects)
         if names not in self.worth:
@@ -60,32 +60,32 @@ class Scores:
         half = any(p.values[0] == 1.0 for p in effects)
         return self.worth[names] * (0.5 if half else 1.0)
 
-    def louder(self, fit: Any) -> bool:
+    def increases_residual(self, fit: Any) -> bool:
         """Nothing is too bad here."""
         return False
 
-    def polished(self, fit: Any) -> Any:
+    def polish(self, fit: Any) -> Any:
         """What is refined is the best already."""
         return fit
 
-    def predicted(self, effects: Any) -> Any:
+    def predict(self, effects: Any) -> Any:
         """A single number: the score."""
         return np.array([complex(self.score(effects))])
 
-    def ahead(self, records: Any) -> None:
+    def simulate_ahead(self, records: Any) -> None:
         """Nothing is simulated here."""
 
-    def fitted(self, effects: tuple[Placed, ...]) -> Any:
+    def evaluate(self, effects: tuple[SizedEffect, ...]) -> Any:
         return SimpleNamespace(
             effects=effects, score=self.score(effects), weight=None, difference=None
         )
 
-    def refined(self, fit: Any, which: int) -> Any:
+    def refine_effect(self, fit: Any, which: int) -> Any:
         self.refined_labels.append(fit.effects[which].effect.label)
         better = fit.score + self.refining
         return SimpleNamespace(effects=fit.effects, score=better, weight=None, difference=None)
 
-    def joint(self, fit: Any, evaluations: int = 90) -> Any:
+    def refine_effects(self, fit: Any, evaluations: int = 90) -> Any:
         self.jointly.append(tuple(p.effect.label for p in fit.effects))
         self.evaluations.append(evaluations)
         return fit
@@ -96,8 +96,8 @@ def straight_lines(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a probe of 1 moves tells what one of 2 is worth, and there are no episodes."""
     line = SimpleNamespace(amount=lambda *told: (2.0, 2.0 * told[-1].real[0]))
     there = "shaftline.mismatch.search.selection"
-    monkeypatch.setattr(f"{there}.giving_way", lambda fitter, fit: line)
-    monkeypatch.setattr(f"{there}.episodes", lambda fitter, fit: [(0.0, 9.0)])
+    monkeypatch.setattr(f"{there}.likelihood_with_free_effects", lambda fitter, fit: line)
+    monkeypatch.setattr(f"{there}.find_episodes", lambda fitter, fit: [(0.0, 9.0)])
 
 
 def selector(scores: Scores, *effects: Effect) -> Selector:
@@ -113,7 +113,7 @@ def test_the_threshold_is_what_chance_reaches_once_in_a_hundred() -> None:
 
 
 def test_a_screen_ranks_by_what_exceeds_the_threshold() -> None:
-    limit = chance(2, 3, 0.01) - chance(1, 3, 0.01)
+    limit = chance_gain(2, 3, 0.01) - chance_gain(1, 3, 0.01)
     scores = Scores({BEND.label: 300.0 + 0.9 * limit, LAG.label: 300.0, FOULING.label: 40.0})
     told = []
     search = selector(scores, FOULING, BEND, LAG)
@@ -121,13 +121,13 @@ def test_a_screen_ranks_by_what_exceeds_the_threshold() -> None:
     found = search.screen(scores.null, "screening")
     assert [c.effect for c in found] == [LAG, BEND, FOULING]  # one parameter more has its price
     assert found[0].gain == 300.0
-    assert found[0].placed == Placed(LAG, (2.0,))  # the better of its probes
+    assert found[0].sized_effect == SizedEffect(LAG, (2.0,))  # the better of its probes
     assert told == [("screening", i, 3) for i in range(4)]
 
 
 def test_what_is_named_is_not_tried_again_in_its_balance() -> None:
     scores = Scores({LAG.label: 300.0, FOULING.label: 40.0})
-    base = scores.fitted((Placed(LAG, (2.0,)),))
+    base = scores.evaluate((SizedEffect(LAG, (2.0,)),))
     assert [c.effect for c in selector(scores, LAG, FOULING).screen(base, "")] == [FOULING]
 
 
@@ -135,7 +135,7 @@ def test_what_is_named_is_not_tried_again_in_its_balance() -> None:
 def test_on_top_of_others_only_what_may_gain_is_tried(second: float, tried: list[Effect]) -> None:
     scores = Scores({LAG.label: 400.0, CURRENT.label: 300.0, FOULING.label: second})
     search = selector(scores, LAG, CURRENT, FOULING)
-    base: Any = scores.fitted((Placed(LAG, (2.0,)),))
+    base: Any = scores.evaluate((SizedEffect(LAG, (2.0,)),))
     assert [c.effect for c in search.screen(base, "")] == [CURRENT, *tried]  # a tenth of the best
     alone = selector(scores, LAG, FOULING)
     hope = 0.3 * alone.threshold(FOULING)
@@ -148,8 +148,8 @@ def test_on_top_of_others_only_what_may_gain_is_tried(second: float, tried: list
 def test_beside_others_that_must_give_way_an_effect_is_polished_before_it_is_judged() -> None:
     scores = Scores({LAG.label: 400.0, FOULING.label: 60.0, (LAG.label, FOULING.label): 405.0})
     polished = []
-    scores.polished = lambda fit: polished.append(fit) or fit  # type: ignore[method-assign,func-returns-value]
-    base: Any = scores.fitted((Placed(LAG, (2.0,)),))
+    scores.polish = lambda fit: polished.append(fit) or fit  # type: ignore[method-assign,func-returns-value]
+    base: Any = scores.evaluate((SizedEffect(LAG, (2.0,)),))
     selector(scores, LAG, FOULING).screen(base, "")
     assert [f.effects[-1].effect for f in polished] == [FOULING]  # 5 where 60 was foretold
     polished.clear()
@@ -160,10 +160,10 @@ def test_beside_others_that_must_give_way_an_effect_is_polished_before_it_is_jud
 
 def test_a_screen_tries_the_size_that_the_smallest_probe_points_to() -> None:
     scores = Scores({LAG.label: 300.0})
-    scores.scaled = lambda base, placed: placed.with_values([2.0])  # type: ignore[method-assign]
-    scores.trial_ship.trials = lambda effect, windows: iter([Placed(effect, (1.0,))])
+    scores.scale_effect = lambda base, placed: placed.with_values([2.0])  # type: ignore[method-assign]
+    scores.trial_ship.trials = lambda effect, windows: iter([SizedEffect(effect, (1.0,))])
     (found,) = selector(scores, LAG).screen(scores.null, "")
-    assert (found.gain, found.placed.values) == (300.0, (2.0,))
+    assert (found.gain, found.sized_effect.values) == (300.0, (2.0,))
 
 
 def test_a_model_that_runs_away_is_left_out() -> None:
@@ -202,7 +202,7 @@ def test_at_most_five_are_refined_and_none_that_gains_nothing() -> None:
 
 
 def test_nothing_below_its_threshold_is_named() -> None:
-    limit = chance(1, 2, 0.01)
+    limit = chance_gain(1, 2, 0.01)
     for gain, names in ((0.999 * limit, ()), (1.001 * limit, (LAG,))):
         found = selector(Scores({LAG.label: gain, FOULING.label: 1.5}), LAG, FOULING).search()
         assert tuple(p.effect for p in found.fit.effects) == names
@@ -218,7 +218,7 @@ def test_what_came_near_an_effect_is_kept_beside_it() -> None:
 
 def test_a_model_that_is_louder_than_none_is_not_chosen() -> None:
     scores = Scores({LAG.label: 300.0, FOULING.label: 90.0})
-    scores.louder = lambda fit: fit.effects[-1].effect is LAG  # type: ignore[method-assign]
+    scores.increases_residual = lambda fit: fit.effects[-1].effect is LAG  # type: ignore[method-assign]
     found = selector(scores, LAG, FOULING).search()
     assert [p.effect for p in found.fit.effects] == [FOULING]
 
@@ -259,7 +259,7 @@ def test_effects_are_added_while_they_pass_and_three_at_most() -> None:
 def test_an_effect_that_a_later_one_makes_superfluous_is_dropped(
     own_share: float, kept: list[Effect]
 ) -> None:
-    limit = chance(1, 3, 0.01)
+    limit = chance_gain(1, 3, 0.01)
     three = 700.0 + 2.0 * limit
     scores = Scores(
         {
@@ -275,7 +275,7 @@ def test_an_effect_that_a_later_one_makes_superfluous_is_dropped(
 
 
 def test_after_one_is_dropped_the_rest_is_looked_at_anew() -> None:
-    limit = chance(1, 3, 0.01)
+    limit = chance_gain(1, 3, 0.01)
     scores = Scores(
         {
             (LAG.label, FOULING.label, CURRENT.label): 900.0,
@@ -284,8 +284,8 @@ def test_after_one_is_dropped_the_rest_is_looked_at_anew() -> None:
             CURRENT.label: 900.0 - 1.4 * limit,
         }
     )
-    all_three: Any = scores.fitted(tuple(Placed(e, (2.0,)) for e in (LAG, FOULING, CURRENT)))
-    left = selector(scores, LAG, FOULING, CURRENT)._without_the_idle(all_three)
+    all_three: Any = scores.evaluate(tuple(SizedEffect(e, (2.0,)) for e in (LAG, FOULING, CURRENT)))
+    left = selector(scores, LAG, FOULING, CURRENT)._drop_superfluous(all_three)
     assert [p.effect for p in left.effects] == [CURRENT]
 
 
@@ -293,13 +293,13 @@ def test_without_an_effect_the_others_are_fitted_again() -> None:
     worth: dict[Any, float] = {e.label: 100.0 for e in (LAG, FOULING, CURRENT)}
     scores = Scores(worth, refining=3.0)
     search = selector(scores, LAG, FOULING, CURRENT)
-    three: Any = scores.fitted(tuple(Placed(e, (2.0,)) for e in (LAG, FOULING, CURRENT)))
+    three: Any = scores.evaluate(tuple(SizedEffect(e, (2.0,)) for e in (LAG, FOULING, CURRENT)))
     assert [p.effect for p in search._without(three, 1).effects] == [LAG, CURRENT]
     assert (scores.jointly, scores.evaluations) == ([(LAG.label, CURRENT.label)], [60])
-    two: Any = scores.fitted(three.effects[:2])
+    two: Any = scores.evaluate(three.effects[:2])
     assert search._without(two, 0).score == 103.0
     assert scores.refined_labels == [FOULING.label]
-    one: Any = scores.fitted(three.effects[:1])
+    one: Any = scores.evaluate(three.effects[:1])
     assert search._without(one, 0).score == 0.0
     assert (len(scores.jointly), len(scores.refined_labels)) == (1, 1)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from shaftline.mismatch.search.spectra import Sums, best_shares, inverted
+from shaftline.mismatch.search.spectra import Sums, best_shares, invert_in_place
 
 
 def products(seed: int, count: int, told: float) -> tuple[Any, ...]:
@@ -35,7 +35,7 @@ def products(seed: int, count: int, told: float) -> tuple[Any, ...]:
 
 def test_a_matrix_that_is_not_positive_definite_has_no_determinant() -> None:
     for matrix in ([[1.0, 2.0], [2.0, 1.0]], [[-1.0, 0.0], [0.0, 1.0]], [[1.0, 1.0], [1.0, 1.0]]):
-        assert np.isnan(inverted(np.array([matrix], complex), np.ones(1)))
+        assert np.isnan(invert_in_place(np.array([matrix], complex), np.ones(1)))
 
 
 def test_the_inverse_of_a_nearly_singular_matrix_is_hermitian() -> None:
@@ -44,7 +44,7 @@ def test_the_inverse_of_a_nearly_singular_matrix_is_hermitian() -> None:
     mixed = rng.standard_normal((3, 50)) + 1j * rng.standard_normal((3, 50))
     mixed[2] = mixed[0] + 1e-6 * mixed[2]
     found = (mixed @ mixed.conj().T)[None]
-    inverted(found, np.ones(1))
+    invert_in_place(found, np.ones(1))
     assert np.abs(found).max() > 1e8
     assert (found == found.conj().transpose(0, 2, 1)).all()
 
@@ -99,6 +99,6 @@ def test_inverses_and_determinants_are_those_of_every_band() -> None:
     matrices: Any = loose @ np.conj(np.swapaxes(loose, 1, 2)) + np.eye(2)
     counts = np.array([1.0, 2.0, 5.0])
     found = matrices.copy()
-    total = inverted(found, counts)
+    total = invert_in_place(found, counts)
     assert found == pytest.approx(np.linalg.inv(matrices))
     assert total == pytest.approx(counts @ np.log(np.linalg.det(matrices).real))

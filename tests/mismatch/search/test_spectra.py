@@ -9,7 +9,13 @@ import pytest
 from scipy.optimize import minimize
 from scipy.stats import chi2
 
-from shaftline.mismatch.search.spectra import Bands, Likelihood, chance, make_bands, moments
+from shaftline.mismatch.search.spectra import (
+    Bands,
+    Likelihood,
+    band_products,
+    chance_gain,
+    make_bands,
+)
 
 
 def noise(bands: Bands, seed: int, *shape: int) -> Any:
@@ -88,7 +94,7 @@ def test_segments_are_pooled_by_frequency() -> None:
 def test_moments_are_sums_over_bands() -> None:
     bands = make_bands([(0, 400), (400, 900)], 0.1, 2, 4.0)
     left, right = noise(bands, 0, 3), noise(bands, 1, 2)
-    sums = moments(bands, left, right)
+    sums = band_products(bands, left, right)
     assert sums.shape == (len(bands.edges) - 1, 3, 2)
     for b, (first, end) in enumerate(zip(bands.edges, bands.edges[1:], strict=False)):
         weighted = left[:, first:end] * bands.weights[first:end]
@@ -117,7 +123,7 @@ def test_the_weight_is_the_inverse_of_each_band_s_covariance() -> None:
     assert found.score == pytest.approx(score_by_hand(bands, residual), rel=1e-12)
     counts = np.add.reduceat(bands.weights, bands.edges[:-1])
     units = np.outer(sizes, sizes)
-    covariance = moments(bands, residual, residual) / counts[:, None, None] / units
+    covariance = band_products(bands, residual, residual) / counts[:, None, None] / units
     np.testing.assert_allclose(found.weight * units, np.linalg.inv(covariance), atol=1e-12)
 
 
@@ -125,7 +131,9 @@ def test_a_balance_without_any_residual_is_refused() -> None:
     bands = make_bands([(0, 300)], 0.1, 2, 4.0)
     residual = noise(bands, 2, 2)
     residual[1] = 0.0
-    with pytest.raises(np.linalg.LinAlgError, match="residual is 0 or another's multiple"):
+    with pytest.raises(
+        np.linalg.LinAlgError, match="residual of a balance is 0 or a multiple of another"
+    ):
         Likelihood(bands, np.zeros((1, *residual.shape), complex))(residual)
 
 
@@ -230,4 +238,4 @@ def test_the_information_is_the_gram_with_the_prior(weighted: tuple[Bands, Any, 
 
 
 def test_chance_is_a_rare_likelihood_ratio_widened() -> None:
-    assert chance(5, 8, 1e-3) == pytest.approx(1.5 * chi2.isf(1e-3 / 8, 5))
+    assert chance_gain(5, 8, 1e-3) == pytest.approx(1.5 * chi2.isf(1e-3 / 8, 5))

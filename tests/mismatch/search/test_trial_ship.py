@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from shaftline.mismatch import catalogue
-from shaftline.mismatch.search.catalogue import Placed
-from shaftline.mismatch.search.trial_ship import TrialShip, scales
+from shaftline.mismatch.search.catalogue import SizedEffect
+from shaftline.mismatch.search.trial_ship import TrialShip, probe_scales
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import load_ship
@@ -36,26 +36,26 @@ def trial_ship(toy: Any) -> TrialShip:
 
 
 def test_an_effect_sets_its_keys(trial_ship: TrialShip) -> None:
-    assert trial_ship.settings(Placed(ENGINE_FRICTION, (8000.0,))) == {FRICTION: 8000.0}
-    episode = trial_ship.settings(Placed(EPISODE, (0.5,), (60.0, 150.0)))
+    assert trial_ship.settings(SizedEffect(ENGINE_FRICTION, (8000.0,))) == {FRICTION: 8000.0}
+    episode = trial_ship.settings(SizedEffect(EPISODE, (0.5,), (60.0, 150.0)))
     assert episode == {
         "hull.episode_resistance_fraction": 0.5,
         "hull.episode_start_s": 60.0,
         "hull.episode_end_s": 150.0,
     }
-    air = trial_ship.settings(Placed(entry("ventilation (propeller)"), (0.4, 1.0)))
+    air = trial_ship.settings(SizedEffect(entry("ventilation (propeller)"), (0.4, 1.0)))
     assert air["ventilation.thrust_loss"] == pytest.approx(0.46)
     assert air["ventilation.static_head_share"] == air["ventilation.suction_gain"] == 0.0
-    assert trial_ship.settings(Placed(ENGINE_FRICTION, (1e9,))) == {FRICTION: 1e7}  # its range
-    wake = trial_ship.settings(Placed(entry("wake-speed-dependence (propeller)"), (0.02,)))
+    assert trial_ship.settings(SizedEffect(ENGINE_FRICTION, (1e9,))) == {FRICTION: 1e7}  # its range
+    wake = trial_ship.settings(SizedEffect(entry("wake-speed-dependence (propeller)"), (0.02,)))
     assert wake["hull.wake_reference_speed_m_s"] == 7.0  # the mean of the nominal voyage
 
 
 def test_records_and_ships_carry_the_same_numbers(trial_ship: TrialShip) -> None:
-    effects = (Placed(ENGINE_FRICTION, (8000.0,)), Placed(EPISODE, (0.5,), (60.0, 150.0)))
+    effects = (SizedEffect(ENGINE_FRICTION, (8000.0,)), SizedEffect(EPISODE, (0.5,), (60.0, 150.0)))
     record, ship = trial_ship.record(effects), trial_ship.corrected(effects)
     assert record.tobytes() == ship.record().tobytes()
-    assert ship.number(FRICTION).value == 8000.0
+    assert ship.parameter(FRICTION).value == 8000.0
     assert trial_ship.record(()).tobytes() == trial_ship.nominal.tobytes()
     assert trial_ship.corrected(()) == trial_ship.ship
 
@@ -123,23 +123,23 @@ def test_trials_are_all_combinations(trial_ship: TrialShip) -> None:
 
 
 def test_the_smallest_trials_are_those_nearest_to_none(trial_ship: TrialShip) -> None:
-    (smallest,) = trial_ship.smallest(ENGINE_FRICTION, [])
+    (smallest,) = trial_ship.smallest_trials(ENGINE_FRICTION, [])
     assert smallest.values == (trial_ship.probes(ENGINE_FRICTION.parameters[0])[0],)
     bend = entry("engine-torque-curvature (engine)")
-    near = list(trial_ship.smallest(bend, []))
+    near = list(trial_ship.smallest_trials(bend, []))
     scale = min(p for p in trial_ship.probes(bend.parameters[0]) if p > 0.0)
     assert [t.values[0] for t in near] == [scale] * len(
         bend.parameters[1].probes
     )  # the positive one
     current = entry("current (hull)")
     assert current.parameters[0].signed
-    (drift,) = trial_ship.smallest(current, [])
+    (drift,) = trial_ship.smallest_trials(current, [])
     assert drift.values[0] == min(p for p in trial_ship.probes(current.parameters[0]) if p > 0.0)
-    assert len(list(trial_ship.smallest(EPISODE, [(0.0, 50.0), (50.0, 90.0)]))) == 2
+    assert len(list(trial_ship.smallest_trials(EPISODE, [(0.0, 50.0), (50.0, 90.0)]))) == 2
 
 
 def test_scales_are_those_of_the_nominal_voyage(toy: Any) -> None:
-    found = scales(toy)
+    found = probe_scales(toy)
     drive, rms = toy.drive_rows, float(np.sqrt(np.mean(SPEED**2)))
     turns = float(SPEED.max()) / (2.0 * math.pi)
     water, screw = toy.ship.water, toy.ship.propeller
@@ -197,7 +197,7 @@ def test_no_delay_is_tried_that_the_plant_cannot_look_back(
     name = "torque-sensor-delay" if "torque" in key else "speed-sensor-delay"
     late = entry(f"{name} (sensor)")
     assert ship.range_of(late.parameters[0]) == (0.0, 0.005 * (HISTORY - 2))
-    assert ship.settings(Placed(late, (5.0,), None)) == {key: 0.005 * (HISTORY - 2)}
+    assert ship.settings(SizedEffect(late, (5.0,), None)) == {key: 0.005 * (HISTORY - 2)}
     assert all(value <= 0.005 * (HISTORY - 2) for value in ship.probes(late.parameters[0]))
 
 
@@ -217,7 +217,7 @@ def test_scales_have_no_sign_and_are_never_zero(toy: Any) -> None:
             ship=toy.ship,
         ),
     )
-    found, ahead = scales(astern), scales(toy)
+    found, ahead = probe_scales(astern), probe_scales(toy)
     for name in ("shaft_speed", "engine_speed", "sigma_top", "drive", "drive_top"):
         assert found[name] == pytest.approx(ahead[name])
     assert found["current_top"] == 3.0
@@ -231,21 +231,21 @@ def test_a_delay_is_no_shorter_than_the_recording_tells(monkeypatch: pytest.Monk
     (delay,) = entry("engine-dead-time (engine)").parameters
     (play,) = entry("pitch-backlash (pitch-actuator)").parameters
     toy: Any = Toy({}, white(0, 1.0, 1.0))
-    assert TrialShip(toy).least(delay) == 0.5  # of rows a second apart
+    assert TrialShip(toy).smallest_size(delay) == 0.5  # of rows a second apart
     assert TrialShip(toy).resolution(delay) == 1.0
     monkeypatch.setattr(Toy, "line", True)
-    assert TrialShip(toy).least(delay) == 1.0
+    assert TrialShip(toy).smallest_size(delay) == 1.0
     monkeypatch.setattr(Toy, "every", 4)
-    assert TrialShip(toy).least(delay) == 0.25
-    assert TrialShip(toy).least(play) == 0.0
+    assert TrialShip(toy).smallest_size(delay) == 0.25
+    assert TrialShip(toy).smallest_size(play) == 0.0
     toy.quantisation = {"pitch_ratio": 0.03}
-    assert TrialShip(toy).least(play) == TrialShip(toy).resolution(play) == 0.03
+    assert TrialShip(toy).smallest_size(play) == TrialShip(toy).resolution(play) == 0.03
     assert min(TrialShip(toy).probes(play)) >= 0.03
 
 
 def test_scales_of_a_ship_that_turns_are_those_of_her_turning() -> None:
     balances = Balances(JointReplay(quick_tanker(), swinging(quick_tanker(), seconds=60.0)))
-    found, samples = scales(balances), balances.nominal_samples
+    found, samples = probe_scales(balances), balances.nominal_samples
     across = 3515.2 * rms_of(samples["ship_speed"] * samples["yaw_rate"])
     sway, yaw = rms_of(samples["sway_speed"]), rms_of(samples["yaw_rate"])
     assert found["side_force/sway_speed/sway_speed"] == pytest.approx(across / sway**2)
@@ -278,9 +278,9 @@ def test_a_plausible_range_counts_in_the_scale_that_it_names(
 def test_a_motor_s_largest_torque_is_that_of_standstill() -> None:
     """K U / R at the highest voltage recorded, times the gear ratio."""
     tug, table = bench_tug(), tug_run()
-    found = scales(Balances(JointReplay(tug, table)))
+    found = probe_scales(Balances(JointReplay(tug, table)))
     constant, resistance, gear = (
-        tug.number(key).value
+        tug.parameter(key).value
         for key in (
             "prime_mover.motor_constant_V_s_rad",
             "prime_mover.armature_resistance_ohm",
@@ -293,5 +293,5 @@ def test_a_motor_s_largest_torque_is_that_of_standstill() -> None:
     assert found["torque_top"] < 2.0 * constant * top / resistance * gear
     at_rest = table.assign(motor_voltage_V=0.0)
     at_rest.loc[len(at_rest) - 1, "motor_voltage_V"] = 5.0  # comes too late to act
-    found = scales(Balances(JointReplay(tug, at_rest)))
+    found = probe_scales(Balances(JointReplay(tug, at_rest)))
     assert found["torque_top"] == pytest.approx(constant * 5.0 / resistance * gear)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import threading
 
-from shaftline.mismatch.simulate.joint_replay import THREADS, at_once
+from shaftline.mismatch.simulate.joint_replay import THREADS, map_threaded
 
 
 def test_results_come_in_their_order_and_none_is_lost() -> None:
-    assert list(at_once(lambda x: x * x, range(50))) == [x * x for x in range(50)]
-    assert list(at_once(abs, [])) == []
+    assert list(map_threaded(lambda x: x * x, range(50))) == [x * x for x in range(50)]
+    assert list(map_threaded(abs, [])) == []
 
 
 def test_no_more_is_taken_than_is_under_way() -> None:
@@ -20,11 +20,11 @@ def test_no_more_is_taken_than_is_under_way() -> None:
             taken.append(i)
             yield i
 
-    results = at_once(lambda x: x, items())  # type: ignore[arg-type, var-annotated]
+    results = map_threaded(lambda x: x, items())  # type: ignore[arg-type, var-annotated]
     next(results)
     assert len(taken) <= 2 * THREADS
 
 
 def test_as_many_work_at_a_time_as_there_are_threads() -> None:
     meeting = threading.Barrier(THREADS, timeout=10.0)
-    assert len(list(at_once(lambda _: meeting.wait(), range(THREADS)))) == THREADS
+    assert len(list(map_threaded(lambda _: meeting.wait(), range(THREADS)))) == THREADS

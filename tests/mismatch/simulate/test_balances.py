@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.simulate.balances import PART_OF, Balances, rate
+from shaftline.mismatch.simulate.balances import BALANCE_OF_RESIDUAL, Balances, time_derivative
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import Ship, load_ship
 
@@ -111,7 +111,7 @@ def test_thrust_and_current_are_measured_less_worked_out(bench: Ship) -> None:
     assert list(found) == ["motor", "thrust", "current"]
     assert found["thrust"] == pytest.approx(100.0 + TIME - hand["thrust"], abs=1e-9)
     assert found["current"] == pytest.approx(20.0 - TIME - hand["current"], abs=1e-9)
-    assert {PART_OF[name] for name in ("thrust", "current")} == {"propeller", "motor"}
+    assert {BALANCE_OF_RESIDUAL[name] for name in ("thrust", "current")} == {"propeller", "motor"}
 
 
 def test_behind_the_gauge_of_a_shaft_without_a_propeller_is_its_load(bench: Ship) -> None:
@@ -122,7 +122,7 @@ def test_behind_the_gauge_of_a_shaft_without_a_propeller_is_its_load(bench: Ship
     assert list(found) == ["motor", "load"]  # and no thrust, which nothing gives
     assert found["motor"] == pytest.approx(0.06 * hand["spin"] + TORQUE - hand["drive"], abs=1e-9)
     assert found["load"] == pytest.approx(0.01 * hand["spin"] + 0.02 * SPEED - TORQUE, abs=1e-9)
-    assert PART_OF["load"] == "motor"
+    assert BALANCE_OF_RESIDUAL["load"] == "motor"
 
 
 def test_the_speed_of_an_angle_is_its_derivative(bench: Ship) -> None:
@@ -134,7 +134,7 @@ def test_the_speed_of_an_angle_is_its_derivative(bench: Ship) -> None:
     slope = np.gradient(angle, STEP)
     same = residuals(bench, table(shaft_speed_rad_s=slope))
     assert balances.residuals({"shaft_angle_rad": angle})[0] == pytest.approx(same["motor"])
-    lacking = balances.lacking(balances.nominal)[0]
+    lacking = balances.residuals_against(balances.nominal)[0]
     simulated = balances.nominal["shaft_angle_rad"]
     assert lacking == pytest.approx(
         balances.residuals(balances.replay.measured)[0]
@@ -167,7 +167,7 @@ def test_units_stand_beside_the_names(bench: Ship) -> None:
     assert dict(zip(balances.names, balances.units, strict=True)) == {
         "motor": "N m", "propeller": "N m", "thrust": "N", "current": "A",
     }  # fmt: skip
-    assert (balances.moving, balances.gauged, balances.prime_mover) == (False, True, "motor")
+    assert (balances.moving, balances.has_torque, balances.prime_mover) == (False, True, "motor")
 
 
 def test_the_hull_lacks_what_thrust_and_resistance_leave() -> None:
@@ -254,13 +254,13 @@ def test_a_simulation_lacks_what_the_recording_has_more() -> None:
     derated = {"prime_mover.derating_fraction": 0.1}
     true = load_ship("frigate").with_values(derated)
     balances = Balances(JointReplay(load_ship("frigate"), frigate_voyage(derated)))
-    lacking = balances.lacking(balances.nominal)
+    lacking = balances.residuals_against(balances.nominal)
     assert lacking == pytest.approx(
         balances.residuals(balances.replay.measured) - balances.residuals(balances.nominal)
     )
     assert lacking[1].mean() < -5e3  # a tenth of the engine's torque is not there
     own = balances.replay.simulated(balances.replay.simulate(true.record()))
-    assert abs(balances.lacking(own)[1].mean()) < 200.0
+    assert abs(balances.residuals_against(own)[1].mean()) < 200.0
 
 
 def test_balances_of_the_ship_itself_lack_nothing() -> None:
@@ -282,7 +282,9 @@ def test_a_channel_that_stands_still_has_no_balance() -> None:
 
 
 def test_rates_are_central_differences() -> None:
-    assert rate(np.array([0.0, 1.0, 4.0, 9.0]), 0.5) == pytest.approx([2.0, 4.0, 8.0, 10.0])
+    assert time_derivative(np.array([0.0, 1.0, 4.0, 9.0]), 0.5) == pytest.approx(
+        [2.0, 4.0, 8.0, 10.0]
+    )
 
 
 def test_a_ship_that_runs_away_is_refused_by_name(bench: Ship) -> None:

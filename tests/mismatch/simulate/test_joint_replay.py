@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.recordings.noise import describe
-from shaftline.mismatch.simulate.joint_replay import MOVES_APART, JointReplay
+from shaftline.mismatch.recordings.noise import estimate_noise
+from shaftline.mismatch.simulate.joint_replay import SEPARATE_STEPS, JointReplay
 from shaftline.plant import Ship
 from shaftline.plant.replay import Replay
 
@@ -194,7 +194,7 @@ def test_the_channels_alone_are_those_of_the_samples(every: int) -> None:
     tables = [voyage_of(60.0, 1), voyage_of(90.0, 2)]
     both = JointReplay(quick_frigate(), *tables, every=every)
     record = quick_frigate().record()
-    whole, alone = both.simulated(both.simulate(record)), both.channels_of(record)
+    whole, alone = both.simulated(both.simulate(record)), both.simulate_channels(record)
     for column, values in alone.items():
         np.testing.assert_array_equal(values, whole[column])
 
@@ -219,9 +219,9 @@ def test_mistimed_demands_are_held_where_lines_were_drawn() -> None:
     table = voyage_of(200.0, 1)
     drawn = JointReplay(quick_frigate(), table, line=True)
     held = JointReplay(quick_frigate(), table)
-    others = list(drawn.mistimed())
+    others = list(drawn.with_held_commands())
     moves = int(np.sum((np.diff(held.drive_rows) != 0.0) | (np.diff(held.command) != 0.0)))
-    assert len(others) == moves <= MOVES_APART
+    assert len(others) == moves <= SEPARATE_STEPS
     changed = [np.flatnonzero(other.runs[0].drive != drawn.runs[0].drive) for other in others]
     assert all(len(rows) <= held.runs[0].per_row for rows in changed)
     together = np.unique(np.concatenate(changed))
@@ -245,5 +245,5 @@ def test_the_last_digits_of_a_simulation_are_no_steps() -> None:
     table = voyage_of(200.0, 1)
     torque = 1.0 + 1e-6 * np.sin(table["time_s"] / 7.0)
     rounded = table.assign(shaft_torque_N_m=1e6 * np.round(torque, 7))
-    assert describe(rounded["shaft_torque_N_m"].to_numpy(), 0.1).quantisation > 0.0
+    assert estimate_noise(rounded["shaft_torque_N_m"].to_numpy(), 0.1).quantisation > 0.0
     assert JointReplay(quick_frigate(), rounded).quantisation == {}

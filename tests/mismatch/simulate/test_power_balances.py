@@ -30,7 +30,7 @@ def test_power_over_speed_is_the_torque_of_a_held_shaft(column: str) -> None:
     if column == "electric_power_W":
         power = power / 0.8 + 3.0
     found = balances_of(fan(prime_mover=MOVER), shaft_speed_rad_s=SPEED, **{column: power})
-    assert (found.names, found.units, found.gauge) == (["propeller"], ["N m"], column)
+    assert (found.names, found.units, found.torque_column) == (["propeller"], ["N m"], column)
     usual = np.sqrt(np.mean(SPEED**2))
     share = SPEED**2 / (SPEED**2 + (STANDSTILL * usual) ** 2)
     (residual,) = found.residuals(found.replay.measured)
@@ -51,7 +51,7 @@ def test_a_torque_gauge_comes_before_a_power() -> None:
         fan(prime_mover=MOVER), shaft_speed_rad_s=SPEED, shaft_torque_N_m=LOAD,
         shaft_power_W=LOAD * SPEED, electric_power_W=LOAD * SPEED / 0.8 + 7.0,
     )  # fmt: skip
-    assert found.gauge == "shaft_torque_N_m"
+    assert found.torque_column == "shaft_torque_N_m"
     assert list(zip(found.names, found.units, strict=True)) == [
         ("propeller", "N m"), ("electric-power", "W"),
     ]  # fmt: skip
@@ -86,5 +86,5 @@ def test_a_power_alone_is_a_balance_of_its_own(column: str, name: str) -> None:
     power = np.array(plain.nominal_samples[signal]) + 2.0
     found = balances_of(tug, motor_voltage_V=volts, **{column: power})
     assert (found.names, found.units) == ([name], ["W"])
-    (lacking,) = found.lacking(found.nominal)
+    (lacking,) = found.residuals_against(found.nominal)
     np.testing.assert_allclose(lacking, 2.0, atol=1e-3)

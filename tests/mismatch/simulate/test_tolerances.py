@@ -9,18 +9,18 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch.judge.held_out import bands_of
-from shaftline.mismatch.search.catalogue import Placed, catalogue
+from shaftline.mismatch.search.catalogue import SizedEffect, catalogue
 from shaftline.mismatch.search.fitting import Fitter
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
-from shaftline.mismatch.simulate.tolerances import tolerance_moves, tolerance_records
+from shaftline.mismatch.simulate.tolerances import tolerance_perturbations, tolerance_records
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.tolerances import Tolerances
 
 from ..turning import quick_tanker, swinging
 from ..voyages import bench_tug, frigate_voyage, tug_run
 
-FOULING = Placed(next(e for e in catalogue() if e.id == "hull-fouling"), (0.04,))
+FOULING = SizedEffect(next(e for e in catalogue() if e.id == "hull-fouling"), (0.04,))
 BY_NUMBER = ("default", "numbers", "correlations")
 NUMBERS = [f"tolerances.{key}" for key in Tolerances.model_fields if key not in BY_NUMBER]
 
@@ -40,7 +40,7 @@ def fitter_of(table: pd.DataFrame, values: dict[str, float], scale: float = 1.0)
 
 def gain(fitter: Fitter) -> float:
     """What naming the fouling gains over a ship whose numbers move inside their tolerances."""
-    return fitter.fitted((FOULING,)).score - fitter.null.score
+    return fitter.evaluate((FOULING,)).score - fitter.null.score
 
 
 def test_a_resistance_that_is_little_known_is_not_called_fouling(draggy: pd.DataFrame) -> None:
@@ -246,7 +246,7 @@ def moved_together(correlation: float, table: pd.DataFrame) -> np.ndarray[Any, A
     )
     own = [
         move.numbers
-        for move in tolerance_moves(JointReplay(ship, table))
+        for move in tolerance_perturbations(JointReplay(ship, table))
         if set(move.numbers) & {*keys}
     ]
     changes = np.array([[numbers.get(key, 0.0) for numbers in own] for key in keys])
@@ -275,17 +275,19 @@ def test_a_wide_tolerance_is_felt_over_a_small_step(draggy: pd.DataFrame) -> Non
     key = "hull.resistance_coefficient_N_s2_m2"
     ship = load_ship("frigate").with_values({"tolerances.numbers": {key: 0.3 * 3306.2}})
     replay = JointReplay(ship, draggy)
-    (near,) = (m for m in tolerance_moves(replay, near=0.05) if key in m.numbers)
+    (near,) = (m for m in tolerance_perturbations(replay, near=0.05) if key in m.numbers)
     assert near.numbers == {key: 0.3 * 3306.2}
     assert near.share == pytest.approx(0.05 / 0.3)
     assert near.record["resistance_coefficient"] == pytest.approx(1.05 * 3306.2)
-    (whole,) = (m for m in tolerance_moves(replay) if key in m.numbers)
+    (whole,) = (m for m in tolerance_perturbations(replay) if key in m.numbers)
     assert (whole.share, whole.record["resistance_coefficient"]) == (1.0, 1.3 * 3306.2)
 
 
 def test_a_move_names_what_it_moves(draggy: pd.DataFrame) -> None:
     replay = JointReplay(load_ship("frigate"), draggy)
-    moved = {key: change for m in tolerance_moves(replay) for key, change in m.numbers.items()}
+    moved = {
+        key: change for m in tolerance_perturbations(replay) for key, change in m.numbers.items()
+    }
     assert moved["hull.resistance_coefficient_N_s2_m2"] == pytest.approx(0.004 * 3306.2)
     assert moved["hull.wake_fraction"] == pytest.approx(0.0015)
     assert moved["propeller.relative_rotative_efficiency"] == pytest.approx(1.0 / 1.002 - 1.0)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from shaftline.mismatch.judge.held_out import set_aside
-from shaftline.mismatch.search.catalogue import Effect, applicable
+from shaftline.mismatch.judge.held_out import split_held_out
+from shaftline.mismatch.search.catalogue import Effect, applicable_effects
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.mismatch.structure.output_error import OutputError
@@ -66,13 +66,13 @@ def run(values: dict[str, Any] | None = None, seed: int = 0, noise: float = 0.3)
 def problem(ship: Ship, *tables: pd.DataFrame, held: int = 1) -> OutputError:
     """Return a fit of some recordings, the last of which are held out."""
     balances = Balances(JointReplay(ship, *tables))
-    fitted, aside = set_aside(balances.replay, held)[0]
+    fitted, aside = split_held_out(balances.replay, held)[0]
     return OutputError(balances, fitted, aside)
 
 
 def effects(ship: Ship, *ids: str) -> list[Effect]:
     """Entries of the catalogue that the ship can have; of these ids where some are given."""
-    found = applicable(ship, {"shaft_speed_rad_s", "motor_voltage_V", "time_s"})
+    found = applicable_effects(ship, {"shaft_speed_rad_s", "motor_voltage_V", "time_s"})
     return [e for e in found if not ids or e.id in ids]
 
 

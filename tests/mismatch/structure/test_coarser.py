@@ -21,7 +21,7 @@ def test_the_averages_stay_and_the_simulation_is_as_close() -> None:
     assert coarse.segments == fine.segments
     np.testing.assert_allclose(coarse.recorded[SPEED], fine.recorded[SPEED], rtol=1e-12)
     record = motor().record()
-    difference = coarse.channels_of(record)[SPEED] - fine.channels_of(record)[SPEED]
+    difference = coarse.simulate_channels(record)[SPEED] - fine.simulate_channels(record)[SPEED]
     # a step of the command becomes a ramp over two rows
     assert np.sqrt(np.mean(difference**2)) < 0.04 * np.std(fine.recorded[SPEED])
 

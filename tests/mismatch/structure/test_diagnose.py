@@ -40,7 +40,7 @@ def test_friction_is_identified_and_the_inertia_estimated(found: Diagnosis) -> N
     low, high = estimate.ci95
     assert low < 0.03 < high
     assert found.findings[0].score > 5.0 * found.findings[0].threshold
-    (number,) = found.numbers
+    (number,) = found.parameters
     assert number.key == INERTIA
     assert number.value == pytest.approx(1.25e-3, rel=0.05)
     assert number.shifts > 30.0
@@ -48,7 +48,7 @@ def test_friction_is_identified_and_the_inertia_estimated(found: Diagnosis) -> N
 
 def test_a_parameter_beyond_its_tolerance_leaves_the_verdict_partly(found: Diagnosis) -> None:
     assert found.verdict == "partly-explained"
-    assert any("the value or its tolerance in the file is wrong" in w for w in found.warnings)
+    assert any("the value or its tolerance in the ship file is wrong" in w for w in found.warnings)
     (why,) = (w for w in found.warnings if w.startswith("explained in part only"))
     assert why.endswith(f"because {INERTIA} moved far from the ship file")
     wide = motor().with_values({"tolerances.inertia": 0.3})
@@ -61,7 +61,7 @@ def test_a_parameter_beyond_its_tolerance_leaves_the_verdict_partly(found: Diagn
 def test_the_corrected_ship_runs_freely_within_the_noise(found: Diagnosis, tmp_path: Path) -> None:
     found.save(tmp_path)
     corrected = load_ship(tmp_path / "corrected_ship.toml")
-    assert corrected.number(COULOMB).value == pytest.approx(0.03, rel=0.05)
+    assert corrected.parameter(COULOMB).value == pytest.approx(0.03, rel=0.05)
     table = run({COULOMB: 0.03, INERTIA: 1.25e-3}, 9)
     error = simulate_recording(corrected, table)["shaft_speed_rad_s"] - table["shaft_speed_rad_s"]
     assert float(np.sqrt(np.mean(np.square(error[50:])))) < 0.5  # the noise is 0.3
@@ -84,7 +84,7 @@ def test_a_file_that_is_wrong_is_no_healthy_rig() -> None:
     assert (found.verdict, found.findings) == ("unexplained", [])
     assert found.headline == "The ship file is wrong in inertia engine side."
     assert found.sentence.startswith("Parameters of the ship file are wrong: transmission.inertia")
-    (number,) = found.numbers
+    (number,) = found.parameters
     assert number.corrected == pytest.approx(1.6e-3, rel=0.02)
     assert all(b.left is None for b in found.balance_verdicts)
 
@@ -96,7 +96,7 @@ def test_a_slightly_wrong_inertia_is_no_physics(factor: float) -> None:
     found = diagnose(motor(), *tables[:2], hold_out=tables[2:])
     assert (found.verdict, found.findings) == ("unexplained", [])
     assert found.headline == "The ship file is wrong in inertia engine side."
-    (number,) = found.numbers
+    (number,) = found.parameters
     assert number.corrected == pytest.approx(factor * 1e-3, rel=0.003)
     quick = diagnose(motor(), *tables[:2], hold_out=tables[2:], options=Options(quick=True))
     assert quick.verdict == ("unexplained" if factor < 1.05 else "partly-explained")
@@ -139,7 +139,7 @@ def test_no_more_is_reported_than_was_asked_for_and_no_parameter_moves_without_a
     options = Options(exclude=OTHERS, most_effects=1, tolerance=0.0)
     found = diagnose(motor(), run(truth, 1), hold_out=[run(truth, 2)], options=options)
     assert len(found.findings) <= 1
-    assert found.numbers == []
+    assert found.parameters == []
 
 
 def test_the_second_search_mends_what_a_biased_inertia_has_made_of_friction() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shaftline.mismatch.judge.held_out import set_aside
+from shaftline.mismatch.judge.held_out import split_held_out
 from shaftline.mismatch.search.catalogue import catalogue
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
@@ -26,7 +26,7 @@ def fouled() -> StructureSearch:
     ship = quick_frigate()
     table = frigate_voyage(ship.with_values({"hull.fouling_fraction": 0.2}), seconds=400.0, seed=2)
     balances = Balances(JointReplay(ship, table))
-    fitted, aside = set_aside(balances.replay, 0)[0]
+    fitted, aside = split_held_out(balances.replay, 0)[0]
     problem = OutputError(balances, fitted, aside)
     ids = ("hull-fouling", "current", "entrained-water-inertia", "propeller-roughness")
     effects = [e for e in catalogue() if e.id in ids and e.acts_on(ship)]

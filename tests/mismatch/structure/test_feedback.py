@@ -8,11 +8,11 @@ import pytest
 
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.mismatch.structure.noise_model import (
-    ANSWERS,
+    COMMAND_RESPONDS,
     MOST_ROWS,
-    answers_waves,
+    command_opposes_waves,
     correlation,
-    left_out,
+    reason_to_skip,
 )
 from shaftline.plant import Ship
 
@@ -39,22 +39,22 @@ def test_a_command_that_opposes_the_speed_answers_the_waves(
     frigate: Ship, gain: float, answers: bool
 ) -> None:
     replay = JointReplay(frigate, in_waves(gain))
-    assert answers_waves(replay) is answers
-    assert left_out(replay) == (ANSWERS if answers else "")
+    assert command_opposes_waves(replay) is answers
+    assert reason_to_skip(replay) == (COMMAND_RESPONDS if answers else "")
 
 
 def test_a_rig_that_does_not_move_knows_no_waves(servo: Ship) -> None:
     time = 0.01 * np.arange(ROWS)
     speed = 2.0 * np.sin(time)
     table = pd.DataFrame({"time_s": time, "motor_torque_N_m": -speed, "shaft_speed_rad_s": speed})
-    assert not answers_waves(JointReplay(servo, table))
+    assert not command_opposes_waves(JointReplay(servo, table))
 
 
 def test_more_rows_than_the_search_takes_are_refused_with_their_number(frigate: Ship) -> None:
     table = in_waves(0.0)
     longer = pd.concat([table] * 6, ignore_index=True)
     longer["time_s"] = INTERVAL_S * np.arange(len(longer))
-    said = left_out(JointReplay(frigate, longer))
+    said = reason_to_skip(JointReplay(frigate, longer))
     assert said == f"the recordings have 36000 rows, more than {MOST_ROWS}; shorten them"
 
 

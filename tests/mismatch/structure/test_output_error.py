@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shaftline.mismatch.search.catalogue import Placed
+from shaftline.mismatch.search.catalogue import SizedEffect
 
 from .rigs import COULOMB, INERTIA, effects, motor, problem, run
 
@@ -20,7 +20,7 @@ def test_a_fit_estimates_an_effect_a_parameter_and_a_shifted_clock_together() ->
         late.append(table.assign(shaft_speed_rad_s=speed))
     own = problem(ship, *late)
     friction = effects(ship, "coulomb-friction")[0]
-    model = own.fit((Placed(friction, (0.005,)),), own.file_model())
+    model = own.fit((SizedEffect(friction, (0.005,)),), own.file_model())
     assert model.effects[0].values[0] == pytest.approx(0.03, rel=0.03)
     moved = dict(zip([d.key for d in own.priors], model.shifts, strict=True))
     assert 1e-3 * np.exp(moved[INERTIA]) == pytest.approx(1.4e-3, rel=0.03)
@@ -34,7 +34,7 @@ def test_an_effect_has_the_last_word_on_a_parameter() -> None:
     ship = motor()
     own = problem(ship, run(), run(seed=1))
     friction = effects(ship, "viscous-friction")[0]
-    record = own.record((Placed(friction, (3e-4,)),), np.full(len(own.priors), 0.5))
+    record = own.record((SizedEffect(friction, (3e-4,)),), np.full(len(own.priors), 0.5))
     assert record["viscous_engine_side"] == 3e-4
     assert record["inertia_engine_side"] == pytest.approx(1e-3 * np.exp(0.5))
 
@@ -64,7 +64,7 @@ def test_a_fit_with_the_derivatives_of_a_model_nearby_ends_where_the_other_one_d
     ship = motor()
     own = problem(ship, run({COULOMB: 0.03}, 4), run({COULOMB: 0.03}, 5))
     start = own.fit((), own.file_model())
-    friction = (Placed(effects(ship, "coulomb-friction")[0], (0.02,)),)
+    friction = (SizedEffect(effects(ship, "coulomb-friction")[0], (0.02,)),)
     columns, search = own.derivatives(start)
     whole, before = own.fit(friction, start), own.simulations
     cheap = own.fit(friction, start, tangent=columns[: search.edge])

@@ -62,11 +62,13 @@ def test_no_parameter_moves_out_of_the_range_of_its_key() -> None:
     table["shaft_speed_rad_s"] = 100.0
     found = {d.key: d for d in parameter_priors(JointReplay(ship, table))}
     own = found["propeller.torque_coefficient"]
-    high = ship.number(own.key).searched[1]
+    high = ship.parameter(own.key).search_range[1]
     assert own.value_at(own.range[1]) <= high
     resistance = found["prime_mover.armature_resistance_ohm"]
     assert resistance.range[0] == -5.0
-    highest = ship.number(resistance.key).searched[1]  # beyond it the step does not resolve L / R
+    highest = ship.parameter(resistance.key).search_range[
+        1
+    ]  # beyond it the step does not resolve L / R
     assert resistance.value_at(resistance.range[1]) == pytest.approx(highest)
 
 
@@ -75,4 +77,4 @@ def test_a_prior_writes_its_parameter_into_a_record() -> None:
     record = ship.record()
     for prior in parameter_priors(JointReplay(motor(), run())):
         prior.write(record, 0.123)
-        assert record[motor().number(prior.key).field] == 0.123
+        assert record[motor().parameter(prior.key).field] == 0.123

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import Options, diagnose
-from shaftline.mismatch.search.catalogue import Placed, catalogue
+from shaftline.mismatch.search.catalogue import SizedEffect, catalogue
 from shaftline.mismatch.search.trial_ship import TrialShip
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
@@ -45,7 +45,7 @@ def with_effects(ship: Ship, values: dict[str, tuple[float, ...]]) -> Ship:
     """A ship with effects of the catalogue, by label."""
     trial_ship = TrialShip(Balances(JointReplay(ship, run(ship))))
     entries = {effect.label: effect for effect in catalogue()}
-    return trial_ship.corrected(tuple(Placed(entries[k], v) for k, v in values.items()))
+    return trial_ship.corrected(tuple(SizedEffect(entries[k], v) for k, v in values.items()))
 
 
 def test_a_curve_of_the_command_and_a_lag_are_found_together(flywheel: Ship) -> None:

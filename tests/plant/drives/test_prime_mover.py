@@ -6,12 +6,12 @@ from typing import Any
 import pytest
 
 from shaftline.plant import ShipError, load_ship
-from shaftline.plant.drives.prime_mover import fill_two_way
+from shaftline.plant.drives.prime_mover import fill_symmetric_limits
 
 
 def test_end_stops_of_a_demand_either_way_are_alike() -> None:
     record: dict[str, Any] = {"drive_max": 3.0}
-    fill_two_way(record)
+    fill_symmetric_limits(record)
     assert record == {"drive_max": 3.0, "drive_min": -3.0, "rack_rate_limit": math.inf}
 
 
@@ -26,9 +26,7 @@ def test_a_drive_s_dead_time_is_that_of_its_command() -> None:
     assert slow.prime_mover.delays == {"prime_mover.dead_time_s": 0.3}
     rov = load_ship("rov-thruster").with_values({"prime_mover.command_delay_s": 0.1})
     assert rov.prime_mover.delays == {"prime_mover.command_delay_s": 0.1}
-    with pytest.raises(
-        ShipError, match=r"prime_mover\.command_delay_s = 3\.0 s is more than 2\.04 s"
-    ):
+    with pytest.raises(ShipError, match=r"prime_mover\.command_delay_s = 3\.0 s exceeds 2\.04 s"):
         rov.with_values({"prime_mover.command_delay_s": 3.0})
     assert load_ship("towing-tank").prime_mover.delays == {"prime_mover.command_delay_s": 0.0}
 

@@ -52,8 +52,8 @@ def test_it_has_no_balance_of_its_own(held: Ship) -> None:
     assert held.balances == ("propeller", "sensor", "hull", "pitch-actuator")
     assert SpeedSource.demand.column == "shaft_speed_rad_s"
     for key in ("inertia_engine_side_kg_m2", "gear_ratio", "coulomb_friction_engine_side_N_m"):
-        with pytest.raises(ShipError, match=f"{key} acts on nothing: frigate has a shaft whose sp"):
-            held.number(f"transmission.{key}")
+        with pytest.raises(ShipError, match=f"{key} has no effect: frigate has a shaft whose sp"):
+            held.parameter(f"transmission.{key}")
     assert held.has_key("transmission.inertia_propeller_side_kg_m2")
 
 
@@ -141,5 +141,5 @@ def test_a_recorded_speed_is_followed_from_row_to_row(held: Ship) -> None:
 
 @pytest.mark.parametrize("place", ["drive", "drive_torque"])
 def test_a_term_on_the_drive_acts_on_nothing(held: Ship, place: Any) -> None:
-    with pytest.raises(ShipError, match=f"'more' acts on nothing: acts_on = '{place}'"):
+    with pytest.raises(ShipError, match=f"'more' has no effect: acts_on = '{place}'"):
         held.with_term(Term(id="more", acts_on=place, expression="1"))

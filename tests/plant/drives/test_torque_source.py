@@ -28,7 +28,7 @@ def test_an_offset_drives_the_shaft_beside_the_demand(servo: Ship) -> None:
     run = simulate(pushed, Schedule(0.0, 1.0), 8.0, initial=State(1.0, 0.0, 0.0))
     assert run["shaft_speed"][-1] == pytest.approx(3.0 / 190.0, rel=1e-6)
     assert run["brake_torque"][-1] == 3.0
-    assert pushed.number("prime_mover.torque_offset_N_m").info[:4] == ("N m", -1e8, 1e8, 0.0)
+    assert pushed.parameter("prime_mover.torque_offset_N_m").info[:4] == ("N m", -1e8, 1e8, 0.0)
 
 
 def test_it_is_driven_by_a_torque() -> None:
