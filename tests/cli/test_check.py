@@ -25,7 +25,9 @@ def test_the_command(shaftline: Command, tmp_path: Path) -> None:
     assert any("usable" in sentence for sentence in told["said"])
     bad = shaftline("check", FOLDER / RECORDING, "--ship", "frigate")
     assert bad.exit_code == 2
-    assert "column map might begin so" in bad.output
+    assert "save these lines as a TOML file, complete them and use it with --columns" in " ".join(
+        bad.output.split()
+    )
 
 
 def test_a_draft_is_a_toml_file_and_a_recording_has_a_name(
@@ -33,8 +35,11 @@ def test_a_draft_is_a_toml_file_and_a_recording_has_a_name(
 ) -> None:
     ask = ["check", FOLDER / RECORDING, "--ship", "frigate"]
     for line, words in (
-        ([*ask, "--draft", tmp_path / "d.txt"], "d.txt: the name of a column map ends in .toml"),
-        (["check", "", "--ship", "frigate"], "a recording is needed, the path of one file"),
+        (
+            [*ask, "--draft", tmp_path / "d.txt"],
+            "d.txt: the name of a column map must end in .toml",
+        ),
+        (["check", "", "--ship", "frigate"], "RECORDING is empty: give the path of one file"),
     ):
         found = shaftline(*line)
         assert found.exit_code == 2
@@ -48,7 +53,10 @@ def test_a_ship_that_diverges_at_once_is_refused(shaftline: Command, tmp_path: P
     found = shaftline("check", tmp_path / "v.csv", "--ship", tmp_path / "light.toml")
     assert found.exit_code == 2, found.output
     said = " ".join(found.output.split())
-    assert "refused: this ship cannot be driven by it: frigate: the simulation diverges" in said
+    assert (
+        "refused: the nominal ship cannot be simulated with the recorded commands: frigate: the "
+        "simulation diverges" in said
+    )
     assert "usable" not in said
 
 
@@ -128,7 +136,7 @@ def test_a_draft_for_another_logger_works_as_it_is_written(
     assert "remark: shaft_torque_N_m lags the simulation by 0.6" in said
     text = draft.read_text(encoding="utf-8")
     assert '"propShaft.rpm" = { column = "shaft_speed_rad_s", unit = "rpm" }\n' in text
-    assert "# unit not stated: m/s taken; knot is as common" in text
+    assert "# unit not stated: m/s assumed; knot is also common" in text
     open_map = text.replace('"speedWater"', '# "speedWater"')
     (tmp_path / "part.toml").write_text(open_map, encoding="utf-8")
     more = shaftline(*ask, "--columns", tmp_path / "part.toml", "--draft", tmp_path / "more.toml")
@@ -143,10 +151,10 @@ def test_rows_of_a_minute_are_usable_as_equilibria(shaftline: Command, tmp_path:
     ask = ["check", tmp_path / "log.csv", "--ship", "frigate"]
     refused = shaftline(*ask)
     assert refused.exit_code == 2
-    assert "say --steady" in " ".join(refused.output.split())
+    assert "use --steady" in " ".join(refused.output.split())
     found = shaftline(*ask, "--steady")
     assert found.exit_code == 0, found.output
-    assert "each row is taken as an equilibrium" in " ".join(found.output.split())
+    assert "each row is treated as an equilibrium" in " ".join(found.output.split())
     without_rack = log.drop(columns="fuel_rack_mm").assign(time_s=600.0 * log.index)
     without_rack.to_csv(tmp_path / "log.csv", index=False)
     found = shaftline(*ask)

@@ -72,7 +72,7 @@ def test_list_fits_a_hundred_columns_and_describes_every_name(shaftline: Command
         assert name in output
         assert len(description) > 20
     assert all(len(one.lacks) > 5 for one in catalogue())
-    assert "Estimate nothing: 0 m/s, never valid" in output
+    assert "Give no estimate (0 m/s, never valid)" in output
 
 
 def test_list_of_controllers_shows_the_tuning_ranges_of_one(shaftline: Command) -> None:

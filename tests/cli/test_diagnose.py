@@ -142,7 +142,7 @@ def replaced(column: str, row: int, value: object) -> Callable[[pd.DataFrame], p
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda t: t.drop(columns="fuel_rack_mm"), ("'fuel_rack_mm' is missing", "needed")),
+        (lambda t: t.drop(columns="fuel_rack_mm"), ("'fuel_rack_mm' is missing", "required: time_s")),
         (replaced("shaft_torque_N_m", 17, "dead"), ("shaft_torque_N_m", "row 18", "dead")),
         (replaced("time_s", 50, 0.5), ("time_s", "row 51", "must rise")),
         (lambda t: t[t.index % 12 < 6], ("time_s", "gap", "at least 10 rows")),
@@ -187,7 +187,7 @@ def test_bad_recordings(
         (("{trial}", "--ship", "frigate", "--jobs", "2"), ("--jobs", "FOLDER")),
         (("{trial}", "--ship", "rov-thruster"), ("trial.csv", "'motor_voltage_V' is missing")),
         (("{folder}", "--ship", "frigate"), ("no recording in this folder", ".csv")),
-        (("{folder}", "{trial}", "--ship", "frigate"), ("a folder stands alone",)),
+        (("{folder}", "{trial}", "--ship", "frigate"), ("give a folder alone",)),
         (("{folder}", "--ship", "frigate", "--backend", "dask"), ("--scheduler",)),
         (("{trial}",), ("--ship",)),
     ],
@@ -288,7 +288,7 @@ def test_a_healthy_period_tells_the_numbers_first(shaftline: Command, tmp_path: 
     corrected = load_ship(tmp_path / "out" / SHIP)
     assert corrected.hull.resistance_coefficient_N_s2_m2 == number["corrected"]
     assert RESISTANCE in result.output
-    assert "told by the healthy period" in result.output
+    assert "estimated from the reference period" in result.output
 
 
 def test_a_free_number_is_no_missing_physics(shaftline: Command, tmp_path: Path) -> None:
@@ -300,7 +300,7 @@ def test_a_free_number_is_no_missing_physics(shaftline: Command, tmp_path: Path)
     assert result.exit_code == 0, result.output
     report = json.loads((tmp_path / "out" / REPORT).read_text())
     assert report["verdict"] == "nothing-missing"
-    assert f"once the numbers are right: {RESISTANCE} is" in report["sentence"]
+    assert f"once the parameters are corrected: {RESISTANCE} is" in report["sentence"]
     number = report["numbers"][RESISTANCE]
     assert number["source"] == "free"
     assert number["corrected"] == pytest.approx(1.3 * 3306.2, rel=0.01)

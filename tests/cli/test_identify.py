@@ -93,7 +93,11 @@ def test_points_and_recordings_do_not_go_together(
     file, out = tmp_path / "points.csv", tmp_path / "out"
     file.write_text(POINTS)
     common = ("--ship", "tito-neri-staircase", "--method", "steady", "--out", out)
-    refused(shaftline("identify", file, trial, *common), "do not go together")
+    refused(
+        shaftline("identify", file, trial, *common),
+        "steady states",
+        "recordings cannot be combined",
+    )
 
 
 @pytest.mark.parametrize(

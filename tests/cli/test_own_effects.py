@@ -161,7 +161,7 @@ def test_a_simulation_without_the_signal_is_refused(shaftline: Command, folder: 
         (("* cos", "cos"), ("term apparent-wind", "not a valid expression (SyntaxError)")),
         (('"resistance"', '"sail"'), ("term apparent-wind", "acts_on", "'resistance'")),
         (('"apparent-wind"', '"wind"'), ("wind (hull) is already defined in the catalogue",)),
-        ((MY, "# nothing"), ("no [[term]] and no [[effect]] in it",)),
+        ((MY, "# nothing"), ("the file has no [[term]] and no [[effect]]",)),
     ],
 )
 def test_a_file_that_cannot_be_used_is_named_before_work_begins(
@@ -190,7 +190,11 @@ def test_what_the_ship_or_the_recording_does_not_have_is_named(
     result = shaftline(
         *said, folder / "MY.toml", "--effects", folder / "MY.toml", "--ship", "ferry"
     )
-    refused(result, "apparent-wind (hull) stands in", "MY.toml already")
+    refused(
+        result,
+        "MY.toml: apparent-wind (hull) is already defined in",
+        "MY.toml; give your effect another id",
+    )
     nothing_written(folder, "MY.toml", "log.csv", "map.toml")
 
 

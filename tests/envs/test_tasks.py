@@ -76,7 +76,7 @@ def test_a_sea_of_a_task_may_be_ranges() -> None:
         heights.append(4.0 * np.sqrt(0.5 * np.sum(record["amplitude"] ** 2)))
     assert all(2.0 <= height <= 2.5 for height in heights)
     assert np.ptp(heights) > 0.05
-    with pytest.raises(TaskError, match="lowest value must stand first"):
+    with pytest.raises(TaskError, match="the lower value must come first"):
         get_task(fields(seas=({"hs_m": (2.5, 2.0), "tp_s": 9.0},)))
 
 

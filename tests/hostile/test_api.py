@@ -51,14 +51,14 @@ def test_more_environments_than_memory_are_refused_at_once() -> None:
         ({"control_interval_s": None}, "must be a number"),
         ({"sensor_noise": float("nan")}, "sensor_noise = nan"),
         ({"sensor_noise": {"nobody": 1.0}}, "known instruments"),
-        ({"sensor_noise": {"shaft_torque": -1.0}}, "rms of 0 or more"),
+        ({"sensor_noise": {"shaft_torque": -1.0}}, "each with an rms of at least 0"),
         ({"randomise": {"hull.nobody": 0.1}}, "hull.nobody"),
         ({"randomise": {"hull.mass_kg": float("nan")}}, "hull.mass_kg"),
         ({"observer": "nobody"}, "unknown observer"),
         ({"task": "nobody"}, "nobody"),
         ({"ship": "kvlcc2"}, "kvlcc2"),
         ({"sea": "state-99"}, "state-99"),
-        ({"sea": {"hs_m": (5.0, 1.0), "tp_s": 9.0}}, "lowest and a highest"),
+        ({"sea": {"hs_m": (5.0, 1.0), "tp_s": 9.0}}, "a pair \\(lowest, highest\\)"),
         ({"sea": []}, "must be a preset"),
         ({"action_mode": "nobody"}, "unknown action_mode"),
         ({"nobody": 1}, "unexpected keyword argument"),
@@ -81,9 +81,11 @@ STATE = State(1.2, 10.0, 8.0)
 @pytest.mark.parametrize(
     ("duration", "state", "words"),
     [
-        (0.0, STATE, "duration_s = 0.0: must be"), (-1.0, STATE, "duration_s = -1.0: must be"),
-        (float("nan"), STATE, "duration_s = nan: must be"),
-        (10.0, STATE._replace(shaft_speed=float("nan")), "initial contains a value that is not finite"),
+        (0.0, STATE, "duration_s = 0.0 must be above 0 s"),
+        (-1.0, STATE, "duration_s = -1.0 must be above 0 s"),
+        (float("nan"), STATE, "duration_s = nan must be above 0 s"),
+        (10.0, STATE._replace(shaft_speed=float("nan")),
+         "initial state contains a value that is not finite"),
         (10.0, STATE._replace(ship_speed=1e200),
          r"the simulation diverges: true_ship_speed_m_s = 1e\+200 m/s at 0 s"),
     ],
@@ -106,7 +108,7 @@ def test_columns_that_are_missing_or_no_numbers_are_named() -> None:
         (table.drop(columns="fuel_rack_mm"), "column 'fuel_rack_mm' is missing"),
         (gap, "fuel_rack_mm, row 8: nan is not a finite number"),
         (table[:0], "at least two rows"), (table[:1], "at least two rows"),
-        (table[::-1], "time must rise"),
+        (table[::-1], "rising time"),
     ):  # fmt: skip
         with pytest.raises(ValueError, match=words):
             simulate_recording(ship, bad)
@@ -150,7 +152,9 @@ def test_a_folder_that_is_gone_is_said(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     done = _alone(code, tmp_path / "a")
     assert done.returncode == 1
-    assert done.stderr == "error: the folder in which this was called does not exist any more\n"
+    assert done.stderr == (
+        "error: the working folder does not exist any more; change to another one\n"
+    )
 
 
 @pytest.mark.parametrize("duration", [1e12, float("inf"), 1e300])

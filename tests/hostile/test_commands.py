@@ -106,10 +106,11 @@ def _rows() -> Iterator[tuple[str, str]]:
     for option in ("--seed -1", "--variant nobody", "--jobs 0"):
         yield f"validate --cases 1 --out pr {option}", option.split()[0]
     for option, words in {
-        "--speed nan": "a speed of nan", "--speed -5": "a speed of -5 is", "--drive 1e9": "from 0 to 40",
-        "--speed 1e9": "a speed of 1e+09 is", "--speed 0": "a speed of 0 is", "--pitch 99": "--pitch 99",
+        "--speed nan": "a speed of nan", "--speed -5": "holds a speed of -5 m/s",
+        "--drive 1e9": "from 0 to 40", "--speed 1e9": "holds a speed of 1e+09 m/s",
+        "--speed 0": "holds a speed of 0 m/s", "--pitch 99": "--pitch 99",
         "--drive nan": "--drive nan mm: must be", "--ship nobody": "unknown ship",
-        "--speed 8 --output ''": "at least one output is needed", "": "give either --speed or --drive",
+        "--speed 8 --output ''": "give at least one output", "": "give either --speed or --drive",
     }.items():  # fmt: skip
         yield f"linearise --out li {option}", words
     yield "linearise --speed 8 --output nobody --out li", "nobody"
@@ -121,8 +122,11 @@ def _rows() -> Iterator[tuple[str, str]]:
         yield f"loop speed-pilot --out lo {option}", words
     yield "loop speed-pilot --out lo --command nobody", "unknown command"
     yield "loop nobody --out lo", "nobody"
-    yield "loop speed-pilot --reading nobody --out lo", "of a law of your own"
-    yield "loop 3,0.4/1,0 --reading nobody --out lo", "--reading nobody: known are"
+    yield (
+        "loop speed-pilot --reading nobody --out lo",
+        "for a transfer function such as 3,0.4/1,0 only",
+    )
+    yield "loop 3,0.4/1,0 --reading nobody --out lo", "--reading nobody: must be one of shaft_speed"
     for option, words in {
         "nobody --speed 7": "unexpected extra argument", "--speed 1e9": "a speed of 1e+09",
         "--speed 7": "frigate cannot be steered", "--speed 7 --scale 0": "scale",
@@ -152,7 +156,8 @@ def _rows() -> Iterator[tuple[str, str]]:
         "--vary gamma=2:1": "gamma = '2:1'", "--vary gamma=0.5:5.0": "gamma = 5: must be above 0",
         "--vary gama=0.5:0.9": "unknown key 'gama'", "--vary a.b.c=1:2": "unknown key 'a'",
         "--vary n_timesteps=10:20": "cannot be searched", "--trials 0": "'--trials'",
-        "--vary env_kwargs.max_episode_steps=1:2": "easiest would win", "--seeds 0": "'--seeds'",
+        "--vary env_kwargs.max_episode_steps=1:2": "easiest evaluation would win",
+        "--seeds 0": "'--seeds'",
         "--vary env_kwargs.sensor_noise=0:1.0": "cannot be searched", "--fresh 0": "'--fresh'",
         "--vary gamma=m**9**9,2": "gamma = 'm**9**9'",
         "--vary n_steps=1:1000000000000": "n_steps = 1e+12",
@@ -170,7 +175,7 @@ def _rows() -> Iterator[tuple[str, str]]:
             "zero": "no ordinary file"}  # fmt: skip
     for option, words in {
         **{f"{name}.csv": why for name, why in unreadable.items()},
-        "folder.toml": "holds no recording", "ok.csv --effects term.toml": "balance is missing",
+        "folder.toml": "no recording in this folder", "ok.csv --effects term.toml": "balance is missing",
         "ok.csv --effects code.toml": "__import__", "ok.csv --effects zero.toml": "no ordinary file",
         **{f"ok.csv --columns {name}.toml": why for name, why in maps.items()},
         "ok.csv --tolerance nan": "'--tolerance'", "ok.csv --tolerance -1": "'--tolerance'",
@@ -179,12 +184,13 @@ def _rows() -> Iterator[tuple[str, str]]:
     }.items():  # fmt: skip
         yield f"diagnose {option} --ship frigate --out di", words
     yield "diagnose ok.csv --ship zero.toml --out di", "no ordinary file"
-    yield "diagnose --example --ship frigate --out di", "brings its own"
+    yield "diagnose --example --ship frigate --out di", "has its own recording"
     yield "diagnose --example --out file", "is a file"
     for option, words in {
         **{f"{name}.csv": why for name, why in unreadable.items()},
         "span.csv": "shaft_speed_rad_s", "endless.csv": "not a finite number", "text.csv": "is missing",
-        "twice.csv": "stands twice", "book.xlsx": "no spreadsheet", "bomb.xlsx": "unpacks to 600 MB",
+        "twice.csv": "'fuel_rack_mm' occurs twice", "book.xlsx": "no spreadsheet",
+        "bomb.xlsx": "unpacks to 600 MB",
         "ok.csv --figure fig": "a picture file must end in",
         "ok.csv --figure null.png": "no ordinary file",
         "ok.csv --columns unit.toml": maps["unit"], "ok.csv --columns zero.toml": maps["zero"],
@@ -192,8 +198,9 @@ def _rows() -> Iterator[tuple[str, str]]:
     }.items():  # fmt: skip
         yield f"check {option} --ship frigate", words
     for option, words in {
-        "ok.csv --free nobody": "nobody is no number", "ok.csv --method magic": "unknown method",
-        "empty.csv": "it is empty", "twice.csv": "stands twice",
+        "ok.csv --free nobody": "nobody is no parameter of this ship",
+        "ok.csv --method magic": "unknown method",
+        "empty.csv": "it is empty", "twice.csv": "'fuel_rack_mm' occurs twice",
         "ok.csv --tolerance nan": "'--tolerance'",
     }.items():  # fmt: skip
         yield f"identify {option} --ship frigate --out id", words
@@ -205,7 +212,8 @@ def _rows() -> Iterator[tuple[str, str]]:
     for place in ("/dev/null", "pipe.toml", "folder.toml", "/proc/x.toml", "file/x.toml"):
         yield f"check ok.csv --ship frigate --draft {place}", place.split("/x")[0]
     for sea, words in {
-        "--hs 2.5": "needs both --hs and --tp", "--tp 8": "needs both --hs and --tp",
+        "--hs 2.5": "--hs and --tp must be given together",
+        "--tp 8": "--hs and --tp must be given together",
         "--hs nan --tp 8": "significant wave height", "--hs -1 --tp 8": "significant wave height",
         "--hs 99 --tp 8": "significant wave height", "--hs 2 --tp inf": "peak period",
     }.items():  # fmt: skip
@@ -217,10 +225,10 @@ def _rows() -> Iterator[tuple[str, str]]:
     ):
         yield f"{command} --seeds 1000000000", "equal to 10000"
     yield "simulate --case jonswap --hs 2 --tp 8 --sea calm --out o.csv", "give either --sea or"
-    yield "linearise --speed 8 --pitch 99 --out li", "P/D from 0.6 to 1.4"
+    yield "linearise --speed 8 --pitch 99 --out li", "P/D of frigate must be from 0.6 to 1.4"
     for law in ("1e400/1", "1/0", ",/,", "nan/1"):
         yield f"loop {law} --out lo", "must be numerator/denominator"
-    yield "loop 3,0.4/1,0 --pitch 0.1 --out lo", "P/D from 0.6 to 1.4"
+    yield "loop 3,0.4/1,0 --pitch 0.1 --out lo", "P/D of frigate must be from 0.6 to 1.4"
     yield "evaluate --controller nobody:x --task transit --seeds 1 --out ev", "nobody:x: cannot"
     for line in ("simulate --inputs ok.csv --out ok.csv",
                  "simulate --inputs ok.csv --out damaged/../ok.csv",
@@ -231,16 +239,19 @@ def _rows() -> Iterator[tuple[str, str]]:
                  "loop speed-pilot --ship corrected_ship.toml --out lo --json corrected_ship.toml",
                  "train --recipe rate.yml --out tr --json rate.yml"):  # fmt: skip
         yield line, "would be replaced"
-    yield "diagnose ok.csv --ship corrected_ship.toml --out .", "would be replaced"
-    for name, words in {"obeyed": "cannot be printed", "lines": "cannot be printed",
+    yield (
+        "diagnose ok.csv --ship corrected_ship.toml --out .",
+        "would replace --ship corrected_ship.toml",
+    )
+    for name, words in {"obeyed": "contains control characters", "lines": "contains control characters",
                         "nameless": "at least 1 character", "endless-name": "at most 100 characters",
                         "light": "hull.mass_kg = 1e-300"}.items():  # fmt: skip
         yield f"linearise --ship {name}.toml --speed 7 --out li", words
-    for name, words in {"zip": "'zip' is unknown", "rot13": "'rot13' is unknown",
+    for name, words in {"zip": "'zip' is no known encoding", "rot13": "'rot13' is no known encoding",
                         "commas": "separator and decimal are both"}.items():  # fmt: skip
         yield f"check ok.csv --ship frigate --columns {name}.toml", words
     for name, words in {
-        "constant": "it must add nothing there", "tower": "no finite number", "root": "no finite number",
+        "constant": "it must add 0 there", "tower": "no finite number", "root": "no finite number",
         "attribute": "is not allowed in an expression", "lambda": "is not allowed in an expression",
     }.items():  # fmt: skip
         yield f"diagnose ok.csv --ship frigate --effects {name}-term.toml --out di", words

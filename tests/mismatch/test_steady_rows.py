@@ -50,7 +50,7 @@ def test_a_concealed_effect_is_named_with_its_size(
     (estimate,) = finding.estimates
     assert estimate.value == pytest.approx(size, abs=within)
     assert estimate.ci95[0] < size < estimate.ci95[1]
-    assert any("each row is taken as an equilibrium" in said for said in found.warnings)
+    assert any("each row is treated as an equilibrium" in said for said in found.warnings)
     tried = {candidate.effect.id for candidate, _ in found.ranking}
     assert not tried & TRANSIENT
     # the corrected ship is the file's, the effect apart

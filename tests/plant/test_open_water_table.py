@@ -167,9 +167,15 @@ def test_a_table_survives_its_file(tabled: Ship, frigate: Ship, tmp_path: Path) 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"advance_ratio": [0.0, 0.1, 0.1, 0.6, 1.0]}, r"open_water: advance_ratio must rise"),
-        ({"thrust_coefficient": KT[:4]}, r"thrust_coefficient must have 5 entries.* it has 4"),
-        ({"pitch_ratio": [0.8, 1.0]}, r"a list of them for each of 2 pitch_ratio; it has 5"),
+        (
+            {"advance_ratio": [0.0, 0.1, 0.1, 0.6, 1.0]},
+            r"open_water: the values of advance_ratio must rise",
+        ),
+        (
+            {"thrust_coefficient": KT[:4]},
+            r"thrust_coefficient must have one entry for each of the 5 values.* it has 4",
+        ),
+        ({"pitch_ratio": [0.8, 1.0]}, r"in one list for each of 2 pitch_ratio; it has 5"),
         ({"advance_ratio": [0.0]}, r"open_water\.advance_ratio.*at least 2"),
         ({"torque_coefficient": "0.05"}, r"open_water\.torque_coefficient"),
         ({"colour": 1.0}, r"open_water\.colour is not a known key"),
@@ -186,7 +192,7 @@ def test_a_table_belongs_to_its_model_and_covers_the_ships_pitch(frigate: Ship) 
         frigate.with_values({"propeller.model": "table"})
     with pytest.raises(ShipError, match=r"open_water has no effect with propeller\.model = 'b-ser"):
         frigate.with_values({"propeller.open_water": ONE})
-    with pytest.raises(ShipError, match=r"blades that turn ask for open_water\.pitch_ratio"):
+    with pytest.raises(ShipError, match=r"a variable pitch needs open_water\.pitch_ratio"):
         frigate.with_values({"propeller.model": "table", "propeller.open_water": ONE})
     two = {
         "pitch_ratio": [0.7, 1.4],
@@ -243,7 +249,7 @@ def test_a_damaged_entry_is_named(frigate: Ship, row: int, damage: float) -> Non
     kt[row] = round(kt[row] * damage, 4)
     with pytest.raises(
         ValueError,
-        match=rf"thrust_coefficient at advance_ratio {LINE[row]:g} is {kt[row]:g}, where",
+        match=rf"thrust_coefficient at advance_ratio {LINE[row]:g} is {kt[row]:g}, but its neigh",
     ):
         with_table(
             frigate,

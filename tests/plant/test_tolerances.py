@@ -26,7 +26,7 @@ def test_errors_that_go_together_are_those_of_numbers_told() -> None:
     assert known.correlation("a.b", "a.b") == 1.0
     assert known.correlation("a.b", "e.f") == 0.0
     assert hash(known) != hash(Tolerances(numbers=known.numbers))
-    with pytest.raises(ValueError, match=r"speak of c\.d, which has no standard deviation"):
+    with pytest.raises(ValueError, match=r"name c\.d, which has no standard deviation"):
         Tolerances(numbers={"a.b": 1.0}, correlations={"a.b": {"c.d": 0.9}})
     with pytest.raises(ValueError, match="less than or equal to 1"):
         Tolerances(numbers=known.numbers, correlations={"a.b": {"c.d": 1.1}})

@@ -183,7 +183,7 @@ def test_one_observation_is_a_batch_of_one(file: Path) -> None:
     assert single.shape == (2,)
     assert batch[1] == pytest.approx(single, abs=1e-6)
     with pytest.raises(
-        ValueError, match=r"observations of 8 signals: the policy reads 15; make the"
+        ValueError, match=r"observations of 8 signals: the policy needs 15; create the env"
     ):
         policy.predict(np.zeros(8))
 
@@ -209,7 +209,7 @@ def test_another_layout_is_refused(altered: Any, change: dict[str, Any], words: 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"recipe__frame_stack": 2}, "15 inputs and 2 outputs, where 30 and 2 are needed"),
+        ({"recipe__frame_stack": 2}, "15 inputs and 2 outputs; expected are 30 and 2"),
         ({"recipe__frame_stack": 65}, "frame_stack = 65: must be from 1 to 64"),
         ({"layout__action_mode": "by-ear"}, "unknown action_mode 'by-ear'"),
     ],
@@ -236,10 +236,13 @@ def test_another_ship_is_refused(file: Path) -> None:
     [
         (lambda a: a | {"weight_0": a["weight_0"] * np.nan}, "a weight is not finite"),
         (lambda a: a | {"weight_0": a["weight_0"][:, 0]}, "must have two dimensions"),
-        (lambda a: a | {"bias_0": a["bias_0"][1:]}, "its layers do not fit together"),
-        (lambda a: a | {"weight_0": a["weight_0"].astype(complex)}, "real numbers are needed"),
-        (lambda a: a | {"weight_0": np.array(["a", "b"])}, "real numbers are needed"),
-        (lambda a: {k: v for k, v in a.items() if not k.startswith("weight")}, "real numbers"),
+        (lambda a: a | {"bias_0": a["bias_0"][1:]}, "the shapes of the layers do not match"),
+        (lambda a: a | {"weight_0": a["weight_0"].astype(complex)}, "must be real numbers"),
+        (lambda a: a | {"weight_0": np.array(["a", "b"])}, "must be real numbers"),
+        (
+            lambda a: {k: v for k, v in a.items() if not k.startswith("weight")},
+            "must be real numbers",
+        ),
         (lambda a: {k: v for k, v in a.items() if k != "bias_0"}, "bias_0"),
     ],
 )
@@ -276,7 +279,7 @@ def test_what_is_no_policy_is_refused(file: Path, tmp_path: Path) -> None:
         with pytest.raises(PolicyError, match=f"{path.name}: not a policy file"):
             load_policy(path)
     with pytest.raises(
-        PolicyError, match=r"nowhere: no such policy file; with .* come .*rough-sea"
+        PolicyError, match=r"nowhere: no such policy file; the package contains .*rough-sea"
     ):
         load_policy("nowhere")
 

@@ -82,7 +82,7 @@ def test_a_number_that_moves_nothing_stays_as_it_is() -> None:
     found = calibrate(quick_frigate(), [healthy()], (fuel,))
     assert found.ship == quick_frigate()
     assert set(found.left_out) == {fuel}
-    assert "tells no number" in found.remarks[0]
+    assert "no parameter is identifiable from the reference period" in found.remarks[0]
 
 
 def test_one_recording_is_not_both(tmp_path: object) -> None:

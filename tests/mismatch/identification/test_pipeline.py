@@ -75,8 +75,8 @@ def test_numbers_wrong_in_the_rest_of_the_file_widen_the_intervals(voyage: pd.Da
     ("options", "words"),
     [
         ({"method": "guess"}, "unknown method 'guess'; known: output-error"),
-        ({"free": "everything"}, "free = 'everything': a list of keys is needed, or 'auto'"),
-        ({"free": ["hull.mas"]}, r"hull\.mas is no number"),
+        ({"free": "everything"}, "free = 'everything': expected a list of keys or 'auto'"),
+        ({"free": ["hull.mas"]}, r"hull\.mas is no parameter of this ship that can be free"),
         ({"free": []}, "no parameter is free"),
     ],
 )

@@ -162,7 +162,7 @@ def test_a_ship_that_moves_has_a_hull_s_balance() -> None:
         (TABLE_4.drop(columns="motor_current_A"), None,
          "resistance_ohm needs motor_current_A"),
         (TABLE_4.drop(columns="shaft_speed_rad_s"), None, "needs shaft_speed_rad_s"),
-        (TABLE_4[:2], None, "2 steady state.* 4 equations for 4 numbers"),
+        (TABLE_4[:2], None, "2 steady state.* 4 equations for 4 parameters"),
         (TABLE_4, (LOAD, "transmission.quadratic_drag_N_m_s2_rad2"), "does not distinguish"),
         (TABLE_4, (CONSTANT, "transmission.inertia_engine_side_kg_m2"), "depends on transmission.ine"),
     ],

@@ -75,7 +75,7 @@ def test_order_of_the_keys_is_the_callers() -> None:
         (lambda: staircase(tug(), LEVELS).drop(columns="motor_current_A"), None,
          "step: prime_mover.armature_inductance_H needs motor_current_A"),
         (lambda: staircase(tug(), (5.0, 6.0), interval_s=5e-3), (INDUCTANCE,),
-         "one every 0.005 s is too slow"),
+         "the sampling interval of 0.005 s is too long"),
         (lambda: staircase(tug(), LEVELS), ("propeller.inflow_lag_s",),
          "step: this method does not estimate propeller.inflow_lag_s"),
     ],

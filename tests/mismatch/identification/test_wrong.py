@@ -43,7 +43,7 @@ def test_fouling_is_a_wrong_resistance_as_well() -> None:
         "value": wrong.value,
         "gain": wrong.gain,
     }
-    assert f"A wrong {wrong.key} would explain it as well" in found.summary()
+    assert f"A biased {wrong.key} would explain the difference as well" in found.summary()
     assert biased_parameter_sentence(wrong) in found.summary()
 
 
@@ -53,7 +53,7 @@ def test_a_lag_is_no_wrong_number() -> None:
     assert [f.effect.id for f in found.findings] == ["engine-torque-lag"]
     assert found.biased == [None]
     assert found.to_dict()["effects"][0]["wrong_number"] is None
-    assert "would explain it as well" not in found.summary()
+    assert "would explain the difference as well" not in found.summary()
 
 
 def test_a_number_that_the_file_knows_is_not_blamed() -> None:

@@ -57,7 +57,7 @@ def test_the_torque_that_an_inflow_takes_off_is_identified() -> None:
     assert [finding.effect.label for finding in found.findings] == [LABEL]
     (slope,) = found.findings[0].estimates
     assert slope.value == pytest.approx(SLOPE, rel=0.03)
-    assert "the propeller's torque falls more with the advance ratio" in found.sentence
+    assert "the propeller torque falls more with the advance ratio" in found.sentence
 
 
 def test_a_recording_without_an_inflow_does_not_try_it() -> None:

@@ -91,5 +91,7 @@ def test_a_speed_that_is_held_is_refused(held_frigate: Ship) -> None:
     table = pd.DataFrame(
         {"time_s": [0.0, 0.1, 0.2], "shaft_speed_rad_s": 10.0, "ship_speed_m_s": 8.0}
     )
-    with pytest.raises(ValueError, match="a speed that is held has no linear model"):
+    with pytest.raises(
+        ValueError, match="prescribes the shaft speed, which the linear replay does not model"
+    ):
         LinearReplay(held_frigate, table)

@@ -104,7 +104,7 @@ def test_a_slightly_wrong_inertia_is_no_physics(factor: float) -> None:
 
 def test_the_corrected_ship_alone_is_reported_where_a_clock_is_skewed(found: Diagnosis) -> None:
     """The speed is 0.4 rows late, which no ship file can hold."""
-    alone = "simulated from its file alone"
+    alone = "without clock skews and estimated first states, as in shaftline simulate"
     assert not [w for w in found.warnings if w.startswith(alone)]
     tables = [run({COULOMB: 0.03}, seed) for seed in (1, 2)]
     for table in tables:
@@ -129,7 +129,7 @@ def test_a_recording_too_dull_to_decide_is_not_healthy() -> None:
     found = diagnose(motor(), tables[0], hold_out=tables[1:], options=OPTIONS)
     assert found.verdict == "unexplained"
     assert found.undecidable
-    assert found.sentence.startswith("Cannot be decided, because ")
+    assert found.sentence.startswith("Whether physics is missing cannot be decided, because ")
 
 
 def test_no_more_is_reported_than_was_asked_for_and_no_parameter_moves_without_a_tolerance() -> (
