@@ -42,7 +42,7 @@ def zero_columns(table: pd.DataFrame, columns: Sequence[str]) -> list[str]:
 
     Examples:
         >>> table = pd.DataFrame({"failed": [0.0, 0.0], "reward": [1.0, 0.0]})
-    >>> zero_columns(table, ["failed", "reward"])
+        >>> zero_columns(table, ["failed", "reward"])
         ['failed']
     """
     return [name for name in columns if (table[name] == 0.0).all()]

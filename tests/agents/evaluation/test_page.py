@@ -56,7 +56,7 @@ def test_a_page_has_a_section_a_sea_and_says_what_is_zero() -> None:
     assert "Zero everywhere: `overspeed_s`." in text
     assert "Observer `any`: the figures are the same with each of the 3 observers" in text
     assert text.endswith(
-        "- `reward`: sum of the task's rewards, 0 where the episode failed; higher is better\n"
+        "- `reward`: sum of the rewards of the task, 0 where the episode failed; higher is better\n"
         "- `overspeed_s`: time beyond the engine's highest speed [s]\n"
     )
 
