@@ -134,11 +134,13 @@ def drop_stale_kernels(root: Path) -> None:
                 cached.setdefault(module, []).append(file)
     if max(changed.values(), default=0.0) <= oldest:
         return
-    imports = {file: imported_files(file, root) for file in changed}
+    imports: dict[Path, set[Path]] = {}  # only of the modules on which a kernel depends
     for module, files in cached.items():
         needed, new = {module}, {module}
         while new:
-            new = set().union(*(imports.get(file, set()) for file in new)) - needed
+            for file in new - imports.keys():
+                imports[file] = imported_files(file, root) if file in changed else set()
+            new = set().union(*(imports[file] for file in new)) - needed
             needed |= new
         newest = max((changed.get(file, 0.0) for file in needed), default=0.0)
         for file in files:

@@ -85,13 +85,14 @@ def found_in(file: Path, words: list[Word]) -> Iterator[tuple[int, str, str]]:
 
 def files_of(places: list[Path]) -> list[Path]:
     """Return the pages and modules of folders and files; result tables of data are left out."""
-    found = [
+    return [
         file
         for place in places
         for file in ([place] if place.is_file() else sorted(place.rglob("*")))
-        if file.suffix in (".md", ".py") and "CHANGELOG" not in file.name
+        if file.suffix in (".md", ".py")
+        and "CHANGELOG" not in file.name
+        and not {"out", "__pycache__", "tests"} & set(file.relative_to(place).parts)
     ]
-    return [file for file in found if not {"out", "__pycache__", "tests"} & set(file.parts)]
 
 
 def main(arguments: list[str] | None = None) -> int:
