@@ -5,8 +5,8 @@ from .estimate import Estimate
 from .example import copy_example
 from .folder import diagnose_folder
 from .identify import Identification, identify
-from .judge.findings import Finding
 from .judge.held_out import fit_percent
+from .judge.verdict import Finding
 from .options import Options
 from .pipeline import diagnose
 from .recordings import Recording, fetch, load_recording

@@ -8,7 +8,7 @@ from pathlib import Path
 from ..plant.ship import Ship
 from .estimate import Tick, ignore_progress
 from .identification.free_parameters import AUTO, LEAST_CERTAIN, UnidentifiableError
-from .identification.start import Start, widen_tolerances
+from .identification.parameters import Start, widen_tolerances
 from .identify import identify
 from .recordings.joint import Recorded
 

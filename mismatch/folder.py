@@ -18,7 +18,7 @@ from ..core.sweep import source_digest, sweep
 from ..plant.recording import PARQUET, SHEETS, read_table
 from ..plant.ship import Ship
 from .diagnosis import SHIP
-from .identification.start import Start
+from .identification.parameters import Start
 from .options import Options
 from .pipeline import begin, diagnose
 from .recordings.columns import load_map

@@ -27,9 +27,9 @@ from .identification.free_parameters import (
     refuse_guesses,
     usual_keys,
 )
-from .identification.frequency_band import identifiable_keys, parameters_hertz
+from .identification.frequency import identifiable_keys, parameters_hertz
 from .identification.output_error import output_error, refuse_uncertain
-from .identification.results import MethodResult
+from .identification.parameters import MethodResult
 from .identification.sine import sine
 from .identification.steady import points_of, steady
 from .identification.step import step
@@ -45,9 +45,8 @@ from .search.fitting import Fitter
 from .search.selection import INDISTINGUISHABLE
 from .setting import LINES
 from .simulate.balances import Balances
-from .simulate.joint_replay import JointReplay
-from .simulate.linear_replay import LinearReplay
-from .structure.model_error import add_model_error
+from .simulate.joint_replay import JointReplay, LinearReplay
+from .structure.diagnose import add_model_error
 
 SHIP = "identified_ship.toml"
 """File name of the identified ship."""
@@ -215,7 +214,7 @@ class Identification:
         """
         text = None
         if page:
-            from .report.identification_page import identification_html
+            from .report.html import identification_html
 
             text = identification_html(self)
         return write_result(folder, self.to_dict(), text, {SHIP: self.identified}, self.tables)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..plant.ship import Ship, ShipError
-from .identification.start import check_free_parameters
+from .identification.parameters import check_free_parameters
 from .recordings.joint import Recorded
 from .recordings.load import EXTRA_SIGNALS
 from .search.catalogue import Effect, applicable_effects, catalogue, read_entries

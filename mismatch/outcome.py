@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 
 from ..plant.ship import Ship
 from .identification.parameters import BiasedParameter, ParameterChange
-from .judge.findings import Detectable, Finding
 from .judge.shapes import Shape
-from .judge.verdict import BalanceVerdict
+from .judge.verdict import BalanceVerdict, Detectable, Finding
 from .search.catalogue import Window
+from .search.fitting import Colour
 from .search.formulas import Formula
 from .search.selection import Candidate
-from .search.whiteness import Colour
 
 
 @dataclass(frozen=True, repr=False)

@@ -30,19 +30,23 @@ from .estimate import Tick, ignore_progress
 from .identification.parameters import (
     MOST_LINEARISATIONS,
     MovableParameters,
+    Start,
     find_biased_parameters,
+    start_at_recorded_speed,
+    start_with_free_parameters,
 )
-from .identification.start import Start, start_at_recorded_speed, start_with_free_parameters
-from .judge.confirmation import (
+from .judge.correction import (
+    FreeRunning,
     add_rivals,
+    corrected_ship,
     drop_unconfirmed,
     find_better_formula,
+    is_any_confirmed,
     keep_effects,
     refutes_effects,
     settle_episode_edges,
+    uncorrected_remarks,
 )
-from .judge.correction import FreeRunning, corrected_ship, is_any_confirmed, uncorrected_remarks
-from .judge.findings import active_windows, balance_rows, detectable_effects, findings_of, regime
 from .judge.held_out import HeldOut, Segments, fit_percents
 from .judge.shapes import Shape, best_shapes, shape_to_show, signals_of, term_from_shape
 from .judge.verdict import (
@@ -51,11 +55,16 @@ from .judge.verdict import (
     SURE_GAIN,
     UNEXPLAINED,
     Verdict,
+    active_windows,
+    balance_rows,
+    detectable_effects,
     explained_shares,
+    findings_of,
     is_far_from_noise,
     is_undecidable,
     judge_selection,
     limit_verdict,
+    regime,
     sure_effects,
 )
 from .options import Options
@@ -71,10 +80,9 @@ from .recordings.joint import (
 )
 from .recordings.steady_rows import NoDriveCommandError, missing_drive_remark, restore_drive
 from .search.catalogue import Effect, Window, applicable_effects, refuse_transient
-from .search.fitting import Fit, Fitter
+from .search.fitting import Fit, Fitter, Whiteness
 from .search.formulas import Formula, is_as_good, search_formula
 from .search.selection import Selection, Selector
-from .search.whiteness import Whiteness
 from .setting import Setting, Settings
 from .structure.diagnose import diagnose_structure
 

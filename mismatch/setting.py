@@ -15,11 +15,10 @@ from dataclasses import dataclass
 from ..plant.ship import Ship
 from .judge.held_out import Segments, bands_of, split_held_out
 from .recordings.joint import JointRecordings
-from .search.band import highest_informative_frequency, rows_per_average
 from .search.catalogue import Effect
-from .search.fitting import Fitter
+from .search.fitting import Fitter, Whiteness
 from .search.selection import INDISTINGUISHABLE, Selection
-from .search.whiteness import Whiteness
+from .search.spectra import highest_informative_frequency, rows_per_average
 from .simulate.balances import Balances
 from .simulate.joint_replay import JointReplay
 

@@ -20,7 +20,7 @@ SOURCES = [
     for file in folder.rglob("*.py")
 ]
 VERDICTS = {verdict.EXPLAINED, verdict.PARTLY, verdict.NOTHING, verdict.UNEXPLAINED}
-REPORTS = ("report/data.py", "report/wording.py", "identification/results.py", "identify.py",
+REPORTS = ("report/data.py", "report/wording.py", "identification/parameters.py", "identify.py",
            "estimate.py")  # fmt: skip
 """Modules of ``mismatch`` that write the keys of report.json."""
 

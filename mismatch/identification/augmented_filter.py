@@ -21,10 +21,10 @@ from ...plant.derivatives import as_words, parameter_slope
 from ...plant.ship import Ship
 from ...plant.state import active_states
 from ..estimate import Tick, ignore_progress
+from ..simulate.balances import NO_SHIFT, tolerance_records
 from ..simulate.joint_replay import JointReplay
-from ..simulate.tolerances import NO_SHIFT, tolerance_records
 from .free_parameters import refuse_unidentifiable
-from .results import MethodResult
+from .parameters import MethodResult
 
 DOUBT = 0.5
 """Initial standard deviation of a parameter that is not 0, as a share of its value."""

@@ -18,10 +18,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..estimate import Tick, ignore_progress
-from ..search.fitting import Fit, Fitter
-from ..search.whiteness import Whiteness
+from ..search.fitting import Fit, Fitter, Whiteness
 from .free_parameters import Free, UnidentifiableError, refuse_unidentifiable
-from .results import MethodResult
+from .parameters import MethodResult
 
 MOST_STEPS = 40
 SETTLED = 0.02

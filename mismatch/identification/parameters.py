@@ -1,21 +1,181 @@
-"""Changes of the ship's parameters by a recording, and biased parameters as alternatives to effects."""
+"""The ship at the start of a diagnosis, with its calibrated and its free parameters.
+
+Result of a method of identification: estimates and their covariance.
+
+Changes of the ship's parameters by a recording, and biased parameters as alternatives to effects.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
+from ...plant.keys import ShipParameter
 from ...plant.ship import Ship, ShipError
 from ..judge.held_out import fit_percents
+from ..recordings.steady_rows import drive_by_shaft_speed
 from ..search.catalogue import SizedEffect
 from ..search.fitting import Fit, Fitter
 from ..search.selection import INDISTINGUISHABLE, Selection
 from .free_parameters import Free, doubtful, number_of
-from .start import Start
+
+WIDE = 0.3
+"""Standard deviation of a free parameter, as a share of its value."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """A ship at the start of a diagnosis.
+
+    Args:
+        file: ship with the values of its file.
+        ship: ship with the calibrated parameters and with all tolerances.
+        calibrated: keys of the parameters that were estimated from a reference period.
+        free: keys of the parameters that are free in the diagnosis itself.
+        left_out: why a parameter was not calibrated, by key.
+        remarks: remarks on the calibration, a sentence each.
+    """
+
+    file: Ship
+    ship: Ship
+    calibrated: tuple[str, ...] = ()
+    free: tuple[str, ...] = ()
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+
+def start_at_recorded_speed(start: Start) -> Start:
+    """Return the start with the recorded shaft speed in place of the prime mover.
+
+    Args:
+        start: start with the prime mover of the ship file.
+    """
+    calibrated = tuple(key for key in start.calibrated if not key.startswith("prime_mover."))
+    file, ship = drive_by_shaft_speed(start.file), drive_by_shaft_speed(start.ship)
+    return replace(start, file=file, ship=ship, calibrated=calibrated)
+
+
+def check_free_parameters(ship: Ship, keys: Sequence[str], calibrated: bool) -> None:
+    """Refuse parameters that cannot be estimated.
+
+    Args:
+        ship: nominal ship.
+        keys: dotted keys of the free parameters, possibly none.
+        calibrated: whether they are estimated from a reference period.
+
+    Raises:
+        ValueError: a key that is no parameter of this ship or is given twice; without a reference
+            period also a parameter that is 0, or that the ship record holds in another form.
+    """
+    if not keys:
+        return
+    free = Free(ship, keys)
+    if calibrated:
+        return
+    for number in free.numbers:
+        if not number.field:
+            raise ValueError(
+                f"{ship.name}: {number.key} cannot be estimated together with effects; estimate it from "
+                "a reference period (--calibrate)"
+            )
+        if number.value == 0.0 and not ship.tolerances.numbers.get(number.key):
+            raise ValueError(
+                f"{ship.name}: {number.key} is 0, so a relative tolerance is not possible; give its "
+                f"standard deviation [{number.info.unit}] under [tolerances.numbers]"
+            )
+
+
+def start_with_free_parameters(ship: Ship, keys: Sequence[str]) -> Start:
+    """Return a start whose free parameters have a tolerance of at least :data:`WIDE`.
+
+    Args:
+        ship: nominal ship.
+        keys: dotted keys of the free parameters, checked by :func:`check_free_parameters`.
+    """
+    if not keys:
+        return Start(ship, ship)
+    return Start(ship, widen_tolerances(ship, Free(ship, keys).numbers, WIDE), free=tuple(keys))
+
+
+def widen_tolerances(ship: Ship, numbers: Iterable[ShipParameter], share: float) -> Ship:
+    """Return a ship whose parameters have at least a given relative tolerance.
+
+    Args:
+        ship: nominal ship.
+        numbers: parameters of the ship.
+        share: standard deviation as a share of each value [-].
+    """
+    known = ship.tolerances.numbers
+    wide = {n.key: max(share * abs(n.value), known.get(n.key, 0.0)) for n in numbers}
+    return ship.with_values({"tolerances.numbers": known | wide}) if wide else ship
+
+
+@dataclass(frozen=True)
+class MethodResult:
+    """Estimates of a method of identification.
+
+    Args:
+        keys: dotted keys of n parameters.
+        values: estimates, each in its key's unit.
+        covariance: covariance of the estimates, shape (n, n), in these units.
+        tables: intermediate results by file name without extension: states, frequency responses, steps
+            of the search.
+        remarks: remarks on the estimates, a sentence each.
+        score: 2 log L; 0 if the method has none.
+        line: whether the commands were interpolated linearly between rows; otherwise they were held.
+        freedom: degrees of freedom of each variance [-], shape (n,); None for infinitely many.
+
+    >>> found = MethodResult(("a.b", "a.c"), (1.0, 2.0), np.array([[0.04, 0.0], [0.0, 0.09]]))
+    >>> found.standard_errors
+    array([0.2, 0.3])
+    """
+
+    keys: tuple[str, ...]
+    values: tuple[float, ...]
+    covariance: NDArray[np.float64]
+    tables: dict[str, pd.DataFrame] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+    score: float = 0.0
+    line: bool = False
+    freedom: NDArray[np.float64] | None = None
+
+    @property
+    def standard_errors(self) -> NDArray[np.float64]:
+        """Standard error of each estimate, in its key's unit."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    @property
+    def degrees(self) -> NDArray[np.float64]:
+        """Degrees of freedom of each variance [-]; infinite without ``freedom``."""
+        return np.full(len(self.keys), np.inf) if self.freedom is None else self.freedom
+
+    def mix_with(self, other: MethodResult, share: float) -> MethodResult:
+        """Return these estimates with the uncertainty that another model of the data is the true one.
+
+        The covariance is that of the mixture of both models about these estimates.
+
+        Args:
+            other: estimates of the same parameters by the other model.
+            share: probability of the other model [-].
+        """
+        if not share > 0.0:
+            return self
+        apart = np.array(other.values) - np.array(self.values)
+        there = other.covariance + np.outer(apart, apart)
+        return replace(self, covariance=(1.0 - share) * self.covariance + share * there)
+
+    @property
+    def correlation(self) -> NDArray[np.float64]:
+        """Correlation of the estimates, shape (n, n)."""
+        scale = np.where(self.standard_errors > 0.0, self.standard_errors, 1.0)
+        own: Any = self.covariance / np.outer(scale, scale)
+        return np.asarray(own)
+
 
 REPORTED = 1.0
 """Tolerances from which a change of a parameter is reported."""

@@ -33,7 +33,7 @@ from .frequency import (
     slowest_s,
     zero_order_hold,
 )
-from .results import MethodResult
+from .parameters import MethodResult
 
 METHOD = "sine"
 FADED = 8.0

@@ -48,7 +48,7 @@ from ..recordings.load import TABLE, Recording, read_canonical
 from ..recordings.noise import white_rms
 from .drive_train import CONSTANT, RESISTANCE, torque_factor
 from .free_parameters import Free, UnidentifiableError, parse_free, refuse_indistinct, usual_keys
-from .results import MethodResult
+from .parameters import MethodResult
 
 CHANNELS = (
     "pitch_ratio", "shaft_speed_rad_s", "ship_speed_m_s", "motor_current_A", RUDDER, SWAY_SPEED,

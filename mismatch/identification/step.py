@@ -41,7 +41,7 @@ from .drive_train import (
 )
 from .free_parameters import RATIO, Free, UnidentifiableError, parse_free, usual_keys
 from .frequency import interval_of
-from .results import MethodResult
+from .parameters import MethodResult
 from .steady import CURRENT, Plateau, plateaus, solve, steady_states
 
 RISE = (0.45, 0.8)

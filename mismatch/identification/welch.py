@@ -35,7 +35,7 @@ from .frequency import (
     slowest_s,
     zero_order_hold,
 )
-from .results import MethodResult
+from .parameters import MethodResult
 
 METHOD = "welch"
 SEGMENTS = 3

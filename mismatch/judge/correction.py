@@ -1,8 +1,19 @@
-"""Choose the corrected ship, which fits the held-out data at least as well as the nominal ship."""
+"""Confirm the effects that a search has chosen, and find alternatives: other effects and formulas.
+
+The catalogue may identify an effect that only resembles the missing physics: a resistance with the cube
+of the speed resembles fouling. Formulas are therefore tried in place of the effects where these leave
+more than noise, where a free shape over one signal fits clearly better, or where the recording has
+signals that no effect depends on.
+
+Choose the corrected ship, which fits the held-out data at least as well as the nominal ship.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import itertools
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,8 +21,265 @@ from numpy.typing import NDArray
 
 from ...plant.columns import HEADING, YAW_RATE
 from ...plant.ship import Ship
-from ..search.selection import INDISTINGUISHABLE
+from ..search.fitting import Fit, Fitter, Whiteness
+from ..search.formulas import Formula, search_formula
+from ..search.selection import (
+    INDISTINGUISHABLE,
+    NEAR_SHARE,
+    Candidate,
+    Selection,
+    are_confusable,
+    threshold,
+)
 from ..simulate.joint_replay import JointReplay
+from .held_out import HeldOut
+from .shapes import best_shapes
+from .verdict import Verdict, balance_rows
+
+REMNANT_SHARE, ELSEWHERE_SHARE, REMOTE_SHARE = 0.15, 0.08, 0.02
+"""Least gain of a later effect as a share of a stronger effect's gain: in the same or a confusable
+balance, in another balance, and on the other side of the propeller. A smaller gain may come from the
+approximate form of the stronger effect."""
+
+EDGES = 9
+"""Number of times tried for the start or end of an episode within a held-out segment."""
+
+DRIVE, WATER = {"engine", "motor", "pitch-actuator"}, {"hull"}
+"""Balances on either side of the propeller."""
+
+
+def drop_unconfirmed(
+    selection: Selection, fitter: Fitter, judge: Callable[[Fit], float]
+) -> Selection:
+    """Drop effects that the recording cannot resolve, and later effects that are not confirmed.
+
+    An effect that fits as well at the smallest resolvable size was not measured: in a closed loop the
+    command depends on the instruments' noise, for which a delay of one row compensates. The form of the
+    first effect is an approximation, so that further effects fit its residual; these do not fit the
+    held-out data.
+
+    Args:
+        selection: chosen effects.
+        fitter: fitter of the fitted data.
+        judge: function that returns 2 log L of a model on the held-out data.
+    """
+    fit = selection.fit
+    keep = [i for i in range(len(fit.effects)) if _is_resolved(fitter, fit, i)]
+    for i in reversed(keep[1:]):
+        rest = [k for k in keep if k != i]
+        needed = max((selection.gains[k] * _least_share(fit, i, k) for k in rest), default=0.0)
+        if selection.gains[i] >= needed:
+            with_it, without = (_refit(fitter, fit, which) for which in (keep, rest))
+            if judge(with_it) >= judge(without):
+                continue
+        keep = rest
+    if len(keep) == len(fit.effects):
+        return selection
+    return keep_effects(selection, fitter, keep)
+
+
+def _is_resolved(fitter: Fitter, fit: Fit, which: int) -> bool:
+    """Return whether an effect exceeds the resolution of the recording, and fits better than at it."""
+    ship, placed = fitter.trial_ship, fit.effects[which]
+    parameter, size = placed.effect.parameters[0], placed.values[0]
+    neutral, least = ship.neutral(parameter), ship.resolution(parameter)
+    if math.isinf(neutral) or least == 0.0:
+        return True
+    if abs(size - neutral) <= least:
+        return False
+    least = math.copysign(least, size - neutral)
+    small = placed.with_values((neutral + least, *placed.values[1:]))
+    other = fitter.evaluate(small.replace_in(fit.effects, which))
+    return other.score < fit.score - INDISTINGUISHABLE
+
+
+def settle_episode_edges(
+    selection: Selection,
+    fitter: Fitter,
+    held: Sequence[tuple[int, int]],
+    judge: Callable[[Fit], float],
+) -> Selection:
+    """Return the selection with the start and end of episodes within held-out segments estimated there.
+
+    The fitted data do not determine a start or end within a held-out segment.
+
+    Args:
+        selection: chosen effects.
+        fitter: fitter of the fitted data.
+        held: first row of each held-out segment, and one past its last.
+        judge: function that returns 2 log L of a model on the held-out data.
+    """
+    fit = selection.fit
+    for i, edge in itertools.product(range(len(fit.effects)), (0, 1)):
+        if others := list(_vary_edge(fit, i, edge, fitter, held)):
+            fit = max([fit, *others], key=judge)
+    return replace(selection, fit=fit)
+
+
+def _vary_edge(
+    fit: Fit, which: int, edge: int, fitter: Fitter, held: Sequence[tuple[int, int]]
+) -> Iterator[Fit]:
+    """Yield models with other times of an episode's start (edge 0) or end (1) in a held-out segment."""
+    placed, interval = fit.effects[which], fitter.balances.replay.interval_s
+    if placed.window is None:
+        return
+    for a, b in held:
+        if a * interval < placed.window[edge] < b * interval:
+            for time in interval * np.linspace(a, b, EDGES):
+                begin, end = placed.window
+                window = (float(time), end) if edge == 0 else (begin, float(time))
+                if window[0] < window[1]:
+                    shifted = replace(placed, window=window)
+                    yield fitter.evaluate(shifted.replace_in(fit.effects, which))
+
+
+def keep_effects(selection: Selection, fitter: Fitter, keep: list[int]) -> Selection:
+    """Return a selection with some of its effects, fitted again.
+
+    Args:
+        selection: chosen effects.
+        fitter: fitter of the fitted data.
+        keep: indices of the effects that are kept.
+    """
+    return replace(
+        selection, fit=_refit(fitter, selection.fit, keep),
+        gains=tuple(selection.gains[k] for k in keep),
+        thresholds=tuple(selection.thresholds[k] for k in keep),
+        rivals=tuple(selection.rivals[k] for k in keep),
+    )  # fmt: skip
+
+
+def _least_share(fit: Fit, later: int, other: int) -> float:
+    """Return the least gain of a later effect as a share of another effect's gain."""
+    one, two = fit.effects[later].effect, fit.effects[other].effect
+    if one.balance == two.balance or are_confusable(one, two):
+        return REMNANT_SHARE
+    sides = ({one.balance}, {two.balance})
+    apart = any(a <= DRIVE and b <= WATER for a, b in (sides, sides[::-1]))
+    return REMOTE_SHARE if apart else ELSEWHERE_SHARE
+
+
+def _refit(fitter: Fitter, fit: Fit, which: list[int]) -> Fit:
+    if len(which) == len(fit.effects):
+        return fit
+    rest = fitter.evaluate(tuple(fit.effects[k] for k in which))
+    return fitter.refine_effects(rest) if rest.effects else rest
+
+
+def add_rivals(selection: Selection, fitter: Fitter, explained: float) -> Selection:
+    """Return the selection with the effects that fit as well in place of each of its effects.
+
+    Where a model leaves a share of the power unexplained, its form is wrong by as much; an alternative
+    whose gain is lower by less than this share is not refuted.
+
+    Args:
+        selection: chosen effects; their rivals are the effects that came close when each was chosen.
+        fitter: fitter of the fitted data.
+        explained: share of the residual's power beyond noise that the model explains.
+    """
+    fit, tried = selection.fit, max(len(selection.ranking), 1)
+    found = []
+    for i, (gain, rivals) in enumerate(zip(selection.gains, selection.rivals, strict=True)):
+        own = fit.effects[i].effect
+        near = max(INDISTINGUISHABLE, (NEAR_SHARE + max(1.0 - explained, 0.0)) * gain)
+        alike = []
+        for rival in rivals:
+            # A rival with fewer parameters has a lower threshold and may gain less by the difference.
+            margin = near + threshold(own, tried) - threshold(rival.effect, tried)
+            far = rival.gain < gain - 4.0 * margin and not are_confusable(own, rival.effect)
+            if rival.effect.id == own.id or far:
+                continue
+            other = fitter.evaluate(rival.sized_effect.replace_in(fit.effects, i))
+            if other.score < fit.score - margin:
+                other = fitter.polish(other)
+            if other.score >= fit.score - margin:
+                alike.append(Candidate(rival.effect, other, gain - fit.score + other.score))
+        found.append(tuple(sorted(alike, key=lambda c: -c.gain)))
+    return replace(selection, rivals=tuple(found))
+
+
+SENSOR = "sensor"
+"""Balance of the instrument effects, which act on any other balance."""
+
+NOT_INSTEAD = 0.1
+"""Largest gain of the effects added to a formula, as a share of their gain without it, up to which the
+formula replaces them."""
+
+REFUTED = 0.6
+"""Share of a formula's gain below which the gain of the effects refutes them."""
+
+
+def find_better_formula(
+    selection: Selection, verdict: Verdict, whiteness: Whiteness, judge: HeldOut
+) -> Formula | None:
+    """Return the formula that fits the recordings clearly better than the effects; None without one.
+
+    Args:
+        selection: chosen effects.
+        verdict: verdict on them.
+        whiteness: whiteness test of the residuals on the fitted data.
+        judge: likelihood on the held-out data.
+    """
+    fitter, fit = whiteness.fitter, selection.fit
+    if not _is_doubtful(selection, verdict, whiteness):
+        return None
+    formula = search_formula(whiteness, fitter.null, judge, judge.rows)
+    if formula is None:
+        return None
+    record = fitter.trial_ship.record
+    held = judge(record(fit.effects)) - judge(record(()))
+    ahead = formula.gain - formula.threshold - _gain(selection, whiteness)
+    ahead += sum(selection.thresholds)
+    if (
+        ahead <= INDISTINGUISHABLE
+        or formula.held_out <= held
+        or _adds_to_formula(formula, selection, whiteness)
+    ):
+        return None
+    return replace(formula, better_than=tuple(p.effect.label for p in fit.effects), ahead=ahead)
+
+
+def refutes_effects(formula: Formula, selection: Selection, whiteness: Whiteness) -> bool:
+    """Return whether a formula fits so much better than the effects that these are refuted.
+
+    It refutes them if it depends on an external signal and gains much more, if it has fewer parts than
+    there are effects, or if it acts in another balance. A formula of the ship's own signals in the same
+    balance is another form of the same physics.
+    """
+    effects = [placed.effect for placed in selection.fit.effects]
+    several = len(effects) > len(formula.blocks)
+    balances = {effect.balance for effect in effects}
+    elsewhere = SENSOR not in balances and formula.balance not in balances
+    outside = set(formula.signals) & whiteness.fitter.balances.replay.outside.keys()
+    far = bool(outside) and _gain(selection, whiteness) < REFUTED * formula.gain
+    return several or elsewhere or far
+
+
+def _adds_to_formula(formula: Formula, selection: Selection, whiteness: Whiteness) -> bool:
+    """Return whether effects still gain beside a formula, which then describes other physics."""
+    fitter, effects = whiteness.fitter, selection.fit.effects
+    alone, both = (
+        fitter.evaluate_record(ship.with_term(formula.term).record()).score
+        for ship in (fitter.trial_ship.ship, fitter.trial_ship.corrected(effects))
+    )
+    return both - alone > NOT_INSTEAD * _gain(selection, whiteness)
+
+
+def _gain(selection: Selection, whiteness: Whiteness) -> float:
+    return selection.fit.score - whiteness.fitter.null.score
+
+
+def _is_doubtful(selection: Selection, verdict: Verdict, whiteness: Whiteness) -> bool:
+    """Return whether there is a reason to try formulas in place of effects."""
+    fitter = whiteness.fitter
+    terms = [placed.effect.term for placed in selection.fit.effects]
+    used = {name for term in terms if term is not None for name in term.external_signals}
+    if verdict.left_over is not None or fitter.balances.replay.outside.keys() - used:
+        return True
+    rows = {fitter.balances.names[row] for row in balance_rows(fitter, selection.fit)}
+    ahead = (s.gain - s.threshold for s in best_shapes(fitter, fitter.null) if s.balance in rows)
+    return max(ahead, default=0.0) > _gain(selection, whiteness)
+
 
 WORSE = 0.02
 """Relative increase of a channel's open-loop error on the held-out data that counts as equal."""

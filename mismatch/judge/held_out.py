@@ -11,12 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...plant.columns import SHAFT_ANGLE, TURNING_COLUMNS
-from ..search.fitting import Fit, Fitter
+from ..search.fitting import SLOWER_THAN_SEA_HZ, Fit, Fitter
 from ..search.spectra import Bands, Complex, Likelihood, is_divergent, make_bands
-from ..search.whiteness import SLOWER_THAN_SEA_HZ
-from ..simulate.balances import Balances, Channels
+from ..simulate.balances import Balances, Channels, tolerance_perturbations
 from ..simulate.joint_replay import JointReplay
-from ..simulate.tolerances import tolerance_perturbations
 
 ROUNDING = 1e-12
 """Share of a channel's size within which it counts as constant, because means of equal values round."""

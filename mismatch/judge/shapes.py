@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from ...plant.ship import Ship
 from ...plant.terms import Term
-from ..search.fitting import Fit, Fitter
+from ..search.fitting import Colour, Fit, Fitter
 from ..search.spectra import chance_gain
-from ..search.whiteness import Colour
 from ..simulate.balances import Balances
 
 RARE = 1e-3

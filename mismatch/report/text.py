@@ -7,9 +7,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..judge.findings import Finding
 from ..judge.held_out import rms_errors
-from ..judge.verdict import EXPLAINED, NOTHING, PARTLY, UNEXPLAINED, BalanceVerdict
+from ..judge.verdict import EXPLAINED, NOTHING, PARTLY, UNEXPLAINED, BalanceVerdict, Finding
 from ..outcome import Outcome
 from .figures import block_rows, block_statistics, sampling_interval
 from .wording import (

@@ -48,7 +48,7 @@ from ...plant.keys import ShipParameter
 from ...plant.record import PLANT
 from ...plant.ship import Ship, ShipError
 from ...plant.terms import NO_BOUND, TERM_SIGNALS, Term, add_term
-from ..simulate.tolerances import is_transient
+from ..simulate.balances import is_transient
 
 
 @dataclass(frozen=True)

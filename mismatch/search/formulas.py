@@ -26,11 +26,10 @@ from ...plant.terms import PLACES, TERM_SIGNALS, Term
 from ..estimate import Estimate
 from .blocks import Block, divide_units, join_blocks
 from .catalogue import Effect, Parameter, SizedEffect
-from .fitting import Fit, Fitter
+from .fitting import Fit, Fitter, Whiteness
 from .formula_screen import Screen, Screened, balance_of_location, locations_of
 from .selection import INDISTINGUISHABLE
 from .spectra import SMALL_SAMPLE, Likelihood, is_divergent
-from .whiteness import Whiteness
 
 INDIRECT = ("drive", "inflow_velocity")
 """Locations that are harder to interpret, used only if no other location fits equally well."""

@@ -1,8 +1,19 @@
-"""Diagnose recordings by the structure search, and judge the chosen model on the held-out data."""
+"""Estimates of a chosen model for the report: effects, parameters, and remarks on both.
+
+A parameter far from the ship file and an effect may be indistinguishable: fouling acts like a resistance
+that is too low in the file. Where a parameter lies beyond its tolerance, an effect is therefore searched
+that fits as well with the parameter near the file. If there is one, the report gives the effect, and the
+biased parameter as an alternative.
+
+Add the model error to estimated parameters: the change of the estimates by missing physics.
+
+Diagnose recordings by the structure search, and judge the chosen model on the held-out data.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -11,45 +22,310 @@ import pandas as pd
 
 from ...plant.ship import Ship, ShipError
 from ..diagnosis import Diagnosis
-from ..estimate import Tick
-from ..judge.findings import (
-    detectable_effects,
-    findings_of,
-    implausible_parameter,
-    parameter_at_bound,
-)
+from ..estimate import Estimate, Tick
+from ..identification.parameters import REPORTED, BiasedParameter, MethodResult, ParameterChange
 from ..judge.held_out import HeldOut, Segments, bands_of, fit_percents
 from ..judge.shapes import best_shapes, shape_to_show
 from ..judge.verdict import (
     EXPLAINED,
+    FORM_SHARE,
     NOTHING,
     PARTLY,
     UNEXPLAINED,
+    Finding,
     balance_verdicts,
+    detectable_effects,
     explained_shares,
+    findings_of,
+    implausible_parameter,
     is_undecidable,
+    parameter_at_bound,
 )
 from ..recordings.joint import JointRecordings
 from ..search.catalogue import Effect, SizedEffect
-from ..search.fitting import Fit, Fitter
-from ..search.selection import Candidate, Selection
-from ..search.whiteness import Whiteness
+from ..search.fitting import Fit, Fitter, Whiteness
+from ..search.selection import INDISTINGUISHABLE, Candidate, Selection
 from ..setting import Setting
 from ..simulate.balances import Balances
 from ..simulate.joint_replay import JointReplay
-from .choice import Ranked, choose, total
-from .estimates import (
-    biased_parameter,
-    effect_estimates,
-    parameter_estimates,
-    plain_error_remarks,
-    remarks,
-    replace_far_parameters,
-)
-from .model import Floats, Model
+from .model import MOST_SKEW, Floats, Model, Prior, guessed_prior
 from .noise_model import MOST_ROWS, coarser, reason_to_skip
 from .output_error import OutputError
-from .search import StructureSearch
+from .search import Ranked, StructureSearch, choose, total
+
+PLAUSIBLE = math.log(1.5)
+"""Logarithm of the largest factor by which physics may change a parameter; beyond it the file is
+wrong."""
+
+TRIED = 5
+"""Number of effects tried in place of a parameter, those with the largest predicted gain."""
+
+
+def replace_far_parameters(
+    search: StructureSearch, model: Model
+) -> tuple[Model, dict[str, list[Prior]]]:
+    """Return a model with effects in place of parameters far from the file, if the fit is as good.
+
+    If a parameter is off by more than physics can explain, the file was guessed and the parameters keep
+    their estimates.
+
+    Args:
+        search: search that found the model; it holds replaced parameters near the file afterwards.
+        model: chosen model.
+
+    Returns:
+        The model; and for each effect that replaces parameters, by label, the priors of these parameters
+        with the estimated values.
+    """
+    priors, replaced = search.problem.priors, {}
+    far = search.problem.far_parameters(model)
+    if any(priors[k].wrong == 1.0 for k in far):
+        return model, {}
+    if any(priors[k].ratio and abs(model.shifts[k]) > PLAUSIBLE for k in far):
+        return model, {}
+    together = [far] if len(far) > 1 else []
+    for group in (*together, *([k] for k in far)):
+        if not set(group) <= set(search.problem.far_parameters(model)):
+            continue  # replaced already
+        found = _replace_by_effect(search, model, group)
+        if found is None:
+            continue
+        (label,) = found.labels - model.labels
+        was = [replace(priors[k], value=priors[k].value_at(float(model.shifts[k]))) for k in group]
+        model, replaced[label] = found, was
+    return model, replaced
+
+
+def _replace_by_effect(search: StructureSearch, model: Model, group: list[int]) -> Model | None:
+    """Return the model with one more effect and some parameters near the file; None if it fits worse."""
+    problem = search.problem
+    before = list(problem.priors)
+    price = sum(before[k].penalty(float(model.shifts[k])) for k in group)
+    held = problem.fit_near_file(model, group)
+    problem.hold(group)
+    found = [
+        problem.fit((*held.effects, one.starts[0][1]), held) for one in search.screen(held)[:TRIED]
+    ]
+    best = max(found, key=lambda one: one.score, default=held)
+    # a far parameter costs no more than the probability that the file is wrong
+    worse = best.score + INDISTINGUISHABLE < model.score + price
+    if (
+        worse
+        or len(best.effects) == len(model.effects)
+        or set(group) & set(problem.far_parameters(best))
+    ):
+        problem.priors[:] = before
+        return None
+    return best
+
+
+REPORTED_SKEW, SURE_SKEW = 0.1, 3.0
+"""Smallest clock skew of a channel that is reported, in rows and in standard errors."""
+
+NOTABLE = 1.1
+"""Multiple of the reported held-out error from which the error of the corrected ship file without clock
+skews is reported as well."""
+
+LOOSE = 0.3
+"""Standard error of a parameter's logarithm without the file's tolerances, from which the recordings
+determine only a combination with other parameters."""
+
+
+def effect_estimates(
+    problem: OutputError, model: Model, fitter: Fitter
+) -> list[tuple[Estimate, ...]]:
+    """Return the estimates of the effects; their standard errors include all other free values."""
+    errors = problem.standard_errors(model)
+    host = fitter.trial_ship.with_terms(model.effects)
+    found, place = [], len(model.shifts) + len(model.nuisance)
+    for placed in model.effects:
+        own = []
+        for parameter, value in placed.pairs:
+            origin = problem.trial_ship.origin(parameter)
+            own.append(
+                Estimate.of(
+                    host, parameter.key, value, float(errors[place]),
+                    form_error=FORM_SHARE * abs(value - origin),
+                    neutral=problem.trial_ship.neutral(parameter),
+                )
+            )  # fmt: skip
+            place += 1
+        found.append(tuple(own))
+    return found
+
+
+def parameter_estimates(
+    file: Ship, problem: OutputError, model: Model, corrected: Ship
+) -> list[ParameterChange]:
+    """Return the parameters that the corrected ship or the model changes by a tolerance or more."""
+    errors = problem.standard_errors(model)
+    found = []
+    for k, (prior, shift) in enumerate(zip(problem.priors, model.shifts, strict=True)):
+        tolerances = float(shift) / prior.near
+        number, now = file.parameter(prior.key), corrected.parameter(prior.key).value
+        if abs(tolerances) < REPORTED and now == number.value:
+            continue
+        value = prior.value_at(float(shift))
+        spread = float(errors[k]) * (value if prior.ratio else 1.0)
+        found.append(
+            ParameterChange(
+                prior.key, number.info.unit, number.value, value, abs(spread), tolerances,
+                "tolerance", now,
+            )
+        )  # fmt: skip
+    return found
+
+
+def biased_parameter(
+    file: Ship, replaced: dict[str, list[Prior]], finding: Finding
+) -> BiasedParameter | None:
+    """Return the parameter of the ship file that would explain a finding as well."""
+    priors = replaced.get(finding.effect.label, [])
+    if len(priors) != 1:
+        return None
+    (prior,) = priors
+    number = file.parameter(prior.key)
+    return BiasedParameter(prior.key, number.value, prior.value, number.info.unit, finding.score)
+
+
+def remarks(best: Ranked, problem: OutputError) -> list[str]:
+    """Return remarks on clocks, and on parameters far from the file."""
+    said = _skews(best.model, problem)
+    far = sorted(problem.far_parameters(best.model))
+    for k in far:
+        prior, shift = problem.priors[k], float(best.model.shifts[k])
+        said.append(
+            f"{prior.key} is estimated as {prior.value_at(shift):.4g} and is {prior.value:.4g} in the "
+            f"ship file, {abs(shift) / prior.near:.0f} tolerances away: the value or its tolerance in "
+            "the ship file is wrong"
+        )
+    errors = problem.standard_errors(best.model, guessed=True)
+    loose = [problem.priors[k].key for k in far if problem.priors[k].ratio and errors[k] > LOOSE]
+    if loose:
+        said.append(
+            f"{', '.join(loose)}: these recordings determine only a combination with other parameters; "
+            "the estimate is as accurate as the tolerances of the others in the ship file"
+        )
+    return said
+
+
+def plain_error_remarks(problem: OutputError, best: Ranked, corrected: Ship) -> list[str]:
+    """Return a remark on the held-out errors of the corrected ship simulated from its file alone.
+
+    Args:
+        problem: output-error problem that fitted the model.
+        best: model; its held-out errors include the clock skews and the estimated first states.
+        corrected: ship with the model's effects and parameters.
+    """
+    simulated = problem.replay.simulated(problem.replay.simulate(corrected.record()))
+    residual = problem.measured - np.array([simulated[c] for c in problem.names])
+    errors = problem.likelihood.rms(residual[:, problem.held_rows])
+    if np.all(errors <= NOTABLE * best.held):
+        return []
+    said = ", ".join(f"{c} {error:.4g}" for c, error in zip(problem.names, errors, strict=True))
+    return [
+        "without clock skews and estimated first states, as in shaftline simulate, the corrected ship "
+        f"has these held-out rms errors: {said}"
+    ]
+
+
+def _skews(model: Model, problem: OutputError) -> list[str]:
+    """Return remarks on channels whose clocks clearly differ from the commands' clock."""
+    errors = problem.standard_errors(model)[len(model.shifts) :]
+    clocks = len(problem.starts)
+    said = []
+    for k, column in enumerate(problem.names):
+        rows = float(model.nuisance[clocks + k]) * problem.replay.every
+        error = float(errors[clocks + k]) * problem.replay.every
+        if abs(rows) < REPORTED_SKEW or abs(rows) < SURE_SKEW * error:
+            continue
+        milliseconds = 1e3 * abs(rows) * problem.replay.interval_s / problem.replay.every
+        limit = ", the limit of the search," if abs(rows) > MOST_SKEW - 0.01 else ""
+        cause = (
+            "a delay of the sensor or of the command below a row" if rows < 0.0 else "time stamps"
+        )
+        said.append(
+            f"{column} is {milliseconds:.3g} ms ({abs(rows):.2f} rows){limit} "
+            f"{'late' if rows < 0.0 else 'early'} relative to the commands, from the logger's clocks or "
+            f"{cause}; the held-out errors include it, the corrected ship does not"
+        )
+    return said
+
+
+NEARLY_BEST = 1.1
+"""Multiple of the least held-out error up to which a model with fewer values is preferred."""
+
+
+def add_model_error(
+    found: MethodResult,
+    identified: Ship,
+    balances: Balances,
+    fitted: Segments,
+    held: Segments,
+    effects: Sequence[Effect],
+    tick: Tick,
+) -> MethodResult:
+    """Return estimated parameters with wider intervals if effects that the ship lacks change them.
+
+    The parameters are estimated again together with effects of the catalogue. If that comes clearly
+    closer to the held-out data, the difference of the estimates is added to their covariance, and a
+    remark names the effects.
+
+    Args:
+        found: parameters estimated without effects.
+        identified: ship with these parameters.
+        balances: balances of the nominal ship and the recordings.
+        fitted: fitted rows, as segments.
+        held: held-out rows, as segments.
+        effects: candidate effects.
+        tick: progress callback ``tick(stage, done, total)``.
+    """
+    replay = coarser(balances.replay, MOST_ROWS)
+    if not held or reason_to_skip(replay):
+        return found
+    problem = OutputError(Balances(replay), fitted, held)
+    before = problem.likelihood.rms(held_residual(identified, replay, fitted, held))
+    if within_noise(problem, before):
+        return found
+    known = {prior.key: prior for prior in problem.priors} | {
+        key: guessed_prior(replay.ship.parameter(key))
+        for key in found.keys
+        if replay.ship.has_key(key) and replay.ship.parameter(key).value != 0.0
+    }
+    problem.priors[:] = known.values()
+    free = set(found.keys)
+    rest = [e for e in effects if not free & {parameter.key for parameter in e.parameters}]
+    models = StructureSearch(problem, rest, tick).quick_pass()
+    errors = [total(problem.held_error(model), before) for model in models]
+    close = [
+        m for m, error in zip(models, errors, strict=True) if error <= NEARLY_BEST * min(errors)
+    ]
+    best = min(close, key=lambda model: model.size)
+    if min(errors) > CLOSER or not best.effects:
+        return found
+    return _widen(found, problem, best, total(problem.held_error(best), before))
+
+
+def _widen(found: MethodResult, problem: OutputError, model: Model, error: float) -> MethodResult:
+    """Return parameters with the squared difference from those of a model in their covariance."""
+    shifts = {
+        prior.key: prior.value_at(float(shift))
+        for prior, shift in zip(problem.priors, model.shifts, strict=True)
+    }
+    values = [shifts.get(key, value) for key, value in zip(found.keys, found.values, strict=True)]
+    apart = np.array(values) - np.array(found.values)
+    changes = ", ".join(
+        f"{key} to {value:.4g}" for key, value in zip(found.keys, values, strict=True)
+    )
+    effects = ", ".join(sorted(model.labels))
+    said = (
+        f"physics is missing from the ship: with {effects} the held-out error is {error:.2g} times this "
+        f"one, and the estimates change ({changes}); the intervals are widened accordingly. Run "
+        "`shaftline diagnose` before relying on these values"
+    )
+    covariance = found.covariance + np.outer(apart, apart)
+    return replace(found, covariance=covariance, remarks=(*found.remarks, said))
+
 
 OF_NOISE = 2.0
 """Multiple of a channel's noise up to which its held-out error counts as noise."""

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from ...plant.keys import ShipParameter
 from ...plant.ship import Ship
 from ..search.catalogue import SizedEffect
+from ..simulate.balances import tolerance_perturbations
 from ..simulate.joint_replay import JointReplay
-from ..simulate.tolerances import tolerance_perturbations
 
 if TYPE_CHECKING:
     from .output_error import OutputError

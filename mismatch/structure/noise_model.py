@@ -20,8 +20,8 @@ import scipy.signal
 from numpy.typing import NDArray
 
 from ...plant.columns import SHAFT_SPEED
+from ..search.fitting import slower_than_waves_hertz
 from ..search.spectra import Bands, Complex, band_products, make_bands
-from ..search.whiteness import slower_than_waves_hertz
 from ..simulate.joint_replay import JointReplay, blocks
 from .model import Floats, Model
 

@@ -23,9 +23,8 @@ import numpy as np
 from ..identification.parameters import FAR_TOLERANCES
 from ..search.catalogue import SizedEffect
 from ..search.trial_ship import TrialShip
-from ..simulate.balances import Balances
+from ..simulate.balances import Balances, first_state_deviations
 from ..simulate.joint_replay import map_threaded
-from ..simulate.tolerances import first_state_deviations
 from .model import FIXED, Coordinates, Floats, Model, Prior, parameter_priors
 from .noise_model import Likelihood, with_first_states
 

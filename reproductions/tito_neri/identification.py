@@ -39,7 +39,7 @@ from shaftline.mismatch.identification.frequency import (
     fit,
     modelled_response,
 )
-from shaftline.mismatch.identification.results import MethodResult
+from shaftline.mismatch.identification.parameters import MethodResult
 from shaftline.mismatch.identification.sine import sine
 from shaftline.mismatch.identification.steady import CURRENT, steady
 from shaftline.mismatch.identification.step import step

@@ -8,11 +8,11 @@ from typing import Any, cast
 import numpy as np
 
 from shaftline.mismatch import Diagnosis, Estimate
-from shaftline.mismatch.judge.findings import Detectable, Finding
 from shaftline.mismatch.judge.shapes import Shape, term_from_shape
+from shaftline.mismatch.judge.verdict import Detectable, Finding
 from shaftline.mismatch.search.catalogue import Effect, SizedEffect, catalogue
+from shaftline.mismatch.search.fitting import Colour
 from shaftline.mismatch.search.selection import Candidate
-from shaftline.mismatch.search.whiteness import Colour
 from shaftline.plant import Ship, load_ship
 
 ROWS, INTERVAL_S = 1200, 0.2

@@ -12,7 +12,7 @@ import pytest
 from shaftline.core.sweep import SweepError
 from shaftline.mismatch import Options, diagnose_folder, folder
 from shaftline.mismatch.diagnosis import SHIP
-from shaftline.mismatch.identification.start import Start
+from shaftline.mismatch.identification.parameters import Start
 from shaftline.mismatch.report.index import PAGE, REPORT
 from shaftline.plant import Ship
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from shaftline.mismatch.identification.frequency_band import identifiable_keys
+from shaftline.mismatch.identification.frequency import identifiable_keys
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import load_ship

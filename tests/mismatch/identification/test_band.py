@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch.identification.free_parameters import Free
-from shaftline.mismatch.identification.frequency_band import parameters_hertz
-from shaftline.mismatch.search.band import INFORMATION_SHARE, LEAST_FREQUENCIES
+from shaftline.mismatch.identification.frequency import parameters_hertz
+from shaftline.mismatch.search.spectra import INFORMATION_SHARE, LEAST_FREQUENCIES
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import Ship

@@ -9,7 +9,7 @@ import pytest
 
 from shaftline.mismatch import Options, diagnose
 from shaftline.mismatch.calibration import calibrate
-from shaftline.mismatch.identification.start import Start
+from shaftline.mismatch.identification.parameters import Start
 from shaftline.plant import Ship
 
 from ..voyages import frigate_voyage, quick_frigate

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shaftline.mismatch.identification.results import MethodResult
+from shaftline.mismatch.identification.parameters import MethodResult
 
 
 def test_errors_and_correlation_are_the_covariances() -> None:

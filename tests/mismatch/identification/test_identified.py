@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shaftline.mismatch.identification.results import MethodResult
+from shaftline.mismatch.identification.parameters import MethodResult
 from shaftline.mismatch.identify import _refuse_diverged, identification_without_fit
 
 from .benches import tug

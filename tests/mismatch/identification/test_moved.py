@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 from shaftline.mismatch import Options, diagnose
-from shaftline.mismatch.identification.parameters import MovableParameters
-from shaftline.mismatch.identification.start import Start, start_with_free_parameters
+from shaftline.mismatch.identification.parameters import (
+    MovableParameters,
+    Start,
+    start_with_free_parameters,
+)
 from shaftline.mismatch.search.catalogue import SizedEffect
 from shaftline.mismatch.search.fitting import Fitter
 

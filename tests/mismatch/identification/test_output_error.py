@@ -12,7 +12,7 @@ from shaftline.mismatch.identification.output_error import (
     output_error,
     refuse_uncertain,
 )
-from shaftline.mismatch.identification.results import MethodResult
+from shaftline.mismatch.identification.parameters import MethodResult
 from shaftline.mismatch.judge.held_out import bands_of
 from shaftline.mismatch.search.fitting import Fitter
 from shaftline.mismatch.simulate.balances import Balances

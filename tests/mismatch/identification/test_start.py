@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from shaftline.mismatch import Options
-from shaftline.mismatch.identification.start import (
+from shaftline.mismatch.identification.parameters import (
     WIDE,
     check_free_parameters,
     start_with_free_parameters,

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from shaftline.mismatch.judge.confirmation import (
+from shaftline.mismatch.judge.correction import (
     ELSEWHERE_SHARE,
     REMNANT_SHARE,
     REMOTE_SHARE,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.mismatch.judge.findings import (
+from shaftline.mismatch.judge.verdict import (
     detectable_effects,
     findings_of,
     implausible_parameter,

@@ -11,9 +11,8 @@ import pytest
 from shaftline.mismatch.judge.held_out import HeldOut, bands_of, split_held_out
 from shaftline.mismatch.search.catalogue import SizedEffect
 from shaftline.mismatch.search.spectra import Likelihood
-from shaftline.mismatch.simulate.balances import Balances
+from shaftline.mismatch.simulate.balances import Balances, tolerance_perturbations
 from shaftline.mismatch.simulate.joint_replay import JointReplay
-from shaftline.mismatch.simulate.tolerances import tolerance_perturbations
 
 from ..toy import FRICTION, ROWS, entry, fitter, white
 from ..turning import quick_tanker, swinging

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from shaftline.mismatch import Diagnosis, diagnose
-from shaftline.mismatch.judge.confirmation import refutes_effects
+from shaftline.mismatch.judge.correction import refutes_effects
 from shaftline.plant.terms import Term
 
 from ..search.test_formulas import recorded, rig

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.mismatch.judge.findings import active_windows, regime
+from shaftline.mismatch.judge.verdict import active_windows, regime
 
 # -- windows -----------------------------------------------------------------------------------
 

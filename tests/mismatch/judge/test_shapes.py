@@ -16,9 +16,8 @@ from shaftline.mismatch.judge.shapes import (
     shape_to_show,
     signals_of,
 )
-from shaftline.mismatch.search.fitting import Fitter
+from shaftline.mismatch.search.fitting import Colour, Fitter
 from shaftline.mismatch.search.spectra import Likelihood, chance_gain
-from shaftline.mismatch.search.whiteness import Colour
 from shaftline.plant import load_ship
 
 from ..toy import FRICTION, RESISTANCE, ROWS, SLOPES, SPEED, TIME, Toy, bands, fitter, white

@@ -22,7 +22,7 @@ from shaftline.mismatch.judge.verdict import (
     limit_verdict,
     sure_effects,
 )
-from shaftline.mismatch.search.whiteness import Colour
+from shaftline.mismatch.search.fitting import Colour
 
 RED = Colour(0, 1, 0.005, 0.02, 14.0)
 

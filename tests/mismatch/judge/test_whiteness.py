@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from shaftline.mismatch.search.fitting import Fitter
-from shaftline.mismatch.search.whiteness import CHANCE, EXCESS, Colour, Whiteness
+from shaftline.mismatch.search.fitting import CHANCE, EXCESS, Colour, Fitter, Whiteness
 
 from ..toy import FRICTION, RESISTANCE, ROWS, SLOPES, TIME, Toy, bands, fitter, white
 

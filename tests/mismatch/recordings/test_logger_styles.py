@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.recordings.logger_names import split_name
+from shaftline.mismatch.recordings.draft import split_name
 from shaftline.mismatch.recordings.survey import survey
 from shaftline.plant import Ship, load_ship, simulate_recording
 

@@ -10,7 +10,7 @@ import pytest
 
 from shaftline.mismatch.report import figures
 from shaftline.mismatch.report.figures import AFTER, BEFORE, HELD_OUT
-from shaftline.mismatch.search.whiteness import Colour
+from shaftline.mismatch.search.fitting import Colour
 from shaftline.plant import load_ship
 
 from ..diagnoses import ROWS, TIME, diagnosis_of

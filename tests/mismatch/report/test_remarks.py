@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shaftline.mismatch.report.text import remarks
-from shaftline.mismatch.search.whiteness import Colour
+from shaftline.mismatch.search.fitting import Colour
 
 from ..diagnoses import TIME, channels, diagnosis_of
 

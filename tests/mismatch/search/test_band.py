@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.search.band import highest_informative_frequency, rows_per_average
 from shaftline.mismatch.search.catalogue import applicable_effects
+from shaftline.mismatch.search.spectra import highest_informative_frequency, rows_per_average
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import Ship

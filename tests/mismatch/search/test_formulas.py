@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from shaftline.mismatch.judge.correction import FreeRunning
 from shaftline.mismatch.judge.held_out import HeldOut, bands_of, split_held_out
 from shaftline.mismatch.search.blocks import Block, Factor
-from shaftline.mismatch.search.fitting import Fitter
+from shaftline.mismatch.search.fitting import Fitter, Whiteness
 from shaftline.mismatch.search.formulas import (
     Formula,
     FormulaSearch,
@@ -23,7 +23,6 @@ from shaftline.mismatch.search.formulas import (
     is_as_good,
     search_formula,
 )
-from shaftline.mismatch.search.whiteness import Whiteness
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import Ship

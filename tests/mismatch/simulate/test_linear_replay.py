@@ -7,8 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.simulate.joint_replay import JointReplay
-from shaftline.mismatch.simulate.linear_replay import LinearReplay
+from shaftline.mismatch.simulate.joint_replay import JointReplay, LinearReplay
 from shaftline.plant import Equilibrium, Ship, linearise, simulate_recording
 
 STEP = 0.05

@@ -11,9 +11,12 @@ import pytest
 from shaftline.mismatch.judge.held_out import bands_of
 from shaftline.mismatch.search.catalogue import SizedEffect, catalogue
 from shaftline.mismatch.search.fitting import Fitter
-from shaftline.mismatch.simulate.balances import Balances
+from shaftline.mismatch.simulate.balances import (
+    Balances,
+    tolerance_perturbations,
+    tolerance_records,
+)
 from shaftline.mismatch.simulate.joint_replay import JointReplay
-from shaftline.mismatch.simulate.tolerances import tolerance_perturbations, tolerance_records
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.tolerances import Tolerances
 

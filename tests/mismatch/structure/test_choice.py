@@ -9,9 +9,9 @@ from typing import cast
 import numpy as np
 import pytest
 
-from shaftline.mismatch.judge.findings import FORM_SHARE
-from shaftline.mismatch.structure.choice import Ranked, choose, total
+from shaftline.mismatch.judge.verdict import FORM_SHARE
 from shaftline.mismatch.structure.model import Model
+from shaftline.mismatch.structure.search import Ranked, choose, total
 
 BEFORE = np.array([10.0])
 

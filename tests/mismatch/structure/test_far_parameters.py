@@ -9,10 +9,9 @@ from shaftline.mismatch.judge.held_out import split_held_out
 from shaftline.mismatch.search.catalogue import catalogue
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
-from shaftline.mismatch.structure.choice import choose
-from shaftline.mismatch.structure.estimates import replace_far_parameters
+from shaftline.mismatch.structure.diagnose import replace_far_parameters
 from shaftline.mismatch.structure.output_error import OutputError
-from shaftline.mismatch.structure.search import StructureSearch
+from shaftline.mismatch.structure.search import StructureSearch, choose
 
 from ..voyages import frigate_voyage, quick_frigate
 from .rigs import INERTIA, motor, run, searched

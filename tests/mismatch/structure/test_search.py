@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shaftline.mismatch.structure.choice import choose
-from shaftline.mismatch.structure.search import StructureSearch
+from shaftline.mismatch.structure.search import StructureSearch, choose
 
 from .rigs import COULOMB, INERTIA, effects, motor, problem, run, searched
 
