@@ -19,29 +19,13 @@ if TYPE_CHECKING:
     from .learning.training import train
 
 _MODULES = {
-    "Recipe": "recipe",
-    "RecipeError": "recipe",
-    "read_recipe": "recipe",
-    "train": "training",
-}
+    "Recipe": "recipe", "RecipeError": "recipe", "read_recipe": "recipe", "train": "training",
+}  # fmt: skip
 
 __all__ = [
-    "KPIS",
-    "Clairvoyant",
-    "Evaluation",
-    "Policy",
-    "PolicyError",
-    "Recipe",
-    "RecipeError",
-    "Setting",
-    "evaluate",
-    "load_controller",
-    "load_policy",
-    "read_recipe",
-    "run_episodes",
-    "summary",
-    "train",
-]
+    "KPIS", "Clairvoyant", "Evaluation", "Policy", "PolicyError", "Recipe", "RecipeError", "Setting",
+    "evaluate", "load_controller", "load_policy", "read_recipe", "run_episodes", "summary", "train",
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

@@ -8,7 +8,6 @@ controllable-pitch propeller: the engine map converts the commanded torque to a 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -17,13 +16,21 @@ from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
 from ..core.numeric import clip
+from ..observers.records import Floats
 from ..plant.drives.diesel import diesel_torque, rack_of_torque, torque_limit
 from ..plant.shaft import brake_torque_of, drive_torque, inertia_behind_meter, shaft_inertia
 from ..plant.ship import Ship
 from ..plant.signals import get_signal
 from .combinator import combinator_curve
-from .controller import OBSERVED, Controller, Measurements
-from .thrust_control import THRUST_LAW, THRUST_LAW_MEMORY, ThrustLaw, integrate_error, torque_demand
+from .controller import OBSERVED, Commands, Controller, Measurements, Variants
+from .thrust_control import (
+    THRUST_LAW,
+    THRUST_LAW_MEMORY,
+    Instant,
+    ThrustLaw,
+    integrate_error,
+    torque_demand,
+)
 
 ANTI_SPIN = np.dtype(
     [
@@ -56,37 +63,19 @@ def torque_meter_step(ship: Record, engine_speed: float, rack_before: float, rac
 
 
 @compiled
-def control(
-    controller: Record,
-    memory: Record,
-    calm_speed: float,
-    thrust: float,
-    shaft_speed: float,
-    shaft_torque: float,
-    pitch: float,
-    ship_speed: float,
-    rack_before: float,
-) -> float:
+def control(controller: Record, memory: Record, calm_speed: float, thrust: float) -> float:
     """Return the fuel rack command [mm] of one ship at one instant; the memory changes in place.
 
-    Args:
-        controller: ANTI_SPIN record.
-        memory: ANTI_SPIN_MEMORY record, zero except for the measurements at the first instant.
-        calm_speed: shaft speed in calm water at the ordered ship speed [rad/s].
-        thrust: T_pd, thrust set-point of one propeller [N].
-        shaft_speed: omega, measured [rad/s].
-        shaft_torque: M_m, measured [N m].
-        pitch: P/D, measured [-].
-        ship_speed: v_s, measured [m/s].
-        rack_before: last fuel rack command [mm].
+    It holds the measurements of this instant. The set-points are the shaft speed in calm water at the
+    ordered speed [rad/s] and the thrust T_pd of one propeller [N].
     """
-    ship = controller.law.observer.ship
-    pitch = min(max(pitch, ship.pitch_ratio_min), ship.pitch_ratio_max)
+    ship, law, seen = controller.law.observer.ship, controller.law, memory.measured  # as OBSERVED
+    shaft_speed, shaft_torque, rack_before, ship_speed = seen[1], seen[2], seen[4], seen[5]
+    pitch = min(max(seen[3], ship.pitch_ratio_min), ship.pitch_ratio_max)
     # A diesel turns ahead only, so the limit of a ventilating shaft is at least its lowest speed.
-    in_air = max(controller.ventilated_speed * calm_speed, controller.law.speed_min)
-    demand = torque_demand(
-        controller.law, memory, thrust, in_air, in_air, shaft_speed, shaft_torque, pitch, ship_speed
-    )
+    in_air = max(controller.ventilated_speed * calm_speed, law.speed_min)
+    now = Instant(thrust, in_air, in_air, shaft_speed, shaft_torque, pitch, ship_speed)
+    demand = torque_demand(law, memory, now)
 
     # Convert the torque to a fuel rack inside the engine envelope.
     brake = brake_torque_of(ship, demand, shaft_speed)
@@ -96,38 +85,19 @@ def control(
     rack = float(clip(rack, ship.drive_min, ship.drive_max))
     starved = brake > limit or rack >= ship.drive_max
     closed = rack <= ship.drive_min
-    integrate_error(controller.law, memory, shaft_speed, starved, closed)
+    integrate_error(law, memory, shaft_speed, starved, closed)
     # The torque was measured before this change of fuel, and the observer integrates from after it.
     memory.estimate.measured_torque += torque_meter_step(ship, engine_speed, rack_before, rack)
     return rack
 
 
 @compiled
-def control_all(
-    controller: Record,
-    memories: Any,
-    calm_speed: Any,
-    thrust: Any,
-    shaft_speed: Any,
-    shaft_torque: Any,
-    pitch: Any,
-    ship_speed: Any,
-    rack_before: Any,
-    rack: Any,
-) -> None:
-    """Fill the fuel rack commands [mm] of n ships; arguments of shape (n,) as of :func:`control`."""
+def control_all(controller: Record, memories: Any, calm_speed: Any, thrust: Any) -> Floats:
+    """Return the fuel rack commands [mm] of n ships; arguments of shape (n,) as of :func:`control`."""
+    rack = np.empty(len(memories))
     for i in range(len(memories)):
-        rack[i] = control(
-            controller,
-            memories[i],
-            calm_speed[i],
-            thrust[i],
-            shaft_speed[i],
-            shaft_torque[i],
-            pitch[i],
-            ship_speed[i],
-            rack_before[i],
-        )
+        rack[i] = control(controller, memories[i], calm_speed[i], thrust[i])
+    return rack
 
 
 _BOUNDS = np.array([get_signal(name).high for name in OBSERVED])
@@ -149,7 +119,6 @@ class AntiSpin(Controller):
 
     Args:
         ship: ship that moves, with a diesel and a B-series propeller, or its name.
-        interval_s: control interval of the environment [s].
         anti_spin: whether ventilation limits the shaft speed; False for the comparison in the paper.
         tuning: gains and thresholds.
         numbers: values of the tuning, its observer or its detector by name, for example
@@ -165,7 +134,7 @@ class AntiSpin(Controller):
 
     name = "anti-spin"
     source = "Pivano et al. 2008"
-    variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {"no-anti-spin": {"anti_spin": False}}
+    variants: ClassVar[Variants] = {"no-anti-spin": {"anti_spin": False}}
 
     def __init__(
         self,
@@ -188,46 +157,21 @@ class AntiSpin(Controller):
             raise ValueError("anti-spin: ventilated_speed and top_speed must be positive")
         lowest = plant["engine_speed_min"] / plant["gear_ratio"]
         highest = tuning.top_speed * plant["engine_speed_max"] / plant["gear_ratio"]
-        settings = np.zeros(1, ANTI_SPIN)[0]
-        settings["law"] = tuning.settings(self.ship, interval_s, anti_spin, (lowest, highest))
-        settings["ventilated_speed"] = tuning.ventilated_speed
+        law = tuning.settings(self.ship, interval_s, anti_spin, (lowest, highest))
+        self.settings = np.array((law, tuning.ventilated_speed), ANTI_SPIN)[()]
         self.curve = combinator_curve(self.ship)
-        self.settings = settings
 
     def initial_state(self, signals: Measurements) -> NDArray[Any]:
         """Return a zero state with the measurements of the slowest steady state."""
         memory = np.zeros(len(signals.shaft_speed), ANTI_SPIN_MEMORY)
-        memory["measured"] = self._slowest()
+        pitch, speed = self.curve.pitch_ratio[0], self.curve.ship_speed[0]
+        memory["measured"] = [speed, self.curve.shaft_speed[0], 0.0, pitch, 0.0, speed, 0.0, 0.0]
         return memory
 
-    def act(
-        self, signals: Measurements, memory: NDArray[Any]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def act(self, signals: Measurements, memory: NDArray[Any]) -> Commands:
         """Return the pitch of the combinator curve and the fuel rack of the thrust controller."""
         table = np.column_stack([np.asarray(column) for column in signals[: len(OBSERVED)]])
         memory["measured"] = np.where(np.abs(table) <= _BOUNDS, table, memory["measured"])
-        now = Measurements(*memory["measured"].T)
-        wanted = self.curve.set_points(now.speed_order)
-        rack = np.empty(len(table))
-        control_all(
-            self.settings,
-            memory,
-            wanted.shaft_speed,
-            wanted.thrust,
-            now.shaft_speed,
-            now.shaft_torque,
-            now.pitch_ratio,
-            now.ship_speed,
-            now.fuel_rack,
-            rack,
-        )
+        wanted = self.curve.set_points(memory["measured"][:, 0])
+        rack = control_all(self.settings, memory, wanted.shaft_speed, wanted.thrust)
         return wanted.pitch_ratio, rack
-
-    def _slowest(self) -> NDArray[np.float64]:
-        """Return the measurements of the slowest steady state."""
-        slowest = float(self.curve.ship_speed[0])
-        values = dict.fromkeys(OBSERVED, 0.0)
-        values["speed_order"] = values["measured_ship_speed"] = slowest
-        values["shaft_speed"] = float(self.curve.shaft_speed[0])
-        values["measured_pitch_ratio"] = float(self.curve.pitch_ratio[0])
-        return np.array(list(values.values()))

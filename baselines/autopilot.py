@@ -10,34 +10,22 @@ ship lengths travelled (section 5.2.3.2).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..observers.records import Floats
 from ..plant.ship import Ship
 from .helmsman import ShapedHelmsman, SteeringMeasurements
-from .loop_shaping import (
-    COURSE_LOOP,
-    ShapedController,
-    heading_plant,
-    shape_controller,
-    steering_dynamics,
-)
+from .loop_shaping import COURSE_LOOP
 
 
 class Autopilot(ShapedHelmsman):
     """Hold the ordered heading by the rudder, with a controller from loop shaping.
 
     Args:
-        ship: ship that turns and is stable on a straight course, or its name.
-        interval_s: time between two commands [s].
-        speed_m_s: design speed of the loop [m/s].
         turn_deg: rate of turn of the set-point [deg per ship length].
-        gain: factor on C [-].
-        reset_lengths: reset distance of :class:`~.loop_shaping.ShapedController` [ship lengths];
-            infinite by default, as printed, for no integral.
+
+    The other arguments are those of every helmsman.
 
     Raises:
         ShipError: the ship cannot be steered, or is not stable on a straight course.
@@ -46,9 +34,8 @@ class Autopilot(ShapedHelmsman):
 
     name = "autopilot"
     source = "Taylor 2000, section 5.2"
-    tunable: ClassVar[Mapping[str, tuple[float, float]]] = {
-        "gain": (0.2, 5.0), "reset_lengths": (2.0, 100.0), "turn_deg": (2.0, 60.0),
-    }  # fmt: skip
+    tunable = ShapedHelmsman.tunable | {"turn_deg": (2.0, 60.0)}
+    loop = COURSE_LOOP
     set_point_columns = 1
 
     def __init__(
@@ -60,34 +47,25 @@ class Autopilot(ShapedHelmsman):
         gain: float = 1.0,
         reset_lengths: float = math.inf,
     ) -> None:
-        super().__init__(ship, interval_s, speed_m_s)
-        for name, value in (("turn_deg", turn_deg), ("gain", gain)):
-            if not 0.0 < value < math.inf:
-                raise ValueError(f"{name} = {value:g} (allowed: > 0)")
+        super().__init__(ship, interval_s, speed_m_s, gain, reset_lengths, turn_deg=turn_deg)
         self.turn = math.radians(turn_deg)
-        own = steering_dynamics(self.ship, self.point)
-        self.law = ShapedController(
-            gain * shape_controller(COURSE_LOOP, heading_plant(*own)), reset_lengths
-        )
 
-    def initial_set_point(self, signals: SteeringMeasurements) -> NDArray[np.float64]:
+    def initial_set_point(self, signals: SteeringMeasurements) -> Floats:
         """Return the present heading."""
         return np.array(np.where(np.isfinite(signals.heading), signals.heading, 0.0))[:, None]
 
     def update_set_point(
-        self,
-        signals: SteeringMeasurements,
-        distance: NDArray[np.float64],
-        set_point: NDArray[np.float64],
+        self, signals: SteeringMeasurements, distance: Floats, set_point: Floats
     ) -> None:
         """Move the set-point towards the order, at most at the rate of turn."""
-        error = np.remainder(signals.heading_order - set_point[:, 0] + np.pi, 2.0 * np.pi) - np.pi
+        error = _half_turn(signals.heading_order - set_point[:, 0])
         set_point[:, 0] += np.clip(error, -self.turn * distance, self.turn * distance)
 
-    def error(
-        self, signals: SteeringMeasurements, set_point: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def error(self, signals: SteeringMeasurements, set_point: Floats) -> Floats:
         """Return set-point minus heading [rad], between -pi and pi."""
-        return np.asarray(
-            np.remainder(set_point[:, 0] - signals.heading + np.pi, 2.0 * np.pi) - np.pi
-        )
+        return _half_turn(set_point[:, 0] - signals.heading)
+
+
+def _half_turn(angle: Floats) -> Floats:
+    """Return angles [rad] reduced to half a turn to either side."""
+    return np.asarray(np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi)

@@ -10,55 +10,45 @@ officer of the watch does, and is therefore comparable with controllers that hol
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from ..observers.records import Floats
 from ..plant.ship import Ship
-from .controller import Controller, Measurements
+from .controller import Commands, Controller, Measurements, Ranges, Variants
 from .governor import RESPONSE_S, Governor
 from .steady_points import SteadyPoint, steady_point
 
-FLOOR_SHARE = 0.5
-"""Lowest over highest shaft speed of the curve [-]; at least the lowest speed of the engine applies."""
-
-FULL_PITCH_LEVER = 0.45
-"""Lever position at which the pitch is full [-]."""
-
-TORQUE_MARGIN = 0.97
-"""Engine torque over the torque limit at full pitch and full speed in calm water [-]."""
-
+FLOOR_SHARE = 0.5  # lowest over highest shaft speed [-], at least the lowest of the engine
+FULL_PITCH_LEVER = 0.45  # lever position at which the pitch is full [-]
+TORQUE_MARGIN = 0.97  # engine torque over its limit at full pitch and speed in calm water [-]
 _NEAR = 0.5  # largest speed error that trims the lever [m/s], as after a new order
-
 _POINTS = 41  # number of steady states along the curve
 
 
 class SetPoints(NamedTuple):
     """Set-points of a speed order in calm water, each of shape (n,)."""
 
-    pitch_ratio: NDArray[np.float64]  # [-]
-    shaft_speed: NDArray[np.float64]  # [rad/s]
-    thrust: NDArray[np.float64]  # of one propeller [N]
+    pitch_ratio: Floats  # [-]
+    shaft_speed: Floats  # [rad/s]
+    thrust: Floats  # of one propeller [N]
 
 
 class Curve(NamedTuple):
     """Combinator curve with the steady states of the ship, each of shape (m,), at rising lever."""
 
-    lever: NDArray[np.float64]  # 0 to 1
-    pitch_ratio: NDArray[np.float64]  # [-]
-    shaft_speed: NDArray[np.float64]  # [rad/s]
-    ship_speed: NDArray[np.float64]  # in calm water [m/s], rising
-    thrust: NDArray[np.float64]  # of one propeller in calm water [N]
+    lever: Floats  # 0 to 1
+    pitch_ratio: Floats  # [-]
+    shaft_speed: Floats  # [rad/s]
+    ship_speed: Floats  # in calm water [m/s], rising
+    thrust: Floats  # of one propeller in calm water [N]
 
     def set_points(self, speed_order: Any) -> SetPoints:
         """Return the set-points at ordered ship speeds [m/s], shape (n,), limited to the curve."""
         columns = (self.pitch_ratio, self.shaft_speed, self.thrust)
-        return SetPoints(
-            *(np.asarray(np.interp(speed_order, self.ship_speed, column)) for column in columns)
-        )
+        return SetPoints(*(np.asarray(np.interp(speed_order, self.ship_speed, c)) for c in columns))
 
 
 def full_pitch(ship: Ship, torque_share: float = TORQUE_MARGIN) -> float:
@@ -127,9 +117,7 @@ def curve_through(ship: Ship, lever: Any, pitch_ratio: Any, shaft_speed: Any) ->
     Raises:
         ValueError: lever position or steady ship speed does not rise from point to point.
     """
-    lever, pitch, speed = (
-        np.asarray(x, dtype=np.float64) for x in (lever, pitch_ratio, shaft_speed)
-    )
+    lever, pitch, speed = (np.asarray(x, np.float64) for x in (lever, pitch_ratio, shaft_speed))
     points = [steady_point(ship, float(n), float(p)) for p, n in zip(pitch, speed, strict=True)]
     ship_speed = np.array([point.ship_speed for point in points])
     if np.any(np.diff(ship_speed) <= 0.0) or np.any(np.diff(lever) <= 0.0):
@@ -148,8 +136,6 @@ class Combinator(Controller):
     """Set pitch and shaft speed together from the ordered ship speed, with a shaft speed governor.
 
     Args:
-        ship: ship with a diesel, or its name.
-        interval_s: control interval of the environment [s].
         curve: combinator curve; :func:`combinator_curve` by default.
         response_s: time constant of the governed shaft speed [s].
         trim_s: time constant [s] with which the lever is trimmed until the measured ship speed equals
@@ -163,10 +149,8 @@ class Combinator(Controller):
 
     name = "combinator"
     source = "common practice"
-    variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {"combinator-trimmed": {"trim_s": 30.0}}
-    tunable: ClassVar[Mapping[str, tuple[float, float]]] = {
-        "response_s": (1.0, 20.0), "trim_s": (5.0, 100.0),
-    }  # fmt: skip
+    variants: ClassVar[Variants] = {"combinator-trimmed": {"trim_s": 30.0}}
+    tunable: ClassVar[Ranges] = {"response_s": (1.0, 20.0), "trim_s": (5.0, 100.0)}
 
     def __init__(
         self,
@@ -184,7 +168,7 @@ class Combinator(Controller):
         middle = float(np.interp(0.5, self.curve.lever, self.curve.pitch_ratio))
         self.governor = Governor(self.ship, interval_s, response_s, middle)
 
-    def set_points(self, speed_order: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def set_points(self, speed_order: Any) -> tuple[Floats, Floats]:
         """Return pitch [-] and shaft speed [rad/s] at ordered ship speeds [m/s], each of shape (n,)."""
         wanted = self.curve.set_points(speed_order)
         return wanted.pitch_ratio, wanted.shaft_speed
@@ -199,15 +183,13 @@ class Combinator(Controller):
         pitch, speed = self.set_points(speed_order)
         return steady_point(self.ship, float(speed), float(pitch), resistance_factor)
 
-    def initial_state(self, signals: Measurements) -> NDArray[np.float64]:
+    def initial_state(self, signals: Measurements) -> Floats:
         """Return the integral that keeps the fuel rack at its position, and no trim."""
         _, speed = self.set_points(signals.speed_order)
         integral = self.governor.settle(signals.shaft_speed, signals.fuel_rack, speed)
         return np.column_stack([integral, np.zeros_like(integral)])
 
-    def act(
-        self, signals: Measurements, memory: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def act(self, signals: Measurements, memory: Floats) -> Commands:
         """Return the pitch of the curve and the fuel rack of the governor."""
         if self.trim_s > 0.0:
             error = np.clip(signals.speed_order - signals.ship_speed, -_NEAR, _NEAR)

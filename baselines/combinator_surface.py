@@ -21,16 +21,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from ..observers.records import Floats
 from ..plant.ship import Ship
 from .combinator import TORQUE_MARGIN, full_pitch
 from .steady_points import require_diesel, steady_point
 from .working_point import OpenWaterFit, WorkingPoint, fit_open_water, search, slack, working_point
 
-ADVANCE_SPEEDS, THRUSTS = 15, 13
-"""Numbers of nodes of the surface."""
-
+ADVANCE_SPEEDS, THRUSTS = 15, 13  # numbers of nodes of the surface
 _TRIALS = (161, 81)  # shaft speeds and pitches of the grid search for the start of SLSQP
 _NO_REACH = 0.7  # thrust over the least thrust at which the weight of the surface is 0
 _STEP = 1.5e-8  # step of the forward differences [-]
@@ -40,12 +38,12 @@ _LEAST_J = 0.02  # lowest J: at J = 0 the efficiency is 0 at every setting
 class CombinatorSurface(NamedTuple):
     """Optimal settings over advance speed and share of the thrust range; arrays of shape (m, k)."""
 
-    advance_velocity: NDArray[np.float64]  # [m/s], shape (m,)
-    least_thrust: NDArray[np.float64]  # of one propeller [N], shape (m,)
-    most_thrust: NDArray[np.float64]  # [N], shape (m,)
-    share: NDArray[np.float64]  # of the range between them, shape (k,)
-    shaft_speed: NDArray[np.float64]  # [rad/s]
-    pitch_ratio: NDArray[np.float64]  # [-]
+    advance_velocity: Floats  # [m/s], shape (m,)
+    least_thrust: Floats  # of one propeller [N], shape (m,)
+    most_thrust: Floats  # [N], shape (m,)
+    share: Floats  # of the range between them, shape (k,)
+    shaft_speed: Floats  # [rad/s]
+    pitch_ratio: Floats  # [-]
     refined: float  # share of nodes at which SLSQP converged; the others hold the best of the grid
 
 
@@ -58,45 +56,31 @@ class _Optimum:
         self.torque_share = torque_share
         self.plant, self.fit, self.velocity = ship.record(), fit, advance_velocity
         low, self.top = ship.shaft_speeds
-        screw = ship.propeller
-        self.bounds = [
-            (low / self.top, 1.0),
-            (max(screw.pitch_ratio_min, 0.1), screw.pitch_ratio_max),
-        ]
+        pitches = (max(ship.propeller.pitch_ratio_min, 0.1), ship.propeller.pitch_ratio_max)
+        self.bounds = [(low / self.top, 1.0), pitches]
         self._cache: dict[bytes, WorkingPoint] = {}
         speeds = np.linspace(low, self.top, _TRIALS[0])
-        pitches = np.linspace(*self.bounds[1], _TRIALS[1])
-        allowed = np.zeros((speeds.size * pitches.size, 4))
-        count = search(
-            self.plant,
-            fit.thrust,
-            fit.torque,
-            advance_velocity,
-            speeds,
-            pitches,
-            torque_share,
-            allowed,
-        )
-        self.trials = allowed[:count]  # (omega, p, thrust, cost) of each allowed setting
+        settings = speeds, np.linspace(*pitches, _TRIALS[1])
+        allowed = np.zeros((_TRIALS[0] * _TRIALS[1], 4))  # omega, p, thrust, cost
+        grid = (advance_velocity, *settings, torque_share)
+        count = search(self.plant, fit.thrust, fit.torque, *grid, allowed)
+        self.trials = allowed[:count]
 
     def at(self, x: Any) -> WorkingPoint:
-        """WorkingPoint point at x, remembered: cost and constraints are function at the same places."""
-        key = np.asarray(x).tobytes()
+        """Return the working point at x from a cache: cost and constraints ask for the same places."""
+        key, fit = np.asarray(x).tobytes(), self.fit
         if key not in self._cache:
-            self._cache[key] = working_point(
-                self.plant, self.fit.thrust, self.fit.torque, self.velocity,
-                float(x[0]) * self.top, float(x[1]),
-            )  # fmt: skip
+            place = (self.velocity, float(x[0]) * self.top, float(x[1]))
+            self._cache[key] = working_point(self.plant, fit.thrust, fit.torque, *place)
         return self._cache[key]
 
     def constraints(self, x: Any) -> list[float]:
         """Return the inequality constraints at x, each satisfied if it is not negative."""
         w = self.at(x)
-        return [
-            self.torque_share - w.torque_share, w.efficiency_slope, 1.0 - w.burrill, w.advance_room
-        ]  # fmt: skip
+        engine = self.torque_share - w.torque_share
+        return [engine, w.efficiency_slope, 1.0 - w.burrill, w.advance_room]
 
-    def slopes(self, x: Any, function: Callable[[Any], Any]) -> NDArray[np.float64]:
+    def slopes(self, x: Any, function: Callable[[Any], Any]) -> Floats:
         """Return the forward differences of a function at x, inside the bounds; x in the last axis."""
         here, found = np.asarray(function(x)), []
         for i, (_, high) in enumerate(self.bounds):
@@ -105,7 +89,7 @@ class _Optimum:
             found.append((np.asarray(function(moved)) - here) / (moved[i] - x[i]))
         return np.array(found).T
 
-    def best(self, thrust: float) -> tuple[NDArray[np.float64], bool]:
+    def best(self, thrust: float) -> tuple[Floats, bool]:
         """Return the optimal x at a thrust [N] and whether SLSQP converged."""
         near = self.trials[np.argsort(np.abs(self.trials[:, 2] / thrust - 1.0))[:60]]
         costs = near[:, 3] * (thrust / near[:, 2]) ** 1.5  # power is proportional to T^1.5
@@ -119,35 +103,22 @@ class _Optimum:
             return float(self.at(x).thrust) / thrust - 1.0
 
         solve: Any = scipy.optimize.minimize  # The type stubs lack constraints that return a list.
+
+        def by(function: Callable[[Any], Any]) -> Any:  # needs half the evaluations of SciPy
+            return functools.partial(self.slopes, function=function)
+
+        conditions = [
+            {"type": kind, "fun": function, "jac": by(function)}
+            for kind, function in (("eq", shortfall), ("ineq", self.constraints))
+        ]
         found = solve(
-            cost,
-            start,
-            method="SLSQP",
-            jac=functools.partial(
-                self.slopes, function=cost
-            ),  # needs half the evaluations of SciPy
-            bounds=self.bounds,
-            constraints=[
-                {
-                    "type": kind,
-                    "fun": function,
-                    "jac": functools.partial(self.slopes, function=function),
-                }
-                for kind, function in (("eq", shortfall), ("ineq", self.constraints))
-            ],
+            cost, start, method="SLSQP", jac=by(cost), bounds=self.bounds, constraints=conditions,
             options={"maxiter": 100, "ftol": 1e-9},
-        )
+        )  # fmt: skip
         reached = self.at(found.x)
-        met = (
-            abs(reached.thrust / thrust - 1.0) < 1e-4 and slack(reached, self.torque_share) > -1e-3
-        )
+        met = abs(reached.thrust / thrust - 1.0) < 1e-4
+        met = met and slack(reached, self.torque_share) > -1e-3
         return (found.x, True) if found.success and met else (start, False)
-
-
-def _fastest(ship: Ship) -> float:
-    """Return 1.05 times the advance speed [m/s] at the highest ship speed in calm water."""
-    top = steady_point(ship, ship.shaft_speeds[1], full_pitch(ship))
-    return 1.05 * top.advance_velocity
 
 
 @functools.lru_cache(maxsize=16)
@@ -165,12 +136,13 @@ def combinator_surface(ship: Ship, torque_share: float = TORQUE_MARGIN) -> Combi
     """
     require_diesel(ship)
     fit = fit_open_water(ship)
-    low = ship.shaft_speeds[0]
+    low, top = ship.shaft_speeds
     slowest = _LEAST_J * low / (2.0 * math.pi) * ship.propeller.diameter_m
+    fastest = 1.05 * steady_point(ship, top, full_pitch(ship)).advance_velocity
     share = np.linspace(0.0, 1.0, THRUSTS)
     rows = []
     converged = 0
-    for velocity in np.linspace(slowest, _fastest(ship), ADVANCE_SPEEDS):
+    for velocity in np.linspace(slowest, fastest, ADVANCE_SPEEDS):
         problem = _Optimum(ship, fit, float(velocity), torque_share)
         thrusts = problem.trials[:, 2]
         if len(thrusts) == 0:
@@ -184,31 +156,26 @@ def combinator_surface(ship: Ship, torque_share: float = TORQUE_MARGIN) -> Combi
         raise ValueError(
             f"{ship.name}: no setting satisfies all constraints at v_a = {velocity:.2f} m/s"
         )
-    velocities, least_thrust, most_thrust, speeds, pitches = (
-        np.array(column) for column in zip(*rows, strict=True)
-    )
+    velocities, lowest, highest, speeds, pitches = (np.array(x) for x in zip(*rows, strict=True))
     refined = converged / (len(rows) * THRUSTS)
-    return CombinatorSurface(velocities, least_thrust, most_thrust, share, speeds, pitches, refined)
+    return CombinatorSurface(velocities, lowest, highest, share, speeds, pitches, refined)
 
 
 class OptimalSetting(NamedTuple):
     """Optimal settings from the surface; arrays of shape (n,)."""
 
-    shaft_speed: NDArray[np.float64]  # [rad/s]
-    pitch_ratio: NDArray[np.float64]  # [-]
-    thrust: NDArray[np.float64]  # ordered thrust, at most the highest of the surface [N]
-    reach: NDArray[np.float64]  # weight: 1 on the surface, 0 at thrusts far below it [-]
+    shaft_speed: Floats  # [rad/s]
+    pitch_ratio: Floats  # [-]
+    thrust: Floats  # ordered thrust, at most the highest of the surface [N]
+    reach: Floats  # weight: 1 on the surface, 0 at thrusts far below it [-]
 
 
 def look_up(table: CombinatorSurface, thrust: Any, advance_velocity: Any) -> OptimalSetting:
     """Return the optimal setting by bilinear interpolation.
 
-    Args:
-        table: optimal combinator surface.
-        thrust: ordered thrust of one propeller [N], shape (n,). Below the least thrust of the surface
-            the gradient constraint allows no setting; the setting at the least thrust is returned, with
-            a smaller ``reach``.
-        advance_velocity: v_a [m/s], shape (n,); limited to the range of the table.
+    The ordered thrust of one propeller is in N, the advance velocity in m/s, each of shape (n,). Below
+    the least thrust of the surface the gradient constraint allows no setting; the setting at the least
+    thrust is returned, with a smaller ``reach``. The velocity is limited to the range of the table.
     """
     nodes = table.advance_velocity
     velocity = np.clip(np.asarray(advance_velocity, dtype=np.float64), nodes[0], nodes[-1])
@@ -221,7 +188,7 @@ def look_up(table: CombinatorSurface, thrust: Any, advance_velocity: Any) -> Opt
     column = np.clip(place.astype(np.int64), 0, len(table.share) - 2)
     along = place - column
 
-    def blend(z: NDArray[np.float64]) -> NDArray[np.float64]:
+    def blend(z: Floats) -> Floats:
         near = z[row, column] * (1.0 - along) + z[row, column + 1] * along
         far = z[row + 1, column] * (1.0 - along) + z[row + 1, column + 1] * along
         return np.asarray(near * (1.0 - across) + far * across)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
 from ..core.numeric import clip
+from ..observers.records import Floats
 from ..plant.ship import Ship
 from ..plant.ship_files import load_ship
 
@@ -24,10 +25,7 @@ from ..plant.ship_files import load_ship
 def decode(value: float, low: float, high: float) -> float:
     """Return the command in physical units of an action in [-1, 1].
 
-    Args:
-        value: action in [-1, 1].
-        low: command of an action of -1.
-        high: command of an action of 1.
+    ``low`` and ``high`` are the commands of the actions -1 and 1.
 
     Example:
         >>> decode(0.5, 0.0, 20.0)
@@ -40,10 +38,8 @@ def decode(value: float, low: float, high: float) -> float:
 def encode(value: float, low: float, high: float) -> float:
     """Return the action in [-1, 1] of a command in physical units.
 
-    Args:
-        value: command; a command outside the range is clipped.
-        low: command of an action of -1.
-        high: command of an action of 1. If it equals ``low``, as for a fixed pitch, the action is 0.
+    ``low`` and ``high`` are the commands of the actions -1 and 1; a command beyond them is clipped. If
+    they are equal, as for a fixed pitch, the action is 0.
 
     Example:
         >>> encode(15.0, 0.0, 20.0), encode(25.0, 0.0, 20.0)
@@ -56,33 +52,20 @@ def encode(value: float, low: float, high: float) -> float:
 
 
 @compiled
-def _encode_all(
-    value: NDArray[np.float64], low: float, high: float, action: NDArray[np.float32]
-) -> None:
-    for i in range(len(action)):
+def _encode_all(value: Floats, low: float, high: float) -> NDArray[np.float32]:
+    action = np.empty(len(value), np.float32)
+    for i in range(len(value)):
         action[i] = encode(value[i], low, high)
-
-
-def encode_all(value: Any, low: float, high: float) -> NDArray[np.float32]:
-    """Return the actions of n commands over the same range, as :func:`encode`.
-
-    Args:
-        value: commands, shape (n,).
-        low: command of an action of -1.
-        high: command of an action of 1.
-    """
-    action = np.empty(np.size(value), np.float32)
-    _encode_all(np.ascontiguousarray(value, dtype=np.float64), float(low), float(high), action)
     return action
 
 
-def actions(plant: Record, pitch_ratio: Any, fuel_rack: Any) -> NDArray[np.float32]:
-    """Return the actions of n ships, shape (n, 2): pitch command and fuel rack command.
+def encode_all(value: Any, low: float, high: float) -> NDArray[np.float32]:
+    """Return the actions of n commands of shape (n,) over the same range, as :func:`encode`."""
+    return _encode_all(np.ascontiguousarray(value, dtype=np.float64), float(low), float(high))
 
-    Args:
-        plant: PLANT record of a ship with a diesel.
-        pitch_ratio: commanded P/D [-], shape (n,).
-        fuel_rack: commanded fuel rack [mm], shape (n,).
+
+def actions(plant: Record, pitch_ratio: Any, fuel_rack: Any) -> NDArray[np.float32]:
+    """Return the actions, shape (n, 2), of commanded P/D [-] and fuel rack [mm], each of shape (n,).
 
     Example:
         >>> from shaftline.plant import load_ship
@@ -90,50 +73,36 @@ def actions(plant: Record, pitch_ratio: Any, fuel_rack: Any) -> NDArray[np.float
         >>> actions(frigate, [1.0], [frigate["drive_max"]]).round(6).tolist()
         [[0.0, 1.0]]
     """
-    return np.column_stack(
-        [
-            encode_all(pitch_ratio, plant["pitch_ratio_min"], plant["pitch_ratio_max"]),
-            encode_all(fuel_rack, plant["drive_min"], plant["drive_max"]),
-        ]
-    )
+    pitch = encode_all(pitch_ratio, plant["pitch_ratio_min"], plant["pitch_ratio_max"])
+    return np.column_stack([pitch, encode_all(fuel_rack, plant["drive_min"], plant["drive_max"])])
 
 
 OBSERVED = (
-    "speed_order",
-    "shaft_speed",
-    "measured_shaft_torque",
-    "measured_pitch_ratio",
-    "fuel_rack",
-    "measured_ship_speed",
-    "estimated_advance_velocity",
-    "estimate_valid",
-)
+    "speed_order", "shaft_speed", "measured_shaft_torque", "measured_pitch_ratio", "fuel_rack",
+    "measured_ship_speed", "estimated_advance_velocity", "estimate_valid",
+)  # fmt: skip
 """Signals of an observation, in order; ``plant/signals.py`` lists their units and bounds."""
 
 
-PREVIEW_S = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
-"""Times ahead at which a sensor at the bow measures the inflow of the waves [s]."""
-
-PREVIEW = tuple(f"wave_inflow_{ahead:.0f}_s" for ahead in PREVIEW_S)
-"""Signals that follow :data:`OBSERVED` in an observation of a task with a preview."""
+PREVIEW_S = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)  # times ahead of a sensor of waves at the bow [s]
+PREVIEW = tuple(f"wave_inflow_{ahead:.0f}_s" for ahead in PREVIEW_S)  # signals after OBSERVED
 
 
 class Measurements(NamedTuple):
     """Columns of an observation by name, each of shape (n,)."""
 
-    speed_order: NDArray[np.float64]  # ordered ship speed [m/s]
-    shaft_speed: NDArray[np.float64]  # [rad/s]
-    shaft_torque: NDArray[np.float64]  # at the torque meter [N m]
-    pitch_ratio: NDArray[np.float64]  # [-]
-    fuel_rack: NDArray[np.float64]  # [mm]
-    ship_speed: NDArray[np.float64]  # [m/s]
-    advance_velocity: NDArray[np.float64]  # estimated [m/s]
-    estimate_valid: NDArray[np.float64]  # 1 or 0
-    wave_inflow: NDArray[np.float64] | None = None  # at PREVIEW_S ahead, shape (n, 7) [m/s]
+    speed_order: Floats  # ordered ship speed [m/s]
+    shaft_speed: Floats  # [rad/s]
+    shaft_torque: Floats  # at the torque meter [N m]
+    pitch_ratio: Floats  # [-]
+    fuel_rack: Floats  # [mm]
+    ship_speed: Floats  # [m/s]
+    advance_velocity: Floats  # estimated [m/s]
+    estimate_valid: Floats  # 1 or 0
+    wave_inflow: Floats | None = None  # at PREVIEW_S ahead, shape (n, 7) [m/s]
 
 
-NORMALISED_BOUND = 3.0
-"""Bound of all signals of a normalised observation; in physical units some signal is always larger."""
+NORMALISED_BOUND = 3.0  # of normalised signals; in physical units some signal is always larger
 
 
 def measurements_of(observation: Any, preview: bool = False) -> Measurements:
@@ -170,12 +139,9 @@ def measurements_of(observation: Any, preview: bool = False) -> Measurements:
 
 
 def resume_state(state: Any, initial: NDArray[Any], episode_start: Any) -> NDArray[Any]:
-    """Return the controller state with which a call of ``predict`` begins, as a copy.
+    """Return a copy of the controller state with which a call of ``predict`` begins.
 
-    Args:
-        state: state that the last call returned; None at the first call.
-        initial: initial controller state, shape (n, ...).
-        episode_start: true where an episode begins, shape (n,), one value for all, or None.
+    It is ``initial`` at the first call (``state`` is None) and where an episode starts.
     """
     if state is None:
         return initial.copy()
@@ -184,6 +150,16 @@ def resume_state(state: Any, initial: NDArray[Any], episode_start: Any) -> NDArr
         begins = np.broadcast_to(np.asarray(episode_start, dtype=bool), len(memory))
         memory[begins] = initial[begins]
     return memory
+
+
+Ranges = Mapping[str, tuple[float, float]]
+"""Options that can be tuned (:mod:`shaftline.agents.learning.tuning`), with their ranges."""
+
+Variants = Mapping[str, Mapping[str, Any]]
+"""Names of variants of a controller, with the options that they set."""
+
+Commands = tuple[Floats, Floats]
+"""Commanded P/D [-] and fuel rack [mm], each of shape (n,)."""
 
 
 class Predictor(Protocol):
@@ -202,10 +178,9 @@ class Predictor(Protocol):
 class Controller(ABC):
     """Compute actions from observations, for any number of equal ships at once (base class).
 
-    A subclass defines its initial controller state (:meth:`initial_state`) and its commands
-    (:meth:`act`). A file of this folder that defines one registers it by its ``name``; no list has to be
-    extended. The constructor takes a ship, the control interval, and numbers as options. The first
-    sentence of its docstring is the description that ``shaftline list`` prints.
+    A subclass defines :meth:`initial_state` and :meth:`act`. A file of this folder that defines one
+    registers it by its ``name``; no list has to be extended. The constructor takes a ship, the control
+    interval, and numbers as options. ``shaftline list`` prints the first sentence of its docstring.
 
     Args:
         ship: ship with a diesel, or its name.
@@ -215,16 +190,13 @@ class Controller(ABC):
         ValueError: the interval is not a positive number.
     """
 
-    name: ClassVar[str]
-    """Registered name."""
-    source: ClassVar[str] = ""
-    """Publication; controllers are listed by source, then by name."""
-    variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
-    """Names of variants, with the options that they set."""
-    tunable: ClassVar[Mapping[str, tuple[float, float]]] = {}
-    """Options that can be tuned (:mod:`shaftline.agents.learning.tuning`), with their ranges."""
-    preview: bool = False
-    """Whether it uses the inflow of the waves ahead, which only some tasks provide."""
+    name: ClassVar[str]  # registered name
+    source: ClassVar[str] = ""  # publication; controllers are listed by source, then by name
+    variants: ClassVar[Variants] = {}
+    tunable: ClassVar[Ranges] = {}
+    preview: bool = (
+        False  # whether it uses the inflow of the waves ahead, which only some tasks provide
+    )
 
     def __init__(self, ship: str | Ship = "frigate", interval_s: float = 0.5) -> None:
         if not 0.0 < interval_s < math.inf:
@@ -235,16 +207,10 @@ class Controller(ABC):
 
     @abstractmethod
     def initial_state(self, signals: Measurements) -> NDArray[Any]:
-        """Return the initial controller state, shape (n, ...).
-
-        Args:
-            signals: first measurements of n ships.
-        """
+        """Return the initial controller state at the first measurements of n ships, shape (n, ...)."""
 
     @abstractmethod
-    def act(
-        self, signals: Measurements, memory: NDArray[Any]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def act(self, signals: Measurements, memory: NDArray[Any]) -> Commands:
         """Return the commanded P/D [-] and fuel rack [mm], each of shape (n,).
 
         Args:

@@ -11,34 +11,26 @@ observer is not valid, or the set-point is below the surface, the combinator tak
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.compiled import compiled
+from ..core.compiled import Record, compiled
+from ..observers.records import Floats
 from ..plant.hull import resistance
 from ..plant.open_water import MIN_REVOLUTIONS, REVOLUTIONS_PER_RADIAN
 from ..plant.ship import Ship
 from .combinator import Combinator
 from .combinator_surface import OptimalSetting, combinator_surface, look_up
-from .controller import Controller, Measurements
+from .controller import Commands, Controller, Measurements, Variants
 from .governor import RESPONSE_S
 from .working_point import fit_open_water, surface
 
-FILTER_S = 8.0
-"""Time constant of the filters of estimated advance speed and thrust [s], longer than a wave period."""
-
-THRUST_INTEGRAL_S = 20.0
-"""Integral time of the thrust controller [s], slower than the filters."""
-
-TRUST_S = 5.0
-"""Time constant of the transition between combinator and optimiser [s]."""
-
-TRIM_SHARE = 0.2
-"""Largest trim of the thrust controller over the highest shaft speed [-]."""
-
+FILTER_S = 8.0  # of estimated advance speed and thrust [s], longer than a wave period
+THRUST_INTEGRAL_S = 20.0  # integral time of the thrust controller [s], slower than the filters
+TRUST_S = 5.0  # time constant of the transition between combinator and optimiser [s]
+TRIM_SHARE = 0.2  # largest trim of the thrust controller over the highest shaft speed [-]
 INTEGRAL, ADVANCE, THRUST, TRIM, TRUST = range(5)
 """Columns of the controller state: integral of the governor [mm], filtered advance speed [m/s] and
 thrust [N], trim of the shaft speed [rad/s], weight of the optimiser (0 to 1) [-]."""
@@ -46,19 +38,15 @@ thrust [N], trim of the shaft speed [rad/s], weight of the optimiser (0 to 1) [-
 
 @compiled
 def _thrusts(
-    matrix: NDArray[np.float64],
-    advance_velocity: NDArray[np.float64],
-    shaft_speed: NDArray[np.float64],
-    pitch_ratio: NDArray[np.float64],
-    diameter: float,
-    density: float,
-    thrust: NDArray[np.float64],
-) -> None:
-    """Fill the thrusts of one propeller [N] from the fitted surface; J is limited to 0 to P/D."""
-    for i in range(len(thrust)):
-        n = max(shaft_speed[i] * REVOLUTIONS_PER_RADIAN, MIN_REVOLUTIONS)
-        j = min(max(advance_velocity[i] / (n * diameter), 0.0), max(pitch_ratio[i], 0.0))
-        thrust[i] = surface(matrix, j, pitch_ratio[i]) * density * diameter**4 * n * n
+    plant: Record, matrix: Floats, velocity: Floats, speed: Floats, pitch: Floats
+) -> Floats:
+    """Return the thrusts of one propeller [N] from the fitted surface; J is limited to 0 to P/D."""
+    thrust = np.empty(len(velocity))
+    for i in range(len(velocity)):
+        n = max(speed[i] * REVOLUTIONS_PER_RADIAN, MIN_REVOLUTIONS)
+        j = min(max(velocity[i] / (n * plant.diameter), 0.0), max(pitch[i], 0.0))
+        thrust[i] = surface(matrix, j, pitch[i]) * plant.density * plant.diameter**4 * n * n
+    return thrust
 
 
 def _valid(signals: Measurements) -> NDArray[np.bool_]:
@@ -72,7 +60,6 @@ class CppOptimiser(Controller):
     Args:
         ship: ship with a diesel and a controllable-pitch propeller, or its name. The first instance
             computes the combinator surface, which takes some seconds; later instances share it.
-        interval_s: control interval of the environment [s].
         response_s: time constant of the governed shaft speed [s].
         filter_s: time constant of the filters of estimated advance speed and thrust [s].
         pitch_at: thrust at which the pitch is taken from the surface: ``ordered``, or ``actual`` for the
@@ -86,9 +73,7 @@ class CppOptimiser(Controller):
 
     name = "cpp-optimiser"
     source = "CPP optimiser paper"
-    variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {
-        "cpp-optimiser-at-actual": {"pitch_at": "actual"}
-    }
+    variants: ClassVar[Variants] = {"cpp-optimiser-at-actual": {"pitch_at": "actual"}}
 
     def __init__(
         self,
@@ -110,7 +95,7 @@ class CppOptimiser(Controller):
         self.combinator = Combinator(self.ship, interval_s, response_s=response_s)
         self._top = self.ship.shaft_speeds[1]
 
-    def ordered_thrust(self, speed_order: Any) -> NDArray[np.float64]:
+    def ordered_thrust(self, speed_order: Any) -> Floats:
         """Return the thrust of one propeller [N] at an ordered speed [m/s] in calm water, shape (n,).
 
         Orders above the highest speed of the ship give a thrust above the highest in calm water, for a
@@ -120,31 +105,21 @@ class CppOptimiser(Controller):
         orders = np.atleast_1d(np.asarray(speed_order, dtype=np.float64))
         return np.array([resistance(self.plant, max(v, 0.0), 1.0) / push for v in orders])
 
-    def thrust(self, signals: Measurements) -> NDArray[np.float64]:
+    def thrust(self, signals: Measurements) -> Floats:
         """Return the thrust of one propeller [N] at the estimated working point, shape (n,)."""
-        found = np.zeros(len(signals.shaft_speed))
-        screw = self.ship.propeller
-        _thrusts(
-            self.fit.thrust,
-            np.ascontiguousarray(signals.advance_velocity),
-            np.ascontiguousarray(signals.shaft_speed),
-            np.clip(signals.pitch_ratio, screw.pitch_ratio_min, screw.pitch_ratio_max),
-            screw.diameter_m,
-            self.ship.water.density_kg_m3,
-            found,
-        )
-        return found
+        screw, speed = self.ship.propeller, np.ascontiguousarray(signals.shaft_speed)
+        velocity = np.ascontiguousarray(signals.advance_velocity)
+        pitch = np.clip(signals.pitch_ratio, screw.pitch_ratio_min, screw.pitch_ratio_max)
+        return _thrusts(self.plant, self.fit.thrust, velocity, speed, pitch)
 
-    def initial_state(self, signals: Measurements) -> NDArray[np.float64]:
+    def initial_state(self, signals: Measurements) -> Floats:
         """Return empty filters and an integral that the first call of :meth:`act` sets."""
         memory = np.zeros((len(signals.shaft_speed), 5))
         memory[:, INTEGRAL] = np.nan  # set when the shaft speed set-point is known
         memory[:, TRUST] = _valid(signals)
         return memory
 
-    def act(
-        self, signals: Measurements, memory: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def act(self, signals: Measurements, memory: Floats) -> Commands:
         """Return pitch and fuel rack of the optimiser and the combinator, by their weights."""
         valid = _valid(signals)
         estimate = self.thrust(signals)
@@ -177,9 +152,7 @@ class CppOptimiser(Controller):
         rack, memory[:, INTEGRAL] = governor.command(speed, signals.shaft_speed, integral)
         return pitch, rack
 
-    def _trim(
-        self, memory: NDArray[np.float64], setting: OptimalSetting, valid: NDArray[np.bool_]
-    ) -> NDArray[np.float64]:
+    def _trim(self, memory: Floats, setting: OptimalSetting, valid: NDArray[np.bool_]) -> Floats:
         """Return the trim of the shaft speed [rad/s] by the integral of the thrust error.
 
         T is proportional to omega^2, so d omega / d T = omega / (2 T). The trim is constant where the

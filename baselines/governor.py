@@ -13,9 +13,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
+from ..observers.records import Floats
 from ..plant.drives.diesel import rack_of_torque, torque_limit
 from ..plant.linear import linearise
 from ..plant.shaft import shaft_inertia
@@ -24,24 +24,18 @@ from ..plant.ship_files import load_ship
 from ..plant.steady_state import equilibrium
 from .steady_points import steady_point
 
-RESPONSE_S = 2.0
-"""Time constant of the closed loop [s]; at least three control intervals apply."""
-
-_LIMITER_GAIN = 0.8
-"""Gain of the rack limits, over the gain that corrects a speed error within the response time [-]."""
-
-_CUT_OFF = 0.1
-"""Excess over the highest shaft speed at which the rack limits cut the fuel, as a share of it [-]."""
-
+RESPONSE_S = 2.0  # time constant of the closed loop [s]; at least three control intervals apply
+_LIMITER_GAIN = 0.8  # of the rack limits, over the gain that corrects an error in time [-]
+_CUT_OFF = 0.1  # share above the highest shaft speed at which the rack limits cut the fuel [-]
 _TUNED_AT = 6  # number of shaft speeds over the range of the engine
 
 
 class Gains(NamedTuple):
     """Gains over shaft speed, for linear interpolation."""
 
-    shaft_speed: NDArray[np.float64]  # [rad/s], rising, shape (m,)
-    proportional: NDArray[np.float64]  # k_p [mm s/rad], shape (m,)
-    integral: NDArray[np.float64]  # k_i per control interval [mm s/rad], shape (m,)
+    shaft_speed: Floats  # [rad/s], rising, shape (m,)
+    proportional: Floats  # k_p [mm s/rad], shape (m,)
+    integral: Floats  # k_i per control interval [mm s/rad], shape (m,)
 
 
 @compiled
@@ -63,12 +57,8 @@ def highest_rack(plant: Record, shaft_speed: float) -> float:
 def limiter_slope(plant: Record, response_s: float) -> float:
     """Return the slope of the rack limits over shaft speed [mm s/rad] beyond the allowed speeds.
 
-    The slope corrects a speed error within the response time, and it cuts the fuel of the highest rack
-    before the shaft speed is :data:`_CUT_OFF` above its highest value.
-
-    Args:
-        plant: ship record.
-        response_s: time in which the limits correct a speed error [s].
+    The slope corrects a speed error within the response time [s], and it cuts the fuel of the highest
+    rack before the shaft speed is :data:`_CUT_OFF` above its highest value.
     """
     down = plant.gear_ratio * plant.transmission_efficiency
     prompt = _LIMITER_GAIN * shaft_inertia(plant) / response_s / (plant.torque_per_rack * down)
@@ -78,15 +68,11 @@ def limiter_slope(plant: Record, response_s: float) -> float:
 
 @compiled
 def rack_limits(plant: Record, shaft_speed: float, slope: float) -> tuple[float, float]:
-    """Return the lowest and highest fuel rack [mm] that protect the engine at a shaft speed.
+    """Return the lowest and highest fuel rack [mm] that protect the engine at a shaft speed [rad/s].
 
     The lowest rack prevents a stall: below the lowest engine speed it rises from the rack of zero
-    torque. The highest rack is that of the torque limiter, and falls above the highest engine speed.
-
-    Args:
-        plant: ship record.
-        shaft_speed: measured omega [rad/s].
-        slope: from :func:`limiter_slope` [mm s/rad].
+    torque, by the slope of :func:`limiter_slope`. The highest rack is that of the torque limiter, and
+    falls above the highest engine speed.
     """
     low = plant.engine_speed_min / plant.gear_ratio
     high = plant.engine_speed_max / plant.gear_ratio
@@ -106,29 +92,19 @@ def limit_rack(plant: Record, rack: float, shaft_speed: float, slope: float) -> 
 
 @compiled
 def govern(
-    plant: Record,
-    order: float,
-    shaft_speed: float,
-    integral: float,
-    proportional: float,
-    integral_gain: float,
+    plant: Record, order: float, shaft_speed: float, integral: float, k_p: float, k_i: float
 ) -> tuple[float, float]:
     """Return the rack [mm] and the new integral [mm] of one governor for one control interval.
 
-    Args:
-        plant: ship record.
-        order: shaft speed set-point [rad/s].
-        shaft_speed: measured omega [rad/s]; if it is not finite, only the integral acts.
-        integral: I [mm].
-        proportional: k_p [mm s/rad].
-        integral_gain: k_i [mm s/rad].
+    Set-point and measured shaft speed are in rad/s (if one is not finite, only the integral acts), the
+    integral I in mm, the gains k_p and k_i in mm s/rad.
     """
     error = order - shaft_speed
     if not math.isfinite(error):
         return min(max(integral, plant.drive_min), plant.drive_max), integral
     highest = highest_rack(plant, shaft_speed)
-    following = integral + integral_gain * error
-    asked = proportional * error + following
+    following = integral + k_i * error
+    asked = k_p * error + following
     if asked > highest:
         return highest, integral if error > 0.0 else following
     if asked < plant.drive_min:
@@ -138,18 +114,13 @@ def govern(
 
 @compiled
 def _govern_all(
-    plant: Record,
-    order: NDArray[np.float64],
-    shaft_speed: NDArray[np.float64],
-    integral: NDArray[np.float64],
-    proportional: NDArray[np.float64],
-    integral_gain: NDArray[np.float64],
-    rack: NDArray[np.float64],
-) -> None:
+    plant: Record, order: Floats, shaft_speed: Floats, integral: Floats, k_p: Floats, k_i: Floats
+) -> Floats:
+    """Return the racks [mm] of n ships, and update their integrals in place."""
+    rack = np.empty(len(order))
     for i in range(len(order)):
-        rack[i], integral[i] = govern(
-            plant, order[i], shaft_speed[i], integral[i], proportional[i], integral_gain[i]
-        )
+        rack[i], integral[i] = govern(plant, order[i], shaft_speed[i], integral[i], k_p[i], k_i[i])
+    return rack
 
 
 def tune(
@@ -190,7 +161,7 @@ def tune(
     screw = ship.propeller
     if pitch_ratio is None:
         pitch_ratio = 0.5 * (screw.pitch_ratio_min + screw.pitch_ratio_max)
-    speeds, proportional, integral = [], [], []
+    rows = []
     for speed in np.linspace(*ship.shaft_speeds, _TUNED_AT):
         rack = steady_point(prompt, float(speed), pitch_ratio).fuel_rack
         try:
@@ -206,14 +177,12 @@ def tune(
         p = math.exp(a * interval_s)
         gain = b * (p - 1.0) / a
         effort = (1.0 - math.exp(-interval_s / response)) / gain
-        speeds.append(point.state.shaft_speed)
-        proportional.append(p * effort)
-        integral.append((1.0 - p) * effort)
-    if not speeds:
+        rows.append((point.state.shaft_speed, p * effort, (1.0 - p) * effort))
+    if not rows:
         raise ValueError(
             f"{ship.name}: no steady state within the torque limit of the engine at P/D {pitch_ratio:g}"
         )
-    return Gains(np.array(speeds), np.array(proportional), np.array(integral))
+    return Gains(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
 class Governor:
@@ -245,7 +214,7 @@ class Governor:
         self._plant = self.ship.record()
         self._lowest, self._highest = self.ship.shaft_speeds
 
-    def settle(self, shaft_speed: Any, fuel_rack: Any, order: Any) -> NDArray[np.float64]:
+    def settle(self, shaft_speed: Any, fuel_rack: Any, order: Any) -> Floats:
         """Return the integrals [mm], shape (n,), with which the first command does not move the rack.
 
         Args:
@@ -254,15 +223,11 @@ class Governor:
             order: shaft speed set-point [rad/s], shape (n,).
         """
         speed = np.asarray(shaft_speed, dtype=np.float64)
-        error = self._limit_order(order) - speed
-        bumpless = (
-            np.asarray(fuel_rack) - (self._gain_at(1, speed) + self._gain_at(2, speed)) * error
-        )
+        k_p, k_i = self._gains_at(speed)
+        bumpless = np.asarray(fuel_rack) - (k_p + k_i) * (self._limit_order(order) - speed)
         return np.asarray(np.clip(bumpless, self._plant["drive_min"], self._plant["drive_max"]))
 
-    def command(
-        self, order: Any, shaft_speed: Any, integral: Any
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def command(self, order: Any, shaft_speed: Any, integral: Any) -> tuple[Floats, Floats]:
         """Return the rack commands [mm] and the new integrals [mm], each of shape (n,).
 
         Args:
@@ -272,15 +237,12 @@ class Governor:
         """
         speed = np.array(shaft_speed, dtype=np.float64)
         following = np.array(integral, dtype=np.float64)
-        rack = np.zeros_like(speed)
-        proportional, gain = self._gain_at(1, speed), self._gain_at(2, speed)
-        _govern_all(
-            self._plant, self._limit_order(order), speed, following, proportional, gain, rack
-        )
-        return rack, following
+        order, gains = self._limit_order(order), self._gains_at(speed)
+        return _govern_all(self._plant, order, speed, following, *gains), following
 
-    def _limit_order(self, order: Any) -> NDArray[np.float64]:
+    def _limit_order(self, order: Any) -> Floats:
         return np.clip(np.array(order, dtype=np.float64), self._lowest, self._highest)
 
-    def _gain_at(self, which: int, speed: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(np.interp(speed, self.gains.shaft_speed, self.gains[which]))
+    def _gains_at(self, speed: Floats) -> tuple[Floats, Floats]:
+        known, proportional, integral = self.gains
+        return np.interp(speed, known, proportional), np.interp(speed, known, integral)

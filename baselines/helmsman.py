@@ -14,33 +14,22 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..observers.records import Floats
 from ..plant.approach import approach
 from ..plant.helm import require_steering
 from ..plant.ship import Ship
 from ..plant.ship_files import load_ship
-from ..plant.steady_state import Equilibrium, equilibrium
-from .loop_shaping import (
-    TRACK_LOOP,
-    ShapedController,
-    shape_controller,
-    steering_dynamics,
-    track_plant,
-)
+from ..plant.steady_state import equilibrium
+from . import loop_shaping
+from .controller import Ranges
 
 STEERED = (
-    "heading_order",
-    "heading",
-    "yaw_rate",
-    "rudder_angle",
-    "cross_track_order",
-    "cross_track",
-)
+    "heading_order", "heading", "yaw_rate", "rudder_angle", "cross_track_order", "cross_track",
+)  # fmt: skip
 """Signals that steering adds to an observation, in order; ``plant/signals.py`` lists their units."""
 
 _USUAL_LOAD = 0.6  # drive command over its highest value, for the default design speed
@@ -49,13 +38,13 @@ _USUAL_LOAD = 0.6  # drive command over its highest value, for the default desig
 class SteeringMeasurements(NamedTuple):
     """Measurements of a helmsman, each of shape (n,)."""
 
-    heading_order: NDArray[np.float64]  # to starboard of the first course [rad]
-    heading: NDArray[np.float64]  # measured [rad]
-    yaw_rate: NDArray[np.float64]  # measured, to starboard [rad/s]
-    rudder_angle: NDArray[np.float64]  # measured [rad]
-    track_order: NDArray[np.float64]  # to starboard of the first course [m]
-    cross_track: NDArray[np.float64]  # measured [m]
-    ship_speed: NDArray[np.float64]  # measured, through the water [m/s]
+    heading_order: Floats  # to starboard of the first course [rad]
+    heading: Floats  # measured [rad]
+    yaw_rate: Floats  # measured, to starboard [rad/s]
+    rudder_angle: Floats  # measured [rad]
+    track_order: Floats  # to starboard of the first course [m]
+    cross_track: Floats  # measured [m]
+    ship_speed: Floats  # measured, through the water [m/s]
 
 
 class Helmsman(ABC):
@@ -71,12 +60,9 @@ class Helmsman(ABC):
         ValueError: the interval is not positive.
     """
 
-    name: ClassVar[str]
-    """Registered name."""
-    source: ClassVar[str] = ""
-    """Publication."""
-    tunable: ClassVar[Mapping[str, tuple[float, float]]] = {}
-    """Options that can be tuned, with their ranges."""
+    name: ClassVar[str]  # registered name
+    source: ClassVar[str] = ""  # publication
+    tunable: ClassVar[Ranges] = {}
 
     def __init__(
         self, ship: str | Ship, interval_s: float = 0.5, speed_m_s: float | None = None
@@ -88,20 +74,18 @@ class Helmsman(ABC):
         self.interval_s = interval_s
         self.length = self.ship.manoeuvring.length_m
         self.rudder_max = self.ship.rudder.angle_max_rad
-        self.point = _straight_course(self.ship, speed_m_s)
+        if speed_m_s is not None:
+            self.point = approach(self.ship, speed_m_s)
+        else:
+            drive = _USUAL_LOAD * float(self.ship.record()["drive_max"])
+            self.point = equilibrium(self.ship, drive, self.ship.propeller.pitch_ratio_max)
 
     @abstractmethod
-    def initial_state(self, signals: SteeringMeasurements) -> NDArray[np.float64]:
-        """Return the initial controller state, shape (n, k).
-
-        Args:
-            signals: first measurements of n ships.
-        """
+    def initial_state(self, signals: SteeringMeasurements) -> Floats:
+        """Return the initial controller state at the first measurements of n ships, shape (n, k)."""
 
     @abstractmethod
-    def rudder(
-        self, signals: SteeringMeasurements, memory: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def rudder(self, signals: SteeringMeasurements, memory: Floats) -> Floats:
         """Return the rudder commands [rad], shape (n,), within the end stops.
 
         Args:
@@ -109,80 +93,91 @@ class Helmsman(ABC):
             memory: controller state of the last call or :meth:`initial_state`; changed in place.
         """
 
-    def lengths_travelled(self, signals: SteeringMeasurements) -> NDArray[np.float64]:
+    def lengths_travelled(self, signals: SteeringMeasurements) -> Floats:
         """Return the distance travelled in an interval [ship lengths], shape (n,)."""
-        speed = np.where(
-            np.isfinite(signals.ship_speed), signals.ship_speed, self.point.state.ship_speed
-        )
+        speed = _where_finite(signals.ship_speed, self.point.state.ship_speed)
         return np.asarray(np.maximum(speed, 0.0) * self.interval_s / self.length)
+
+
+def _where_finite(values: Floats, other: Any) -> Floats:
+    """Return values, or the other ones where they are not finite."""
+    return np.where(np.isfinite(values), values, other)
 
 
 class ShapedHelmsman(Helmsman):
     """Command the rudder by a set-point and a controller from loop shaping (base class).
 
     The controller state holds the set-point columns and then those of the controller.
+
+    Args:
+        ship: ship that turns and is stable on a straight course, or its name.
+        interval_s: time between two commands [s].
+        speed_m_s: design speed of the loop [m/s]; that at 60 % of the highest drive command by default.
+        gain: factor on C [-].
+        reset_lengths: reset distance of :class:`~.loop_shaping.ShapedController` [ship lengths];
+            infinite by default, as printed, for no integral.
+        positive: further options that must be positive, by name.
     """
 
-    law: ShapedController
-    set_point_columns: ClassVar[int]
-    """Number of set-point columns of the controller state; the first is the set-point itself."""
+    tunable: ClassVar[dict[str, tuple[float, float]]] = {
+        "gain": (0.2, 5.0),
+        "reset_lengths": (2.0, 100.0),
+    }
+    loop: ClassVar[loop_shaping.Factors]  # given loop L
+
+    set_point_columns: ClassVar[int]  # of the controller state; the first is the set-point itself
+
+    def __init__(
+        self,
+        ship: str | Ship,
+        interval_s: float,
+        speed_m_s: float | None,
+        gain: float,
+        reset_lengths: float,
+        **positive: float,
+    ) -> None:
+        super().__init__(ship, interval_s, speed_m_s)
+        for name, value in (positive | {"gain": gain}).items():
+            if not 0.0 < value < math.inf:
+                raise ValueError(f"{name} = {value:g} (allowed: > 0)")
+        plant = loop_shaping.heading_plant(*loop_shaping.steering_dynamics(self.ship, self.point))
+        plant = plant._replace(integrators=self.loop.integrators)
+        shaped = gain * loop_shaping.shape_controller(self.loop, plant)
+        self.law = loop_shaping.ShapedController(shaped, reset_lengths)
 
     @abstractmethod
-    def initial_set_point(self, signals: SteeringMeasurements) -> NDArray[np.float64]:
+    def initial_set_point(self, signals: SteeringMeasurements) -> Floats:
         """Return the initial set-point columns, shape (n, set_point_columns)."""
 
     @abstractmethod
     def update_set_point(
-        self,
-        signals: SteeringMeasurements,
-        distance: NDArray[np.float64],
-        set_point: NDArray[np.float64],
+        self, signals: SteeringMeasurements, distance: Floats, set_point: Floats
     ) -> None:
         """Update the set-point columns, shape (n, set_point_columns), in place over an interval."""
 
     @abstractmethod
-    def error(
-        self, signals: SteeringMeasurements, set_point: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def error(self, signals: SteeringMeasurements, set_point: Floats) -> Floats:
         """Return the control error in the unit of the controller, shape (n,)."""
 
-    def initial_state(self, signals: SteeringMeasurements) -> NDArray[np.float64]:
+    def initial_state(self, signals: SteeringMeasurements) -> Floats:
         """Return the initial set-point and a controller in steady state."""
         set_point = self.initial_set_point(signals)
-        return np.hstack([set_point, self.law.begin(self._finite_error(signals, set_point, 0.0))])
+        error = _where_finite(self.error(signals, set_point), 0.0)
+        return np.hstack([set_point, self.law.begin(error)])
 
-    def rudder(
-        self, signals: SteeringMeasurements, memory: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def rudder(self, signals: SteeringMeasurements, memory: Floats) -> Floats:
         """Return the rudder commands of the controller at the present error."""
         distance, set_point = self.lengths_travelled(signals), memory[:, : self.set_point_columns]
         self.update_set_point(signals, distance, set_point)
         own = memory[:, self.set_point_columns :]
-        last = own[:, self.law.order]
-        return self.law.command(
-            self._finite_error(signals, set_point, last), distance, own, self.rudder_max
-        )
-
-    def _finite_error(
-        self, signals: SteeringMeasurements, set_point: NDArray[np.float64], last: Any
-    ) -> NDArray[np.float64]:
-        """Return the error, or the last one where a measurement is not finite."""
-        error = self.error(signals, set_point)
-        return np.where(np.isfinite(error), error, last)
+        error = _where_finite(self.error(signals, set_point), own[:, self.law.order])
+        return self.law.command(error, distance, own, self.rudder_max)
 
 
-def _straight_course(ship: Ship, speed_m_s: float | None) -> Equilibrium:
-    if speed_m_s is not None:
-        return approach(ship, speed_m_s)
-    drive = _USUAL_LOAD * float(ship.record()["drive_max"])
-    return equilibrium(ship, drive, ship.propeller.pitch_ratio_max)
-
-
-def quintic(share: NDArray[np.float64]) -> NDArray[np.float64]:
+def quintic(share: Floats) -> Floats:
     """Return the polynomial from 0 to 1 without slope and curvature at both ends.
 
-    Args:
-        share: share of the distance, limited to 0 to 1 [-].
+    The share of the distance [-] is limited to 0 to 1.
 
     Example:
         >>> import numpy as np
@@ -197,13 +192,9 @@ class TrackKeeper(ShapedHelmsman):
     """Keep the ship on the ordered line by the rudder, with a controller from loop shaping.
 
     Args:
-        ship: ship that turns and is stable on a straight course, or its name.
-        interval_s: time between two commands [s].
-        speed_m_s: design speed of the loop [m/s].
         change_lengths: distance in which the set-point moves to a new line [ship lengths].
-        gain: factor on C [-].
-        reset_lengths: reset distance of :class:`~.loop_shaping.ShapedController` [ship lengths];
-            infinite by default, as printed, for no integral.
+
+    The other arguments are those of every helmsman.
 
     Raises:
         ShipError: the ship cannot be steered, or is not stable on a straight course.
@@ -212,9 +203,8 @@ class TrackKeeper(ShapedHelmsman):
 
     name = "track-keeper"
     source = "Taylor 2000, section 5.3"
-    tunable: ClassVar[Mapping[str, tuple[float, float]]] = {
-        "gain": (0.2, 5.0), "reset_lengths": (2.0, 100.0), "change_lengths": (1.0, 60.0),
-    }  # fmt: skip
+    tunable = ShapedHelmsman.tunable | {"change_lengths": (1.0, 60.0)}
+    loop = loop_shaping.TRACK_LOOP
     set_point_columns = 4  # set-point, its start and its end at the last order, share of the change
 
     def __init__(
@@ -226,38 +216,26 @@ class TrackKeeper(ShapedHelmsman):
         gain: float = 1.0,
         reset_lengths: float = math.inf,
     ) -> None:
-        super().__init__(ship, interval_s, speed_m_s)
-        for name, value in (("change_lengths", change_lengths), ("gain", gain)):
-            if not 0.0 < value < math.inf:
-                raise ValueError(f"{name} = {value:g} (allowed: > 0)")
+        own = {"change_lengths": change_lengths}
+        super().__init__(ship, interval_s, speed_m_s, gain, reset_lengths, **own)
         self.change_lengths = change_lengths
-        own = steering_dynamics(self.ship, self.point)
-        self.law = ShapedController(
-            gain * shape_controller(TRACK_LOOP, track_plant(*own)), reset_lengths
-        )
 
-    def initial_set_point(self, signals: SteeringMeasurements) -> NDArray[np.float64]:
+    def initial_set_point(self, signals: SteeringMeasurements) -> Floats:
         """Return the present line of the ship."""
-        here = np.where(np.isfinite(signals.cross_track), signals.cross_track, 0.0)
+        here = _where_finite(signals.cross_track, 0.0)
         return np.column_stack([here, here, here, np.ones_like(here)])
 
     def update_set_point(
-        self,
-        signals: SteeringMeasurements,
-        distance: NDArray[np.float64],
-        set_point: NDArray[np.float64],
+        self, signals: SteeringMeasurements, distance: Floats, set_point: Floats
     ) -> None:
         """Move the set-point along the polynomial; a new order starts a new polynomial there."""
-        changed = signals.track_order != set_point[:, 2]
-        set_point[:, 1] = np.where(changed, set_point[:, 0], set_point[:, 1])
-        set_point[:, 2] = signals.track_order
-        set_point[:, 3] = np.where(changed, 0.0, set_point[:, 3]) + distance / self.change_lengths
-        set_point[:, 0] = set_point[:, 1] + (set_point[:, 2] - set_point[:, 1]) * quintic(
-            set_point[:, 3]
-        )
+        now, start, end, share = set_point.T  # views of the columns
+        changed = signals.track_order != end
+        start[:] = np.where(changed, now, start)
+        end[:] = signals.track_order
+        share[:] = np.where(changed, 0.0, share) + distance / self.change_lengths
+        now[:] = start + (end - start) * quintic(share)
 
-    def error(
-        self, signals: SteeringMeasurements, set_point: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def error(self, signals: SteeringMeasurements, set_point: Floats) -> Floats:
         """Return set-point minus cross track [ship lengths]."""
         return (set_point[:, 0] - signals.cross_track) / self.length

@@ -14,10 +14,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.compiled import compiled
 from ..core.lazy import control
+from ..observers.records import Floats
 from ..plant.ship import Ship, ShipError
 from ..plant.steady_state import Equilibrium
 from ..plant.steering import Nomoto, nomoto
@@ -41,16 +41,15 @@ class Factors(NamedTuple):
 
 
 _HALF, _SPREAD = 2.0 * math.sqrt(60.0), math.sqrt(180.0)
-
 COURSE_LOOP = Factors(60.0, (), (-_HALF + _SPREAD, -_HALF - _SPREAD), 1)
 """60 / (s (s^2 + 2 2 sqrt(60) s + 60)), eq. 5.32, with the s of the middle term that is not printed."""
 
 TAYLOR = Nomoto(2.04, 1.9287, (complex(math.nan), complex(math.nan)), math.nan)
 """Nomoto model of the destroyer at 22 knots, eqs. 5.25 and 5.26."""
 
-TAYLOR_GEAR = 1.0 / 6.0
-"""Time constant of the steering gear of the destroyer [ship lengths], eq. 5.28."""
-
+TAYLOR_GEAR = (
+    1.0 / 6.0
+)  # time constant of the steering gear of the destroyer [ship lengths], eq. 5.28
 TRACK_LOOP = Factors(
     20.0 * TAYLOR.gain / TAYLOR.time / TAYLOR_GEAR,
     (-0.5, -0.5, -1000.0),
@@ -62,11 +61,7 @@ destroyer."""
 
 
 def heading_plant(steering: Nomoto, gear_lengths: float) -> Factors:
-    """Return the transfer function from rudder command [rad] to heading [rad].
-
-    Args:
-        steering: Nomoto model of the ship.
-        gear_lengths: time constant of the steering gear [ship lengths].
+    """Return the transfer function from rudder command [rad] to heading [rad], with the steering gear.
 
     Raises:
         ShipError: the ship is not stable on a straight course; C = L / P would cancel an unstable pole.
@@ -96,17 +91,10 @@ def track_plant(steering: Nomoto, gear_lengths: float) -> Factors:
 
 
 def shape_controller(loop: Factors, plant: Factors) -> control.StateSpace:
-    """Return the controller C = L / P; common poles, zeros and integrators cancel.
-
-    Args:
-        loop: open loop L.
-        plant: plant P, with the integrators of L and without zeros.
-
-    Returns:
-        System from error to command, with time in ship lengths.
+    """Return C = L / P from error to command, with time in ship lengths; common factors cancel.
 
     Raises:
-        ValueError: C would have more zeros than poles, or P does not meet the conditions above.
+        ValueError: C would have more zeros than poles, or P has zeros or other integrators than L.
 
     Example:
         >>> controller = shape_controller(COURSE_LOOP, heading_plant(TAYLOR, TAYLOR_GEAR))
@@ -126,85 +114,61 @@ def shape_controller(loop: Factors, plant: Factors) -> control.StateSpace:
     return control.ss(control.zpk(zeros, poles, loop.gain / plant.gain))
 
 
+class _Law(NamedTuple):
+    """Matrices of a controller x' = a x + b e, u = c x + d e, and rate of its integral."""
+
+    a: Floats
+    b: Floats
+    c: Floats
+    d: float
+    rest: float
+
+
 class ShapedController:
     """Run a controller of :func:`shape_controller` on ships, in steps of the distance travelled.
 
-    The error is interpolated linearly between two measurements (trapezoidal rule, Tustin).
-
-    Args:
-        controller: system from error to rudder command [rad], with time in ship lengths.
-        reset_lengths: distance in which a constant error changes the integral by the steady response of
-            the controller [ship lengths]; infinite, as printed, for no integral.
+    The error is interpolated linearly between two measurements (trapezoidal rule, Tustin). Over
+    ``reset_lengths`` a constant error changes the integral by the steady response of the controller
+    [ship lengths]; infinite, as printed, for no integral.
     """
 
     def __init__(self, controller: control.StateSpace, reset_lengths: float = math.inf) -> None:
         if not reset_lengths > 0.0:
             raise ValueError(f"reset_lengths = {reset_lengths:g} (unit L; allowed: > 0)")
         self.controller = controller
-        self._a, self._b = np.array(controller.A), np.array(controller.B)[:, 0].copy()
-        self._c, self._d = np.array(controller.C)[0].copy(), float(controller.D[0, 0])
-        self._rest = float(np.real(controller.dcgain())) / reset_lengths
+        b, c = np.array(controller.B)[:, 0].copy(), np.array(controller.C)[0].copy()
+        rest = float(np.real(controller.dcgain())) / reset_lengths
+        self._law = _Law(np.array(controller.A), b, c, float(controller.D[0, 0]), rest)
 
     @property
     def order(self) -> int:
         """Return the number of controller states; the last error and the integral follow them."""
-        return len(self._a)
+        return len(self._law.a)
 
     def sampled(self, distance: float) -> control.StateSpace:
-        """Return the controller as a discrete system with time in ship lengths, without its integral.
-
-        Args:
-            distance: distance between two commands [ship lengths].
-        """
+        """Return the controller, without its integral, as a discrete system at a distance [lengths]."""
         return control.sample_system(self.controller, distance, method="bilinear")
 
-    def begin(self, error: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the controller state in steady state at constant errors, shape (n, order + 2).
-
-        Args:
-            error: errors, shape (n,).
-        """
-        rest = -np.linalg.solve(self._a, self._b) if self.order else np.zeros(0)
+    def begin(self, error: Floats) -> Floats:
+        """Return the controller state in steady state at errors of shape (n,), shape (n, order + 2)."""
+        rest = -np.linalg.solve(self._law.a, self._law.b) if self.order else np.zeros(0)
         return np.column_stack([error[:, None] * rest, error, np.zeros_like(error)])
 
-    def command(
-        self,
-        error: NDArray[np.float64],
-        distance: NDArray[np.float64],
-        memory: NDArray[np.float64],
-        most: float,
-    ) -> NDArray[np.float64]:
-        """Return the rudder commands [rad], shape (n,), within the end stops.
+    def command(self, error: Floats, distance: Floats, memory: Floats, most: float) -> Floats:
+        """Return the rudder commands [rad], shape (n,), at most ``most`` [rad] to either side.
 
-        Args:
-            error: errors, shape (n,).
-            distance: distance travelled since the last call [ship lengths], shape (n,).
-            memory: controller state of :meth:`begin` or the last call, changed in place.
-            most: largest command [rad].
+        Errors and distances since the last call [ship lengths] have the shape (n,). The memory of
+        :meth:`begin` or the last call is changed in place.
         """
-        found = np.empty(len(memory))
-        _command_all(
-            self._a, self._b, self._c, self._d, self._rest, np.ascontiguousarray(error),
-            np.ascontiguousarray(distance), memory, most, found,
-        )  # fmt: skip
-        return found
+        error, distance = np.ascontiguousarray(error), np.ascontiguousarray(distance)
+        return _command_all(self._law, error, distance, memory, most)
 
 
 @compiled
-def _command_all(
-    a: NDArray[np.float64],
-    b: NDArray[np.float64],
-    c: NDArray[np.float64],
-    d: float,
-    rest: float,
-    error: NDArray[np.float64],
-    distance: NDArray[np.float64],
-    memory: NDArray[np.float64],
-    most: float,
-    command: NDArray[np.float64],
-) -> None:
-    """Fill the commands ship by ship, so that a batch gives the result of a single ship."""
-    order = len(a)
+def _command_all(law: _Law, error: Floats, distance: Floats, memory: Floats, most: float) -> Floats:
+    """Return the commands ship by ship, so that a batch gives the result of a single ship."""
+    a, b, c, d, rest = law
+    order, command = len(a), np.empty(len(error))
     for i in range(len(error)):
         row = memory[i]
         half, driven = 0.5 * distance[i], row[order] + error[i]
@@ -226,6 +190,7 @@ def _command_all(
             row[order + 1] = integral
         row[order] = error[i]
         command[i] = min(max(asked, -most), most)
+    return command
 
 
 class SteeringDynamics(NamedTuple):
@@ -238,9 +203,7 @@ class SteeringDynamics(NamedTuple):
 def steering_dynamics(ship: Ship, point: Equilibrium) -> SteeringDynamics:
     """Return the steering dynamics of a ship on a straight course.
 
-    Args:
-        ship: ship that turns.
-        point: steady state on a straight course at the design speed.
+    ``point`` is its steady state at the design speed.
 
     Raises:
         ShipError: the ship cannot be steered or does not move ahead.

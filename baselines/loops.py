@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.lazy import control
+from ..observers.records import Floats
 from ..plant.approach import approach
 from ..plant.linear import linearise
 from ..plant.loops import Loop, loop_at_command
@@ -22,9 +22,7 @@ from .autopilot import Autopilot
 from .controller import OBSERVED, Controller, Measurements
 from .helmsman import ShapedHelmsman
 
-COMMANDS = ("pitch_command", "drive")
-"""Commands of a controller, in the order in which ``act`` returns them."""
-
+COMMANDS = ("pitch_command", "drive")  # in the order in which ``act`` returns them
 _MEASURED = (
     "shaft_speed", "shaft_torque", "pitch_ratio", "fuel_rack", "ship_speed", "advance_velocity",
 )  # fmt: skip
@@ -38,10 +36,6 @@ def linear_plant(ship: Ship, point: Equilibrium) -> control.StateSpace:
 
     It has the states and outputs of :func:`shaftline.plant.linearise`, the output ``fuel_rack``, which
     is the drive command, and for a ship that turns ``cross_track`` [m].
-
-    Args:
-        ship: ship to linearise.
-        point: working point.
     """
     steered = ("heading", "yaw_rate", "rudder_angle", "sway_speed") if ship.turns else ()
     plain = [name for name in _MEASURED if name != "fuel_rack"]
@@ -65,16 +59,12 @@ class RestPoint(NamedTuple):
     """Steady state of a controller on its ship."""
 
     point: Equilibrium
-    observation: NDArray[np.float64]  # shape (8,)
-    memory: NDArray[np.float64]  # shape (k,)
+    observation: Floats  # shape (8,)
+    memory: Floats  # shape (k,)
 
 
 def settle_controller(controller: Controller, speed_m_s: float) -> RestPoint:
-    """Return the steady state of a controller at a speed order in calm water, from a simulation.
-
-    Args:
-        controller: controller whose state is an array of numbers.
-        speed_m_s: ordered ship speed [m/s].
+    """Return the steady state of a controller at a speed order [m/s] in calm water, by simulation.
 
     Raises:
         ShipError: the ship does not reach the speed.
@@ -85,7 +75,11 @@ def settle_controller(controller: Controller, speed_m_s: float) -> RestPoint:
     steps = round(interval / ship.time_step_s)
     voyage = Voyage(ship, point.state, point.inputs.drive)
     signals = _observation(point, speed_m_s)
-    memory = _numeric_state(controller, signals)
+    memory = controller.initial_state(Measurements(*signals[:, None]))
+    if memory.dtype != np.float64 or memory.ndim != 2:
+        raise ValueError(
+            f"{controller.name}: the controller cannot be linearised, its state is no array of numbers"
+        )
     before = np.full(2, np.inf)
     for _ in range(round(_LONGEST_S / _CHECK_S)):
         for _ in range(round(_CHECK_S / interval)):
@@ -102,13 +96,8 @@ def settle_controller(controller: Controller, speed_m_s: float) -> RestPoint:
     )
 
 
-def observe(voyage: Voyage, order: float) -> NDArray[np.float64]:
-    """Return the observation of a voyage without noise at its last step, shape (8,).
-
-    Args:
-        voyage: simulated voyage.
-        order: ordered ship speed [m/s].
-    """
+def observe(voyage: Voyage, order: float) -> Floats:
+    """Return the observation without noise at the last step of a voyage, at a speed order [m/s]."""
     last = voyage.samples[-1]
     values = {
         "speed_order": order, "fuel_rack": last["drive"], "estimate_valid": 1.0,
@@ -117,7 +106,7 @@ def observe(voyage: Voyage, order: float) -> NDArray[np.float64]:
     return np.array([float(values[n] if n in values else last[n]) for n in OBSERVED])
 
 
-def _observation(point: Equilibrium, order: float) -> NDArray[np.float64]:
+def _observation(point: Equilibrium, order: float) -> Floats:
     state, outputs = point.state, point.outputs
     values = {
         "speed_order": order, "shaft_speed": state.shaft_speed,
@@ -128,21 +117,8 @@ def _observation(point: Equilibrium, order: float) -> NDArray[np.float64]:
     return np.array([float(values[name]) for name in OBSERVED])
 
 
-def _numeric_state(controller: Controller, signals: NDArray[np.float64]) -> NDArray[np.float64]:
-    memory = controller.initial_state(Measurements(*signals[:, None]))
-    if memory.dtype != np.float64 or memory.ndim != 2:
-        raise ValueError(
-            f"{controller.name}: the controller cannot be linearised, its state is no array of numbers"
-        )
-    return memory
-
-
 def linearise_controller(controller: Controller, rest: RestPoint) -> control.StateSpace:
     """Return a controller as a discrete linear system about its steady state.
-
-    Args:
-        controller: controller to linearise.
-        rest: steady state from :func:`settle_controller`.
 
     Returns:
         System with the speed order and the measurements as inputs, named as in
@@ -182,16 +158,12 @@ def controller_loop(controller: Controller, speed_m_s: float, command: str = "dr
     """
     rest = settle_controller(controller, speed_m_s)
     law = linearise_controller(controller, rest)
-    return loop_at_command(
-        linear_plant(controller.ship, rest.point), law, command, "speed_order", "ship_speed"
-    )
+    plant = linear_plant(controller.ship, rest.point)
+    return loop_at_command(plant, law, command, "speed_order", "ship_speed")
 
 
 def helmsman_loop(helmsman: ShapedHelmsman) -> Loop:
     """Return the loop of a helmsman on its ship at its design speed, with time in seconds.
-
-    Args:
-        helmsman: helmsman that holds a heading or a line.
 
     Raises:
         ShipError: the design speed is not ahead.

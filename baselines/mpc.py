@@ -38,25 +38,25 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
+from ..observers.records import Floats
 from ..observers.torque_curve import highest_velocity, model_torque
 from ..plant.drives.diesel import rack_torque
 from ..plant.hull import wake_inflow
 from ..plant.propeller import FOUR_QUADRANT
 from ..plant.shaft import drive_torque, load_torque, shaft_inertia
 from ..plant.ship import Ship
-from .controller import OBSERVED, PREVIEW_S, Measurements
+from .controller import OBSERVED, PREVIEW_S, Commands, Measurements, Ranges, Variants
 from .speed_pilot import NO_WAVE_RESPONSE, PILOT_COLUMNS, SpeedPilot
 
-SLOWEST, FASTEST = 0.25, 1.5
-"""Shaft speeds of the model over the lowest and the highest of the ship [-]."""
-
+SLOWEST, FASTEST = (
+    0.25,
+    1.5,
+)  # shaft speeds of the model over the lowest and highest of the ship [-]
 _STEP = 1e-4  # of the finite differences, in rad/s, P/D and mm
 _SOLVER = "daqp"  # qrqp fails where the pitch is at two limits at once
 
@@ -65,41 +65,33 @@ _SOLVER = "daqp"  # qrqp fails where the pitch is at two limits at once
 def torques(
     plant: Record, velocity: float, shaft_speed: float, pitch: float, rack: float
 ) -> tuple[float, float, float]:
-    """Return the torques that drive and load the shaft and the brake torque of the engine, each [N m].
+    """Return the torques that drive and load the shaft and the brake torque of the engine [N m].
 
-    Args:
-        plant: ship record.
-        velocity: advance velocity [m/s].
-        shaft_speed: [rad/s].
-        pitch: P/D [-].
-        rack: fuel rack [mm].
+    They hold at an advance velocity [m/s], a shaft speed [rad/s], a P/D [-] and a fuel rack [mm].
     """
     brake = float(rack_torque(plant, plant.gear_ratio * shaft_speed, rack))
-    load = model_torque(plant, velocity, shaft_speed, pitch)
-    return (
-        float(drive_torque(plant, brake, shaft_speed)),
-        float(load_torque(plant, load, shaft_speed)),
-        brake,
-    )
+    load = float(load_torque(plant, model_torque(plant, velocity, shaft_speed, pitch), shaft_speed))
+    return float(drive_torque(plant, brake, shaft_speed)), load, brake
+
+
+class Prediction(NamedTuple):
+    """Shaft speed and mean torques along a plan of N intervals, with their derivatives by the plan.
+
+    The derivatives belong to the pitches at the ends of the intervals and then to the racks.
+    """
+
+    speeds: Floats  # shaft speed now and at the end of each interval [rad/s], shape (N + 1,)
+    shaft: Floats  # mean shaft torque of each interval [N m], shape (N,)
+    engine: Floats  # mean brake torque of each interval [N m], shape (N,)
+    slopes: Floats  # derivatives of the shaft torques, then of the brake torques, shape (2 N, 2 N)
 
 
 @compiled
 def predict_shaft(
-    plant: Record,
-    interval_s: float,
-    disturbance: float,
-    velocity: NDArray[np.float64],
-    pitch: NDArray[np.float64],
-    rack: NDArray[np.float64],
-    speeds: NDArray[np.float64],
-    shaft: NDArray[np.float64],
-    engine: NDArray[np.float64],
-    shaft_slopes: NDArray[np.float64],
-    engine_slopes: NDArray[np.float64],
-) -> None:
-    """Predict shaft speed and torques along a plan, with their derivatives by the plan.
-
-    The derivatives belong to the pitches at the ends of the N intervals and then to the N racks.
+    plant: Record, interval_s: float, disturbance: float, velocity: Floats, pitch: Floats,
+    rack: Floats, shaft_speed: float,
+) -> Prediction:  # fmt: skip
+    """Predict shaft speed and torques along a plan.
 
     Args:
         plant: ship record.
@@ -108,19 +100,15 @@ def predict_shaft(
         velocity: advance velocity in the middle of each interval [m/s], shape (N,).
         pitch: P/D now and at the end of each interval [-], shape (N + 1,).
         rack: fuel rack in each interval [mm], shape (N,).
-        speeds: shaft speed now and at the end of each interval [rad/s], shape (N + 1,); the first is
-            given, the others are filled.
-        shaft: mean shaft torque of each interval [N m], shape (N,), filled.
-        engine: mean brake torque of each interval [N m], shape (N,), filled.
-        shaft_slopes: derivatives of the shaft torque, shape (N, 2 N), filled.
-        engine_slopes: derivatives of the brake torque, shape (N, 2 N), filled.
+        shaft_speed: present shaft speed [rad/s].
     """
     n = len(rack)
     inertia = float(shaft_inertia(plant))
     behind = plant.inertia_engine_side / inertia
     slowest = SLOWEST * plant.engine_speed_min / plant.gear_ratio
     fastest = FASTEST * plant.engine_speed_max / plant.gear_ratio
-    before = np.zeros(2 * n)
+    speeds, shaft, engine = np.full(n + 1, shaft_speed), np.empty(n), np.empty(n)
+    slopes, before = np.empty((2 * n, 2 * n)), np.zeros(2 * n)
     for k in range(n):
         w, x = speeds[k], rack[k]
         v = velocity[k]
@@ -156,31 +144,23 @@ def predict_shaft(
         by_speed = (1.0 - behind) * drive_by_speed + behind * load_by_speed
         shaft[k] = drive - behind * inertia * acceleration + by_speed * change
         engine[k] = brake + brake_by_speed * change
-        shaft_slopes[k] = by_speed * middle
-        shaft_slopes[k, k] -= behind * by_pitch
+        slopes[k] = by_speed * middle
+        slopes[k, k] -= behind * by_pitch
         if k > 0:
-            shaft_slopes[k, k - 1] -= behind * by_pitch
-        shaft_slopes[k, n + k] += (1.0 - behind) * drive_by_rack
-        engine_slopes[k] = brake_by_speed * middle
-        engine_slopes[k, n + k] += brake_by_rack
+            slopes[k, k - 1] -= behind * by_pitch
+        slopes[k, n + k] += (1.0 - behind) * drive_by_rack
+        slopes[n + k] = brake_by_speed * middle
+        slopes[n + k, n + k] += brake_by_rack
         before = after
+    return Prediction(speeds, shaft, engine, slopes)
 
 
 def forecast(
-    inflow: NDArray[np.float64],
-    slope: NDArray[np.float64],
-    frequency: NDArray[np.float64],
-    memory_s: float,
-    ahead_s: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    inflow: Floats, slope: Floats, frequency: Floats, memory_s: float, ahead_s: Floats
+) -> Floats:
     """Return the inflow of the waves ahead [m/s] as a decaying oscillation, shape (n, m).
 
-    Args:
-        inflow: present e [m/s], shape (n,).
-        slope: present e' [m/s2], shape (n,).
-        frequency: f [rad/s], shape (n,).
-        memory_s: T_e [s].
-        ahead_s: times ahead [s], shape (m,).
+    e [m/s], e' [m/s2] and f [rad/s] have the shape (n,), the times ahead [s] (m,); T_e is in s.
     """
     phase = frequency[:, None] * ahead_s
     wave = inflow[:, None] * np.cos(phase) + (slope / frequency)[:, None] * np.sin(phase)
@@ -193,9 +173,7 @@ def quadratic_programme(intervals: int, keep: float) -> tuple[Any, Any]:
 
     Rows 0 to N - 1 are the changes of the pitch, rows N to 2 N - 1 the parts from the pitch command.
 
-    Args:
-        intervals: N.
-        keep: share of a pitch error that remains after an interval [-].
+    ``keep`` is the share of a pitch error that remains after an interval [-].
 
     Raises:
         ValueError: casadi is not installed.
@@ -216,26 +194,13 @@ def quadratic_programme(intervals: int, keep: float) -> tuple[Any, Any]:
     return casadi.conic("mpc", _SOLVER, shapes, options), matrix
 
 
-MEAN_S = 20.0
-"""Time constant of the mean torques [s]."""
-
-SLOPE_S = 0.5
-"""Time constant of the slope of the inflow [s]."""
-
-SPECTRUM_S = 60.0
-"""Time constant of the mean squares of the inflow and its slope [s]."""
-
-DISTURBANCE_S = 8.0
-"""Time constant of the estimated disturbance torque [s]."""
-
-PERIODS_S = (4.0, 20.0)
-"""Shortest and longest wave period that the forecast assumes [s]."""
-
-MOST_INTERVALS = 60
-"""Highest number of control intervals in the horizon."""
-
+MEAN_S = 20.0  # time constant of the mean torques [s]
+SLOPE_S = 0.5  # time constant of the slope of the inflow [s]
+SPECTRUM_S = 60.0  # time constant of the mean squares of the inflow and its slope [s]
+DISTURBANCE_S = 8.0  # time constant of the estimated disturbance torque [s]
+PERIODS_S = (4.0, 20.0)  # shortest and longest wave period that the forecast assumes [s]
+MOST_INTERVALS = 60  # highest number of control intervals in the horizon
 _LARGEST_DISTURBANCE = 0.3  # share of the highest shaft torque
-_TERMS = 6  # residuals of an interval
 _LEAST_SQUARE = 1e-6  # of the inflow in m2/s2 and of its slope in m2/s4
 _MEASURED = Measurements._fields[: len(OBSERVED)]
 _MEASUREMENTS = len(_MEASURED)
@@ -258,7 +223,7 @@ class ModelPredictive(SpeedPilot):
 
     Args:
         ship: ship with a diesel and a controllable pitch, or its name.
-        interval_s: control interval h [s].
+
         horizon_s: N h, the time that the plan covers [s].
         shaft_weight: q_M [-].
         engine_weight: q_E [-].
@@ -281,10 +246,10 @@ class ModelPredictive(SpeedPilot):
 
     name = "mpc"
     source = "shaftline's own"
-    variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {"mpc-preview": {"preview": True}}
+    variants: ClassVar[Variants] = {"mpc-preview": {"preview": True}}
     base_settings = NO_WAVE_RESPONSE
     needs_variable_pitch = True
-    tunable: ClassVar[Mapping[str, tuple[float, float]]] = {
+    tunable: ClassVar[Ranges] = {
         **SpeedPilot.tunable, "shaft_weight": (0.0, 10.0), "engine_weight": (0.0, 100.0),
         "pitch_weight": (0.0, 1.0), "rack_weight": (0.0, 1.0), "pitch_change_weight": (0.0, 10.0),
         "rack_change_weight": (0.0, 10.0), "wave_memory_s": (0.5, 10.0),
@@ -334,19 +299,13 @@ class ModelPredictive(SpeedPilot):
         self._inertia = float(shaft_inertia(plant))
         pitches, racks = self._pitches[1] - self._pitches[0], float(plant["drive_max"])
         units = (self._shaft_most, self._engine_most, pitches, racks, pitches, racks)
-        shares = (math.sqrt(w) / u for w, u in zip(weights.values(), units, strict=True))
-        self._scale = np.repeat(np.array(list(shares)), self.intervals)
+        self._scale = np.repeat(np.sqrt([*weights.values()]) / units, self.intervals)
         self._units_of_plan = np.repeat([pitches, racks], self.intervals)
-        self._fixed = self._fixed_rows()
+        # Derivatives of the residuals of pitch and rack to the plan, shape (4 N, 2 N).
+        change = np.eye(self.intervals) - np.eye(self.intervals, k=-1)
+        self._fixed = np.vstack([np.eye(2 * self.intervals), np.kron(np.eye(2), change)])
         self._travel()
         quadratic_programme(self.intervals, self._keep)
-
-    def _fixed_rows(self) -> NDArray[np.float64]:
-        """Return the derivatives of the residuals of pitch and rack to the plan, shape (4 N, 2 N)."""
-        n = self.intervals
-        change = np.eye(n) - np.eye(n, k=-1)
-        none = np.zeros((n, n))
-        return np.block([[np.eye(n), none], [none, np.eye(n)], [change, none], [none, change]])
 
     def _travel(self) -> None:
         """Tabulate the travel of the pitch in an interval over the error of its command."""
@@ -361,13 +320,8 @@ class ModelPredictive(SpeedPilot):
         travels = self._rate * (limited + lag * (1.0 - np.exp(-(h - limited) / lag)))
         self._errors, self._travels = np.append(0.0, errors), np.append(0.0, travels)
 
-    def _finite(self, signals: Measurements, held: NDArray[np.float64]) -> Measurements:
-        """Return the measurements with the last finite ones in place of those that are not finite.
-
-        Args:
-            signals: measurements of n ships.
-            held: last finite measurements, shape (n, 8), changed in place.
-        """
+    def _finite(self, signals: Measurements, held: Floats) -> Measurements:
+        """Return the measurements; the last finite ones, ``held``, replace others and are updated."""
         now = np.column_stack([getattr(signals, name) for name in _MEASURED])
         estimate = np.isfinite(now[:, 6])
         held[:] = np.where(np.isfinite(now), now, held)
@@ -381,7 +335,7 @@ class ModelPredictive(SpeedPilot):
             inflow = np.where(np.isfinite(inflow), inflow, 0.0)
         return Measurements(**dict(zip(_MEASURED, held.T.copy(), strict=True)), wave_inflow=inflow)
 
-    def _usual(self, signals: Measurements) -> NDArray[np.float64]:
+    def _usual(self, signals: Measurements) -> Floats:
         """Return measurements of the middle of the combinator's curve, shape (n, 8)."""
         middle = len(self._speeds) // 2
         speed, shaft = float(self._speeds[middle]), float(np.mean(self.ship.shaft_speeds))
@@ -389,14 +343,14 @@ class ModelPredictive(SpeedPilot):
         row = [speed, shaft, 0.0, pitch, rack, speed, speed, 0.0]
         return np.tile(row, (len(signals.speed_order), 1))
 
-    def inflow(self, signals: Measurements) -> NDArray[np.float64]:
+    def inflow(self, signals: Measurements) -> Floats:
         """Return the present inflow of the waves e [m/s], shape (n,); 0 without a valid estimate."""
         if signals.wave_inflow is not None:
             return np.array(signals.wave_inflow[:, 0])
         deviation = signals.advance_velocity - wake_inflow(self.plant, signals.ship_speed)
         return np.where(signals.estimate_valid > 0.5, deviation, 0.0)
 
-    def velocities(self, signals: Measurements, memory: NDArray[np.float64]) -> NDArray[np.float64]:
+    def velocities(self, signals: Measurements, memory: Floats) -> Floats:
         """Return the advance velocity in the middle of each interval ahead [m/s], shape (n, N).
 
         Args:
@@ -411,12 +365,11 @@ class ModelPredictive(SpeedPilot):
             squares = np.maximum(memory[:, [INFLOW_SQUARE, SLOPE_SQUARE]], _LEAST_SQUARE)
             ratio = squares[:, 1] / squares[:, 0]
             frequency = np.clip(np.sqrt(ratio), slowest, fastest)
-            waves = forecast(
-                memory[:, INFLOW], memory[:, SLOPE], frequency, self.wave_memory_s, ahead_s
-            )
+            inflow, slope = memory[:, INFLOW], memory[:, SLOPE]
+            waves = forecast(inflow, slope, frequency, self.wave_memory_s, ahead_s)
         return np.asarray(wake_inflow(self.plant, signals.ship_speed)[:, None] + waves)
 
-    def initial_state(self, signals: Measurements) -> NDArray[np.float64]:
+    def initial_state(self, signals: Measurements) -> Floats:
         """Return the state of a controller that takes over a ship in steady motion.
 
         The plan is the base command, and the disturbance balances the shaft as measured.
@@ -432,20 +385,11 @@ class ModelPredictive(SpeedPilot):
         memory[:, _HELD] = held
         memory[:, BASE_PITCH], memory[:, BASE_RACK] = base, signals.fuel_rack
         memory[:, AHEAD] = signals.shaft_speed
-        memory[:, _PLAN : _PLAN + n], memory[:, _PLAN + n :] = (
-            base[:, None],
-            signals.fuel_rack[:, None],
-        )
+        memory[:, _PLAN : _PLAN + n] = base[:, None]
+        memory[:, _PLAN + n :] = signals.fuel_rack[:, None]
         most = _LARGEST_DISTURBANCE * self._shaft_most
-        for row, v, w, p, x, b in zip(
-            memory,
-            velocity,
-            signals.shaft_speed,
-            signals.pitch_ratio,
-            signals.fuel_rack,
-            base,
-            strict=True,
-        ):
+        columns = (velocity, signals.shaft_speed, signals.pitch_ratio, signals.fuel_rack, base)
+        for row, v, w, p, x, b in zip(memory, *columns, strict=True):
             drive, load, row[ENGINE_MEAN] = torques(self.plant, v, w, p, x)
             row[DISTURBANCE] = min(max(load - drive, -most), most)
             row[SHAFT_MEAN] = self._shaft(v, w, b, x, row[DISTURBANCE])
@@ -457,17 +401,8 @@ class ModelPredictive(SpeedPilot):
         share = float(self.plant["inertia_engine_side"]) / self._inertia
         return drive - share * (drive - load + disturbance)
 
-    def _remember(
-        self, row: NDArray[np.float64], v: float, w: float, base: tuple[float, float]
-    ) -> None:
-        """Update disturbance and mean torques of one ship.
-
-        Args:
-            row: controller state of the ship, changed in place.
-            v: present advance velocity [m/s].
-            w: shaft speed [rad/s].
-            base: p_0 [-] and X_0 [mm].
-        """
+    def _remember(self, row: Floats, v: float, w: float, base: tuple[float, float]) -> None:
+        """Update disturbance and mean torques of one ship in place; ``base`` is p_0 [-] and X_0 [mm]."""
         h, most = self.interval_s, _LARGEST_DISTURBANCE * self._shaft_most
         missed = (w - row[AHEAD]) * self._inertia / h
         disturbance = row[DISTURBANCE] + (1.0 - math.exp(-h / DISTURBANCE_S)) * missed
@@ -484,13 +419,8 @@ class ModelPredictive(SpeedPilot):
         row[BASE_PITCH], row[BASE_RACK] = base
 
     def plan(
-        self,
-        row: NDArray[np.float64],
-        velocity: NDArray[np.float64],
-        shaft_speed: float,
-        pitch: float,
-        rack: float,
-    ) -> NDArray[np.float64] | None:
+        self, row: Floats, velocity: Floats, shaft_speed: float, pitch: float, rack: float
+    ) -> Floats | None:
         """Return the N pitches [-] and N racks [mm] of one ship, shape (2 N,); None without a solution.
 
         Args:
@@ -501,51 +431,41 @@ class ModelPredictive(SpeedPilot):
             rack: present fuel rack [mm].
         """
         n = self.intervals
-        base, last = (row[BASE_PITCH], row[BASE_RACK]), row[_PLAN:]
-        steps = last[:n], last[n:]
-        nominal = np.concatenate([part for s in steps for part in (s[1:], s[-1:])])
-        speeds = np.full(n + 1, shaft_speed)
-        shaft, engine = np.empty(n), np.empty(n)
-        slopes = np.empty((_TERMS * n, 2 * n))
-        predict_shaft(
-            self.plant, self.interval_s, row[DISTURBANCE], velocity,
-            np.append(pitch, nominal[:n]), nominal[n:], speeds, shaft, engine,
-            slopes[:n], slopes[n : 2 * n],
-        )  # fmt: skip
-        slopes[2 * n :] = self._fixed
+        last = row[_PLAN:]  # without its first interval, which has passed
+        pitches, racks = np.append(last[1:n], last[n - 1]), np.append(last[n + 1 :], last[-1])
+        nominal, path = np.append(pitches, racks), np.append(pitch, pitches)
+        h, added = self.interval_s, np.diff(path)
+        found = predict_shaft(self.plant, h, row[DISTURBANCE], velocity, path, racks, shaft_speed)
+        slopes = np.vstack([found.slopes, self._fixed])
         residuals = np.concatenate([
-            shaft - row[SHAFT_MEAN], engine - row[ENGINE_MEAN],
-            nominal[:n] - base[0], nominal[n:] - base[1],
-            np.diff(nominal[:n], prepend=pitch), np.diff(nominal[n:], prepend=rack),
+            found.shaft - row[SHAFT_MEAN], found.engine - row[ENGINE_MEAN],
+            pitches - row[BASE_PITCH], racks - row[BASE_RACK], added, np.diff(racks, prepend=rack),
         ])  # fmt: skip
         slopes *= self._scale[:, None]
         slopes *= self._units_of_plan
         hessian = slopes.T @ slopes + 1e-9 * np.eye(2 * n)
         gradient = slopes.T @ (self._scale * residuals)
-        least, most = self.limits(speeds[:-1])
+        least, most = self.limits(found.speeds[:-1])
         if not (np.isfinite(hessian).all() and np.isfinite(gradient).all()):
             return None
         solve, matrix = quadratic_programme(n, self._keep)
         low, high = self._pitches
-        reach = 0.999 * self._rate * self.interval_s
-        added = np.diff(nominal[:n], prepend=pitch)
-        reached = nominal[:n] - self._keep * np.append(pitch, nominal[: n - 1])
+        reach = 0.999 * self._rate * h
+        reached = pitches - self._keep * path[:-1]
         share, units = 1.0 - self._keep, self._units_of_plan
-        found = solve(
+        best = solve(
             h=hessian, g=gradient, a=matrix,
-            lbx=np.concatenate([low - nominal[:n], least - nominal[n:]]) / units,
-            ubx=np.concatenate([high - nominal[:n], most - nominal[n:]]) / units,
+            lbx=np.concatenate([low - pitches, least - racks]) / units,
+            ubx=np.concatenate([high - pitches, most - racks]) / units,
             lba=np.concatenate([-reach - added, share * low - reached]) / units[0],
             uba=np.concatenate([reach - added, share * high - reached]) / units[0],
         )  # fmt: skip
-        plan = nominal + units * np.asarray(found["x"]).ravel()
+        plan = nominal + units * np.asarray(best["x"]).ravel()
         if not solve.stats()["success"] or not np.isfinite(plan).all():
             return None
         return np.asarray(plan)
 
-    def act(
-        self, signals: Measurements, memory: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def act(self, signals: Measurements, memory: Floats) -> Commands:
         """Return the first commands of the plan, or those of the speed pilot without a solution."""
         signals = self._finite(signals, memory[:, _HELD])
         pitches, racks = super().act(signals, memory[:, :PILOT_COLUMNS])
@@ -575,15 +495,8 @@ class ModelPredictive(SpeedPilot):
         """Return the pitch command less the present pitch [-] that gives a travel in an interval [-]."""
         return math.copysign(float(np.interp(abs(travel), self._travels, self._errors)), travel)
 
-    def _next_speed(
-        self, row: NDArray[np.float64], v: float, w: float, p: float, x: float
-    ) -> float:
+    def _next_speed(self, row: Floats, v: float, w: float, p: float, x: float) -> float:
         """Return the shaft speed [rad/s] that the model predicts for the end of the interval."""
         middle = 0.5 * (p + row[_PLAN])
-        speeds, pair = np.array([w, w]), np.array([p, 2.0 * middle - p])
-        dummy, slopes = np.empty(1), np.empty((1, 2))
-        predict_shaft(
-            self.plant, self.interval_s, row[DISTURBANCE], np.array([v]), pair, np.array([x]),
-            speeds, dummy, dummy.copy(), slopes, slopes.copy(),
-        )  # fmt: skip
-        return float(speeds[1])
+        now = np.array([v]), np.array([p, 2.0 * middle - p]), np.array([x]), w
+        return float(predict_shaft(self.plant, self.interval_s, row[DISTURBANCE], *now).speeds[1])

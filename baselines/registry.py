@@ -14,12 +14,11 @@ from typing import Any, NamedTuple
 
 from ..core.discovery import classes_in, entry_point_names, load_external_class
 from ..plant.ship import Ship
-from .controller import Controller
+from .controller import Controller, Ranges
 from .helmsman import ShapedHelmsman
 from .steering import SteeringController
 
-CONTROLLERS, HELMSMEN = "shaftline.controllers", "shaftline.helmsmen"
-"""Groups of entry points."""
+CONTROLLERS, HELMSMEN = "shaftline.controllers", "shaftline.helmsmen"  # groups of entry points
 
 
 class ControllerError(ValueError):
@@ -31,23 +30,18 @@ _CLASSES = sorted(
     key=lambda cls: (cls.source.casefold(), cls.name),
 )
 _KNOWN: dict[str, tuple[type[Controller], Mapping[str, Any]]] = {
-    name: (cls, fixed)
+    name: (cls, set_by_variant)
     for cls in _CLASSES
-    for name, fixed in [(cls.name, {}), *cls.variants.items()]
+    for name, set_by_variant in {cls.name: {}, **cls.variants}.items()
 }
-
-
-_HELMSMEN = {
-    cls.name: cls
+_HELMSMEN: dict[str, tuple[type[ShapedHelmsman], Mapping[str, Any]]] = {
+    cls.name: (cls, {})
     for cls in classes_in(__package__, ShapedHelmsman, but=("registry",))  # type: ignore[type-abstract]
 }
 
 
-_LARGEST = 1e9
-"""Largest absolute value of an option without a tuning range, in its unit."""
-
-_LARGEST_FACTOR = 100.0
-"""Largest value of an option over the upper end of its tuning range [-]."""
+_LARGEST = 1e9  # largest absolute value of an option without a tuning range, in its unit
+_LARGEST_FACTOR = 100.0  # largest value of an option over the upper end of its tuning range [-]
 
 
 def helmsman_names() -> list[str]:
@@ -81,14 +75,8 @@ def make_helmsman(
         >>> helmsman.change_lengths
         38.0
     """
-    name, options = read_options(text)
-    kind = _HELMSMEN.get(name) or _load_external(name, HELMSMEN, "helmsman", helmsman_names())
-    _check_ranges(text, kind, options)
-    try:
-        made: ShapedHelmsman = kind(ship, interval_s, speed_m_s, **options)
-        return made
-    except TypeError as error:
-        raise ControllerError(f"{text!r}: {_explain_error(error, kind, {})}") from None
+    made: ShapedHelmsman = _make(text, "helmsman", ship, interval_s, speed_m_s)
+    return made
 
 
 def controller_names() -> list[str]:
@@ -102,26 +90,16 @@ def controller_names() -> list[str]:
 
 
 class Description(NamedTuple):
-    """Description of a controller or helmsman.
+    """Description of a controller or helmsman."""
 
-    Args:
-        summary: what it does, one sentence.
-        source: publication.
-        fixed: options that a variant sets.
-        tunable: options that can be tuned, with their ranges.
-    """
-
-    summary: str
-    source: str
-    fixed: Mapping[str, Any]
-    tunable: Mapping[str, tuple[float, float]]
+    summary: str  # what it does, one sentence
+    source: str  # publication
+    fixed: Mapping[str, Any]  # options that a variant sets
+    tunable: Ranges  # options that can be tuned, with their ranges
 
 
 def describe(name: str) -> Description:
-    """Return the description of a controller or helmsman.
-
-    Args:
-        name: registered name, or ``module:Class``.
+    """Return the description of a controller or helmsman, by registered name or ``module:Class``.
 
     Raises:
         ControllerError: unknown name.
@@ -130,15 +108,13 @@ def describe(name: str) -> Description:
         >>> describe("autopilot").source
         'Taylor 2000, section 5.2'
     """
-    kind, fixed = (_HELMSMEN[name], {}) if name in _HELMSMEN else _find_class(name)
+    kind, fixed = _find_class(name)
     summary = " ".join((kind.__doc__ or "").split("\n\n")[0].split()).rstrip(".")
     return Description(summary, getattr(kind, "source", ""), fixed, tunable(name))
 
 
 def tunable(name: str) -> Mapping[str, tuple[float, float]]:
-    """Return the options of a controller or helmsman that can be tuned, with their ranges.
-
-    Options that a variant sets are left out.
+    """Return the options of a controller or helmsman that can be tuned, less those that a variant sets.
 
     Raises:
         ControllerError: unknown name.
@@ -147,8 +123,8 @@ def tunable(name: str) -> Mapping[str, tuple[float, float]]:
         >>> tunable("combinator-trimmed")
         {'response_s': (1.0, 20.0)}
     """
-    kind, fixed = (_HELMSMEN[name], {}) if name in _HELMSMEN else _find_class(name)
-    own: Mapping[str, tuple[float, float]] = getattr(kind, "tunable", {})
+    kind, fixed = _find_class(name)
+    own: Ranges = getattr(kind, "tunable", {})
     return {key: ends for key, ends in own.items() if key not in fixed}
 
 
@@ -170,11 +146,17 @@ def make_controller(text: str, ship: Ship, interval_s: float) -> Controller:
         >>> make_controller("combinator:trim_s=30", load_ship("frigate"), 0.5).trim_s
         30.0
     """
+    made: Controller = _make(text, "controller", ship, interval_s)
+    return made
+
+
+def _make(text: str, what: str, *given: Any) -> Any:
+    """Construct a controller or helmsman with the given arguments and the options of the text."""
     name, options = read_options(text)
-    kind, fixed = _find_class(name)
+    kind, fixed = _find_class(name, what)
     _check_ranges(text, kind, options)
     try:
-        return kind(ship, interval_s, **fixed, **options)
+        return kind(*given, **fixed, **options)
     except TypeError as error:
         raise ControllerError(f"{text!r}: {_explain_error(error, kind, fixed)}") from None
 
@@ -182,23 +164,16 @@ def make_controller(text: str, ship: Ship, interval_s: float) -> Controller:
 def _explain_error(error: TypeError, kind: Any, fixed: Mapping[str, Any]) -> str:
     """Return the reason of a TypeError of a constructor, without the name of the function."""
     if found := re.search(r"unexpected keyword argument '(.*)'", str(error)):
-        own = [
-            name
-            for name, option in inspect.signature(kind).parameters.items()
-            if isinstance(option.default, float) and name not in fixed
-        ]
+        options = inspect.signature(kind).parameters.items()
+        own = [name for name, o in options if isinstance(o.default, float) and name not in fixed]
         known = f"known: {', '.join(own)}" if own else "it has none"
         return f"option {found[1]!r} is unknown; {known}"
     return re.sub(r"^[\w.<>]+\(\) ", "", str(error))
 
 
 def _check_ranges(text: str, kind: Any, options: Mapping[str, float]) -> None:
-    """Refuse options that are far outside their tuning range, or of the wrong sign.
-
-    Raises:
-        ControllerError: an option is out of range; the message gives its limits.
-    """
-    ranges: Mapping[str, tuple[float, float]] = getattr(kind, "tunable", {})
+    """Refuse options that are far outside their tuning range, or of the wrong sign."""
+    ranges: Ranges = getattr(kind, "tunable", {})
     for key, value in options.items():
         low, high = ranges.get(key, (-_LARGEST, _LARGEST))
         most = _LARGEST_FACTOR * max(abs(low), abs(high)) if key in ranges else _LARGEST
@@ -241,34 +216,37 @@ def read_options(text: str) -> tuple[str, dict[str, float]]:
     return name, options
 
 
-def _find_class(name: str) -> tuple[type[Controller], Mapping[str, Any]]:
-    if name in _KNOWN:
+def _find_class(name: str, what: str = "") -> tuple[Any, Mapping[str, Any]]:
+    """Return the class of a name or ``module:Class``, and the options that a variant sets.
+
+    ``what`` is ``controller`` or ``helmsman``; by default either, and a controller if it is external.
+    """
+    if name in _HELMSMEN and what != "controller":
+        return _HELMSMEN[name]
+    if name in _KNOWN and what != "helmsman":
         return _KNOWN[name]
-    return _load_external(name, CONTROLLERS, "controller", controller_names()), {}
-
-
-def _load_external(name: str, group: str, what: str, known: list[str]) -> Any:
+    what = what or "controller"
+    group, known = CONTROLLERS, controller_names
+    if what == "helmsman":
+        group, known = HELMSMEN, helmsman_names
     try:
         found = load_external_class(name, group)
     except ValueError as error:
         raise ControllerError(f"{what} {error}") from None
     if found is None:
         raise ControllerError(
-            f"unknown {what} {name!r}; known: {', '.join(known)}, or your own as module:Class"
+            f"unknown {what} {name!r}; known: {', '.join(known())}, or your own as module:Class"
         )
     if not callable(found) or not hasattr(found, "predict"):
         raise ControllerError(f"{what} {name}: must be a class with a method predict")
-    return found
+    return found, {}
 
 
 def make_steering(text: str, ship: Ship, interval_s: float) -> SteeringController:
     """Return a steering controller from ``HELMSMAN+CONTROLLER``, each with its options.
 
-    Args:
-        text: names and options, such as ``autopilot:gain=2+combinator``; without a second name the
-            speed pilot sets pitch and fuel rack.
-        ship: ship that turns, with a diesel.
-        interval_s: control interval [s].
+    Without a second name the speed pilot sets pitch and fuel rack. Arguments: see
+    :func:`make_controller`.
 
     Raises:
         ControllerError: a name or an option is unknown, or an option is out of range.

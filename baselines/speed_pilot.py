@@ -21,18 +21,16 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..observers.records import Floats
 from ..plant.shaft import shaft_inertia
 from ..plant.ship import Ship
 from .combinator import combinator_curve
-from .controller import Controller, Measurements
+from .controller import Commands, Controller, Measurements, Ranges
 from .governor import rack_limits
 from .steady_points import steady_point
 
-ERROR_S, MEAN_S = 2.0, 8.0
-"""Time constants of the filtered speed error and of the means [s]: below and about a wave period."""
-
+ERROR_S, MEAN_S = 2.0, 8.0  # filters of speed error and means [s]: below and about a wave period
 _FAR = 0.5  # largest speed error that is integrated [m/s]
 _LIMITER_GAIN = 0.8  # shaft gain of the rack limits outside the allowed shaft speeds [-]
 _LIMITER_POINTS = 101
@@ -51,29 +49,25 @@ class PilotSettings(NamedTuple):
     pitch_gain: Any = 0.7  # k_P times highest shaft torque over pitch range [-]
 
 
-NO_WAVE_RESPONSE = {"torque_gain": 0.0, "shaft_gain": 0.0, "pitch_gain": 0.0}
-"""Settings of a speed pilot that does not respond to waves."""
+NO_WAVE_RESPONSE = {"torque_gain": 0.0, "shaft_gain": 0.0, "pitch_gain": 0.0}  # settings
 
 
 class FilteredSignals(NamedTuple):
     """Filtered signals and integral of a speed pilot, each of shape (n,)."""
 
-    error: NDArray[np.float64]  # order minus measured ship speed, over ERROR_S [m/s]
-    shaft_speed: NDArray[np.float64]  # mean over MEAN_S [rad/s]
-    shaft_torque: NDArray[np.float64]  # mean over MEAN_S [N m]
-    integral: NDArray[np.float64]  # [mm]
+    error: Floats  # order minus measured ship speed, over ERROR_S [m/s]
+    shaft_speed: Floats  # mean over MEAN_S [rad/s]
+    shaft_torque: Floats  # mean over MEAN_S [N m]
+    integral: Floats  # [mm]
 
 
-PILOT_COLUMNS = len(FilteredSignals._fields)
-"""Number of columns of the controller state of a speed pilot."""
+PILOT_COLUMNS = len(FilteredSignals._fields)  # of the controller state of a speed pilot
 
 
 class SpeedPilot(Controller):
     """Hold the ordered ship speed by the fuel rack and reduce the torque fluctuation in waves.
 
     Args:
-        ship: ship with a diesel, or its name.
-        interval_s: control interval of the environment [s].
         speed_gain: k_v over the mean slope of the rack of the curve by ship speed [-].
         integral_gain: g; above 1 for a faster correction of the ship speed [-].
         settings: fields of :class:`PilotSettings`.
@@ -94,11 +88,9 @@ class SpeedPilot(Controller):
 
     name = "speed-pilot"
     source = "shaftline's own"
-    base_settings: ClassVar[Mapping[str, float]] = {}
-    """Settings that differ from the defaults of :class:`PilotSettings`."""
-    needs_variable_pitch: ClassVar[bool] = False
-    """Whether the controller refuses a ship with a fixed pitch."""
-    tunable: ClassVar[Mapping[str, tuple[float, float]]] = {
+    base_settings: ClassVar[Mapping[str, float]] = {}  # other defaults of the settings
+    needs_variable_pitch: ClassVar[bool] = False  # whether a fixed pitch is refused
+    tunable: ClassVar[Ranges] = {
         "speed_gain": (0.25, 16.0), "integral_gain": (0.25, 4.0), "speed_offset": (-0.3, 0.3),
         "pitch_offset": (-0.3, 0.15), "torque_gain": (0.0, 1.2), "shaft_gain": (0.0, 0.6),
         "pitch_gain": (0.0, 1.4),
@@ -121,42 +113,30 @@ class SpeedPilot(Controller):
         self.settings = PilotSettings(**{**self.base_settings, **settings})
         curve = combinator_curve(self.ship)
         self._speeds, self._pitch = curve.ship_speed, curve.pitch_ratio
-        points = [
-            steady_point(self.ship, float(n), float(p))
-            for n, p in zip(curve.shaft_speed, curve.pitch_ratio, strict=True)
-        ]
-        self._rack = np.array([point.fuel_rack for point in points])
+        points = zip(curve.shaft_speed.tolist(), curve.pitch_ratio.tolist(), strict=True)
+        self._rack = np.array([steady_point(self.ship, n, p).fuel_rack for n, p in points])
         slope = (self._rack[-1] - self._rack[0]) / (self._speeds[-1] - self._speeds[0])
         self._speed_gain = speed_gain * float(slope)  # [mm s/m]
         hull = self.ship.hull
         slope_at = hull.resistance_slope(float(np.mean(self._speeds)))
         self._reset_s = hull.mass_kg / slope_at / integral_gain
-        self._units()
-        self._limiters()
-
-    def limits(self, shaft_speed: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the lowest and highest fuel rack command [mm] at shaft speeds [rad/s]."""
-        return (
-            np.interp(shaft_speed, self._speed_grid, self._least),
-            np.interp(shaft_speed, self._speed_grid, self._most),
-        )
-
-    def _limiters(self) -> None:
-        plant, (low, high) = self.plant, self.ship.shaft_speeds
-        self._speed_grid = speeds = np.linspace(0.5 * low, 1.2 * high, _LIMITER_POINTS)
-        slope = _LIMITER_GAIN * self._shaft_unit
-        limits = [rack_limits(plant, float(speed), slope) for speed in speeds]
-        self._least, self._most = np.array(limits).T
-
-    def _units(self) -> None:
-        """Set the units of the gains for this ship."""
+        # Units of the gains for this ship.
         plant, mover = self.plant, self.ship.diesel
         down = float(plant["gear_ratio"]) * self.ship.transmission.efficiency
-        torque = mover.torque_limit_N_m * down
         pitches = float(plant["pitch_ratio_max"] - plant["pitch_ratio_min"])
         self._torque_unit = 1.0 / (mover.torque_per_rack_N_m_mm * down)  # [mm/(N m)]
-        self._shaft_unit = shaft_inertia(plant) / self.interval_s * self._torque_unit  # [mm s/rad]
-        self._pitch_unit = pitches / torque  # [1/(N m)]
+        self._shaft_unit = shaft_inertia(plant) / interval_s * self._torque_unit  # [mm s/rad]
+        self._pitch_unit = pitches / (mover.torque_limit_N_m * down)  # [1/(N m)]
+        low, high = self.ship.shaft_speeds
+        self._speed_grid = np.linspace(0.5 * low, 1.2 * high, _LIMITER_POINTS)
+        slope = _LIMITER_GAIN * self._shaft_unit
+        limits = [rack_limits(plant, speed, slope) for speed in self._speed_grid.tolist()]
+        self._least, self._most = np.array(limits).T
+
+    def limits(self, shaft_speed: Any) -> tuple[Floats, Floats]:
+        """Return the lowest and highest fuel rack command [mm] at shaft speeds [rad/s]."""
+        least = np.interp(shaft_speed, self._speed_grid, self._least)
+        return least, np.interp(shaft_speed, self._speed_grid, self._most)
 
     def command(
         self,
@@ -165,7 +145,7 @@ class SpeedPilot(Controller):
         shaft_torque: Any,
         filtered: FilteredSignals,
         settings: PilotSettings,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    ) -> tuple[Floats, Floats, Floats]:
         """Return pitch [-], fuel rack [mm] and new integral [mm], each of shape (n,).
 
         Args:
@@ -178,29 +158,20 @@ class SpeedPilot(Controller):
         set_point = np.clip(order + settings.speed_offset, self._speeds[0], self._speeds[-1])
         error = filtered.error + set_point - order
         light = filtered.shaft_torque - shaft_torque
-        steady = (
-            np.interp(set_point, self._speeds, self._rack)
-            + self._speed_gain * error
-            + settings.torque_gain * self._torque_unit * light
-            + settings.shaft_gain * self._shaft_unit * (filtered.shaft_speed - shaft_speed)
-        )
+        rack = np.interp(set_point, self._speeds, self._rack) + self._speed_gain * error
+        rack = rack + settings.torque_gain * self._torque_unit * light
+        slow = filtered.shaft_speed - shaft_speed
+        rack = rack + settings.shaft_gain * self._shaft_unit * slow + filtered.integral
         lowest, highest = self.limits(shaft_speed)
-        rack = steady + filtered.integral
-        held = (
-            (np.abs(error) > _FAR)
-            | ((rack > highest) & (error > 0.0))
-            | ((rack < lowest) & (error < 0.0))
-        )
+        blocked = ((rack > highest) & (error > 0.0)) | ((rack < lowest) & (error < 0.0))
+        held = (np.abs(error) > _FAR) | blocked
         rise = self._speed_gain * self.interval_s / self._reset_s * error
         integral = filtered.integral + np.where(held, 0.0, rise)
-        pitch = (
-            np.interp(set_point, self._speeds, self._pitch)
-            + settings.pitch_offset
-            + settings.pitch_gain * self._pitch_unit * light
-        )
+        pitch = np.interp(set_point, self._speeds, self._pitch) + settings.pitch_offset
+        pitch = pitch + settings.pitch_gain * self._pitch_unit * light
         return pitch, np.clip(rack, lowest, highest), integral
 
-    def initial_state(self, signals: Measurements) -> NDArray[np.float64]:
+    def initial_state(self, signals: Measurements) -> Floats:
         """Return filters in steady state at the measurements, and an integral for a bumpless start.
 
         The integral is the difference of the fuel rack and that of the curve at the present ship speed.
@@ -208,9 +179,7 @@ class SpeedPilot(Controller):
         load = signals.fuel_rack - np.interp(signals.ship_speed, self._speeds, self._rack)
         return np.column_stack([_unfiltered(signals), load])
 
-    def act(
-        self, signals: Measurements, memory: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def act(self, signals: Measurements, memory: Floats) -> Commands:
         """Return pitch and fuel rack by the equations of the module with the settings of the pilot."""
         now = _unfiltered(signals)
         # The filtered value is kept if a measurement fails.
@@ -223,7 +192,7 @@ class SpeedPilot(Controller):
         return pitch, rack
 
 
-def _unfiltered(signals: Measurements) -> NDArray[np.float64]:
+def _unfiltered(signals: Measurements) -> Floats:
     """Return the present values of the first columns of :class:`FilteredSignals`, shape (n, 3)."""
     error = signals.speed_order - signals.ship_speed
     return np.column_stack([error, signals.shaft_speed, signals.shaft_torque])

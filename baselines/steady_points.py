@@ -39,18 +39,14 @@ def require_diesel(ship: Ship) -> None:
     Raises:
         ShipError: the prime mover is no diesel, the hull is fixed, or there is no propeller.
     """
-    if not ship.has_diesel:
-        raise ShipError(
-            f"{ship.name}: a governor needs a diesel, not prime_mover.type {ship.prime_mover.type!r}"
-        )
-    if not ship.moves:
-        raise ShipError(
-            f"{ship.name}: the controller needs a ship that moves, but hull.fixed is true"
-        )
-    if not ship.has_propeller:
-        raise ShipError(
-            f"{ship.name}: the controller needs a propeller, but propeller.model is 'none'"
-        )
+    kind = ship.prime_mover.type
+    for fits, needs in (
+        (ship.has_diesel, f"a governor needs a diesel, not prime_mover.type {kind!r}"),
+        (ship.moves, "the controller needs a ship that moves, but hull.fixed is true"),
+        (ship.has_propeller, "the controller needs a propeller, but propeller.model is 'none'"),
+    ):
+        if not fits:
+            raise ShipError(f"{ship.name}: {needs}")
 
 
 def steady_point(
@@ -102,17 +98,11 @@ def steady_point(
     driving += drive_torque(plant, acting.brake_torque, shaft_speed)
     brake = float(brake_torque_of(plant, driving, shaft_speed))
     engine_speed = float(plant["gear_ratio"]) * shaft_speed
+    rack = rack_of_torque(plant, engine_speed, brake)
+    fuel = float(plant["propellers"]) * fuel_rate(plant, engine_speed, brake)
+    share = brake / torque_limit(plant, engine_speed)
+    velocity, thrust = acting.advance_velocity, acting.thrust
+    burrill = burrill_ratio(plant, thrust, velocity, shaft_speed, blade, acting.submergence)
     return SteadyPoint(
-        shaft_speed,
-        pitch,
-        speed,
-        acting.advance_velocity,
-        acting.thrust,
-        brake,
-        rack_of_torque(plant, engine_speed, brake),
-        float(plant["propellers"]) * fuel_rate(plant, engine_speed, brake),
-        brake / torque_limit(plant, engine_speed),
-        burrill_ratio(
-            plant, acting.thrust, acting.advance_velocity, shaft_speed, blade, acting.submergence
-        ),
+        shaft_speed, pitch, speed, velocity, thrust, brake, rack, fuel, share, burrill
     )

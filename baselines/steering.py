@@ -7,25 +7,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .controller import OBSERVED, Controller, actions, encode_all, measurements_of, resume_state
+from .controller import (
+    OBSERVED,
+    Controller,
+    Predictor,
+    actions,
+    encode_all,
+    measurements_of,
+    resume_state,
+)
 from .helmsman import STEERED, ShapedHelmsman, SteeringMeasurements
 
-OBSERVED_STEERED = (*OBSERVED, *STEERED)
-"""Signals of an observation of the steering environment, in order."""
+OBSERVED_STEERED = (*OBSERVED, *STEERED)  # signals of the steering environment, in order
 
 
 def steering_measurements(observation: Any) -> SteeringMeasurements:
     """Return the measurements of a helmsman from observations of shape (14,) or (n, 14)."""
     table = np.atleast_2d(np.asarray(observation, dtype=np.float64))
     speed = table[:, OBSERVED.index("measured_ship_speed")]
-    ahead = dict(zip(STEERED, table[:, len(OBSERVED) : len(OBSERVED_STEERED)].T, strict=True))
-    return SteeringMeasurements(
-        ahead["heading_order"], ahead["heading"], ahead["yaw_rate"], ahead["rudder_angle"],
-        ahead["cross_track_order"], ahead["cross_track"], speed,
-    )  # fmt: skip
+    steered = table[:, len(OBSERVED) : len(OBSERVED_STEERED)]
+    return SteeringMeasurements(*np.column_stack([steered, speed]).T)
 
 
-class SteeringController:
+class SteeringController(Predictor):
     """Compute pitch, fuel rack and rudder actions from observations of ``shaftline/Steering-v0``.
 
     Args:
@@ -51,17 +55,9 @@ class SteeringController:
         episode_start: Any = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], Any]:
-        """Return the actions for one observation or a batch, and the controller state.
+        """Return actions and state as :meth:`Controller.predict`, with the rudder command.
 
-        Args:
-            observation: signals of the steering environment, shape (14,) or (n, 14).
-            state: state that the last call returned, None at the first call; it is not changed.
-            episode_start: true where an episode begins and the initial state applies, shape (n,).
-            deterministic: without effect, because a classic controller draws no noise.
-
-        Returns:
-            Actions in [-1, 1], shape (3,) or (n, 3): pitch, fuel rack and rudder command, each over the
-            range of the ship; and the state for the next call.
+        The observation has the shape (14,) or (n, 14), the actions (3,) or (n, 3).
         """
         signals = measurements_of(np.atleast_2d(observation)[:, : len(OBSERVED)])
         steering = steering_measurements(observation)

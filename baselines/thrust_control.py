@@ -11,39 +11,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
 from ..core.numeric import clip
+from ..observers.records import Floats
 from ..plant.propeller import advance_ratio_of, coefficients_along
 from ..plant.shaft import shaft_inertia
 from ..plant.ship import Ship
 from ..plant.ship_files import load_ship
-from .ventilation import (
-    DETECTION,
-    DETECTOR,
-    TORQUE_LOSS,
-    TORQUE_LOSS_OBSERVER,
-    TorqueLossObserver,
-    VentilationDetector,
-    bollard_gain,
-    direction_of,
-    estimated_propeller_torque,
-    excess_inflow,
-    shaft_load,
-    torque_ratio,
-    update_detection,
-    update_torque_loss,
-)
+from . import ventilation
+from .ventilation import TorqueLossObserver, VentilationDetector
 
 THRUST_LAW = np.dtype(
     [
-        ("observer", TORQUE_LOSS_OBSERVER),
-        ("detector", DETECTOR),
+        ("observer", ventilation.TORQUE_LOSS_OBSERVER),
+        ("detector", ventilation.DETECTOR),
         ("anti_spin", np.int64),
         ("inertia", np.float64),  # J_m of the whole shaft line [kg m2]
         ("gamma", np.float64),  # [1/s]
@@ -59,8 +46,8 @@ THRUST_LAW = np.dtype(
 
 THRUST_LAW_MEMORY = [
     ("started", np.int64),
-    ("estimate", TORQUE_LOSS),
-    ("detection", DETECTION),
+    ("estimate", ventilation.TORQUE_LOSS),
+    ("detection", ventilation.DETECTION),
     ("reference", np.float64),  # omega_d [rad/s]
     ("reference_rate", np.float64),  # [rad/s2]
     ("error_integral", np.float64),  # e1 [rad]
@@ -78,9 +65,9 @@ def thrust_per_torque(law: Record, torque: float, shaft_speed: float, pitch: flo
     range. Beyond it the thrust and G_QT go to zero, and the desired torque would grow without bound.
     """
     ship = law.observer.ship
-    direction = direction_of(ship, shaft_speed)
+    direction = ventilation.direction_of(ship, shaft_speed)
     highest = law.highest_advance[0 if direction > 0.0 else 1] * pitch
-    bollard = bollard_gain(ship, pitch, direction) * shaft_speed * shaft_speed
+    bollard = ventilation.bollard_gain(ship, pitch, direction) * shaft_speed * shaft_speed
     if not bollard > 0.0:
         j = 0.0
     else:
@@ -96,51 +83,41 @@ def thrust_per_torque(law: Record, torque: float, shaft_speed: float, pitch: flo
 def desired_speed(law: Record, estimate: Record, thrust: float, pitch: float) -> float:
     """Return the shaft speed [rad/s] for a thrust [N] with the estimated torque loss (eqs. 17, 19)."""
     ship = law.observer.ship
-    torque = estimated_propeller_torque(ship, estimate)
+    torque = ventilation.estimated_propeller_torque(ship, estimate)
     wanted = thrust / thrust_per_torque(law, torque, estimate.shaft_speed, pitch)
     beyond = wanted - estimate.torque_loss
-    gain = bollard_gain(ship, pitch, direction_of(ship, beyond))
+    gain = ventilation.bollard_gain(ship, pitch, ventilation.direction_of(ship, beyond))
     speed = math.copysign(math.sqrt(abs(beyond) / gain), beyond)
     return float(min(max(speed, law.speed_min), law.speed_max))
 
 
+class Instant(NamedTuple):
+    """Set-point, limits and measurements of the thrust controller at one instant."""
+
+    thrust: float  # T_pd, thrust set-point of one propeller [N]
+    ventilated_ahead: float  # omega_v,opt, limit of the shaft speed in ventilation [rad/s]
+    ventilated_astern: float  # the limit astern, positive [rad/s]
+    shaft_speed: float  # omega, measured [rad/s]
+    shaft_torque: float  # Q_m at the place where the torque is known [N m]
+    pitch: float  # P/D [-]
+    ship_speed: float  # v_s, measured [m/s]
+
+
 @compiled
-def torque_demand(
-    law: Record,
-    memory: Record,
-    thrust: float,
-    ventilated_ahead: float,
-    ventilated_astern: float,
-    shaft_speed: float,
-    shaft_torque: float,
-    pitch: float,
-    ship_speed: float,
-) -> float:
-    """Return the torque set-point Q_m [N m] at one instant; the memory changes in place.
-
-    Args:
-        law: THRUST_LAW record.
-        memory: record with the fields THRUST_LAW_MEMORY, zero at the first instant.
-        thrust: T_pd, thrust set-point of one propeller [N].
-        ventilated_ahead: omega_v,opt, limit of the shaft speed in ventilation [rad/s].
-        ventilated_astern: the limit astern, positive [rad/s].
-        shaft_speed: omega, measured [rad/s].
-        shaft_torque: Q_m at the place where the torque is known [N m].
-        pitch: P/D [-].
-        ship_speed: v_s, measured [m/s].
-    """
-    ship = law.observer.ship
+def torque_demand(law: Record, memory: Record, now: Instant) -> float:
+    """Return the torque set-point Q_m [N m] of a THRUST_LAW; the memory changes in place."""
+    ship, shaft_speed, pitch = law.observer.ship, now.shaft_speed, now.pitch
     estimate, detection = memory.estimate, memory.detection
-    update_torque_loss(law.observer, estimate, shaft_speed, shaft_torque, pitch)
-    torque = estimated_propeller_torque(ship, estimate)
-    ratio = torque_ratio(law.detector, ship, torque, shaft_speed, pitch, ship_speed)
-    inflow = excess_inflow(ship, torque, shaft_speed, pitch, ship_speed)
-    update_detection(law.detector, detection, ratio, inflow)
+    ventilation.update_torque_loss(law.observer, estimate, shaft_speed, now.shaft_torque, pitch)
+    torque = ventilation.estimated_propeller_torque(ship, estimate)
+    ratio = ventilation.torque_ratio(law.detector, ship, torque, shaft_speed, pitch, now.ship_speed)
+    inflow = ventilation.excess_inflow(ship, torque, shaft_speed, pitch, now.ship_speed)
+    ventilation.update_detection(law.detector, detection, ratio, inflow)
 
-    wanted = desired_speed(law, estimate, thrust, pitch)
+    wanted = desired_speed(law, estimate, now.thrust, pitch)
     if law.anti_spin != 0 and detection.ventilating != 0:
         # The limit acts before the filter, so that its output and the feed-forward are smooth.
-        wanted = float(clip(wanted, -ventilated_astern, ventilated_ahead))
+        wanted = float(clip(wanted, -now.ventilated_astern, now.ventilated_ahead))
     if memory.started == 0:
         memory.reference = shaft_speed  # start in steady state
         memory.started = 1
@@ -154,7 +131,7 @@ def torque_demand(
     reference, e1, gamma = memory.reference, memory.error_integral, law.gamma
     e2 = shaft_speed - reference
     demand = law.inertia * memory.reference_rate + estimate.torque_loss
-    demand += shaft_load(law.observer, pitch, reference - gamma * e1)
+    demand += ventilation.shaft_load(law.observer, pitch, reference - gamma * e1)
     demand += law.observer.viscous * reference
     demand -= (law.integral + gamma * law.proportional) * e1
     demand -= law.proportional * e2
@@ -168,12 +145,7 @@ def integrate_error(
 ) -> None:
     """Integrate the error e1 over an interval, unless it acts further against a limit of the drive.
 
-    Args:
-        law: THRUST_LAW record.
-        memory: record with the fields THRUST_LAW_MEMORY.
-        shaft_speed: omega, measured [rad/s].
-        starved: whether the drive is at its highest torque.
-        closed: whether the drive is at its lowest torque.
+    The drive is ``starved`` at its highest torque and ``closed`` at its lowest.
     """
     e2 = shaft_speed - memory.reference
     if not ((starved and e2 < 0.0) or (closed and e2 > 0.0)):
@@ -183,17 +155,10 @@ def integrate_error(
 def check_gains(
     gamma: float, proportional: float, integral: float, inertia: float, viscous: float
 ) -> None:
-    """Refuse gains of the controller (eq. 21) that violate the conditions B1 to B3 of the paper.
+    """Refuse gains (eq. 21) that are not finite or violate the conditions B1 to B3 of the paper.
 
-    Args:
-        gamma: [1/s].
-        proportional: k_P [N m s/rad].
-        integral: k_I [N m/rad].
-        inertia: J_m of the whole shaft line [kg m2].
-        viscous: k_f2 [N m s/rad].
-
-    Raises:
-        ValueError: a gain is not finite, or a condition is violated; the message names it.
+    They are gamma [1/s], k_P [N m s/rad] and k_I [N m/rad], on a shaft line of the inertia J_m [kg m2]
+    and the viscous friction k_f2 [N m s/rad].
     """
     if not all(map(math.isfinite, (gamma, proportional, integral))):
         raise ValueError("thrust control: every gain must be a finite number")
@@ -221,14 +186,11 @@ def _thrust_ends(ship: Ship) -> tuple[float, float]:
         return 1.0, 1.0
     plant, pitch = ship.record(), ship.propeller.pitch_ratio_max
 
-    def end(direction: float) -> float:
-        return float(
-            scipy.optimize.brentq(
-                lambda j: coefficients_along(plant, j, pitch, direction)[0], 0.0, 3.0
-            )
-        )
+    def thrust(j: float, direction: float) -> float:
+        return float(coefficients_along(plant, j, pitch, direction)[0])
 
-    return end(1.0) / pitch, end(-1.0) / pitch
+    ahead, astern = (scipy.optimize.brentq(thrust, 0.0, 3.0, args=(way,)) for way in (1.0, -1.0))
+    return ahead / pitch, astern / pitch
 
 
 @dataclass(frozen=True)
@@ -263,13 +225,7 @@ class ThrustLaw:
     def settings(
         self, ship: Ship, interval_s: float, anti_spin: bool, speeds: tuple[float, float]
     ) -> Any:
-        """Return the THRUST_LAW record.
-
-        Args:
-            ship: ship whose shaft speed is a state.
-            interval_s: control interval [s].
-            anti_spin: whether ventilation limits the shaft speed.
-            speeds: lowest and highest desired shaft speed [rad/s].
+        """Return the THRUST_LAW record, with the lowest and highest desired shaft speed [rad/s].
 
         Raises:
             ValueError: the tuning violates a condition of the paper.
@@ -279,30 +235,19 @@ class ThrustLaw:
                 f"thrust control: cutoff_rad_s = {self.cutoff_rad_s:g} and damping = {self.damping:g} "
                 "must be above 0"
             )
-        law = np.zeros(1, THRUST_LAW)[0]
-        law["observer"] = self.observer.discretise(ship, interval_s)
-        law["detector"] = self.detector.discretise(interval_s)
-        law["anti_spin"] = anti_spin
+        observer = self.observer.discretise(ship, interval_s)
+        detector = self.detector.discretise(interval_s)
         inertia = float(shaft_inertia(ship.record()))
-        law["inertia"] = inertia
-        law["gamma"] = self.gamma
-        law["proportional"] = self.proportional_rate * inertia
-        law["integral"] = self.integral_rate * inertia
-        check_gains(
-            self.gamma,
-            float(law["proportional"]),
-            float(law["integral"]),
-            inertia,
-            float(law["observer"]["viscous"]),
-        )
-        law["highest_advance"] = self.highest_advance * np.array(_thrust_ends(ship))
-        law["speed_min"], law["speed_max"] = speeds
+        gains = (self.gamma, self.proportional_rate * inertia, self.integral_rate * inertia)
+        check_gains(*gains, inertia, float(observer["viscous"]))
+        highest = self.highest_advance * np.array(_thrust_ends(ship))
         # Eq. 20, exact for a constant input over the step.
         cutoff = self.cutoff_rad_s
-        law["filter"] = scipy.linalg.expm(
+        turn = scipy.linalg.expm(
             interval_s * np.array([[0.0, 1.0], [-(cutoff**2), -2.0 * cutoff * self.damping]])
         )
-        return law
+        values = (observer, detector, anti_spin, inertia, *gains, highest, *speeds, turn)
+        return np.array(values, THRUST_LAW)[()]
 
 
 THRUST_CONTROL = np.dtype(
@@ -325,6 +270,9 @@ THRUST_CONTROL_MEMORY = np.dtype(
     align=True,
 )
 
+_RIG_OBSERVER = TorqueLossObserver(40.0, -400.0, 10.0)
+_RIG_DETECTOR = VentilationDetector(0.02, 1.5, 0.6, 0.8, 0.8)
+
 
 @dataclass(frozen=True)
 class ThrustControlTuning(ThrustLaw):
@@ -337,12 +285,8 @@ class ThrustControlTuning(ThrustLaw):
     proportional_rate: float = 10.0
     integral_rate: float = 10.0
     cutoff_rad_s: float = 20.0
-    observer: TorqueLossObserver = field(
-        default_factory=lambda: TorqueLossObserver(40.0, -400.0, 10.0)
-    )
-    detector: VentilationDetector = field(
-        default_factory=lambda: VentilationDetector(0.02, 1.5, 0.6, 0.8, 0.8)
-    )
+    observer: TorqueLossObserver = _RIG_OBSERVER
+    detector: VentilationDetector = _RIG_DETECTOR
     ventilated_ahead_rad_s: float = 45.0  # omega_v,opt; printed
     ventilated_astern_rad_s: float = 54.0  # printed
     top_speed_rad_s: float = 75.0  # highest desired shaft speed, either way; printed
@@ -354,12 +298,8 @@ def command_torque(
 ) -> float:
     """Return the torque command [N m] of one drive at one instant; the memory changes in place.
 
-    Args:
-        controller: THRUST_CONTROL record.
-        memory: THRUST_CONTROL_MEMORY record, zero at the first instant.
-        thrust: T_pd, thrust set-point [N], negative astern.
-        shaft_speed: omega, measured [rad/s].
-        water_speed: speed of ship or carriage through the water [m/s].
+    The thrust set-point T_pd [N] is negative astern; omega is in rad/s and the speed of ship or carriage
+    through the water in m/s.
     """
     law = controller.law
     ship = law.observer.ship
@@ -369,17 +309,10 @@ def command_torque(
         memory.water_speed = water_speed
     shaft_speed = memory.shaft_speed
     through = ship.gear_ratio * ship.transmission_efficiency
-    demand = torque_demand(
-        law,
-        memory,
-        thrust,
-        controller.ventilated_ahead,
-        controller.ventilated_astern,
-        shaft_speed,
-        through * memory.command,
-        controller.pitch_ratio,
-        memory.water_speed,
-    )
+    ahead, astern = controller.ventilated_ahead, controller.ventilated_astern
+    torque, pitch, water = through * memory.command, controller.pitch_ratio, memory.water_speed
+    now = Instant(thrust, ahead, astern, shaft_speed, torque, pitch, water)
+    demand = torque_demand(law, memory, now)
     command = float(clip(demand / through, ship.drive_min, ship.drive_max))
     integrate_error(law, memory, shaft_speed, command >= ship.drive_max, command <= ship.drive_min)
     memory.command = command
@@ -389,13 +322,11 @@ def command_torque(
 
 
 @compiled
-def _command_all(
-    controller: Record, memories: Any, thrust: Any, shaft_speed: Any, water_speed: Any, found: Any
-) -> None:
+def _command_all(controller: Record, memories: Any, thrust: Any, speed: Any, water: Any) -> Floats:
+    found = np.empty(len(memories))
     for i in range(len(memories)):
-        found[i] = command_torque(
-            controller, memories[i], thrust[i], shaft_speed[i], water_speed[i]
-        )
+        found[i] = command_torque(controller, memories[i], thrust[i], speed[i], water[i])
+    return found
 
 
 class ThrustControl:
@@ -451,38 +382,23 @@ class ThrustControl:
                 f"{self.ship.name}: thrust control needs a fixed pitch: propeller.pitch_ratio_min must "
                 "equal pitch_ratio_max"
             )
-        limits = (
-            tuning.ventilated_ahead_rad_s,
-            tuning.ventilated_astern_rad_s,
-            tuning.top_speed_rad_s,
-        )
-        if not min(limits) > 0.0:
+        ahead, astern = tuning.ventilated_ahead_rad_s, tuning.ventilated_astern_rad_s
+        top = tuning.top_speed_rad_s
+        if not min(ahead, astern, top) > 0.0:
             raise ValueError(
                 "thrust control: ventilated_ahead_rad_s, ventilated_astern_rad_s and top_speed_rad_s "
                 "must be positive"
             )
-        lowest = -tuning.top_speed_rad_s if propeller.model == "four-quadrant" else 0.0
-        settings = np.zeros(1, THRUST_CONTROL)[0]
-        settings["law"] = tuning.settings(
-            self.ship, self.interval_s, anti_spin, (lowest, tuning.top_speed_rad_s)
-        )
-        settings["ventilated_ahead"] = tuning.ventilated_ahead_rad_s
-        settings["ventilated_astern"] = tuning.ventilated_astern_rad_s
-        settings["pitch_ratio"] = propeller.pitch_ratio_max
-        self.tuning = tuning
-        self.settings = settings
+        lowest = -top if propeller.model == "four-quadrant" else 0.0
+        law = tuning.settings(self.ship, self.interval_s, anti_spin, (lowest, top))
+        values = (law, ahead, astern, propeller.pitch_ratio_max)
+        self.tuning, self.settings = tuning, np.array(values, THRUST_CONTROL)[()]
 
     def initial_state(self, ships: int = 1) -> NDArray[Any]:
         """Return the initial controller state of a number of propellers, shape (ships,)."""
         return np.zeros(ships, THRUST_CONTROL_MEMORY)
 
-    def act(
-        self,
-        thrust: ArrayLike,
-        shaft_speed: ArrayLike,
-        water_speed: ArrayLike,
-        memory: NDArray[Any],
-    ) -> NDArray[np.float64]:
+    def act(self, thrust: Any, shaft_speed: Any, water_speed: Any, memory: NDArray[Any]) -> Floats:
         """Return the torque commands of the drives [N m], shape (n,).
 
         Args:
@@ -500,6 +416,4 @@ class ThrustControl:
         )
         if not np.all(np.isfinite(order)):
             raise ValueError("thrust control: the thrust set-point [N] must be finite")
-        found = np.empty(len(memory))
-        _command_all(self.settings, memory, order, turned, water, found)
-        return found
+        return _command_all(self.settings, memory, order, turned, water)

@@ -19,26 +19,22 @@ waves.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar
+import math
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
+from ..observers.records import Floats
 from ..observers.torque_curve import model_torque
 from ..plant.cavitation import effective_attack
 from ..plant.hull import wake_inflow
 from ..plant.ship import Ship
-from .controller import PREVIEW_S, Measurements
+from .controller import PREVIEW_S, Commands, Measurements, Ranges, Variants
 from .speed_pilot import NO_WAVE_RESPONSE, PILOT_COLUMNS, SpeedPilot
 
-MEAN_S = 20.0
-"""Time constant of the means [s]: two or three wave periods."""
-
-SLOPE_S = 0.5
-"""Time constant of the slope of the estimate [s]."""
-
+MEAN_S = 20.0  # time constant of the means [s]: two or three wave periods
+SLOPE_S = 0.5  # time constant of the slope of the estimate [s]
 _HALVINGS = 30
 _LIMITED_SHARE = 0.5
 VELOCITY, SLOPE, LOAD_MEAN = range(PILOT_COLUMNS, PILOT_COLUMNS + 3)
@@ -57,12 +53,8 @@ def blade_load(
 
 @compiled
 def blade_loads(
-    plant: Record,
-    cavitation: bool,
-    velocity: NDArray[np.float64],
-    shaft_speed: NDArray[np.float64],
-    pitch: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    plant: Record, cavitation: bool, velocity: Floats, shaft_speed: Floats, pitch: Floats
+) -> Floats:
     """Return the blade load of n ships, as :func:`blade_load`; each argument of shape (n,)."""
     found = np.empty(len(velocity))
     for i in range(len(velocity)):
@@ -86,48 +78,17 @@ def pitch_at_load(
 
 
 @compiled
-def command_pitches(
-    plant: Record,
-    cavitation: bool,
-    ahead_s: float,
-    interval_s: float,
-    velocity: NDArray[np.float64],
-    change: NDArray[np.float64],
-    shaft_speed: NDArray[np.float64],
-    base: NDArray[np.float64],
-    share: float,
-    memory: NDArray[np.float64],
-    pitch: NDArray[np.float64],
-) -> None:
-    """Fill the pitches for the advance velocity ahead, ship by ship; the memory changes in place.
-
-    Args:
-        plant: ship record.
-        cavitation: whether the angle of attack is held instead of the torque.
-        ahead_s: time of the extrapolation by the slope [s].
-        interval_s: control interval [s].
-        velocity: present advance velocity [m/s], shape (n,).
-        change: known change of the advance velocity until it acts [m/s], shape (n,).
-        shaft_speed: [rad/s], shape (n,).
-        base: p_0 [-], shape (n,).
-        share: g [-].
-        memory: controller state, shape (n, 7), changed in place.
-        pitch: filled, shape (n,).
-    """
-    keep, slow = np.exp(-interval_s / SLOPE_S), np.exp(-interval_s / MEAN_S)
+def pitches_at_load(
+    plant: Record, cavitation: bool, velocity: Floats, shaft_speed: Floats, load: Floats
+) -> Floats:
+    """Return the pitches of n ships, as :func:`pitch_at_load`; each argument of shape (n,)."""
+    found = np.empty(len(velocity))
     for i in range(len(velocity)):
-        row = memory[i]
-        rate = (velocity[i] - row[VELOCITY]) / interval_s
-        row[SLOPE] = keep * row[SLOPE] + (1.0 - keep) * rate
-        row[VELOCITY] = velocity[i]
-        now = blade_load(plant, cavitation, velocity[i], shaft_speed[i], base[i])
-        row[LOAD_MEAN] = slow * row[LOAD_MEAN] + (1.0 - slow) * now
-        ahead = velocity[i] + ahead_s * row[SLOPE] + change[i]
-        wanted = pitch_at_load(plant, cavitation, ahead, shaft_speed[i], row[LOAD_MEAN])
-        pitch[i] = base[i] + share * (wanted - base[i])
+        found[i] = pitch_at_load(plant, cavitation, velocity[i], shaft_speed[i], load[i])
+    return found
 
 
-def _interpolate_preview(wave_inflow: NDArray[np.float64], ahead_s: float) -> NDArray[np.float64]:
+def _interpolate_preview(wave_inflow: Floats, ahead_s: float) -> Floats:
     """Return the inflow [m/s] at a time ahead, shape (n,), interpolated in :data:`PREVIEW_S`."""
     weights = [np.interp(ahead_s, PREVIEW_S, row) for row in np.eye(len(PREVIEW_S))]
     return np.asarray(wave_inflow @ np.array(weights))
@@ -138,7 +99,6 @@ class VaPitch(SpeedPilot):
 
     Args:
         ship: ship with a diesel and a controllable pitch, or its name.
-        interval_s: control interval of the environment [s].
         cavitation: hold the angle of attack instead of the torque.
         ahead_s: T_p [s].
         share: g [-], 0 to 1; by default 1, or 0.5 if the pitch rate is limited.
@@ -157,14 +117,12 @@ class VaPitch(SpeedPilot):
 
     name = "va-pitch"
     source = "shaftline's own"
-    variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+    variants: ClassVar[Variants] = {
         "va-pitch-silent": {"cavitation": True}, "va-pitch-preview": {"preview": True},
     }  # fmt: skip
     base_settings = NO_WAVE_RESPONSE
     needs_variable_pitch = True
-    tunable: ClassVar[Mapping[str, tuple[float, float]]] = {
-        **SpeedPilot.tunable, "share": (0.0, 1.0), "ahead_s": (0.0, 2.0),
-    }  # fmt: skip
+    tunable: ClassVar[Ranges] = {**SpeedPilot.tunable, "share": (0.0, 1.0), "ahead_s": (0.0, 2.0)}
 
     def __init__(
         self,
@@ -189,7 +147,7 @@ class VaPitch(SpeedPilot):
         lag = self.ship.pitch_actuator.time_constant_s
         self._arrives = 1.0 - float(np.exp(-interval_s / lag))
 
-    def velocity(self, signals: Measurements) -> NDArray[np.float64]:
+    def velocity(self, signals: Measurements) -> Floats:
         """Return the estimated advance velocity [m/s]; without a valid one that of the wake fraction.
 
         With a preview it is that of the wake fraction plus the inflow of the waves.
@@ -200,7 +158,7 @@ class VaPitch(SpeedPilot):
         valid = (signals.estimate_valid > 0.5) & np.isfinite(signals.advance_velocity)
         return np.where(valid, signals.advance_velocity, from_log)
 
-    def initial_state(self, signals: Measurements) -> NDArray[np.float64]:
+    def initial_state(self, signals: Measurements) -> Floats:
         """Return the initial state of the speed pilot, with the present blade load as the mean."""
         velocity = self.velocity(signals)
         base = np.interp(signals.speed_order, self._speeds, self._pitch)
@@ -209,18 +167,20 @@ class VaPitch(SpeedPilot):
             [super().initial_state(signals), velocity, np.zeros_like(velocity), load]
         )
 
-    def act(
-        self, signals: Measurements, memory: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def act(self, signals: Measurements, memory: Floats) -> Commands:
         """Return the pitch by the equations of the module and the fuel rack of the speed pilot."""
         base, rack = super().act(signals, memory[:, :PILOT_COLUMNS])
-        target, change, ahead_s = np.empty(len(base)), np.zeros(len(base)), self.ahead_s
-        if signals.wave_inflow is not None:
-            change = _interpolate_preview(signals.wave_inflow, ahead_s) - signals.wave_inflow[:, 0]
-            ahead_s = 0.0
-        command_pitches(
-            self.plant, self.cavitation, ahead_s, self.interval_s, self.velocity(signals), change,
-            signals.shaft_speed, base, self.share, memory, target,
-        )  # fmt: skip
+        last, slope, mean = memory[:, [VELOCITY, SLOPE, LOAD_MEAN]].T
+        velocity, speed = self.velocity(signals), signals.shaft_speed
+        keep, slow = (math.exp(-self.interval_s / time) for time in (SLOPE_S, MEAN_S))
+        slope = keep * slope + (1.0 - keep) * ((velocity - last) / self.interval_s)
+        now = blade_loads(self.plant, self.cavitation, velocity, speed, base)
+        mean = slow * mean + (1.0 - slow) * now
+        memory[:, PILOT_COLUMNS:] = np.column_stack([velocity, slope, mean])
+        change = self.ahead_s * slope
+        if (waves := signals.wave_inflow) is not None:
+            change = _interpolate_preview(waves, self.ahead_s) - waves[:, 0]
+        wanted = pitches_at_load(self.plant, self.cavitation, velocity + change, speed, mean)
+        target = base + self.share * (wanted - base)
         pitch = signals.pitch_ratio + (target - signals.pitch_ratio) / self._arrives
         return pitch, rack

@@ -20,7 +20,7 @@ as in a radar.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -75,23 +75,13 @@ def observer_weights(
 ) -> tuple[float, float]:
     """Return weights a11, a22 > 0 of the Lyapunov function that satisfy condition A2 of the paper.
 
-    With r = a11 / (J a22), A2 is |r + l2| < 2 sqrt(r c), c = (k_f2 + l1) / tau. For l2 < 0 the left side
-    is 0 at r = -l2. For l2 >= 0, r - 2 sqrt(c r) + l2 is least at r = c, where the condition is l2 < c;
-    weights exist if and only if it holds.
-
-    Args:
-        speed_gain: l1 [N m s/rad].
-        loss_gain: l2 [N m/rad].
-        time_constant: tau [s].
-        inertia: J_m [kg m2].
-        viscous: k_f2 [N m s/rad].
-
-    Returns:
-        a11 and a22 = 1; only their ratio has a meaning.
+    With r = a11 / (J a22), A2 is |r + l2| < 2 sqrt(r c), c = (k_f2 + l1) / tau. For l2 < 0 the left
+    side is 0 at r = -l2. For l2 >= 0, r - 2 sqrt(c r) + l2 is least at r = c, where the condition is
+    l2 < c; weights exist if and only if it holds. Only their ratio has a meaning. Units: l1 [N m
+    s/rad], l2 [N m/rad], tau [s], J_m [kg m2], k_f2 [N m s/rad].
 
     Raises:
-        ValueError: a gain is not finite, tau or J is not positive, or A1 or A2 is violated; the message
-            names the condition.
+        ValueError: a gain is not finite, tau or J is not positive, or A1 or A2 is violated.
 
     Example:
         >>> observer_weights(12.0, -32.0, time_constant=500.0, inertia=1.0, viscous=0.0)
@@ -142,26 +132,14 @@ class TorqueLossObserver:
         if not (math.isfinite(dt) and dt > 0.0):
             raise ValueError(f"torque-loss observer: time step {dt} s must be positive")
         plant = observer_plant(ship)
-        record = np.zeros(1, TORQUE_LOSS_OBSERVER)[0]
-        inertia = inertia_behind_meter(plant)
-        record["dt"] = dt
-        record["whole_line"] = uses_drive_torque(ship)
-        record["inertia"] = inertia
-        record["viscous"] = plant["viscous_propeller_side"]
-        if uses_drive_torque(ship):
-            record["viscous"] += plant["viscous_engine_side"]
-        record["speed_gain"] = self.speed_rate * inertia
-        record["loss_gain"] = self.loss_rate * inertia
-        record["time_constant"] = self.time_constant_s
-        record["ship"] = plant
-        observer_weights(
-            float(record["speed_gain"]),
-            float(record["loss_gain"]),
-            self.time_constant_s,
-            inertia,
-            float(record["viscous"]),
-        )
-        return record
+        electric, inertia = uses_drive_torque(ship), inertia_behind_meter(plant)
+        viscous = float(plant["viscous_propeller_side"])
+        if electric:
+            viscous += float(plant["viscous_engine_side"])
+        gains = (self.speed_rate * inertia, self.loss_rate * inertia, self.time_constant_s)
+        observer_weights(*gains, inertia, viscous)
+        values = (dt, electric, inertia, viscous, *gains, plant)
+        return np.array(values, TORQUE_LOSS_OBSERVER)[()]
 
 
 @compiled
@@ -183,8 +161,7 @@ def bollard_gain(ship: Record, pitch_ratio: float, direction: float = 1.0) -> fl
 def dry_friction(observer: Record, shaft_speed: float) -> float:
     """Return the dry friction [N m] on the part of the shaft line that the known torque drives (eq. 2).
 
-    The Coulomb friction has the tanh of the plant in place of the arc tangent of the paper; both are
-    monotonic.
+    The Coulomb friction has the tanh of the plant in place of the arc tangent of the paper.
     """
     ship = observer.ship
     torque = friction_torque(ship, ship.coulomb_propeller_side, 0.0, shaft_speed)
@@ -197,13 +174,7 @@ def dry_friction(observer: Record, shaft_speed: float) -> float:
 
 @compiled
 def shaft_load(observer: Record, pitch_ratio: float, shaft_speed: float) -> float:
-    """Return psi [N m], the propeller torque without losses plus dry friction (eq. 6).
-
-    Args:
-        observer: TORQUE_LOSS_OBSERVER record.
-        pitch_ratio: P/D [-].
-        shaft_speed: omega [rad/s].
-    """
+    """Return psi [N m], propeller torque without losses plus dry friction, at omega [rad/s] (eq. 6)."""
     gain = bollard_gain(observer.ship, pitch_ratio, direction_of(observer.ship, shaft_speed))
     return gain * abs(shaft_speed) * shaft_speed + dry_friction(observer, shaft_speed)
 
@@ -222,17 +193,11 @@ def update_torque_loss(
 ) -> None:
     """Update the estimate by one sample (eqs. 8 to 10); it changes in place.
 
-    The trapezoidal rule is implicit in both estimates, because an explicit rule is unstable at 0.5 s.
-    The loss enters linearly and is eliminated. The remaining equation B omega + A |omega| omega = R has
-    A >= 0 and, under A1 and A2, B > 1, so it has one root, in closed form. The dry friction is that at
-    the measured speed.
-
-    Args:
-        observer: TORQUE_LOSS_OBSERVER record.
-        estimate: TORQUE_LOSS record, zero before the first sample.
-        shaft_speed: omega, measured [rad/s].
-        shaft_torque: Q_m, of the torque meter or of the drive, at the propeller shaft [N m].
-        pitch_ratio: P/D, measured [-].
+    The trapezoidal rule is implicit in both estimates, because an explicit rule is unstable at 0.5
+    s. The loss enters linearly and is eliminated. The remaining equation B omega + A |omega| omega =
+    R has A >= 0 and, under A1 and A2, B > 1, so it has one root, in closed form. The dry friction is
+    that at the measured speed [rad/s]. The torque Q_m [N m] is that of the torque meter or of the
+    drive, at the propeller shaft. The TORQUE_LOSS record is zero before the first sample.
     """
     ship = observer.ship
     viscous = observer.viscous
@@ -280,23 +245,7 @@ def update_torque_losses(
         update_torque_loss(observer, estimates[i], shaft_speed[i], shaft_torque[i], pitch_ratio[i])
 
 
-_LEAST_NOMINAL = 0.05
-"""Nominal torque over bollard torque below which a torque loss cannot be detected [-]."""
-
-DETECTOR = np.dtype(
-    [
-        ("dt", np.float64),  # [s]
-        ("blend_gain", np.float64),  # k
-        ("blend_power", np.float64),  # p
-        ("on_below", np.float64),  # beta_v,on
-        ("off_above", np.float64),  # beta_v,off
-        ("hold", np.float64),  # T_hold [s]
-        ("sea_margin", np.float64),  # 0 for the detection of the paper
-        ("sea_memory", np.float64),  # [s]
-    ],
-    align=True,
-)
-
+_LEAST_NOMINAL = 0.05  # nominal over bollard torque from which a loss can be detected [-]
 DETECTION = np.dtype(
     [
         ("ventilating", np.int64),  # nu
@@ -345,74 +294,51 @@ class VentilationDetector:
             raise ValueError("ventilation detector: hold time must be >= 0 s and time step > 0 s")
         if not (self.sea_margin >= 0.0 and self.sea_memory_s > 0.0):
             raise ValueError("ventilation detector: sea margin must be >= 0, sea memory > 0 s")
-        record = np.zeros(1, DETECTOR)[0]
-        record["dt"] = dt
-        for name in ("blend_gain", "blend_power", "on_below", "off_above", "sea_margin"):
-            record[name] = getattr(self, name)
-        record["hold"], record["sea_memory"] = self.hold_s, self.sea_memory_s
-        return record
+        return np.array((dt, *astuple(self)), DETECTOR)[()]
+
+
+DETECTOR = np.dtype(
+    [(name, np.float64) for name in ("dt", *(f.name for f in fields(VentilationDetector)))]
+)
+"""Sample time [s] and the tuning."""
 
 
 @compiled
 def torque_ratio(
-    detector: Record,
-    ship: Record,
-    propeller_torque: float,
-    shaft_speed: float,
-    pitch_ratio: float,
-    ship_speed: float,
+    detector: Record, ship: Record, torque: float, omega: float, pitch: float, ship_speed: float
 ) -> float:
     """Return the torque reduction coefficient beta_Q-hat [-] (eqs. 23 to 26).
 
-    Args:
-        detector: DETECTOR record.
-        ship: PLANT record of the ship model.
-        propeller_torque: Q_p-hat [N m].
-        shaft_speed: omega [rad/s].
-        pitch_ratio: P/D [-].
-        ship_speed: v_s [m/s]; the nominal advance velocity is (1 - w) v_s.
-
-    Returns:
-        1 without a torque loss, and if the nominal torque is too small for a comparison.
+    It is 1 without a torque loss, and if the nominal torque at the speed v_s [m/s] of the ship is too
+    small for a comparison with Q_p-hat [N m]. omega is in rad/s.
     """
-    blend = math.exp(-detector.blend_gain * abs(shaft_speed) ** detector.blend_power)
-    direction = direction_of(ship, shaft_speed)
-    nominal = model_torque(ship, wake_inflow(ship, ship_speed), shaft_speed, pitch_ratio)
-    bollard = bollard_gain(ship, pitch_ratio, direction) * shaft_speed * shaft_speed
+    blend = math.exp(-detector.blend_gain * abs(omega) ** detector.blend_power)
+    direction = direction_of(ship, omega)
+    nominal = model_torque(ship, wake_inflow(ship, ship_speed), omega, pitch)
+    bollard = bollard_gain(ship, pitch, direction) * omega * omega
     if not direction * nominal > _LEAST_NOMINAL * bollard:
         return 1.0
-    return float(blend + (1.0 - blend) * propeller_torque / nominal)
+    return float(blend + (1.0 - blend) * torque / nominal)
 
 
 @compiled
 def excess_inflow(
-    ship: Record, propeller_torque: float, shaft_speed: float, pitch_ratio: float, ship_speed: float
+    ship: Record, torque: float, omega: float, pitch: float, ship_speed: float
 ) -> float:
-    """Return the inflow [m/s], less that in calm water, that explains a torque without air.
+    """Return the inflow [m/s], less (1 - w) v_s in calm water, that explains Q_p-hat without air.
 
     It is positive if it reduces the torque, in both directions of rotation.
-
-    Args:
-        ship: PLANT record of the ship model.
-        propeller_torque: Q_p-hat [N m].
-        shaft_speed: omega [rad/s].
-        pitch_ratio: P/D [-].
-        ship_speed: v_s [m/s]; the inflow in calm water is (1 - w) v_s.
     """
     calm = wake_inflow(ship, ship_speed)
-    velocity, _ = velocity_from_torque(ship, propeller_torque, shaft_speed, pitch_ratio, calm)
-    return float(direction_of(ship, shaft_speed) * (velocity - calm))
+    velocity, _ = velocity_from_torque(ship, torque, omega, pitch, calm)
+    return float(direction_of(ship, omega) * (velocity - calm))
 
 
 @compiled
 def update_detection(detector: Record, detection: Record, ratio: float, inflow: float) -> None:
-    """Update the ventilation state nu by one sample; it changes in place.
+    """Update the ventilation state nu by one sample; the DETECTION record is zero before the first.
 
-    Args:
-        detector: DETECTOR record.
-        detection: DETECTION record, zero before the first sample.
-        ratio: beta_Q-hat [-].
-        inflow: from :func:`excess_inflow` [m/s].
+    ``ratio`` is beta_Q-hat [-], ``inflow`` that of :func:`excess_inflow` [m/s].
     """
     detection.torque_ratio = ratio
     detection.excess_inflow = inflow
@@ -422,7 +348,7 @@ def update_detection(detector: Record, detection: Record, ratio: float, inflow: 
     # The mean is over all samples at first, later over the memory. It uses twice the half of the
     # samples in which the torque increases.
     detection.samples += 1.0
-    share = max(1.0 / detection.samples, min(detector.dt / detector.sea_memory, 1.0))
+    share = max(1.0 / detection.samples, min(detector.dt / detector.sea_memory_s, 1.0))
     gained = min(inflow, 0.0)
     detection.sea_square += share * (2.0 * gained * gained - detection.sea_square)
     if ratio < detector.on_below and beyond:
@@ -431,6 +357,6 @@ def update_detection(detector: Record, detection: Record, ratio: float, inflow: 
         detection.ventilating = 1
     # The tolerance of half a step allows for rounding in the sum of dt.
     elif (ratio >= detector.off_above or not beyond) and (
-        detection.since >= detector.hold - 0.5 * detector.dt
+        detection.since >= detector.hold_s - 0.5 * detector.dt
     ):
         detection.ventilating = 0

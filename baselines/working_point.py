@@ -12,9 +12,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
+from ..observers.records import Floats
 from ..plant.cavitation import burrill_ratio
 from ..plant.drives.diesel import torque_limit
 from ..plant.fuel import fuel_rate
@@ -39,21 +39,15 @@ class WorkingPoint(NamedTuple):
 @compiled
 def working_point(
     plant: Record,
-    thrust: NDArray[np.float64],
-    torque: NDArray[np.float64],
+    thrust: Floats,
+    torque: Floats,
     advance_velocity: float,
     shaft_speed: float,
     pitch_ratio: float,
 ) -> WorkingPoint:
     """Return thrust, engine load, cost and margins of one working point.
 
-    Args:
-        plant: ship record.
-        thrust: matrix A of the open-water fit of KT.
-        torque: matrix B of the open-water fit of KQ.
-        advance_velocity: v_a [m/s].
-        shaft_speed: omega [rad/s].
-        pitch_ratio: P/D [-].
+    A and B are the matrices of the fits of KT and KQ; v_a is in m/s, omega in rad/s.
     """
     j = advance_ratio(advance_velocity, shaft_speed, plant.diameter)
     n = shaft_speed * REVOLUTIONS_PER_RADIAN
@@ -65,10 +59,8 @@ def working_point(
     cost = fuel_rate(plant, engine_speed, brake)
     if plant.fuel_base <= 0.0:
         cost = brake * engine_speed
-    kt_slope, kq_slope = (
-        surface_slope(thrust, j, pitch_ratio),
-        surface_slope(torque, j, pitch_ratio),
-    )
+    kt_slope = surface_slope(thrust, j, pitch_ratio)
+    kq_slope = surface_slope(torque, j, pitch_ratio)
     slope = REVOLUTIONS_PER_RADIAN * ((kt + j * kt_slope) * kq - j * kt * kq_slope) / (kq * kq)
     margin = burrill_ratio(
         plant, kt * force, advance_velocity, shaft_speed, pitch_ratio, plant.depth
@@ -81,9 +73,7 @@ def working_point(
 def slack(w: WorkingPoint, torque_share: float = TORQUE_MARGIN) -> float:
     """Return the margin to the nearest inequality constraint, negative if one is violated.
 
-    Args:
-        w: working point.
-        torque_share: highest allowed brake torque / torque limit [-].
+    ``torque_share`` is the highest allowed brake torque over the torque limit [-].
     """
     engine, cavitation = torque_share - w.torque_share, 1.0 - w.burrill
     return min(min(engine, cavitation), min(w.efficiency_slope, w.advance_room))
@@ -92,13 +82,13 @@ def slack(w: WorkingPoint, torque_share: float = TORQUE_MARGIN) -> float:
 @compiled
 def search(
     plant: Record,
-    thrust: NDArray[np.float64],
-    torque: NDArray[np.float64],
+    thrust: Floats,
+    torque: Floats,
     advance_velocity: float,
-    shaft_speeds: NDArray[np.float64],
-    pitch_ratios: NDArray[np.float64],
+    shaft_speeds: Floats,
+    pitch_ratios: Floats,
     torque_share: float,
-    found: NDArray[np.float64],
+    found: Floats,
 ) -> int:
     """Fill rows (omega, p, thrust, cost) with the allowed settings of a grid; return their number."""
     count = 0
@@ -113,9 +103,7 @@ def search(
 
 
 J_DEGREE, PITCH_DEGREE = 4, 5
-LARGEST_ERROR = 0.004
-"""Largest allowed error of the fit over the largest value of the curve [-], as in the paper."""
-
+LARGEST_ERROR = 0.004  # of the fit over the largest value of the curve [-], as in the paper
 _GRID = (41, 25)  # advance ratios and pitch ratios
 
 
@@ -128,14 +116,14 @@ def highest_j(pitch_ratio: float) -> float:
 class OpenWaterFit(NamedTuple):
     """Polynomial surfaces of a propeller; entry [i, j] multiplies J^i p^j."""
 
-    thrust: NDArray[np.float64]  # A, shape (5, 6)
-    torque: NDArray[np.float64]  # B, shape (5, 6)
+    thrust: Floats  # A, shape (5, 6)
+    torque: Floats  # B, shape (5, 6)
     thrust_error: float  # largest error over largest KT of the working range [-]
     torque_error: float  # largest error over largest KQ of the working range [-]
 
 
 @compiled
-def surface(matrix: NDArray[np.float64], advance_ratio: float, pitch_ratio: float) -> float:
+def surface(matrix: Floats, advance_ratio: float, pitch_ratio: float) -> float:
     """Return K(J; p) [-] of one matrix, by Horner's rule in J and p."""
     value = 0.0
     for i in range(matrix.shape[0] - 1, -1, -1):
@@ -147,7 +135,7 @@ def surface(matrix: NDArray[np.float64], advance_ratio: float, pitch_ratio: floa
 
 
 @compiled
-def surface_slope(matrix: NDArray[np.float64], advance_ratio: float, pitch_ratio: float) -> float:
+def surface_slope(matrix: Floats, advance_ratio: float, pitch_ratio: float) -> float:
     """Return dK / dJ [-] of one matrix."""
     value = 0.0
     for i in range(matrix.shape[0] - 1, 0, -1):
@@ -160,9 +148,6 @@ def surface_slope(matrix: NDArray[np.float64], advance_ratio: float, pitch_ratio
 
 def fit_open_water(ship: Ship) -> OpenWaterFit:
     """Fit the open-water surfaces by least squares, for 0 <= J up to zero thrust and all pitches.
-
-    Args:
-        ship: ship with a controllable-pitch propeller.
 
     Raises:
         ShipError: the pitch is fixed, or an error of the fit exceeds :data:`LARGEST_ERROR`.
@@ -191,11 +176,10 @@ def fit_open_water(ship: Ship) -> OpenWaterFit:
     j, p, kt, kq = np.array(rows).T
     basis = np.polynomial.polynomial.polyvander2d(j, p, [J_DEGREE, PITCH_DEGREE])
     shape = (J_DEGREE + 1, PITCH_DEGREE + 1)
-    matrices, errors = [], []
-    for curve in (kt, kq):
-        coefficients = np.linalg.lstsq(basis, curve, rcond=None)[0]
-        errors.append(float(np.max(np.abs(basis @ coefficients - curve)) / np.max(curve)))
-        matrices.append(np.ascontiguousarray(coefficients.reshape(shape)))
+    fits = [np.linalg.lstsq(basis, curve, rcond=None)[0] for curve in (kt, kq)]
+    matrices = [np.ascontiguousarray(fit.reshape(shape)) for fit in fits]
+    away = zip(fits, (kt, kq), strict=True)
+    errors = [float(np.max(np.abs(basis @ fit - curve)) / np.max(curve)) for fit, curve in away]
     if max(errors) > LARGEST_ERROR:
         raise ShipError(
             f"{ship.name}: the polynomial surfaces differ from the open-water curves by "

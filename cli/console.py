@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
 import threading
 import time
@@ -14,9 +15,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich import box
+from rich import progress as rich_progress
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from ..core.files import check_writable
@@ -35,32 +36,17 @@ EVERY_S = 10.0
 
 
 class Log:
-    """Log lines of work in progress.
-
-    Args:
-        label: name of the work.
-        say: function that writes a line.
-        clock: function that returns the time [s].
-    """
+    """Log lines of work in progress; ``clock`` returns the time [s]."""
 
     def __init__(
-        self,
-        label: str,
-        say: Callable[[str], None],
-        clock: Callable[[], float] = time.monotonic,
+        self, label: str, say: Callable[[str], None], clock: Callable[[], float] = time.monotonic
     ) -> None:
         self.label, self._say, self._clock = label, say, clock
         self._begun = self._last = clock()
         self._stage = ""
 
     def at(self, done: int, total: int, stage: str = "") -> None:
-        """Write the progress at every new stage, every :data:`EVERY_S` seconds, and at the end.
-
-        Args:
-            done: finished parts of the work or of its stage.
-            total: number of all parts.
-            stage: name of the stage.
-        """
+        """Write the progress at every new stage, every :data:`EVERY_S` seconds, and at the end."""
         now, new = self._clock(), stage != self._stage
         if not (new or done >= total or now - self._last >= EVERY_S):
             return
@@ -70,12 +56,7 @@ class Log:
 
 
 def announce_compilation(say: Callable[[str], None] | None = None, patience_s: float = 1.0) -> None:
-    """Print a line once if kernels are compiled because no compiled version is cached.
-
-    Args:
-        say: function that writes a line.
-        patience_s: longest compilation without a line [s].
-    """
+    """Print a line once if kernels are compiled for longer than ``patience_s`` [s]."""
     from numba.core import event
 
     class Once(event.Listener):  # type: ignore[misc]
@@ -87,9 +68,8 @@ def announce_compilation(say: Callable[[str], None] | None = None, patience_s: f
             self.begun = now if self.begun is None else self.begun
             if not self.announced and now - self.begun > patience_s:
                 self.announced = True
-                (say or _line)(
-                    "compiling the equations for this machine: once, about half a minute"
-                )
+                words = "compiling the equations for this machine: once, about half a minute"
+                (say or _line)(words)
 
         def on_end(self, event: object) -> None:
             pass
@@ -103,11 +83,7 @@ def _line(text: str) -> None:
 
 @contextmanager
 def announce_loading(patience_s: float = 0.4) -> Iterator[None]:
-    """Show that libraries are loading if that takes long; on a terminal until it is finished.
-
-    Args:
-        patience_s: longest loading time without a message [s].
-    """
+    """Show that libraries are loading if that takes longer than ``patience_s`` [s]."""
     shown = errors.status("loading") if errors.is_terminal else None
     late = threading.Timer(patience_s, shown.start if shown else lambda: _line("loading"))
     late.daemon = True
@@ -123,47 +99,32 @@ def announce_loading(patience_s: float = 0.4) -> Iterator[None]:
 
 @contextmanager
 def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
-    """Show the progress of work in equal parts; yield the function that counts one part.
-
-    Args:
-        label: name of the work.
-        total: number of parts.
-    """
+    """Show the progress of work in equal parts; yield the function that counts one part."""
     if not errors.is_terminal:
-        log, done = Log(label, _line), 0
+        log, done = Log(label, _line), itertools.count(1)
         _line(f"{label}, {total} in total")
-
-        def count() -> None:
-            nonlocal done
-            done += 1
-            log.at(done, total)
-
-        yield count
+        yield lambda: log.at(next(done), total)
         return
-    with Progress(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-        console=errors, transient=True,
-    ) as bar:  # fmt: skip
+    with _bar(rich_progress.MofNCompleteColumn()) as bar:
         task = bar.add_task(label, total=total)
         yield lambda: bar.advance(task)
 
 
+def _bar(*more: rich_progress.ProgressColumn) -> rich_progress.Progress:
+    label, bar = rich_progress.TextColumn("{task.description}"), rich_progress.BarColumn()
+    columns = (label, bar, *more, rich_progress.TimeElapsedColumn())
+    return rich_progress.Progress(*columns, console=errors, transient=True)
+
+
 @contextmanager
 def stages(label: str) -> Iterator[Callable[[str, int, int], None]]:
-    """Show the progress of work with stages; yield the function ``(stage, done, total)`` for it.
-
-    Args:
-        label: name of the work.
-    """
+    """Show the progress of work with stages; yield the function ``(stage, done, total)`` for it."""
     if not errors.is_terminal:
         log = Log(label, _line)
         _line(label)
         yield lambda stage, done, total: log.at(done, total, stage)
         return
-    with Progress(
-        TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(),
-        console=errors, transient=True,
-    ) as bar:  # fmt: skip
+    with _bar() as bar:
         task = bar.add_task(label, total=None)
 
         def tick(stage: str, done: int, total: int) -> None:
@@ -190,49 +151,38 @@ class Backend(StrEnum):
     DASK = "dask"
 
 
-BelievedShip = Annotated[
-    str,
-    typer.Option(
-        help="Ship to compare with: a preset (see `shaftline list`) or a ship file (.toml).",
-        show_default=False,
-    ),
-]
+PresetShip = Annotated[str, typer.Option(
+    help="Ship: a preset (see `shaftline list`) or a .toml file.")]  # fmt: skip
+"""``--ship`` of the commands that simulate or analyse one ship."""
+
+Jobs = Annotated[int | None, typer.Option(
+    min=1, help="Processes on this machine.", show_default="one a core")]  # fmt: skip
+Scheduler = Annotated[str | None, typer.Option(
+    help="Address of the dask cluster, such as tcp://10.0.0.1:8786.")]  # fmt: skip
+
+BelievedShip = Annotated[str, typer.Option(
+    help="Ship to compare with: a preset (see `shaftline list`) or a ship file (.toml).",
+    show_default=False)]  # fmt: skip
 """``--ship`` of the commands that compare a ship with recordings."""
 
-ColumnMap = Annotated[
-    Path | None,
-    typer.Option(
-        help="Column map MAP.toml for recordings with other names, units or signs.",
-        show_default=False,
-    ),
-]
+ColumnMap = Annotated[Path | None, typer.Option(
+    help="Column map MAP.toml for recordings with other names, units or signs.",
+    show_default=False)]  # fmt: skip
 """``--columns`` of these commands."""
 
-SteadyRows = Annotated[
-    bool,
-    typer.Option(
-        "--steady",
-        help="Treat each row as an equilibrium of the ship at the inputs of that row.",
-        show_default="if rows are slower than the ship",
-    ),
-]
+SteadyRows = Annotated[bool, typer.Option(
+    "--steady", help="Treat each row as an equilibrium of the ship at the inputs of that row.",
+    show_default="if rows are slower than the ship")]  # fmt: skip
 """``--steady`` of these commands."""
 
-OwnHeight = Annotated[
-    float | None,
-    typer.Option("--hs", help="Significant wave height [m] of a user-defined sea; needs --tp."),
-]
-OwnPeriod = Annotated[
-    float | None, typer.Option("--tp", help="Peak period [s] of a user-defined sea; needs --hs.")
-]
+OwnHeight = Annotated[float | None, typer.Option(
+    "--hs", help="Significant wave height [m] of a user-defined sea; needs --tp.")]  # fmt: skip
+OwnPeriod = Annotated[float | None, typer.Option(
+    "--tp", help="Peak period [s] of a user-defined sea; needs --hs.")]  # fmt: skip
 
 
 def read_own_sea(height: float | None, period: float | None) -> list[str]:
-    """Return ``--hs`` and ``--tp`` in the form of ``--sea``; an empty list if neither is given.
-
-    Raises:
-        ValueError: only one of them is given.
-    """
+    """Return ``--hs`` and ``--tp`` in the form of ``--sea``; an empty list if neither is given."""
     if (height is None) != (period is None):
         raise ValueError(
             "--hs and --tp must be given together, such as --hs 3.2 --tp 9.1 (in m and s)"
@@ -247,16 +197,8 @@ def check_folder(out: Path, ship: str = "", result: str = "") -> None:
         out: folder.
         ship: ship that the command reads, where the command also writes one.
         result: file name of the written ship.
-
-    Raises:
-        ValueError: the message names the folder or the file.
     """
-    if (
-        ship
-        and result
-        and Path(ship).is_file()
-        and Path(ship).resolve() == (out / result).resolve()
-    ):
+    if ship and Path(ship).is_file() and Path(ship).resolve() == (out / result).resolve():
         raise ValueError(
             f"--out {out}: the result would replace --ship {ship}; give another folder"
         )
@@ -266,11 +208,7 @@ def check_folder(out: Path, ship: str = "", result: str = "") -> None:
 
 
 def check_pitch(ship: Ship, pitch: float | None) -> None:
-    """Refuse a pitch ratio that the propeller does not reach.
-
-    Raises:
-        ValueError: the message gives the range of the ship.
-    """
+    """Refuse a pitch ratio that the propeller does not reach."""
     low, high = ship.propeller.pitch_ratio_min, ship.propeller.pitch_ratio_max
     if pitch is not None and not low <= pitch <= high:
         raise ValueError(
@@ -298,13 +236,6 @@ def _each_once() -> Callable[..., None]:
     return print_warning
 
 
-def _cut(line: str) -> str:
-    """Return a line without its middle part where it is very long."""
-    if len(line) <= 2 * _LONGEST:
-        return line
-    return f"{line[:_LONGEST]} ... {line[-_LONGEST:]}"
-
-
 @contextmanager
 def report_errors() -> Iterator[None]:
     """Turn invalid input and files that cannot be written into one message and exit code 2.
@@ -320,7 +251,10 @@ def report_errors() -> Iterator[None]:
         text = str(error) or "not enough memory"
         if isinstance(error, OSError) and error.strerror and error.filename is not None:
             text = f"{error.filename}: {error.strerror.lower()}"
-        said = "\n".join(map(_cut, text.splitlines()))
+        said = "\n".join(
+            line if len(line) <= 2 * _LONGEST else f"{line[:_LONGEST]} ... {line[-_LONGEST:]}"
+            for line in text.splitlines()
+        )
         errors.print(f"[bold red]error:[/] {escape(said)}", highlight=False, soft_wrap=True)
         raise typer.Exit(2) from None
     except KeyboardInterrupt:
@@ -330,12 +264,7 @@ def report_errors() -> Iterator[None]:
 
 @contextmanager
 def require_extra(extra: str, what: str) -> Iterator[None]:
-    """Turn a missing optional library into a message that says how to install it.
-
-    Args:
-        extra: name of the extra of the package.
-        what: feature that needs it, for the message.
-    """
+    """Turn a missing library of an extra into a message that says how to install it."""
     try:
         yield
     except ModuleNotFoundError as error:
@@ -345,10 +274,10 @@ def require_extra(extra: str, what: str) -> Iterator[None]:
 
 
 def print_table(frame: pd.DataFrame, title: str, digits: int = 2, width: int | None = None) -> None:
-    """Print a table with rounded numbers, a dash for a missing value, and whole words if possible.
+    """Print a table with a title and whole words if possible.
 
     Args:
-        frame: table.
+        frame: table; a dash is printed for a missing value.
         title: title above the table.
         digits: digits after the decimal point.
         width: largest width in columns; that of the console by default.

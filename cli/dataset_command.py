@@ -8,33 +8,26 @@ from typing import Annotated
 
 import typer
 
-from ..envs import get_task, tasks
+from ..envs import get_task
 from .console import report_errors, require_extra, say, stages
 from .machine import add_results
+from .train_command import TaskName
 
-_QUALITIES = "expert, medium, random"
+_QUALITIES = ["expert", "medium", "random"]
 
 
 def dataset(
-    task: Annotated[str, typer.Option(help=f"Task: {', '.join(tasks(None))}.")] = "rough-sea",
-    quality: Annotated[
-        list[str],
-        typer.Option(help=f"Quality of the data: {_QUALITIES}; repeatable."),
-    ] = ["expert", "medium", "random"],  # noqa: B006
-    episodes: Annotated[
-        int, typer.Option(min=1, max=100_000, help="Number of episodes of each data set.")
-    ] = 100,
-    policy: Annotated[
-        Path | None,
-        typer.Option(
-            help="Policy file whose actions are recorded.", show_default="that of the package"
-        ),
-    ] = None,
-    seed: Annotated[
-        int, typer.Option(min=0, help="Seed of the episodes; equal seeds record the same episodes.")
-    ] = 0,
+    task: TaskName = "rough-sea",
+    quality: Annotated[list[str], typer.Option(
+        help=f"Quality of the data: {', '.join(_QUALITIES)}; repeatable.")] = _QUALITIES,
+    episodes: Annotated[int, typer.Option(
+        min=1, max=100_000, help="Number of episodes of each data set.")] = 100,
+    policy: Annotated[Path | None, typer.Option(
+        help="Policy file whose actions are recorded.", show_default="that of the package")] = None,
+    seed: Annotated[int, typer.Option(
+        min=0, help="Seed of the episodes; equal seeds record the same episodes.")] = 0,
     out: Annotated[Path, typer.Option(help="Folder of the data sets.")] = Path("out/datasets"),
-) -> None:
+) -> None:  # fmt: skip
     """Record episodes of a task for offline learning, as data sets of Minari.
 
     The quality `expert` records the actions of a trained policy, `medium` the same with half of the

@@ -15,115 +15,55 @@ from ..mismatch.example import concealed, copy_example
 from ..mismatch.folder import find_recordings
 from ..mismatch.report.index import INDEX_PAGE, INDEX_TABLE, PAGE, REPORT
 from ..plant import Ship, load_ship
-from .console import (
-    Backend,
-    BelievedShip,
-    ColumnMap,
-    SteadyRows,
-    check_folder,
-    progress,
-    report_errors,
-    say,
-    stages,
-)
+from . import console
+from .console import check_folder, progress, report_errors, say, stages
 
 
 def diagnose(
-    recordings: Annotated[
-        list[Path] | None,
-        typer.Argument(
-            help="Recordings (CSV or Parquet) of one condition of the ship, diagnosed together; "
-            "or one FOLDER, whose recordings are diagnosed one by one.",
-            metavar="RECORDING... | FOLDER",
-            show_default=False,
-        ),
-    ] = None,
-    ship: BelievedShip = "",
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Folder for the report and the corrected ship.", show_default=False),
-    ] = None,
-    columns: ColumnMap = None,
-    example: Annotated[
-        bool,
-        typer.Option(
-            "--example",
-            help="Diagnose the example recording of the package; its files are copied to --out "
-            "(default: out/example).",
-        ),
-    ] = False,
-    hold_out: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="Held-out recording, used for evaluation only; repeatable.",
-            show_default="a quarter of the longest recording; of three or more, whole ones",
-        ),
-    ] = None,
-    exclude: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Id of an effect to exclude (see `shaftline list --effects`); repeatable.",
-            show_default=False,
-        ),
-    ] = None,
-    effects: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="File MY.toml with user-defined effects, added to the catalogue; repeatable.",
-            show_default=False,
-        ),
-    ] = None,
-    tolerance: Annotated[
-        float,
-        typer.Option(
-            min=0.0,
-            help="Factor on the tolerances of the ship's parameters, within which a difference does not "
-            "count as physics; 2 for a ship file with guesses.",
-        ),
-    ] = 1.0,
-    calibrate: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="Recording of a reference period without missing physics, from which parameters are "
-            "estimated first; repeatable.",
-            show_default=False,
-        ),
-    ] = None,
-    free: Annotated[
-        str,
-        typer.Option(
-            help="Keys of the ship file, separated by commas. With --calibrate: parameters to estimate "
-            "from the reference period; without: parameters that are uncertain by 30 % and are "
-            "estimated together with the effects.",
-            metavar="KEY,KEY",
-            show_default="with --calibrate: the identifiable ones; without: none",
-        ),
-    ] = "",
-    quick: Annotated[
-        bool,
-        typer.Option(
-            "--quick",
-            help="Leave out the second search, which estimates effects and parameters of the ship file "
-            "together if the first one leaves a residual; it takes up to two minutes.",
-        ),
-    ] = False,
-    steady: SteadyRows = False,
-    jobs: Annotated[
-        int | None,
-        typer.Option(
-            min=1, help="FOLDER only: processes on this machine.", show_default="one a core"
-        ),
-    ] = None,
-    backend: Annotated[
-        Backend, typer.Option(help="FOLDER only: processes of this machine, or a dask cluster.")
-    ] = Backend.PROCESSES,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            help="Address of the dask cluster, such as tcp://10.0.0.1:8786.", show_default=False
-        ),
-    ] = None,
-) -> None:
+    recordings: Annotated[list[Path] | None, typer.Argument(
+        help="Recordings (CSV or Parquet) of one condition of the ship, diagnosed together; "
+        "or one FOLDER, whose recordings are diagnosed one by one.",
+        metavar="RECORDING... | FOLDER", show_default=False)] = None,
+    ship: console.BelievedShip = "",
+    out: Annotated[Path | None, typer.Option(
+        help="Folder for the report and the corrected ship.", show_default=False)] = None,
+    columns: console.ColumnMap = None,
+    example: Annotated[bool, typer.Option(
+        "--example",
+        help="Diagnose the example recording of the package; its files are copied to --out "
+        "(default: out/example).")] = False,
+    hold_out: Annotated[list[Path] | None, typer.Option(
+        help="Held-out recording, used for evaluation only; repeatable.",
+        show_default="a quarter of the longest recording; of three or more, whole ones")] = None,
+    exclude: Annotated[list[str] | None, typer.Option(
+        help="Id of an effect to exclude (see `shaftline list --effects`); repeatable.",
+        show_default=False)] = None,
+    effects: Annotated[list[Path] | None, typer.Option(
+        help="File MY.toml with user-defined effects, added to the catalogue; repeatable.",
+        show_default=False)] = None,
+    tolerance: Annotated[float, typer.Option(
+        min=0.0,
+        help="Factor on the tolerances of the ship's parameters, within which a difference does not "
+        "count as physics; 2 for a ship file with guesses.")] = 1.0,
+    calibrate: Annotated[list[Path] | None, typer.Option(
+        help="Recording of a reference period without missing physics, from which parameters are "
+        "estimated first; repeatable.", show_default=False)] = None,
+    free: Annotated[str, typer.Option(
+        help="Keys of the ship file, separated by commas. With --calibrate: parameters to estimate "
+        "from the reference period; without: parameters that are uncertain by 30 % and are "
+        "estimated together with the effects.", metavar="KEY,KEY",
+        show_default="with --calibrate: the identifiable ones; without: none")] = "",
+    quick: Annotated[bool, typer.Option(
+        "--quick",
+        help="Leave out the second search, which estimates effects and parameters of the ship file "
+        "together if the first one leaves a residual; it takes up to two minutes.")] = False,
+    steady: console.SteadyRows = False,
+    jobs: Annotated[int | None, typer.Option(
+        min=1, help="FOLDER only: processes on this machine.", show_default="one a core")] = None,
+    backend: Annotated[console.Backend, typer.Option(
+        help="FOLDER only: processes of this machine, or a dask cluster.")] = console.Backend.PROCESSES,
+    scheduler: console.Scheduler = None,
+) -> None:  # fmt: skip
     """Diagnose why a recording and the simulation differ, and identify missing physics.
 
     The commands of the recording drive the simulated ship. The differences between measurement and
@@ -239,7 +179,7 @@ def diagnose(
             check_backend(jobs, backend, scheduler)
             _folder(folders[0], vessel, out, options, jobs, backend, scheduler)
             return
-        if jobs is not None or scheduler is not None or backend is not Backend.PROCESSES:
+        if jobs is not None or scheduler is not None or backend is not console.Backend.PROCESSES:
             raise ValueError(
                 "--jobs, --backend and --scheduler are for a FOLDER of recordings only"
             )
@@ -256,14 +196,9 @@ def diagnose(
 
 
 def _folder(
-    folder: Path,
-    ship: Ship,
-    out: Path,
-    options: Options,
-    jobs: int | None,
-    backend: str,
+    folder: Path, ship: Ship, out: Path, options: Options, jobs: int | None, backend: str,
     scheduler: str | None,
-) -> None:
+) -> None:  # fmt: skip
     with progress("diagnosing", len(find_recordings(folder))) as tick:
         index = mismatch.diagnose_folder(
             folder, ship, out, options, jobs=jobs, backend=backend, scheduler=scheduler, tick=tick

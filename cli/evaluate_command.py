@@ -8,6 +8,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from numpy.typing import NDArray
 
 from .. import display
 from ..agents.evaluation.episodes import Setting, known_controllers, label, load_controller
@@ -17,24 +18,15 @@ from ..agents.evaluation.scores import bounds
 from ..agents.evaluation.sweeps import evaluate as evaluate_all
 from ..baselines.controller import Predictor
 from ..core.sweep import check_backend
-from ..envs import CLASSIC, DEFAULTS, get_task, tasks
-from ..envs.settings import EPISODE_S, LONGEST_S
+from ..envs import DEFAULTS, get_task
+from ..envs.settings import EPISODE_S
 from ..envs.steering import environment_classes
 from ..observers import get_observer, observer_names
 from ..plant import get_sea
-from .console import (
-    MOST_SEEDS,
-    Backend,
-    OwnHeight,
-    OwnPeriod,
-    check_folder,
-    print_table,
-    progress,
-    read_own_sea,
-    report_errors,
-    say,
-)
+from . import console
+from .console import check_folder, print_table, progress, report_errors, say
 from .machine import add_results
+from .train_command import EpisodeLength, TaskName, TaskShip
 
 _INTERVAL = DEFAULTS.control_interval_s
 _SHOWN = (
@@ -45,55 +37,29 @@ _SHOWN = (
 
 
 def evaluate(
-    controller: Annotated[
-        list[str],
-        typer.Option(
-            help=f"NAME, NAME:option=number or policy:FILE; repeatable. {known_controllers()}."
-        ),
-    ],
-    task: Annotated[str, typer.Option(help=f"Task: {', '.join(tasks(None))}.")] = "transit",
-    sea: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Sea: a preset; hs=3.2,tp=9.1 with optional gamma= and heading=; or `task` for the "
-            "seas of the task; repeatable.",
-            show_default="task",
-        ),
-    ] = None,
-    hs: OwnHeight = None,
-    tp: OwnPeriod = None,
-    observer: Annotated[list[str], typer.Option(help="Observer, or `all`; repeatable.")] = [  # noqa: B006
-        DEFAULTS.observer
-    ],
-    ship: Annotated[
-        str | None,
-        typer.Option(help="Ship: a preset or a .toml file.", show_default="that of the task"),
-    ] = None,
-    seeds: Annotated[
-        int,
-        typer.Option(
-            min=1, max=MOST_SEEDS, help="Number of episodes; all controllers get the same seas."
-        ),
-    ] = 20,
-    episode_s: Annotated[
-        float, typer.Option(min=1.0, max=LONGEST_S, help="Length of an episode [s].")
-    ] = EPISODE_S,
-    out: Annotated[Path, typer.Option(help="Folder for tables and figures.")] = Path(
-        "out/evaluate"
-    ),
+    controller: Annotated[list[str], typer.Option(
+        help=f"NAME, NAME:option=number or policy:FILE; repeatable. {known_controllers()}.")],
+    task: TaskName = "transit",
+    sea: Annotated[list[str] | None, typer.Option(
+        help="Sea: a preset; hs=3.2,tp=9.1 with optional gamma= and heading=; or `task` for the "
+        "seas of the task; repeatable.", show_default="task")] = None,
+    hs: console.OwnHeight = None,
+    tp: console.OwnPeriod = None,
+    observer: Annotated[list[str], typer.Option(
+        help="Observer, or `all`; repeatable.")] = [DEFAULTS.observer],  # noqa: B006
+    ship: TaskShip = None,
+    seeds: Annotated[int, typer.Option(
+        min=1, max=console.MOST_SEEDS,
+        help="Number of episodes; all controllers get the same seas.")] = 20,
+    episode_s: EpisodeLength = EPISODE_S,
+    out: Annotated[Path, typer.Option(
+        help="Folder for tables and figures.")] = Path("out/evaluate"),
     render: Annotated[bool, typer.Option(help="Also save a dashboard of each controller.")] = False,
-    jobs: Annotated[
-        int | None,
-        typer.Option(min=1, help="Processes on this machine.", show_default="one a core"),
-    ] = None,
-    backend: Annotated[
-        Backend, typer.Option(help="Where cells are simulated: this machine or a dask cluster.")
-    ] = Backend.PROCESSES,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(help="Address of the dask cluster, such as tcp://10.0.0.1:8786."),
-    ] = None,
-) -> None:
+    jobs: console.Jobs = None,
+    backend: Annotated[console.Backend, typer.Option(
+        help="Where cells are simulated: this machine or a dask cluster.")] = console.Backend.PROCESSES,
+    scheduler: console.Scheduler = None,
+) -> None:  # fmt: skip
     """Evaluate controllers in the same seas and compare them.
 
     Each combination of controller, sea and observer is a cell. Cells that the output folder already
@@ -124,14 +90,11 @@ def evaluate(
             observer = observer_names()
         for name in observer:
             get_observer(name)
-        seas = [*(sea or ()), *read_own_sea(hs, tp)] or ["task"]
+        seas = [*(sea or ()), *console.read_own_sea(hs, tp)] or ["task"]
         for name in seas:
             if name != "task":
                 get_sea(name)
-        made: dict[str, Predictor] = {}
-        for text in controller:
-            commander = load_controller(text, vessel, _INTERVAL, model)
-            made[label(text)] = commander
+        made = {label(text): load_controller(text, vessel, _INTERVAL, model) for text in controller}
         grid = itertools.product(*map(dict.fromkeys, (made, seas, observer)))
         cells = [Setting(c, task, s, o, seeds, ship, episode_s) for c, s, o in grid]
 
@@ -159,27 +122,20 @@ def evaluate(
         say("\n".join(f"{name}: {KPIS[name]}" for name in figures))
         add_results({"cells": found.table.to_dict(orient="records")})
         found.save(out, title, _SHOWN)
-        lasts = {cell.controller: i for i, cell in enumerate(cells)}
-        traces = {name: found.traces[lasts[name]] for name in made}
+        lasts = {cell.controller: (cell, i) for i, cell in enumerate(cells)}
+        traces = {name: found.traces[i] for name, (_, i) in lasts.items()}
         picture = out / "comparison.png"
         display.figures.save(display.figures.controllers_figure(traces, vessel), picture)
-        if render:
-            for cell in (cells[lasts[name]] for name in made):
-                name = "".join(c if c.isalnum() or c == "-" else "-" for c in cell.controller)
-                frame = _last_frame(cell, make(cell))
-                display.figures.save_frame(frame, out / f"dashboard-{name}.png")
+        for cell, _ in lasts.values() if render else ():
+            name = "".join(c if c.isalnum() or c == "-" else "-" for c in cell.controller)
+            frame = _last_frame(cell, make(cell))
+            display.figures.save_frame(frame, out / f"dashboard-{name}.png")
         say(f"table, cells and {picture.name}: {out}")
 
 
-def _last_frame(setting: Setting, controller: Predictor) -> np.ndarray:  # type: ignore[type-arg]
+def _last_frame(setting: Setting, controller: Predictor) -> NDArray[np.uint8]:
     env = environment_classes(get_task(setting.task).steered).single(
-        ship=setting.vessel,
-        task=setting.task,
-        sea=None if setting.sea == "task" else setting.sea,
-        observer=setting.observer,
-        max_episode_steps=max(round(setting.episode_s / _INTERVAL), 1),
-        render_mode="rgb_array",
-        **getattr(controller, "interface", CLASSIC),
+        **setting.environment(controller), render_mode="rgb_array"
     )
     observation, _ = env.reset(seed=0)
     state, start, done = None, True, False

@@ -12,55 +12,30 @@ from ..mismatch.identification.free_parameters import AUTO, doubtful
 from ..mismatch.identify import DEFAULT, METHODS, SHIP
 from ..mismatch.report.index import PAGE, REPORT
 from ..plant import load_ship
-from .console import (
-    BelievedShip,
-    ColumnMap,
-    check_folder,
-    report_errors,
-    say,
-    stages,
-)
+from .console import BelievedShip, ColumnMap, check_folder, report_errors, say, stages
 from .machine import add_results
 
 
 def identify(
-    recordings: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Recordings (CSV or Parquet) of one condition of the ship, fitted together; with "
-            "`--method steady` also tables without time_s, one row for each steady state.",
-            metavar="RECORDING...",
-            show_default=False,
-        ),
-    ],
+    recordings: Annotated[list[Path], typer.Argument(
+        help="Recordings (CSV or Parquet) of one condition of the ship, fitted together; with "
+        "`--method steady` also tables without time_s, one row for each steady state.",
+        metavar="RECORDING...", show_default=False)],
     ship: BelievedShip,
-    out: Annotated[
-        Path,
-        typer.Option(help="Folder for the report and the identified ship.", show_default=False),
-    ],
-    free: Annotated[
-        str,
-        typer.Option(
-            help="Keys of the ship file to estimate, separated by commas; or `auto`: the parameters "
-            "that are identifiable from the recordings, or usual for the method."
-        ),
-    ] = AUTO,
-    method: Annotated[
-        str, typer.Option(help=f"Method of estimation: {', '.join(METHODS)}.", metavar="METHOD")
-    ] = DEFAULT,
+    out: Annotated[Path, typer.Option(
+        help="Folder for the report and the identified ship.", show_default=False)],
+    free: Annotated[str, typer.Option(
+        help="Keys of the ship file to estimate, separated by commas; or `auto`: the parameters "
+        "that are identifiable from the recordings, or usual for the method.")] = AUTO,
+    method: Annotated[str, typer.Option(
+        help=f"Method of estimation: {', '.join(METHODS)}.", metavar="METHOD")] = DEFAULT,
     columns: ColumnMap = None,
-    hold_out: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="Held-out recording, used for evaluation only; repeatable.",
-            show_default="a quarter of the longest recording, if the method allows it",
-        ),
-    ] = None,
-    tolerance: Annotated[
-        float,
-        typer.Option(min=0.0, help="Factor on the tolerances of the fixed parameters."),
-    ] = 1.0,
-) -> None:
+    hold_out: Annotated[list[Path] | None, typer.Option(
+        help="Held-out recording, used for evaluation only; repeatable.",
+        show_default="a quarter of the longest recording, if the method allows it")] = None,
+    tolerance: Annotated[float, typer.Option(
+        min=0.0, help="Factor on the tolerances of the fixed parameters.")] = 1.0,
+) -> None:  # fmt: skip
     """Identify parameters of a ship from recordings, with their uncertainties.
 
     The parameters of a ship file are rarely exact to half a per cent, and a biased parameter looks like

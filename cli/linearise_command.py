@@ -8,43 +8,31 @@ from typing import Annotated
 import numpy as np
 import pandas as pd
 import typer
-from numpy.typing import NDArray
 
 from .. import display
 from ..core.files import write_atomically, write_json
 from ..core.lazy import control
 from ..plant import Equilibrium, Ship, approach, equilibrium, linearise, load_ship
-from .console import check_folder, check_pitch, print_table, report_errors, say
+from .console import PresetShip, check_folder, check_pitch, print_table, report_errors, say
+from .machine import to_json
 
 _USUAL = "pitch_ratio,shaft_speed,ship_speed,shaft_torque"
 
 
 def linearise_ship(
-    ship: Annotated[
-        str, typer.Option(help="Ship: a preset (see `shaftline list`) or a .toml file.")
-    ] = "frigate",
-    speed: Annotated[
-        float | None,
-        typer.Option(help="Ship speed [m/s] of the working point.", show_default=False),
-    ] = None,
-    drive: Annotated[
-        float | None,
-        typer.Option(
-            help="Command of the prime mover in its unit, in place of --speed (fuel rack [mm], voltage "
-            "[V], torque [N m], shaft speed [rad/s]).",
-            show_default=False,
-        ),
-    ] = None,
-    pitch: Annotated[
-        float | None, typer.Option(help="P/D [-].", show_default="highest P/D of the ship")
-    ] = None,
-    output: Annotated[
-        str, typer.Option(help="Outputs, separated by commas: states or quantities such as thrust.")
-    ] = _USUAL,
-    out: Annotated[Path, typer.Option(help="Folder for the model and the figure.")] = Path(
-        "out/linear"
-    ),
-) -> None:
+    ship: PresetShip = "frigate",
+    speed: Annotated[float | None, typer.Option(
+        help="Ship speed [m/s] of the working point.", show_default=False)] = None,
+    drive: Annotated[float | None, typer.Option(
+        help="Command of the prime mover in its unit, in place of --speed (fuel rack [mm], voltage "
+        "[V], torque [N m], shaft speed [rad/s]).", show_default=False)] = None,
+    pitch: Annotated[float | None, typer.Option(
+        help="P/D [-].", show_default="highest P/D of the ship")] = None,
+    output: Annotated[str, typer.Option(
+        help="Outputs, separated by commas: states or quantities such as thrust.")] = _USUAL,
+    out: Annotated[Path, typer.Option(
+        help="Folder for the model and the figure.")] = Path("out/linear"),
+) -> None:  # fmt: skip
     """Linearise a ship about a working point: state-space model, poles, zeros, Bode plot and margins.
 
     The model is x' = A x + B u, y = C x + D u in deviations from a steady state, in SI units. Its
@@ -76,11 +64,9 @@ def linearise_ship(
         print_table(display.linear.modes(system), "modes", 4)
         channels = display.linear.channels(system, vessel)
         print_table(channels, "channels", 4)
-        display.figures.save(
-            display.linear.frequency_response(system, vessel, about), out / "bode.png"
-        )
-        matrices = {name: np.asarray(getattr(system, name)) for name in "ABCD"}
-        _write(out, about, system, matrices, channels)
+        picture = display.linear.frequency_response(system, vessel, about)
+        display.figures.save(picture, out / "bode.png")
+        _write(out, about, system, channels)
         say(f"\nModel: {out / 'linear.json'}, {out / 'linear.mat'}   picture: {out / 'bode.png'}")
 
 
@@ -108,23 +94,17 @@ def _about(ship: Ship, point: Equilibrium) -> str:
     )
 
 
-def _write(
-    out: Path, about: str, system: control.StateSpace, matrices: dict[str, NDArray[np.float64]],
-    channels: pd.DataFrame,
-) -> None:  # fmt: skip
+def _write(out: Path, about: str, system: control.StateSpace, channels: pd.DataFrame) -> None:
     from scipy.io import savemat
 
+    matrices = {name: np.asarray(getattr(system, name)) for name in "ABCD"}
     names = {
-        "states": list(system.state_labels),
-        "inputs": list(system.input_labels),
-        "outputs": list(system.output_labels),
+        f"{kind}s": list(getattr(system, f"{kind}_labels")) for kind in ("state", "input", "output")
     }
     poles = [{"real": p.real, "imag": p.imag} for p in map(complex, system.poles())]
     plain = {key: value.tolist() for key, value in matrices.items()}
-    finite = channels.replace([np.inf, -np.inf], np.nan).astype(object)
-    rows = finite.where(finite.notna(), None).to_dict("records")
-    write_json(
-        out / "linear.json", {"about": about} | names | plain | {"poles": poles, "channels": rows}
-    )
+    rows = to_json(channels.to_dict("records"))
+    found = {"about": about} | names | plain | {"poles": poles, "channels": rows}
+    write_json(out / "linear.json", found)
     both = matrices | {key: np.array(value, dtype=object) for key, value in names.items()}
     write_atomically(out / "linear.mat", lambda file: savemat(str(file), both, appendmat=False))

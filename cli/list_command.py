@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import pandas as pd
 import typer
@@ -42,39 +43,24 @@ PRINTED = {
 
 def registries() -> dict[str, pd.DataFrame]:
     """Return the tables of all registered names, by heading."""
+    seas = [("calm", 0.0, math.nan, math.nan)]
+    seas += [(name, sea.hs_m, sea.tp_s, sea.gamma) for name, sea in presets().items()]
+    signals = [
+        (s.column, s.symbol, s.unit, s.source, s.description) for s in (*SIGNALS, *CONTROL_SIGNALS)
+    ]
     return {
-        "Ships": pd.DataFrame(
-            [(name, load_ship(name).description) for name in ship_names()],
-            columns=["ship", "description"],
-        ),
-        "Seas": pd.DataFrame(
-            [("calm", 0.0, float("nan"), float("nan"))]
-            + [(n, s.hs_m, s.tp_s, s.gamma) for n, s in presets().items()],
-            columns=["sea", "Hs [m]", "Tp [s]", "gamma [-]"],
-        ),
+        "Ships": _descriptions("ship", {name: load_ship(name) for name in ship_names()}),
+        "Seas": pd.DataFrame(seas, columns=["sea", "Hs [m]", "Tp [s]", "gamma [-]"]),
         "Observers": observers(),
         "Controllers": controllers(),
         "Helmsmen": _controllers(helmsman_names(), "helmsman"),
-        "Tasks": pd.DataFrame(
-            [(name, task.description) for name, task in tasks(None).items()],
-            columns=["task", "description"],
-        ),
-        "Reward terms": pd.DataFrame(
-            [(name, field.description) for name, field in Goals.model_fields.items()],
-            columns=["term", "description"],
-        ),
+        "Tasks": _descriptions("task", tasks(None)),
+        "Reward terms": _descriptions("term", Goals.model_fields),
         "Goals of the tasks": _goals(),
-        "Load cases": pd.DataFrame(
-            [(case.name, case.description) for case in CASES.values()],
-            columns=["load case", "description"],
-        ),
+        "Load cases": _descriptions("load case", {case.name: case for case in CASES.values()}),
         "Effects": effects(),
         "Signals": pd.DataFrame(
-            [
-                (s.column, s.symbol, s.unit, s.source, s.description)
-                for s in (*SIGNALS, *CONTROL_SIGNALS)
-            ],
-            columns=["column", "symbol", "unit", "source", "description"],
+            signals, columns=["column", "symbol", "unit", "source", "description"]
         ),
         "Keys of a ship file": pd.DataFrame(
             ship_keys(), columns=["key", "unit", "allowed", "default", "description"]
@@ -82,14 +68,18 @@ def registries() -> dict[str, pd.DataFrame]:
     }
 
 
+def _descriptions(kind: str, things: Mapping[str, Any]) -> pd.DataFrame:
+    rows = [(name, thing.description) for name, thing in things.items()]
+    return pd.DataFrame(rows, columns=[kind, "description"])
+
+
 def observers() -> pd.DataFrame:
     """Return the table of observers, with a row for each tuning."""
     rows = []
     for name in observer_names():
         observer = get_observer(name)
-        words = (type(observer).__doc__ or "").split("\n\n")[0].replace("\n", " ")
+        words = " ".join((type(observer).__doc__ or "").split("\n\n")[0].split()).rstrip(".")
         tuning = name.removeprefix(f"{type(observer).name}-")
-        words = " ".join(words.split()).rstrip(".")
         words += f" (tuning {tuning})" if tuning != name else ""
         rows.append((name, words, observer.source))
     return pd.DataFrame(rows, columns=["observer", "description", "source"])
@@ -115,14 +105,7 @@ def _controllers(names: list[str], kind: str) -> pd.DataFrame:
 
 
 def tuning_ranges(name: str) -> pd.DataFrame:
-    """Return the options of a controller or helmsman that `shaftline tune` can vary.
-
-    Args:
-        name: name of the controller or helmsman.
-
-    Raises:
-        ControllerError: unknown name; the message lists the known names.
-    """
+    """Return the options of a controller or helmsman that `shaftline tune` can vary."""
     rows = [(key, f"{low:g}", f"{high:g}") for key, (low, high) in describe(name).tunable.items()]
     return pd.DataFrame(rows, columns=["option", "lowest", "highest"])
 
@@ -141,14 +124,12 @@ def _goals() -> pd.DataFrame:
 
 def effects() -> pd.DataFrame:
     """Return the table of the effects that `shaftline diagnose` can identify."""
-    keys = {
-        (label.split()[0]): (unit, allowed) for label, unit, allowed, *_ in reversed(ship_keys())
-    }
+    keys = {label.split()[0]: about for label, *about in reversed(ship_keys())}
     rows = []
     for effect in catalogue():
         parameters = []
         for parameter in effect.parameters:
-            name, (unit, allowed) = parameter.key, keys.get(parameter.key, ("", ""))
+            name, (unit, allowed, *_) = parameter.key, keys.get(parameter.key, ["", ""])
             if parameter.term is not None:  # A parameter of a term is not a key of every ship file.
                 own = parameter.term.parameters[parameter.name]
                 name, unit, allowed = parameter.name, own.unit, _range(own)
@@ -169,33 +150,22 @@ def effects() -> pd.DataFrame:
 
 def _range(number: TermParameter) -> str:
     """Return the allowed range of a term's parameter, without bounds that only keep it finite."""
-    bounds = []
-    if number.low > NO_BOUND[0]:
-        bounds.append(f">= {number.low:g}")
-    if number.high < NO_BOUND[1]:
-        bounds.append(f"<= {number.high:g}")
-    return " and ".join(bounds)
+    low = [f">= {number.low:g}"] if number.low > NO_BOUND[0] else []
+    high = [f"<= {number.high:g}"] if number.high < NO_BOUND[1] else []
+    return " and ".join(low + high)
 
 
 def list_names(
-    name: Annotated[
-        str | None,
-        typer.Argument(
-            help="With --controllers: controller or helmsman whose tuning ranges are shown.",
-            show_default=False,
-        ),
-    ] = None,
-    only_controllers: Annotated[
-        bool, typer.Option("--controllers", help="List controllers only, or show NAME.")
-    ] = False,
-    only_effects: Annotated[
-        bool, typer.Option("--effects", help="List the effects of a diagnosis only.")
-    ] = False,
-    markdown_file: Annotated[
-        Path | None,
-        typer.Option("--markdown", help="Write the tables to this file, not the terminal."),
-    ] = None,
-) -> None:
+    name: Annotated[str | None, typer.Argument(
+        help="With --controllers: controller or helmsman whose tuning ranges are shown.",
+        show_default=False)] = None,
+    only_controllers: Annotated[bool, typer.Option(
+        "--controllers", help="List controllers only, or show NAME.")] = False,
+    only_effects: Annotated[bool, typer.Option(
+        "--effects", help="List the effects of a diagnosis only.")] = False,
+    markdown_file: Annotated[Path | None, typer.Option(
+        "--markdown", help="Write the tables to this file, not the terminal.")] = None,
+) -> None:  # fmt: skip
     """List ships, seas, observers, controllers, tasks, effects, signals, and every key of a ship file.
 
     Effects are the physics that `shaftline diagnose` can identify; `--exclude` of that command takes
@@ -247,8 +217,6 @@ def _selected(
     if name is not None:
         return {f"Tuning ranges of {name}": tuning_ranges(name)}
     if only_controllers:
-        return {
-            "Controllers": controllers(),
-            "Helmsmen": _controllers(helmsman_names(), "helmsman"),
-        }
+        helmsmen = _controllers(helmsman_names(), "helmsman")
+        return {"Controllers": controllers(), "Helmsmen": helmsmen}
     return {"Effects": effects()} if only_effects else registries()

@@ -12,13 +12,13 @@ import typer
 from .. import display
 from ..baselines import ControllerError, helmsman_names, make_controller, make_helmsman
 from ..baselines.controller import Controller
-from ..baselines.helmsman import ShapedHelmsman
 from ..baselines.loops import controller_loop, helmsman_loop, linear_plant
 from ..core.files import check_writable, write_json
 from ..core.lazy import control
 from ..plant import Ship, approach, load_ship
 from ..plant.loops import Loop
-from .console import check_folder, check_pitch, print_table, report_errors, say
+from .console import PresetShip, check_folder, check_pitch, print_table, report_errors, say
+from .machine import to_json
 
 _UNITS = {
     "gain_margin_dB": ("gain margin", "dB"),
@@ -38,45 +38,25 @@ _UNITS = {
 
 
 def loop(
-    controller: Annotated[
-        str,
-        typer.Argument(
-            help="Controller: `NAME` or `NAME:option=number,...` (see `shaftline list`), or a transfer "
-            "function `numerator/denominator` with falling powers of s.",
-            show_default=False,
-        ),
-    ],
-    ship: Annotated[
-        str, typer.Option(help="Ship: a preset (see `shaftline list`) or a .toml file.")
-    ] = "frigate",
+    controller: Annotated[str, typer.Argument(
+        help="Controller: `NAME` or `NAME:option=number,...` (see `shaftline list`), or a transfer "
+        "function `numerator/denominator` with falling powers of s.", show_default=False)],
+    ship: PresetShip = "frigate",
     speed: Annotated[float, typer.Option(help="Ship speed [m/s] of the working point.")] = 8.0,
-    interval: Annotated[
-        float, typer.Option(help="Control interval [s]; a transfer function is continuous.")
-    ] = 0.5,
-    command: Annotated[
-        str,
-        typer.Option(
-            help="Command at which the loop is opened: drive, pitch_command, rudder_command."
-        ),
-    ] = "drive",
-    reading: Annotated[
-        str | None,
-        typer.Option(
-            help="Controlled signal of a transfer function, such as ship_speed.",
-            show_default="shaft_speed",
-        ),
-    ] = None,
-    pitch: Annotated[
-        float | None,
-        typer.Option(help="P/D for a transfer function; the highest by default."),
-    ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for the figure and the results.")] = Path(
-        "out/loop"
-    ),
-    json: Annotated[
-        Path | None, typer.Option(help="File for the results; OUT/loop.json by default.")
-    ] = None,
-) -> None:
+    interval: Annotated[float, typer.Option(
+        help="Control interval [s]; a transfer function is continuous.")] = 0.5,
+    command: Annotated[str, typer.Option(
+        help="Command at which the loop is opened: drive, pitch_command, rudder_command.")] = "drive",
+    reading: Annotated[str | None, typer.Option(
+        help="Controlled signal of a transfer function, such as ship_speed.",
+        show_default="shaft_speed")] = None,
+    pitch: Annotated[float | None, typer.Option(
+        help="P/D for a transfer function; the highest by default.")] = None,
+    out: Annotated[Path, typer.Option(
+        help="Folder for the figure and the results.")] = Path("out/loop"),
+    json: Annotated[Path | None, typer.Option(
+        help="File for the results; OUT/loop.json by default.")] = None,
+) -> None:  # fmt: skip
     """Compute stability margins and step response of a control loop.
 
     The ship is linearised about a steady course, the controller about its commands there, and the loop
@@ -112,9 +92,8 @@ def loop(
         rows = [(*_UNITS[key], value) for key, value in numbers.items()]
         print_table(pd.DataFrame(rows, columns=["measure", "unit", "value"]), about, 4)
         display.figures.save(display.loops.loop_figure(found, about), out / "loop.png")
-        plain = {key: value if np.isfinite(value) else None for key, value in numbers.items()}
         target = json or out / "loop.json"
-        write_json(target, {"loop": about} | plain)
+        write_json(target, to_json({"loop": about} | numbers))
         say(f"\nPicture: {out / 'loop.png'}   results: {target}")
 
 
@@ -124,6 +103,7 @@ def _loop(
 ) -> tuple[Loop, str]:  # fmt: skip
     """Return the loop and its description."""
     name = text.partition(":")[0]
+    what = f"{text} on {ship.name} at {speed:g} m/s, every {interval:g} s"
     if "/" not in name and (reading is not None or pitch is not None):
         raise ValueError(
             f"--reading and --pitch are for a transfer function such as 3,0.4/1,0 only, not for {name}"
@@ -131,8 +111,7 @@ def _loop(
     if "/" in name:
         reading = reading or "shaft_speed"
         law = _law(text)
-        point = approach(ship, speed, pitch)
-        plant = linear_plant(ship, point)
+        plant = linear_plant(ship, approach(ship, speed, pitch))
         for known, wanted, kind in (
             (plant.input_labels, command, "--command"), (plant.output_labels, reading, "--reading"),
         ):  # fmt: skip
@@ -141,9 +120,7 @@ def _loop(
         own = f"{text} from {reading} to {command} of {ship.name} at {speed:g} m/s"
         return Loop.from_plant(plant[reading, command], law), own
     if name in helmsman_names():
-        helmsman = make_helmsman(text, ship, interval, speed)
-        held: ShapedHelmsman = helmsman
-        return helmsman_loop(held), f"{text} on {ship.name} at {speed:g} m/s, every {interval:g} s"
+        return helmsman_loop(make_helmsman(text, ship, interval, speed)), what
     try:
         made = make_controller(text, ship, interval)
     except ControllerError as error:
@@ -156,8 +133,7 @@ def _loop(
             f"{name}: the analysis needs the methods initial_state and act; derive the class from "
             "shaftline.baselines.Controller"
         )
-    what = f"{text} on {ship.name} at {speed:g} m/s, every {interval:g} s, opened at {command}"
-    return controller_loop(made, speed, command), what
+    return controller_loop(made, speed, command), f"{what}, opened at {command}"
 
 
 def _law(text: str) -> control.TransferFunction:

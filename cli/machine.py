@@ -21,14 +21,10 @@ from typing import Annotated, Any
 
 import typer
 
-Json = Annotated[
-    Path | None,
-    typer.Option(
-        "--json",
-        help="File for all results as JSON; `-` writes them to the standard output, without other text.",
-        show_default=False,
-    ),
-]
+Json = Annotated[Path | None, typer.Option(
+    "--json", show_default=False,
+    help="File for all results as JSON; `-` writes them to the standard output, without other text.",
+)]  # fmt: skip
 
 _STANDARD = Path("-")
 
@@ -59,21 +55,13 @@ def captured_output() -> CapturedOutput | None:
 
 
 def add_results(values: dict[str, Any]) -> None:
-    """Add results to the JSON output.
-
-    Args:
-        values: JSON values by name; scalars of NumPy are allowed.
-    """
+    """Add results by name to the JSON output; scalars of NumPy are allowed."""
     if _captured is not None:
         _captured.numbers.update(values)
 
 
 def to_json(value: Any) -> Any:
-    """Return a value as JSON allows it: paths as text, numbers that are not finite as None.
-
-    Args:
-        value: value of dictionaries, lists, numbers, paths and texts.
-    """
+    """Return a value as JSON allows it: paths as text, numbers that are not finite as None."""
     if isinstance(value, dict):
         return {str(key): to_json(part) for key, part in value.items()}
     if isinstance(value, list | tuple):
@@ -88,11 +76,7 @@ def to_json(value: Any) -> Any:
 
 
 def add_json_option(function: Callable[..., None]) -> Callable[..., None]:
-    """Return a command with the option ``--json`` and a protection of its input files.
-
-    Args:
-        function: function of the command.
-    """
+    """Return a command with the option ``--json`` and a protection of its input files."""
     signature = inspect.signature(function, eval_str=True)
     own = "json" in signature.parameters
 
@@ -105,50 +89,46 @@ def add_json_option(function: Callable[..., None]) -> Callable[..., None]:
             with _capture(given.pop("json", None)):
                 function(**given)
 
-    if own:
-        return run
-    extra = inspect.Parameter("json", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Json)
-    whole = signature.replace(parameters=[*signature.parameters.values(), extra])
-    run.__signature__ = whole  # type: ignore[attr-defined]
-    run.__annotations__ = {name: one.annotation for name, one in whole.parameters.items()}
+    if not own:
+        extra = inspect.Parameter(
+            "json", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Json
+        )
+        whole = signature.replace(parameters=[*signature.parameters.values(), extra])
+        run.__signature__ = whole  # type: ignore[attr-defined]
+        run.__annotations__ = {name: one.annotation for name, one in whole.parameters.items()}
     return run
 
 
 def _protect_inputs(given: Mapping[str, Any]) -> None:
-    """Refuse an output file that is one of the input files of the command."""
+    """Refuse an output file that is an input file or another output file of the command."""
     from .console import report_errors
 
+    results = {name: given[name] for name in RESULTS if isinstance(given.get(name), Path)}
+    inputs = [
+        (name, value)
+        for name, values in given.items()
+        for value in (values if isinstance(values, list | tuple) else (values,))
+        if name not in RESULTS and isinstance(value, str | Path)
+    ]
+    files = [(name, path) for name, path in results.items() if path != _STANDARD]
     with report_errors():
-        _require_separate_files({n: given[n] for n in RESULTS if isinstance(given.get(n), Path)})
-        for name in (name for name in RESULTS if isinstance(given.get(name), Path)):
-            for other, values in given.items():
-                for value in values if isinstance(values, list | tuple) else (values,):
-                    read = other not in RESULTS and isinstance(value, str | Path)
-                    if read and _same_file(given[name], value):
-                        raise ValueError(
-                            f"{_option(name)} {given[name]}: this file is also the input "
-                            f"{other.replace('_', '-')} and would be replaced; give another file"
-                        )
+        for (name, path), (other, second) in itertools.combinations(files, 2):
+            if os.path.realpath(path) == os.path.realpath(second) or _same_file(path, second):
+                raise ValueError(
+                    f"{_option(name)} {path} and {_option(other)} {second} are the same file: the "
+                    "second would replace the first. Give two different files"
+                )
+        for (name, path), (other, value) in itertools.product(results.items(), inputs):
+            if _same_file(path, value):
+                raise ValueError(
+                    f"{_option(name)} {path}: this file is also the input "
+                    f"{other.replace('_', '-')} and would be replaced; give another file"
+                )
 
 
 def _option(name: str) -> str:
     """Return an option as the user types it."""
     return "--" + name.removesuffix("_file").replace("_", "-")
-
-
-def _require_separate_files(results: Mapping[str, Path]) -> None:
-    """Refuse two options that name the same file, or a folder and a file at the same place.
-
-    Raises:
-        ValueError: the message names both options.
-    """
-    places = [(name, p) for name, p in results.items() if p != _STANDARD]
-    for (name, path), (other, second) in itertools.combinations(places, 2):
-        if os.path.realpath(path) == os.path.realpath(second) or _same_file(path, second):
-            raise ValueError(
-                f"{_option(name)} {path} and {_option(other)} {second} are the same file: the second "
-                "would replace the first. Give two different files"
-            )
 
 
 def _same_file(path: Path, other: str | Path) -> bool:

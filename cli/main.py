@@ -24,7 +24,8 @@ from .machine import add_json_option
 
 COMMANDS = (
     "tour", "new-ship", "simulate", "manoeuvre", "linearise", "loop", "reproduce", "train", "tune",
-    "tune-recipe", "evaluate", "dataset", "video", "check", "identify", "diagnose", "validate", "list",
+    "tune-recipe", "evaluate", "dataset", "export", "video", "check", "identify", "diagnose", "trial",
+    "performance", "validate", "list",
 )  # fmt: skip
 """Sub-commands in the order of ``--help``; ``new-ship`` is ``new_ship`` in ``new_ship_command.py``."""
 

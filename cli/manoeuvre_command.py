@@ -13,36 +13,24 @@ from ..display.tables import write_csv
 from ..plant import approach, load_ship
 from ..plant.manoeuvres import MANOEUVRES, Trials, criteria, trials
 from .console import check_folder, print_table, progress, report_errors, say
+from .machine import to_json
 
 
 def manoeuvre(
-    ship: Annotated[
-        str,
-        typer.Option(
-            help="Ship that turns: a preset (see `shaftline list`) or a .toml file.",
-            show_default=False,
-        ),
-    ],
-    speed: Annotated[
-        float,
-        typer.Option(help="Speed of the approach [m/s]; 1 kn is 0.5144 m/s.", show_default=False),
-    ],
-    pitch: Annotated[
-        float | None,
-        typer.Option(help="Pitch ratio P/D; the highest by default.", show_default=False),
-    ] = None,
-    scale: Annotated[
-        float,
-        typer.Option(help="For a model: length of the ship over that of the model."),
-    ] = 1.0,
-    out: Annotated[Path, typer.Option(help="Folder for tracks, figures and results.")] = Path(
-        "out/manoeuvre"
-    ),
-    json: Annotated[
-        Path | None,
-        typer.Option(help="File for the results; OUT/manoeuvres.json by default."),
-    ] = None,
-) -> None:
+    ship: Annotated[str, typer.Option(
+        help="Ship that turns: a preset (see `shaftline list`) or a .toml file.",
+        show_default=False)],
+    speed: Annotated[float, typer.Option(
+        help="Speed of the approach [m/s]; 1 kn is 0.5144 m/s.", show_default=False)],
+    pitch: Annotated[float | None, typer.Option(
+        help="Pitch ratio P/D; the highest by default.", show_default=False)] = None,
+    scale: Annotated[float, typer.Option(
+        help="For a model: length of the ship over that of the model.")] = 1.0,
+    out: Annotated[Path, typer.Option(
+        help="Folder for tracks, figures and results.")] = Path("out/manoeuvre"),
+    json: Annotated[Path | None, typer.Option(
+        help="File for the results; OUT/manoeuvres.json by default.")] = None,
+) -> None:  # fmt: skip
     """Simulate standard manoeuvres of a ship and compare them with IMO's limits.
 
     The manoeuvres are turning circles with the rudder hard over (35 degrees, or the largest angle of the
@@ -91,20 +79,19 @@ def manoeuvre(
         for name, figure in display.manoeuvres.trial_figures(results).items():
             display.figures.save(figure, out / f"{name}.png")
         file = json or out / "manoeuvres.json"
-        rows = table.astype(object).where(table.notna(), None).to_dict("records")
+        rows = to_json(table.to_dict("records"))
         write_json(file, results.results() | {"scale": scale, "criteria": rows})
         say(f"\nPictures and tracks: {out}   results: {file}")
 
 
 def _sentences(results: Trials) -> list[str]:
     """Return the results that the table does not contain, as sentences."""
-    lines = []
-    for side, turn in results.turns.items():
-        lines.append(
-            f"- In a turn to {side} the ship keeps {100.0 * turn.speed_ratio:.0f} % of the speed and "
-            f"{100.0 * turn.shaft_speed_ratio:.0f} % of the shaft speed, with a steady diameter of "
-            f"{turn.steady_diameter:.2f} L."
-        )
+    lines = [
+        f"- In a turn to {side} the ship keeps {100.0 * turn.speed_ratio:.0f} % of the speed and "
+        f"{100.0 * turn.shaft_speed_ratio:.0f} % of the shaft speed, with a steady diameter of "
+        f"{turn.steady_diameter:.2f} L."
+        for side, turn in results.turns.items()
+    ]
     if results.spiral is not None:
         wide = abs(results.spiral.width_deg)
         holds = "directionally stable" if wide < 0.05 else "directionally unstable"

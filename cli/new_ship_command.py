@@ -8,24 +8,24 @@ from typing import Annotated
 import typer
 
 from ..core.files import check_writable, write_text
+from ..plant.particulars import load_particulars, particulars_text
 from ..plant.ship_files import template_names, template_text
 from .console import report_errors, say
 
 
 def new_ship(
     template: Annotated[
-        str,
+        str | None,
         typer.Option(help=f"Template: {', '.join(template_names())}.", show_default=False),
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="File to write (.toml); its name becomes the name of the ship. Without it the file is "
-            "printed.",
-            show_default=False,
-        ),
     ] = None,
-) -> None:
+    from_particulars: Annotated[
+        Path | None,
+        typer.Option(help="TOML file with the main particulars of a ship.", show_default=False),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(
+        help="File to write (.toml); its name becomes the name of the ship. Without it the file is "
+        "printed.", show_default=False)] = None,
+) -> None:  # fmt: skip
     """Write a commented ship file to start from.
 
     The file can be used as it is. It contains every key with its meaning, unit and allowed range;
@@ -49,16 +49,32 @@ def new_ship(
 
     **constant-revolutions**: a model whose shaft speed the rig controls, with an open-water table.
 
+    With `--from-particulars` the ship is estimated from what a data sheet has: resistance, wake and
+    thrust deduction by Holtrop and Mennen, blade area by Keller, pitch from the thrust at the design
+    speed, the engine's map scaled to its rating. Each estimate has a note on its method, and
+    `[tolerances]` state its uncertainty, which `diagnose` uses. The file needs `name`, `length_m`,
+    `beam_m`, `draught_m`, `displacement_t`, `design_speed_kn`, `mcr_kW`, `engine_speed_rpm`,
+    `shaft_speed_rpm`, `propeller_diameter_m`; see `docs/ships.md` for what it may have.
+
     Written: the ship file with `--out`; without it the file is printed.
 
     Examples:
         shaftline new-ship --template drive-with-load
 
+        shaftline new-ship --from-particulars particulars.toml --out my_ship.toml
+
         shaftline new-ship --template constant-revolutions --out my_model.toml
     """
     with report_errors():
+        if (template is None) == (from_particulars is None):
+            raise ValueError("give either --template or --from-particulars")
+        if from_particulars is not None:
+            text = particulars_text(load_particulars(from_particulars))
+        else:
+            assert template is not None
+            text = template_text(template, out.stem if out else None)
         if out is None:
-            say(template_text(template).rstrip())
+            say(text.rstrip())
             return
         check_writable(out)
         if out.suffix != ".toml":
@@ -67,5 +83,5 @@ def new_ship(
             raise ValueError(
                 f"--out {out}: the file already exists; nothing was written. Give another name"
             )
-        write_text(out, template_text(template, out.stem))
+        write_text(out, text)
         say(f"ship file: {out}")

@@ -17,44 +17,31 @@ from ..plant.columns import input_columns, signal_columns
 from ..plant.load_cases import CASES, NOISE_SNR_DB, get_case
 from ..plant.recording import read_recording
 from ..plant.replay import simulate_recording
-from .console import OwnHeight, OwnPeriod, read_own_sea, report_errors, say
+from .console import OwnHeight, OwnPeriod, PresetShip, read_own_sea, report_errors, say
 
 
 def simulate(
-    ship: Annotated[
-        str, typer.Option(help="Ship: a preset (see `shaftline list`) or a .toml file.")
-    ] = "frigate",
-    inputs: Annotated[
-        Path | None, typer.Option(help="Recording (CSV) whose commands drive the ship open loop.")
-    ] = None,
-    columns: Annotated[
-        Path | None, typer.Option(help="Column map of the recording, as for `shaftline diagnose`.")
-    ] = None,
-    case: Annotated[
-        str | None, typer.Option(help=f"Load case in place of a recording: {', '.join(CASES)}.")
-    ] = None,
-    sea: Annotated[
-        str | None,
-        typer.Option(
-            help="Sea: a preset (see `shaftline list`), calm, or hs=3.2,tp=9.1 with optional gamma= and "
-            "heading=.",
-            show_default="that of the load case, or calm",
-        ),
-    ] = None,
+    ship: PresetShip = "frigate",
+    inputs: Annotated[Path | None, typer.Option(
+        help="Recording (CSV) whose commands drive the ship open loop.")] = None,
+    columns: Annotated[Path | None, typer.Option(
+        help="Column map of the recording, as for `shaftline diagnose`.")] = None,
+    case: Annotated[str | None, typer.Option(
+        help=f"Load case in place of a recording: {', '.join(CASES)}.")] = None,
+    sea: Annotated[str | None, typer.Option(
+        help="Sea: a preset (see `shaftline list`), calm, or hs=3.2,tp=9.1 with optional gamma= and "
+        "heading=.", show_default="that of the load case, or calm")] = None,
     hs: OwnHeight = None,
     tp: OwnPeriod = None,
-    observer: Annotated[
-        str | None, typer.Option(help="Observer whose estimate is added to the table.")
-    ] = None,
-    tuning: Annotated[
-        str | None, typer.Option(help="Tuning of the observer: low, moderate, high.")
-    ] = None,
+    observer: Annotated[str | None, typer.Option(
+        help="Observer whose estimate is added to the table.")] = None,
+    tuning: Annotated[str | None, typer.Option(
+        help="Tuning of the observer: low, moderate, high.")] = None,
     out: Annotated[Path | None, typer.Option(help="CSV file for the simulated signals.")] = None,
     figure: Annotated[Path | None, typer.Option(help="Picture of the run (.png).")] = None,
-    seed: Annotated[
-        int, typer.Option(min=0, help="Seed of the sea or the noise of the load case.")
-    ] = 0,
-) -> None:
+    seed: Annotated[int, typer.Option(
+        min=0, help="Seed of the sea or the noise of the load case.")] = 0,
+) -> None:  # fmt: skip
     """Simulate a ship open loop, driven by a recording or by a load case.
 
     A recording needs the columns `time_s`, `fuel_rack_mm` (`motor_voltage_V` for a DC motor) and

@@ -8,10 +8,10 @@ each of the two parameter sets that the authors identified (Table 5).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from functools import partial
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -30,7 +30,6 @@ from .console import check_folder, print_table, progress, report_errors, say
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
 OBSERVERS = (
     "luenberger-low", "luenberger-moderate", "luenberger-high", "shaft-kalman", "power-balance",
     "shaft-acceleration", "shaft-acceleration-derived", "immersion-invariance-low",
@@ -40,41 +39,24 @@ OBSERVERS = (
 """Compared observers: the eleven of the thesis, and the last one with an estimated noise."""
 
 METER_NOISE = {
-    "shaft_speed_rad_s": 0.01,
-    "shaft_torque_N_m": 1500.0,
-    "pitch_ratio": 0.004,
+    "shaft_speed_rad_s": 0.01, "shaft_torque_N_m": 1500.0, "pitch_ratio": 0.004,
     "shaft_acceleration_rad_s2": 0.02,
-}
+}  # fmt: skip
 """Rms noise per sample at 20 Hz of good shipboard instruments, assumed as orders of magnitude."""
 
 PERFECT, NOISY = "VAF without noise [%]", "VAF with noise [%]"
-
-
 MODELS = ("tito-neri-staircase", "tito-neri-sine")
 REFERENCE_VOLTAGE = 5.89  # [V] point C, about which the frequency response was measured
-DISCARDED_ABOVE = (
-    900.0  # [rad/s] The authors discard 1000 and 5000 rad/s because of the weak signal.
-)
+DISCARDED_ABOVE = 900.0
+"""Frequency [rad/s] above which the authors discard two points because of the weak signal."""
 
 
-@dataclass(frozen=True)
-class Seaway:
-    """Simulation of the frigate: a table of observers and a figure."""
+class Seaway(NamedTuple):
+    """Simulation of the frigate: a table of observers, a sentence on the best ones, and a figure."""
 
     table: pd.DataFrame
+    sentence: str
     figure: Figure
-
-    @property
-    def sentence(self) -> str:
-        """Sentence on the most accurate observers."""
-        by_name = self.table.set_index("observer")
-        perfect, noisy = by_name[PERFECT], by_name[NOISY].drop("shaft-acceleration")
-        return (
-            f"With noisy sensors and no accelerometer, {noisy.idxmax()} is the most accurate "
-            f"({noisy.max():.1f} %); {perfect.drop('shaft-acceleration').idxmax()}, the best with "
-            "perfect sensors, amplifies the noise and falls to "
-            f"{noisy[perfect.drop('shaft-acceleration').idxmax()]:.1f} %."
-        )
 
 
 def simulate_seaway(seed: int = 0, tick: Callable[[], None] = lambda: None) -> Seaway:
@@ -93,60 +75,29 @@ def simulate_seaway(seed: int = 0, tick: Callable[[], None] = lambda: None) -> S
     clean = simulated_measurements(samples)
     rms = np.array([*METER_NOISE.values(), 0.0])
     noisy = clean + np.random.default_rng(seed).standard_normal(clean.shape) * rms
-    rows, estimates, scores = [], {}, {}
+    rows, estimates = [], {}
     for name in OBSERVERS:
         exact, _ = follow(get_observer(name), frigate, clean, dt)
         real, valid = follow(get_observer(name), frigate, noisy, dt)
-        estimates[name], scores[name] = real, variance_accounted_for(truth, real)
-        rows.append(
-            {
-                "observer": name,
-                PERFECT: variance_accounted_for(truth, exact),
-                NOISY: scores[name],
-                "rms error, noisy [m/s]": float(np.sqrt(np.mean((real - truth) ** 2))),
-                "valid [%]": 100.0 * float(np.mean(valid)),
-            }
-        )
+        row = {
+            "observer": name,
+            PERFECT: variance_accounted_for(truth, exact),
+            NOISY: variance_accounted_for(truth, real),
+            "rms error, noisy [m/s]": float(np.sqrt(np.mean((real - truth) ** 2))),
+            "valid [%]": 100.0 * float(np.mean(valid)),
+        }
+        rows.append(row)
+        estimates[f"{name}: VAF {row[NOISY]:.1f} %"] = real
         tick()
-    figure = _draw_seaway(samples["time"], truth, estimates, scores, (100.0, 160.0))
-    return Seaway(pd.DataFrame(rows), figure)
-
-
-@dataclass(frozen=True)
-class DriveTrain:
-    """Comparison of Tito Neri with its models: tables, sentences and a figure."""
-
-    points: pd.DataFrame
-    response: pd.DataFrame
-    sentences: list[str]
-    figure: Figure
-
-    @property
-    def gains(self) -> pd.DataFrame:
-        """Gains of the frequency response: measured, and of each parameter set."""
-        columns: dict[str, object] = {}
-        for quantity in ("speed", "current"):
-            for model, lines in self.response.groupby("model", sort=False):
-                columns["rad/s"] = lines["frequency_rad_s"].to_numpy()
-                columns[f"{quantity}, measured"] = lines[f"{quantity}_gain_measured"].to_numpy()
-                short = str(model).removeprefix("tito-neri-")
-                columns[f"{quantity}, {short}"] = lines[f"{quantity}_gain"].to_numpy()
-        return pd.DataFrame(columns)
-
-
-def simulate_drive_train() -> DriveTrain:
-    """Simulate Tito Neri at the measured voltages with both published parameter sets."""
-    points = operating_points()
-    response = frequency_response()
-    sentences = [verdict(points, model) for model in MODELS]
-    sentences += [
-        f"{model}: rms gain error of the frequency response up to 500 rad/s: speed "
-        f"{response_error(response, model, 'speed'):.2f} dB, current "
-        f"{response_error(response, model, 'current'):.2f} dB."
-        for model in MODELS
-    ]
-    figure = _draw_drive_train(points, response)
-    return DriveTrain(points, response, sentences, figure)
+    table = pd.DataFrame(rows)
+    scores = table.set_index("observer").drop("shaft-acceleration")
+    noisy_scores, best = scores[NOISY], scores[PERFECT].idxmax()
+    sentence = (
+        f"With noisy sensors and no accelerometer, {noisy_scores.idxmax()} is the most accurate "
+        f"({noisy_scores.max():.1f} %); {best}, the best with perfect sensors, amplifies the noise and "
+        f"falls to {noisy_scores[best]:.1f} %."
+    )
+    return Seaway(table, sentence, _draw_seaway(samples["time"], truth, estimates))
 
 
 def _measured(name: str) -> pd.DataFrame:
@@ -157,19 +108,18 @@ def _measured(name: str) -> pd.DataFrame:
 
 def _settled(ship: Ship, voltage: float) -> tuple[float, float]:
     """Return motor speed [rad/s] and current [A] two seconds after switching on from standstill."""
-    rest = State(ship.propeller.pitch_ratio_max, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    last = simulate(ship, Schedule(voltage, ship.propeller.pitch_ratio_max), 2.0, initial=rest)[-1]
+    pitch = ship.propeller.pitch_ratio_max
+    rest = State(pitch, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    last = simulate(ship, Schedule(voltage, pitch), 2.0, initial=rest)[-1]
     return float(last["shaft_speed"]) * ship.transmission.gear_ratio, float(last["motor_current"])
 
 
 def speed_errors_percent(ship: Ship) -> NDArray[np.float64]:
     """Return the errors of the steady speed at the five voltages [%], shape (5,)."""
-    found = []
-    for point in _measured("tito_neri_operating_points").itertuples():
-        steady = equilibrium(ship, float(point.motor_voltage_V), ship.propeller.pitch_ratio_max)
-        speed = steady.state.shaft_speed * ship.transmission.gear_ratio
-        found.append(100.0 * (speed / float(point.motor_speed_rad_s) - 1.0))
-    return np.array(found)
+    points, pitch = _measured("tito_neri_operating_points"), ship.propeller.pitch_ratio_max
+    steady = [equilibrium(ship, float(volt), pitch) for volt in points["motor_voltage_V"]]
+    speed = np.array([one.state.shaft_speed for one in steady]) * ship.transmission.gear_ratio
+    return np.asarray(100.0 * (speed / points["motor_speed_rad_s"].to_numpy() - 1.0))
 
 
 def operating_points() -> pd.DataFrame:
@@ -185,39 +135,25 @@ def operating_points() -> pd.DataFrame:
         ship = load_ship(name)
         plant = ship.record()
         ratio = ship.transmission.gear_ratio
-        load = (
-            float(plant["kq"][0, 0] * plant["density"] * plant["diameter"] ** 5)
-            / (2.0 * np.pi) ** 2
-            / ratio**3
-        )
+        load = float(plant["kq"][0, 0] * plant["density"] * plant["diameter"] ** 5)
+        load = load / (2.0 * np.pi) ** 2 / ratio**3
         friction = float(plant["coulomb_engine_side"]) / ratio
         constant, ohm = float(plant["motor_constant"]), float(plant["armature_resistance"])
         for point in _measured("tito_neri_operating_points").itertuples():
-            volt, speed, current = (
-                float(point.motor_voltage_V),
-                float(point.motor_speed_rad_s),
-                float(point.motor_current_A),
-            )
+            volt, speed, current = map(float, point[1:4])
             simulated_speed, simulated_current = _settled(ship, volt)
             motor = volt - constant * speed - ohm * current
             shaft = constant * current - friction - load * speed**2
-            rows.append(
-                {
-                    "model": name,
-                    "point": point.Index,
-                    "voltage_V": volt,
-                    "motor_speed_rad_s_measured": speed,
-                    "motor_speed_rad_s": simulated_speed,
-                    "speed_error_percent": 100.0 * (simulated_speed / speed - 1.0),
-                    "motor_current_A_measured": current,
-                    "motor_current_A": simulated_current,
-                    "current_error_percent": 100.0 * (simulated_current / current - 1.0),
-                    "motor_balance_V": motor,
-                    "motor_balance_percent": 100.0 * motor / volt,
-                    "shaft_balance_N_m": shaft,
-                    "shaft_balance_percent": 100.0 * shaft / (constant * current),
-                }
-            )
+            rows.append({
+                "model": name, "point": point.Index, "voltage_V": volt,
+                "motor_speed_rad_s_measured": speed, "motor_speed_rad_s": simulated_speed,
+                "speed_error_percent": 100.0 * (simulated_speed / speed - 1.0),
+                "motor_current_A_measured": current, "motor_current_A": simulated_current,
+                "current_error_percent": 100.0 * (simulated_current / current - 1.0),
+                "motor_balance_V": motor, "motor_balance_percent": 100.0 * motor / volt,
+                "shaft_balance_N_m": shaft,
+                "shaft_balance_percent": 100.0 * shaft / (constant * current),
+            })  # fmt: skip
     return pd.DataFrame(rows)
 
 
@@ -234,27 +170,31 @@ def frequency_response() -> pd.DataFrame:
         ship = load_ship(name)
         point = equilibrium(ship, REFERENCE_VOLTAGE, ship.propeller.pitch_ratio_max)
         model = linearise(ship, point, outputs=("shaft_speed", "motor_current"))
-        scale = {
-            "speed": REFERENCE_VOLTAGE / point.state.shaft_speed,
-            "current": REFERENCE_VOLTAGE / point.state.motor_current,
-        }
         for line in measured.itertuples():
             frequency = float(line.Index)
-            response = {
-                "speed": complex(model["shaft_speed", "drive"](1j * frequency)) * scale["speed"],
-                "current": complex(model["motor_current", "drive"](1j * frequency))
-                * scale["current"],
-            }
             row = {"model": name, "frequency_rad_s": frequency}
-            for quantity, value in response.items():
-                row[f"{quantity}_gain_measured"] = float(getattr(line, f"{quantity}_gain"))
-                row[f"{quantity}_gain"] = abs(value)
-                row[f"{quantity}_phase_deg_measured"] = float(
-                    getattr(line, f"{quantity}_phase_deg")
-                )
-                row[f"{quantity}_phase_deg"] = float(np.degrees(np.angle(value)))
+            for quantity, signal in (("speed", "shaft_speed"), ("current", "motor_current")):
+                value = complex(model[signal, "drive"](1j * frequency))
+                value *= REFERENCE_VOLTAGE / getattr(point.state, signal)
+                gain, phase = f"{quantity}_gain", f"{quantity}_phase_deg"
+                row[f"{gain}_measured"] = float(getattr(line, gain))
+                row[gain] = abs(value)
+                row[f"{phase}_measured"] = float(getattr(line, phase))
+                row[phase] = float(np.degrees(np.angle(value)))
             rows.append(row)
     return pd.DataFrame(rows)
+
+
+def gains(response: pd.DataFrame) -> pd.DataFrame:
+    """Return the gains of :func:`frequency_response` side by side: measured, and of each model."""
+    columns: dict[str, object] = {}
+    for quantity in ("speed", "current"):
+        for model, lines in response.groupby("model", sort=False):
+            columns["rad/s"] = lines["frequency_rad_s"].to_numpy()
+            columns[f"{quantity}, measured"] = lines[f"{quantity}_gain_measured"].to_numpy()
+            short = str(model).removeprefix("tito-neri-")
+            columns[f"{quantity}, {short}"] = lines[f"{quantity}_gain"].to_numpy()
+    return pd.DataFrame(columns)
 
 
 def response_error(response: pd.DataFrame, model: str, quantity: str) -> float:
@@ -267,39 +207,27 @@ def response_error(response: pd.DataFrame, model: str, quantity: str) -> float:
 def verdict(points: pd.DataFrame, model: str) -> str:
     """Return a sentence on the balance and the voltage at which a model differs most."""
     line = points[points["model"] == model].set_index("voltage_V")
-    motor = line["motor_balance_percent"].abs()
-    shaft = line["shaft_balance_percent"].abs()
-    name, worst, imbalance, unit = (
-        ("motor", motor, line["motor_balance_V"], "V of the supply")
-        if motor.mean() > shaft.mean()
-        else ("shaft", shaft, line["shaft_balance_N_m"], "N m of the motor's torque")
-    )
+    errors = {name: line[f"{name}_balance_percent"].abs() for name in ("motor", "shaft")}
+    name, other = sorted(errors, key=lambda one: errors[one].mean(), reverse=True)
+    worst = errors[name]
+    column, unit = {
+        "motor": ("motor_balance_V", "V of the supply"),
+        "shaft": ("shaft_balance_N_m", "N m of the motor's torque"),
+    }[name]
     at = worst.idxmax()
     return (
         f"{model}: the {name} balance differs most (mean {worst.mean():.1f} %, the other "
-        f"{min(motor.mean(), shaft.mean()):.1f} %), worst at {at:.2f} V, where the measured speed and "
-        f"current leave {imbalance.loc[at]:+.3g} {unit} unaccounted for ({worst.loc[at]:.1f} %)."
+        f"{errors[other].mean():.1f} %), worst at {at:.2f} V, where the measured speed and "
+        f"current leave {line[column].loc[at]:+.3g} {unit} unaccounted for ({worst.loc[at]:.1f} %)."
     )
 
 
 def _draw_seaway(
-    time: NDArray[Any],
-    truth: NDArray[Any],
-    estimates: dict[str, NDArray[Any]],
-    scores: dict[str, float],
-    window: tuple[float, float],
+    time: NDArray[Any], truth: NDArray[Any], estimates: dict[str, NDArray[Any]]
 ) -> Figure:
-    """Draw the estimate of every observer and the true value, one panel for each observer.
-
-    Args:
-        time: time [s], shape (n,).
-        truth: true advance velocity [m/s], shape (n,).
-        estimates: estimates by observer [m/s].
-        scores: VAF [%] by observer.
-        window: shown part of the time [s].
-    """
-    shown = (time >= window[0]) & (time <= window[1])
-    columns = 3
+    """Draw the true advance velocity [m/s] and the estimates by title, one panel for each."""
+    shown = (time >= 100.0) & (time <= 160.0)
+    columns, colours = 3, display.figures
     rows = -(-len(estimates) // columns)
     figure, axes = display.figures.new_figure(rows, columns, (12.0, 2.0 * rows + 0.6))
     figure.suptitle(
@@ -307,14 +235,12 @@ def _draw_seaway(
         "speed, torque and pitch (red)",
         fontsize=11,
     )
-    low, high = truth[shown].min() - 0.6, truth[shown].max() + 0.6
-    for axis, (name, estimate) in zip(axes.flat, estimates.items(), strict=False):
-        axis.plot(time[shown], truth[shown], color=display.figures.TRUTH, linewidth=1.3)
-        axis.plot(
-            time[shown], estimate[shown], color=display.figures.ESTIMATE, linewidth=0.8, alpha=0.9
-        )
-        axis.set_title(f"{name}: VAF {scores[name]:.1f} %", fontsize=9)
-        axis.set_ylim(low, high)
+    limits = truth[shown].min() - 0.6, truth[shown].max() + 0.6
+    for axis, (title, estimate) in zip(axes.flat, estimates.items(), strict=False):
+        axis.plot(time[shown], truth[shown], color=colours.TRUTH, linewidth=1.3)
+        axis.plot(time[shown], estimate[shown], color=colours.ESTIMATE, linewidth=0.8, alpha=0.9)
+        axis.set_title(title, fontsize=9)
+        axis.set_ylim(limits)
         axis.tick_params(labelsize=8)
     for axis in axes.flat[len(estimates) :]:
         axis.set_visible(False)
@@ -326,53 +252,36 @@ def _draw_seaway(
 
 
 def _draw_drive_train(points: pd.DataFrame, response: pd.DataFrame) -> Figure:
-    """Draw measured and simulated operating points and frequency response of Tito Neri.
-
-    Args:
-        points: table from :func:`operating_points`.
-        response: table from :func:`frequency_response`.
-    """
+    """Draw measured and simulated operating points and frequency response of Tito Neri."""
     figure, axes = display.figures.new_figure(2, 2, (10.0, 7.0))
     figure.suptitle("Tito Neri drive train: measured (black) and simulated", fontsize=12)
-    volts = points["voltage_V"].unique()
-    for axis, column, label in (
-        (axes[0, 0], "motor_speed_rad_s", "motor speed [rad/s]"),
-        (axes[0, 1], "motor_current_A", "motor current [A]"),
-    ):
-        first = points[points["model"] == MODELS[0]]
-        axis.plot(volts, first[f"{column}_measured"], "ko", label="measured")
-        for i, model in enumerate(MODELS):
-            line = points[points["model"] == model]
-            axis.plot(
-                volts, line[column], color=display.figures.PALETTE[i], marker="x", label=model
-            )
-        axis.set_xlabel("motor voltage [V]")
+    panels = (
+        (points, "voltage_V", "motor_speed_rad_s", "motor speed [rad/s]"),
+        (points, "voltage_V", "motor_current_A", "motor current [A]"),
+        (response, "frequency_rad_s", "speed_gain", "speed gain [-], normalised at point C"),
+        (response, "frequency_rad_s", "current_gain", "current gain [-], normalised at point C"),
+    )
+    for axis, (table, along, column, label) in zip(axes.flat, panels, strict=True):
+        for colour, (model, line) in zip(
+            display.figures.PALETTE, table.groupby("model", sort=False), strict=False
+        ):
+            if model == MODELS[0]:
+                measured = line[f"{column}_measured"].clip(lower=1e-3)
+                axis.plot(line[along], measured, "ko", label="measured")
+            axis.plot(line[along], line[column], color=colour, marker="x", label=model)
+        axis.set_xlabel("motor voltage [V]" if table is points else "frequency [rad/s]")
         axis.set_ylabel(label)
-    axes[0, 0].legend(fontsize=8, frameon=False)
-    for axis, name, label in (
-        (axes[1, 0], "speed", "speed gain [-]"),
-        (axes[1, 1], "current", "current gain [-]"),
-    ):
-        first = response[response["model"] == MODELS[0]]
-        axis.loglog(first["frequency_rad_s"], first[f"{name}_gain_measured"].clip(lower=1e-3), "ko")
-        for i, model in enumerate(MODELS):
-            line = response[response["model"] == model]
-            axis.loglog(
-                line["frequency_rad_s"],
-                line[f"{name}_gain"],
-                color=display.figures.PALETTE[i],
-                marker="x",
-            )
-        axis.set_xlabel("frequency [rad/s]")
-        axis.set_ylabel(label + ", normalised at point C")
+    for axis in axes[1]:
+        axis.set(xscale="log", yscale="log")
         axis.axvspan(700, 7000, color=display.figures.THESIS, alpha=0.15, linewidth=0)
+    axes[0, 0].legend(fontsize=8, frameon=False)
     return figure
 
 
 def tour(
     out: Annotated[Path, typer.Option(help="Folder for pictures and tables.")] = Path("out/tour"),
     seed: Annotated[int, typer.Option(min=0, help="Seed of the sea and of the sensor noise.")] = 0,
-) -> None:
+) -> None:  # fmt: skip
     """Show a first example: a frigate in a seaway, then a real drive train.
 
     First, the frigate of van der Kroft's thesis is simulated for 300 s in head seas (significant wave
@@ -402,31 +311,33 @@ def tour(
         )
         say(f"{sea.sentence}\n")
         display.figures.save(sea.figure, out / "seaway.png")
-        write_atomically(out / "seaway.csv", lambda f: sea.table.to_csv(f, index=False))
-
-        train = simulate_drive_train()
-        for model, points in train.points.groupby("model", sort=False):
-            shown = points[
-                ["voltage_V", "motor_speed_rad_s_measured", "motor_speed_rad_s",
-                 "speed_error_percent", "motor_current_A_measured", "motor_current_A",
-                 "current_error_percent"]
-            ].set_axis(
-                ["U [V]", "speed measured [rad/s]", "simulated", "error [%]",
-                 "current measured [A]", "simulated ", "error [%] "], axis=1,
-            )  # fmt: skip
+        points, response = operating_points(), frequency_response()
+        columns = {
+            "voltage_V": "U [V]", "motor_speed_rad_s_measured": "speed measured [rad/s]",
+            "motor_speed_rad_s": "simulated", "speed_error_percent": "error [%]",
+            "motor_current_A_measured": "current measured [A]", "motor_current_A": "simulated ",
+            "current_error_percent": "error [%] ",
+        }  # fmt: skip
+        for model, own in points.groupby("model", sort=False):
+            shown = own[list(columns)].rename(columns=columns)
             print_table(shown, f"2. Real measurements of a drive train, against {model}")
         print_table(
-            train.gains,
+            gains(response),
             "3. Its measured frequency response about 5.89 V: gains, measured and simulated",
         )
-        for sentence in train.sentences:
-            say(f"- {sentence}")
-        display.figures.save(train.figure, out / "tito-neri.png")
-        for name, frame in (("points", train.points), ("response", train.response)):
-            write_atomically(
-                out / f"tito-neri-{name}.csv",
-                lambda f, frame=frame: frame.to_csv(f, index=False),  # type: ignore[misc]
+        for model in MODELS:
+            say(f"- {verdict(points, model)}")
+        for model in MODELS:
+            speed, current = (response_error(response, model, q) for q in ("speed", "current"))
+            say(
+                f"- {model}: rms gain error of the frequency response up to 500 rad/s: speed "
+                f"{speed:.2f} dB, current {current:.2f} dB."
             )
+        display.figures.save(_draw_drive_train(points, response), out / "tito-neri.png")
+        for name, table in {
+            "seaway": sea.table, "tito-neri-points": points, "tito-neri-response": response,
+        }.items():  # fmt: skip
+            write_atomically(out / f"{name}.csv", partial(table.to_csv, index=False))
         say(
             f"\nPictures: {out / 'seaway.png'} and {out / 'tito-neri.png'}; the tables are in the "
             "same folder as CSV."

@@ -12,7 +12,9 @@ import typer
 from ..agents import load_policy
 from ..core.files import read_json
 from ..envs import DEFAULTS, get_task, tasks
+from ..envs.settings import LONGEST_S
 from ..observers import get_observer
+from . import STOPPED
 from .console import check_folder, print_table, report_errors, require_extra, say, stages
 
 
@@ -25,40 +27,23 @@ class Device(StrEnum):
 
 
 TaskName = Annotated[str, typer.Option(help=f"Task: {', '.join(tasks(None))}.")]
+ObserverName = Annotated[str, typer.Option(help="Observer of the advance velocity.")]
+EpisodeLength = Annotated[float, typer.Option(
+    min=1.0, max=LONGEST_S, help="Length of an episode [s].")]  # fmt: skip
 Algorithm = Annotated[str, typer.Option(help="Algorithm: `ppo` or `sac`.")]
-Timesteps = Annotated[
-    int | None,
-    typer.Option(
-        min=1,
-        help="Control intervals of all environments together.",
-        show_default="that of the recipe",
-    ),
-]
-Envs = Annotated[
-    int | None,
-    typer.Option(
-        min=1,
-        max=4096,
-        help="Number of environments in parallel.",
-        show_default="that of the recipe",
-    ),
-]
-Plans = Annotated[
-    int | None,
-    typer.Option(
-        min=0,
-        max=1000,
-        help="Episodes to plan with known waves and to imitate before reinforcement learning.",
-        show_default="that of the recipe",
-    ),
-]
-TaskShip = Annotated[
-    str | None,
-    typer.Option(help="Ship: a preset or a .toml file.", show_default="that of the task"),
-]
-OnDevice = Annotated[
-    Device, typer.Option(help="Device of torch; `auto` uses a GPU if there is one.")
-]
+Timesteps = Annotated[int | None, typer.Option(
+    min=1, help="Control intervals of all environments together.",
+    show_default="that of the recipe")]  # fmt: skip
+Envs = Annotated[int | None, typer.Option(
+    min=1, max=4096, help="Number of environments in parallel.",
+    show_default="that of the recipe")]  # fmt: skip
+Plans = Annotated[int | None, typer.Option(
+    min=0, max=1000, show_default="that of the recipe",
+    help="Episodes to plan with known waves and to imitate before reinforcement learning.")]  # fmt: skip
+TaskShip = Annotated[str | None, typer.Option(
+    help="Ship: a preset or a .toml file.", show_default="that of the task")]  # fmt: skip
+OnDevice = Annotated[Device, typer.Option(
+    help="Device of torch; `auto` uses a GPU if there is one.")]  # fmt: skip
 
 
 def sizes(timesteps: int | None, envs: int | None, plans: int | None) -> dict[str, int]:
@@ -68,11 +53,7 @@ def sizes(timesteps: int | None, envs: int | None, plans: int | None) -> dict[st
 
 
 def check_device(device: Device) -> None:
-    """Refuse a GPU that torch cannot use.
-
-    Raises:
-        ValueError: torch finds no GPU.
-    """
+    """Refuse a GPU that torch cannot use."""
     import torch
 
     if device is Device.CUDA and not torch.cuda.is_available():
@@ -89,39 +70,24 @@ _CURVE = {
 def train(
     task: TaskName = "rough-sea",
     algorithm: Algorithm = "ppo",
-    recipe: Annotated[
-        Path | None,
-        typer.Option(
-            help="Recipe file (.yml) with a section for each task.",
-            show_default="that of the package",
-        ),
-    ] = None,
+    recipe: Annotated[Path | None, typer.Option(
+        help="Recipe file (.yml) with a section for each task.",
+        show_default="that of the package")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed; equal seeds give equal policies.")] = 0,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder for policy, curve and checkpoints.",
-            show_default="out/train/TASK-ALGORITHM-SEED",
-        ),
-    ] = None,
-    observer: Annotated[
-        str | None,
-        typer.Option(help="Observer of the advance velocity.", show_default="that of the recipe"),
-    ] = None,
+    out: Annotated[Path | None, typer.Option(
+        help="Folder for policy, curve and checkpoints.",
+        show_default="out/train/TASK-ALGORITHM-SEED")] = None,
+    observer: Annotated[str | None, typer.Option(
+        help="Observer of the advance velocity.", show_default="that of the recipe")] = None,
     timesteps: Timesteps = None,
     envs: Envs = None,
     plans: Plans = None,
     ship: TaskShip = None,
     device: OnDevice = Device.AUTO,
-    sensor_noise: Annotated[
-        float | None,
-        typer.Option(
-            min=0.0,
-            help="Factor on the sensor noise; 0: perfect sensors.",
-            show_default="that of the recipe, or 1",
-        ),
-    ] = None,
-) -> None:
+    sensor_noise: Annotated[float | None, typer.Option(
+        min=0.0, help="Factor on the sensor noise; 0: perfect sensors.",
+        show_default="that of the recipe, or 1")] = None,
+) -> None:  # fmt: skip
     """Train a policy for blade pitch and shaft speed or fuel rack.
 
     The policy is evaluated several times during the training, on seas that training does not draw; each
@@ -154,7 +120,9 @@ def train(
         get_task(task).load_ship(ship)
         if observer is not None:
             get_observer(observer)
-        read_recipe, training = _learning()
+        with require_extra("train", "training"):
+            from ..agents.learning import training
+            from ..agents.learning.recipe import read_recipe
         given = {"observer": observer, "sensor_noise": sensor_noise}
         plan = read_recipe(
             algorithm, task, recipe,
@@ -175,23 +143,12 @@ def train(
                 )  # fmt: skip
         except KeyboardInterrupt:
             kept = len(list((folder / "plans").glob("*.json")))
-            plans_too = f" and {kept} plans" if kept else ""
-            say(
-                f"stopped after {_evaluations(folder)} evaluations{plans_too}; the same command resumes "
-                "there"
-            )
-            raise typer.Exit(130) from None
+            said = f"{_evaluations(folder)} evaluations" + (f" and {kept} plans" if kept else "")
+            say(f"stopped after {said}; the same command resumes there")
+            raise typer.Exit(STOPPED) from None
         if before == _evaluations(folder):
             say("the training is already complete")
         _print(policy, folder, plan, training)
-
-
-def _learning() -> tuple[Any, Any]:
-    """Import what needs the extra: ``read_recipe`` and the module that trains."""
-    with require_extra("train", "training"):
-        from ..agents.learning import training
-        from ..agents.learning.recipe import read_recipe
-    return read_recipe, training
 
 
 def _evaluations(folder: Path) -> int:
@@ -202,7 +159,7 @@ def _evaluations(folder: Path) -> int:
 def _print(path: Path, folder: Path, plan: Any, training: Any) -> None:
     """Print the curve, the gain over the tuned classic controller, and the next command."""
     policy, task = load_policy(path), plan.task
-    observer = plan.env_kwargs.get("observer", DEFAULTS.observer)
+    observer, ship = plan.env_kwargs.get("observer", DEFAULTS.observer), policy.about["ship_source"]
     curve = pd.DataFrame(policy.curve)
     shown = curve[list(_CURVE)].rename(columns=_CURVE)
     shown["steps"] = shown["steps"].astype(int)
@@ -211,7 +168,7 @@ def _print(path: Path, folder: Path, plan: Any, training: Any) -> None:
     if plan.plans:
         say("evaluation 1 is that of the imitated plans, before reinforcement learning")
     say(f"{curve['seconds'].iloc[-1] / 60.0:.1f} minutes")
-    name, reference = training.reference(plan, policy.about["ship_source"])
+    name, reference = training.reference(plan, ship)
     own = curve["reward"].iloc[-1]
     say(
         f"reward in the episodes of the evaluations: the policy {own:.1f}, {name} {reference:.1f} "
@@ -220,7 +177,6 @@ def _print(path: Path, folder: Path, plan: Any, training: Any) -> None:
     say(f"policy: {path}   curve: {folder / 'curve.json'}   log: {folder / 'log'}")
     say("compare it with a classic controller:")
     other = "" if observer == DEFAULTS.observer else f" --observer {observer}"
-    ship = policy.about["ship_source"]
     other += "" if ship == get_task(task).vessel else f" --ship {ship}"
     say(
         f"  shaftline evaluate --controller policy:{path} --controller combinator-trimmed "

@@ -7,42 +7,29 @@ from typing import Annotated
 import typer
 
 from ..baselines import controller_names
-from ..envs import DEFAULTS, get_task, tasks
-from ..envs.settings import EPISODE_S, LONGEST_S
+from ..envs import DEFAULTS, get_task
+from ..envs.settings import EPISODE_S
 from ..observers import get_observer
 from .console import MOST_SEEDS, report_errors, require_extra, say, stages
 from .machine import add_results
+from .train_command import EpisodeLength, ObserverName, TaskName, TaskShip
 
 
 def tune(
-    controller: Annotated[
-        str,
-        typer.Option(
-            help=f"Controller: {', '.join(controller_names())}; or NAME:option=number,... with fixed "
-            "options; HELMSMAN+NAME where the rudder is an action."
-        ),
-    ] = "speed-pilot",
-    task: Annotated[str, typer.Option(help=f"Task: {', '.join(tasks(None))}.")] = "rough-sea",
-    vary: Annotated[
-        list[str] | None,
-        typer.Option(help="OPTION=LOW:HIGH; repeatable.", show_default="ranges of the controller"),
-    ] = None,
+    controller: Annotated[str, typer.Option(
+        help=f"Controller: {', '.join(controller_names())}; or NAME:option=number,... with fixed "
+        "options; HELMSMAN+NAME where the rudder is an action.")] = "speed-pilot",
+    task: TaskName = "rough-sea",
+    vary: Annotated[list[str] | None, typer.Option(
+        help="OPTION=LOW:HIGH; repeatable.", show_default="ranges of the controller")] = None,
     rounds: Annotated[int, typer.Option(min=1, help="Generations of the search.")] = 40,
-    seeds: Annotated[
-        int, typer.Option(min=1, max=MOST_SEEDS, help="Number of episodes for each candidate.")
-    ] = 24,
-    episode_s: Annotated[
-        float, typer.Option(min=1.0, max=LONGEST_S, help="Length of an episode [s].")
-    ] = EPISODE_S,
+    seeds: Annotated[int, typer.Option(
+        min=1, max=MOST_SEEDS, help="Number of episodes for each candidate.")] = 24,
+    episode_s: EpisodeLength = EPISODE_S,
     seed: Annotated[int, typer.Option(min=0, help="Seed; equal seeds give equal constants.")] = 0,
-    observer: Annotated[
-        str, typer.Option(help="Observer of the advance velocity.")
-    ] = DEFAULTS.observer,
-    ship: Annotated[
-        str | None,
-        typer.Option(help="Ship: a preset or a .toml file.", show_default="that of the task"),
-    ] = None,
-) -> None:
+    observer: ObserverName = DEFAULTS.observer,
+    ship: TaskShip = None,
+) -> None:  # fmt: skip
     """Tune the constants of a classic controller for a task.
 
     CMA-ES draws constants within their ranges. All candidates are simulated in the same episodes of the

@@ -11,59 +11,34 @@ import typer
 
 from .. import display
 from ..envs import get_task
+from . import train_command as training
 from .console import check_folder, print_table, report_errors, require_extra, say, stages
-from .train_command import (
-    Algorithm,
-    Device,
-    Envs,
-    OnDevice,
-    Plans,
-    TaskName,
-    TaskShip,
-    Timesteps,
-    check_device,
-    sizes,
-)
 
 _SHOWN = 8  # best trials in the table
 
 
 def tune_recipe(
-    task: TaskName = "rough-sea",
-    algorithm: Algorithm = "ppo",
-    recipe: Annotated[
-        Path | None,
-        typer.Option(
-            help="Recipe file (.yml) to start from.",
-            show_default="that of the package",
-        ),
-    ] = None,
-    vary: Annotated[
-        list[str] | None,
-        typer.Option(help="KEY=LOW:HIGH or KEY=A,B,C; repeatable.", show_default="see below"),
-    ] = None,
-    trials: Annotated[
-        int, typer.Option(min=1, help="Number of proposals, including the given recipe.")
-    ] = 20,
+    task: training.TaskName = "rough-sea",
+    algorithm: training.Algorithm = "ppo",
+    recipe: Annotated[Path | None, typer.Option(
+        help="Recipe file (.yml) to start from.", show_default="that of the package")] = None,
+    vary: Annotated[list[str] | None, typer.Option(
+        help="KEY=LOW:HIGH or KEY=A,B,C; repeatable.", show_default="see below")] = None,
+    trials: Annotated[int, typer.Option(
+        min=1, help="Number of proposals, including the given recipe.")] = 20,
     seeds: Annotated[int, typer.Option(min=1, help="Number of trainings of each proposal.")] = 1,
-    fresh: Annotated[
-        int,
-        typer.Option(min=1, help="Number of final trainings of the given and of the best recipe."),
-    ] = 2,
+    fresh: Annotated[int, typer.Option(
+        min=1, help="Number of final trainings of the given and of the best recipe.")] = 2,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the proposals.")] = 0,
-    timesteps: Timesteps = None,
-    envs: Envs = None,
-    plans: Plans = None,
-    ship: TaskShip = None,
-    device: OnDevice = Device.AUTO,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder for the recipe, the trials and the picture.",
-            show_default="out/tune/TASK-ALGORITHM-SEED",
-        ),
-    ] = None,
-) -> None:
+    timesteps: training.Timesteps = None,
+    envs: training.Envs = None,
+    plans: training.Plans = None,
+    ship: training.TaskShip = None,
+    device: training.OnDevice = training.Device.AUTO,
+    out: Annotated[Path | None, typer.Option(
+        help="Folder for the recipe, the trials and the picture.",
+        show_default="out/tune/TASK-ALGORITHM-SEED")] = None,
+) -> None:  # fmt: skip
     """Search the hyperparameters of a recipe for a task.
 
     Optuna's tree-structured Parzen estimator proposes values; each proposal is trained with the same
@@ -92,10 +67,10 @@ def tune_recipe(
         with require_extra("train", "a search"):
             from ..agents.learning.recipe import read_recipe
             from ..agents.learning.recipe_search import search_recipe
-        plan = read_recipe(algorithm, task, recipe, **sizes(timesteps, envs, plans))
+        plan = read_recipe(algorithm, task, recipe, **training.sizes(timesteps, envs, plans))
         folder = out or Path("out/tune") / f"{task}-{algorithm}-{seed}"
         check_folder(folder)
-        check_device(device)
+        training.check_device(device)
         with stages("searching") as tick:
             found = search_recipe(
                 plan, folder, vary=dict(map(_pair, vary)) if vary else None, trials=trials,
@@ -116,11 +91,8 @@ def _print(found: Any, folder: Path, task: str, algorithm: str) -> None:
     """Print the best trials, the comparison, and the next command."""
     values = pd.DataFrame([trial.values for trial in found.trials])
     rewards = pd.DataFrame(
-        {
-            "reward": [np.nan if t.reward is None else t.reward for t in found.trials],
-            "last": [trial.rewards[-1] for trial in found.trials],
-        }
-    )
+        [(trial.reward, trial.rewards[-1]) for trial in found.trials], columns=["reward", "last"]
+    ).astype(float)
     table = pd.concat([rewards["reward"], values.map(_short)], axis=1).rename_axis("trial")
     whole = table.dropna(subset="reward").sort_values("reward", ascending=False)
     print_table(
@@ -130,12 +102,12 @@ def _print(found: Any, folder: Path, task: str, algorithm: str) -> None:
     )
     picture = folder / "search.png"
     display.figures.save(display.recipe_search.trials_figure(rewards, values), picture)
-    as_given, as_found = (np.mean(found.fresh[name]) for name in ("given", "found"))
     say("on unused seeds and seas:")
     for name in ("given", "found"):
         each = ", ".join(f"{reward:.5g}" for reward in found.fresh[name])
         say(f"  {name}: reward {np.mean(found.fresh[name]):.5g} (trainings: {each})")
-    spread = max(np.ptp(found.fresh[name]) for name in ("given", "found"))
+    as_given, as_found = (np.mean(found.fresh[name]) for name in ("given", "found"))
+    spread = max(map(np.ptp, found.fresh.values()))
     if as_found <= as_given:
         say("the best recipe is not better: keep the given one")
     elif as_found - as_given < spread:

@@ -15,37 +15,26 @@ from ..core.sweep import refuse_other_plan, source_digest, sweep
 from ..mismatch import Options, diagnose
 from ..plant import load_ship
 from ..validation.cases import draw_case, hash_truth
+from ..validation.comparison import sindy, stepwise_bic
 from ..validation.recording import simulate_case
-from ..validation.rivals import sindy, stepwise_bic
 from ..validation.run import Diagnose, case_folder, run_case, scores, write_page
 from ..validation.variants import PLAIN, VARIANTS
-from .console import check_folder, print_table, progress, report_errors, say
+from .console import Jobs, check_folder, print_table, progress, report_errors, say
 
 
 def validate(
     cases: Annotated[int, typer.Option(min=1, max=100_000, help="Number of cases.")] = 200,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the cases.")] = 1,
-    out: Annotated[
-        Path, typer.Option(help="Folder for the cases, the page and its tables.")
-    ] = Path("out/validate"),
-    jobs: Annotated[
-        int | None,
-        typer.Option(min=1, help="Processes on this machine.", show_default="one a core"),
-    ] = None,
-    with_sindy: Annotated[
-        bool,
-        typer.Option("--sindy", help="Also analyse by PySINDy (`pip install 'shaftline[sindy]'`)."),
-    ] = False,
-    variant: Annotated[
-        str,
-        typer.Option(
-            help="Variant of the recordings: " + ", ".join(VARIANTS) + ".", metavar="VARIANT"
-        ),
-    ] = PLAIN,
-    reports: Annotated[
-        bool, typer.Option("--reports", help="Also write report.html of each case.")
-    ] = False,
-) -> None:
+    out: Annotated[Path, typer.Option(
+        help="Folder for the cases, the page and its tables.")] = Path("out/validate"),
+    jobs: Jobs = None,
+    with_sindy: Annotated[bool, typer.Option(
+        "--sindy", help="Also analyse by PySINDy (`pip install 'shaftline[sindy]'`).")] = False,
+    variant: Annotated[str, typer.Option(
+        help="Variant of the recordings: " + ", ".join(VARIANTS) + ".", metavar="VARIANT")] = PLAIN,
+    reports: Annotated[bool, typer.Option(
+        "--reports", help="Also write report.html of each case.")] = False,
+) -> None:  # fmt: skip
     """Validate the diagnosis on recordings with concealed effects.
 
     The recordings come from an independent simulator that shares no code with the package: its own
@@ -79,8 +68,7 @@ def validate(
     with report_errors():
         check_folder(out)
         if variant not in VARIANTS:
-            known = ", ".join(VARIANTS)
-            raise ValueError(f"--variant {variant}: unknown; known: {known}")
+            raise ValueError(f"--variant {variant}: unknown; known: {', '.join(VARIANTS)}")
         if with_sindy and variant != PLAIN:
             raise ValueError("--sindy: other methods are compared with the variant plain only")
         beside: dict[str, Diagnose] = {}
@@ -105,9 +93,9 @@ def validate(
             sweep(run, names, out / "cells" / "scores", jobs=jobs, tick=tick)
         tables = scores(out)
         finished = len(list(out.glob("case-*/score.json")))
-        more = " --sindy" if with_sindy else ""
-        more += f" --variant {variant}" if variant != PLAIN else ""
-        command = f"shaftline validate --cases {finished} --seed {seed}{more}"
+        command = f"shaftline validate --cases {finished} --seed {seed}"
+        command += " --sindy" if with_sindy else ""
+        command += f" --variant {variant}" if variant != PLAIN else ""
         page = write_page(tables, out, command, variant)
         print_table(tables["summary"], f"{finished} cases of seed {seed}", digits=3)
         say(f"page: {page}   cases: {out / 'case-*'}")
@@ -116,12 +104,8 @@ def validate(
 def _same_validation(out: Path, seed: int, variant: str, beside: list[str]) -> None:
     """Refuse to mix cases of two seeds, variants, sets of methods or versions."""
     note = out / "cells" / "validation.json"
-    mine = {
-        "seed": seed,
-        "variant": variant,
-        "beside": beside,
-        "version": source_digest("core", "plant", "mismatch", "validation"),
-    }
+    version = source_digest("core", "plant", "mismatch", "validation")
+    mine = {"seed": seed, "variant": variant, "beside": beside, "version": version}
     refuse_other_plan(out, note, mine, "validation")
     if not note.is_file() and any(out.glob("case-*")):
         raise ValueError(f"{out}: contains cases of another command; give another --out")
@@ -140,18 +124,13 @@ def _run(
     out: Path, beside: dict[str, Diagnose], reports: bool, cell: tuple[int, int, str]
 ) -> list[dict[str, Any]]:
     """Diagnose, open and score a case, whose truth must match its seal."""
-    tool = functools.partial(_tool, reports)
-    return run_case(draw_case(*cell), out, tool, beside)
+    return run_case(draw_case(*cell), out, functools.partial(_tool, reports), beside)
 
 
 def _tool(
-    page: bool,
-    recording: Path,
-    ship: str,
-    folder: Path,
-    exclude: tuple[str, ...],
+    page: bool, recording: Path, ship: str, folder: Path, exclude: tuple[str, ...],
     healthy: Path | None = None,
-) -> dict[str, Any]:
+) -> dict[str, Any]:  # fmt: skip
     """Diagnose a recording as ``shaftline diagnose`` does, with or without calibration."""
     options = Options(exclude=exclude, calibrate=() if healthy is None else (healthy,))
     diagnosis = diagnose(load_ship(ship), recording, options=options)

@@ -36,21 +36,16 @@ def write_archive(path: Path, arrays: dict[str, NDArray[Any]], *, compressed: bo
 def read_archive(path: Path, limit_bytes: float = 1e8) -> dict[str, NDArray[Any]]:
     """Return the arrays of a file, by name.
 
-    Args:
-        path: path of the file.
-        limit_bytes: largest total size of the arrays in memory [bytes].
-
     Raises:
-        ArchiveError: the file is no archive of numbers, is damaged, or exceeds the limit, which is
-            checked before the arrays are read.
+        ArchiveError: the file is no archive of numbers, is damaged, or exceeds ``limit_bytes`` in
+            memory, which is checked before the arrays are read.
     """
     try:
         with zipfile.ZipFile(path) as members:
             size = sum(member.file_size for member in members.infolist())
         if size > limit_bytes:
-            raise ArchiveError(
-                f"{path}: unpacks to {size / 1e6:.0f} MB; at most {limit_bytes / 1e6:.0f} MB are read"
-            )
+            most = f"at most {limit_bytes / 1e6:.0f} MB are read"
+            raise ArchiveError(f"{path}: unpacks to {size / 1e6:.0f} MB; {most}")
         with np.load(path, allow_pickle=False) as archive:
             return {name: archive[name] for name in archive.files}
     except ArchiveError:
@@ -65,11 +60,7 @@ def read_archive(path: Path, limit_bytes: float = 1e8) -> dict[str, NDArray[Any]
 def pack_tree(tree: Any) -> dict[str, NDArray[Any]]:
     """Return a tree of dicts, lists, tuples, arrays, numbers and texts as named arrays.
 
-    Args:
-        tree: the tree; leaves may also be torch tensors.
-
-    Raises:
-        TypeError: a leaf of another type.
+    Leaves may also be torch tensors; a leaf of another type raises a TypeError.
     """
     arrays: dict[str, NDArray[Any]] = {}
 
@@ -96,11 +87,7 @@ def pack_tree(tree: Any) -> dict[str, NDArray[Any]]:
 
 
 def unpack_tree(arrays: dict[str, NDArray[Any]]) -> Any:
-    """Return the tree that :func:`pack_tree` stored; tensors are returned as arrays.
-
-    Raises:
-        ArchiveError: the arrays are no stored tree.
-    """
+    """Return the tree that :func:`pack_tree` stored, tensors as arrays; else raise an ArchiveError."""
 
     def tree(skeleton: Any) -> Any:
         if isinstance(skeleton, list):

@@ -39,17 +39,10 @@ def _is_writable(folder: Path) -> bool:
 
 
 def kernel_folder(beside: Path, home: Path, temporary: Path) -> Path | None:
-    """Return a private folder for compiled kernels, if no usual place is writable.
+    """Return a private folder for compiled kernels below ``temporary``, or None if none is needed.
 
+    None is needed if the cache folder of the package (``beside``) or of the user (``home``) is writable.
     Cached kernels are executed, so the folder must not be writable by other users.
-
-    Args:
-        beside: cache folder of the package.
-        home: cache folder of the user.
-        temporary: folder in which a new one may be created.
-
-    Returns:
-        The folder, or None if one of the usual places is writable.
     """
     if _is_writable(beside) or _is_writable(home):
         return None
@@ -63,16 +56,14 @@ def kernel_folder(beside: Path, home: Path, temporary: Path) -> Path | None:
     return Path(tempfile.mkdtemp(prefix="shaftline-kernels-", dir=temporary))
 
 
+def _warn(text: str) -> None:
+    warnings.warn(text, RuntimeWarning, stacklevel=2)
+
+
 _settings: Any = numba.config
-if (
-    _settings.DISABLE_JIT
-):  # Kernels use the fields of a record as attributes, which needs compilation.
+if _settings.DISABLE_JIT:  # Kernels use fields of a record as attributes, which needs compilation.
     _settings.DISABLE_JIT = 0
-    warnings.warn(
-        "NUMBA_DISABLE_JIT is set but ignored, because the equations run only as compiled code",
-        RuntimeWarning,
-        stacklevel=1,
-    )
+    _warn("NUMBA_DISABLE_JIT is set but ignored, because the equations run only as compiled code")
 _appdirs: Any = AppDirs
 if not _settings.CACHE_DIR:  # A setting of the user takes precedence.
     _kept = kernel_folder(
@@ -82,11 +73,9 @@ if not _settings.CACHE_DIR:  # A setting of the user takes precedence.
     )
     if _kept is not None:
         _settings.CACHE_DIR = str(_kept)
-        warnings.warn(
+        _warn(
             "neither the package folder nor the home folder is writable: compiled kernels are kept in "
-            f"{_kept}",
-            RuntimeWarning,
-            stacklevel=1,
+            f"{_kept}"
         )
 
 
@@ -96,7 +85,7 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     IEEE arithmetic is strict (no fastmath), so a kernel gives the same bits wherever it is inlined: in a
     single simulation or in a batch. Division by zero gives inf, never an exception.
     """
-    return _compiled(function, fastmath=False)
+    return _compiled(function)
 
 
 def compiled_polynomial(function: Callable[P, R]) -> Callable[P, R]:
@@ -110,7 +99,7 @@ def compiled_polynomial(function: Callable[P, R]) -> Callable[P, R]:
 
 def compiled_apart(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a seldom used kernel without inlining, so that callers that do not use it lose no time."""
-    return _compiled(function, fastmath=False, inline=False)
+    return _compiled(function, inline=False)
 
 
 def compiled_sum(function: Callable[P, R]) -> Callable[P, R]:
@@ -122,11 +111,10 @@ def compiled_sum(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def _compiled(
-    function: Callable[P, R], fastmath: bool | set[str], inline: bool = True
+    function: Callable[P, R], fastmath: bool | set[str] = False, inline: bool = True
 ) -> Callable[P, R]:
-    kernel = numba.njit(
-        cache=True, error_model="numpy", nogil=True, forceinline=inline, fastmath=fastmath
-    )(function)
+    options: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy"}
+    kernel = numba.njit(**options, forceinline=inline, fastmath=fastmath)(function)
     check_files(kernel)
     return cast("Callable[P, R]", kernel)
 
@@ -137,15 +125,9 @@ def generate_kernel(
     """Return a kernel over all fields of a record, generated from one line for each field.
 
     Kernels cannot iterate over the fields of a tuple or record by name. So the fields are declared once,
-    and each kernel over all of them is generated from that declaration.
-
-    Args:
-        source: source of one function; a line with ``{field}`` is repeated for every field.
-        fields: names of the fields.
-        scope: ``globals()`` of the module of the function.
-
-    Returns:
-        The kernel, compiled like any other.
+    and each kernel over all of them is generated from that declaration: a line of ``source``, one
+    function, that contains ``{field}`` is repeated for every field. ``scope`` is ``globals()`` of its
+    module.
     """
     names = tuple(fields)
     lines = []
@@ -157,3 +139,15 @@ def generate_kernel(
     exec(compile(text, scope["__file__"], "exec"), scope, defined)
     (function,) = defined.values()
     return compiled(function)  # type: ignore[no-any-return]
+
+
+def generate_tuple_kernel(
+    signature: str, result: str, entry: str, fields: Iterable[str], scope: dict[str, Any]
+) -> Callable[..., Any]:
+    """Return a kernel of :func:`generate_kernel` that returns a tuple of the class ``result``.
+
+    ``signature`` is the name of the function with its arguments, ``entry`` an expression with
+    ``{field}``.
+    """
+    source = f"def {signature}:\n    return {result}(\n        {entry},\n    )"
+    return generate_kernel(source, fields, scope)

@@ -24,13 +24,8 @@ Base = TypeVar("Base")
 def classes_in(package: str, base: type[Base], but: Collection[str] = ()) -> list[type[Base]]:
     """Return the concrete subclasses of a base class that the modules of a package define.
 
-    Args:
-        package: name of the package, as in ``__package__``.
-        base: base class.
-        but: modules to leave out; modules that import the caller must be left out.
-
-    Returns:
-        Classes by module in alphabetical order, within a module in the order of their definition.
+    They are sorted by module, within a module in the order of their definition. ``but`` names modules to
+    leave out, such as those that import the caller.
     """
     found: list[type[Base]] = []
     for _, name, _ in pkgutil.iter_modules(import_module(package).__path__):
@@ -49,41 +44,25 @@ def classes_in(package: str, base: type[Base], but: Collection[str] = ()) -> lis
 
 
 def entry_point_names(group: str) -> list[str]:
-    """Return the names of the classes that installed packages register as entry points.
-
-    Args:
-        group: group of entry points, such as ``shaftline.controllers``.
-    """
+    """Return the names of the classes that installed packages register in a group of entry points."""
     return sorted(point.name for point in entry_points(group=group))
 
 
 def load_external_class(name: str, group: str) -> Any:
     """Return a class from outside the package: ``module:Class``, or a registered entry point.
 
-    The module is searched on Python's path and in the working folder. Its import executes it.
-
-    Args:
-        name: ``module:Class`` or name of an entry point.
-        group: group of entry points.
-
-    Returns:
-        The class, or None if the name is neither.
-
-    Raises:
-        ValueError: the module or the class does not exist, or the module cannot be imported; the message
-            says which.
+    The module is searched on Python's path and in the working folder. Its import executes it. None is
+    returned if the name is neither; a ValueError says why a class cannot be loaded.
     """
     name, module, place = _address(name, group)
     if not place:
         return None
-    if not all(part.isidentifier() for part in [*module.split("."), *place.split(".")]):
-        raise ValueError(
-            f"{name}: cannot be loaded: expected module:Class, such as my_controllers:Pilot"
-        )
     here = str(Path.cwd())
     if here not in sys.path:
         sys.path.append(here)
     try:
+        if not all(part.isidentifier() for part in [*module.split("."), *place.split(".")]):
+            raise ValueError("expected module:Class, such as my_controllers:Pilot")
         found: Any = import_module(module)
         for part in place.split("."):
             found = getattr(found, part)
@@ -104,16 +83,10 @@ def _address(name: str, group: str) -> tuple[str, str, str]:
 def external_class_digest(name: str, group: str) -> str:
     """Return eight characters that change with the source of an external class and of its imports.
 
-    Imports are found in the source of the modules (an import inside a function counts too). The standard
-    library, installed packages and this package are left out. For a class of an installed package the
-    whole package counts. Files that the code opens itself are not included.
-
-    Args:
-        name: name as in :func:`load_external_class`, which has loaded the class.
-        group: group of entry points.
-
-    Returns:
-        An empty text for a class of this package.
+    The name is one that :func:`load_external_class` has loaded; the text is empty for a class of this
+    package. Imports are found in the source of the modules (an import inside a function counts too). The
+    standard library, installed packages and this package are left out. For a class of an installed
+    package the whole package counts. Files that the code opens itself are not included.
     """
     _, module, place = _address(name, group)
     spec = find_spec(module.partition(".")[0]) if place else None

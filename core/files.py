@@ -24,11 +24,7 @@ class FileError(ValueError):
 
 
 def refuse_special(path: Path) -> None:
-    """Refuse a path that exists but is no ordinary file: a folder, a device, a pipe, a socket.
-
-    Raises:
-        FileError: names the path.
-    """
+    """Refuse a folder, a device, a pipe or a socket in place of an ordinary file, with a FileError."""
     try:
         special = path.exists() and not path.is_file()
     except (OSError, ValueError) as error:  # the name is too long or contains a NUL character
@@ -39,11 +35,9 @@ def refuse_special(path: Path) -> None:
 
 
 def check_writable(path: Path, folder: bool = False) -> None:
-    """Refuse a path that is not writable, before the computation whose result it will hold.
+    """Refuse a path of a file or folder that is not writable, before the computation of its content.
 
-    Args:
-        path: path of a file or folder; it need not exist, and the check leaves nothing behind.
-        folder: whether it is a folder.
+    The path need not exist, and the check leaves nothing behind.
 
     Raises:
         FileError: a device, an invalid file name, or a folder that is read-only or full.
@@ -63,11 +57,7 @@ def check_writable(path: Path, folder: bool = False) -> None:
 
 
 def reason_of(error: BaseException) -> str:
-    """Return why a file cannot be read, without error numbers and names of library internals.
-
-    Args:
-        error: error of the operating system, of a parser or of Python.
-    """
+    """Return why a file cannot be read, without error numbers and names of library internals."""
     if isinstance(error, RecursionError):
         return "it is nested too deeply"
     if isinstance(error, OSError) and error.strerror:
@@ -76,11 +66,7 @@ def reason_of(error: BaseException) -> str:
 
 
 def read_text(path: Path, largest: int = LARGEST_TEXT) -> str:
-    """Return the text of a file.
-
-    Args:
-        path: path of the file.
-        largest: largest allowed size [bytes].
+    """Return the text of a file of at most ``largest`` bytes.
 
     Raises:
         FileError: not an ordinary file, too large, unreadable, or no text.
@@ -89,9 +75,8 @@ def read_text(path: Path, largest: int = LARGEST_TEXT) -> str:
         refuse_special(path)
         size = path.stat().st_size
         if size > largest:
-            raise FileError(
-                f"{path}: has {size / 1e6:.0f} MB; at most {largest / 1e6:.0f} MB are read"
-            )
+            most = f"at most {largest / 1e6:.0f} MB are read"
+            raise FileError(f"{path}: has {size / 1e6:.0f} MB; {most}")
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise FileError(f"{path}: cannot be read: it is not UTF-8 text; save it as UTF-8") from None
@@ -100,21 +85,10 @@ def read_text(path: Path, largest: int = LARGEST_TEXT) -> str:
 
 
 def parse_toml(text: str, source: str) -> dict[str, Any]:
-    """Return a TOML text as a tree.
-
-    Args:
-        text: the text.
-        source: source of the text, for the message.
-
-    Raises:
-        FileError: invalid TOML, or nested too deeply.
-    """
+    """Return a TOML text as a tree; a FileError names its source and says why it is invalid."""
     try:
         return tomllib.loads(text)
-    except (
-        tomllib.TOMLDecodeError,
-        ValueError,
-    ) as error:  # ValueError: a number with too many digits
+    except ValueError as error:  # TOMLDecodeError, or a number with too many digits
         raise FileError(f"{source}: not valid TOML: {error}") from None
     except RecursionError:
         raise FileError(f"{source}: not valid TOML: nested too deeply") from None
@@ -126,11 +100,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def read_json(path: Path) -> Any:
-    """Return the content of a JSON file that the package has written.
-
-    Raises:
-        FileError: the file is unreadable or damaged.
-    """
+    """Return the content of a JSON file that the package has written, or raise a FileError."""
     try:
         return json.loads(read_text(path, LARGEST_RESULT))
     except (ValueError, RecursionError) as error:
@@ -197,13 +167,8 @@ class SizeError(ValueError):
 def check_size(count: float, bytes_each: float, what: str) -> None:
     """Refuse a computation that would need more than :data:`LARGEST_BYTES`.
 
-    Args:
-        count: number of items.
-        bytes_each: memory of one item [bytes].
-        what: the items and what determines their number, for the message.
-
-    Raises:
-        SizeError: gives the number of items and the largest possible number.
+    ``what`` names the items and what determines their number. The SizeError gives the number of items
+    and the largest possible number.
     """
     most = LARGEST_BYTES / bytes_each
     if not count <= most:

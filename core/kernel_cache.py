@@ -73,11 +73,7 @@ def _read(path: str) -> bytes | None:
 
 
 def check_files(kernel: Any) -> None:
-    """Make a kernel's cache verify the digests of its files.
-
-    Args:
-        kernel: kernel compiled with ``cache=True``.
-    """
+    """Make the cache of a kernel, compiled with ``cache=True``, verify the digests of its files."""
     cache = kernel._cache
     plain = cache._cache_file
     base = plain._index_name.removesuffix(".nbi")
@@ -88,12 +84,7 @@ _IMPORT = re.compile(r"^ *from (\.*)([\w.]*) import (\([^)]*\)|[^\n]*)", re.MULT
 
 
 def imported_files(source: Path, root: Path) -> set[Path]:
-    """Return the files of the package that a module imports directly.
-
-    Args:
-        source: file of the module.
-        root: folder of the package ``shaftline``.
-    """
+    """Return the files of the package, below the folder ``root``, that a module imports directly."""
     found = set()
     for dots, module, names in _IMPORT.findall(source.read_text(encoding="utf-8")):
         first, *rest = module.split(".") if module else [""]
@@ -117,10 +108,7 @@ def drop_stale_kernels(root: Path) -> None:
     """Delete cached kernels that are older than a source that their module imports, even indirectly.
 
     Numba compares a kernel only with its own source file. After a change of ``propeller.py`` it would
-    still use the old propeller inside ``simulation.py``.
-
-    Args:
-        root: folder of the package ``shaftline``.
+    still use the old propeller inside ``simulation.py``. ``root`` is the folder of the package.
     """
     packages = [folder for folder in root.iterdir() if (folder / "__init__.py").is_file()]
     changed = {file: file.stat().st_mtime for one in packages for file in one.rglob("*.py")}

@@ -18,15 +18,10 @@ __all__ = ["control", "lazy_import"]
 
 
 def lazy_import(name: str) -> ModuleType:
-    """Return a module whose code runs at the first access to one of its attributes.
+    """Return a top-level module whose code runs at the first access to one of its attributes.
 
-    A later ``import`` of the module returns the same object.
-
-    Args:
-        name: name of a top-level module.
-
-    Raises:
-        ModuleNotFoundError: the module is not installed; this is checked immediately.
+    A later ``import`` returns the same object. A module that is not installed raises an error
+    immediately.
     """
     if name in sys.modules:
         return sys.modules[name]

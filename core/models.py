@@ -62,14 +62,9 @@ def explain(error: ValidationError) -> str:
 
 
 def refuse_non_numbers(value: Any, kinds: tuple[type, ...] = (bool,)) -> None:
-    """Refuse a value that is, or contains at any depth, a truth value or a text instead of a number.
+    """Refuse a truth value or a text, at any depth of lists and tables, in place of a number.
 
-    Args:
-        value: value of a file: a number, or lists and tables of numbers.
-        kinds: types to refuse: bool, str or both.
-
-    Raises:
-        ValueError: names the value.
+    ``kinds`` are the types to refuse: bool, str or both. The ValueError names the value.
     """
     if isinstance(value, dict):
         for key, part in value.items():

@@ -57,16 +57,9 @@ def newton_step(
 ) -> tuple[float, float, float]:
     """Return one step of a safeguarded Newton search for the zero of a falling function.
 
-    Args:
-        x: present point.
-        value: value of the function at ``x``.
-        slope: slope of the function at ``x``.
-        low: lower bound of the zero.
-        high: upper bound of the zero.
-
-    Returns:
-        The next point, and the bounds narrowed by ``value``. If Newton's step leaves the bounds, the
-        next point is their middle.
+    From a point with the function's value and slope, and the bounds of the zero, follow the next point,
+    and the bounds narrowed by the value. If Newton's step leaves the bounds, the next point is their
+    middle.
     """
     if value > 0.0:
         low = x
@@ -91,39 +84,10 @@ def sine_cosine(angle: Real) -> tuple[Real, Real]:
     quadrant = np.floor(angle.real * (2.0 / math.pi) + 0.5)
     r = (angle - quadrant * _HALF_PI_HIGH) - quadrant * _HALF_PI_LOW
     r2 = r * r
-    s = r * (
-        1.0
-        + r2
-        * (
-            -1.0 / 6.0
-            + r2
-            * (
-                1.0 / 120.0
-                + r2
-                * (
-                    -1.0 / 5040.0
-                    + r2 * (1.0 / 362880.0 + r2 * (-1.0 / 39916800.0 + r2 * (1.0 / 6227020800.0)))
-                )
-            )
-        )
-    )
-    c = 1.0 + r2 * (
-        -0.5
-        + r2
-        * (
-            1.0 / 24.0
-            + r2
-            * (
-                -1.0 / 720.0
-                + r2
-                * (
-                    1.0 / 40320.0
-                    + r2
-                    * (-1.0 / 3628800.0 + r2 * (1.0 / 479001600.0 - r2 * (1.0 / 87178291200.0)))
-                )
-            )
-        )
-    )
+    s = r * (1.0 + r2 * (-1.0 / 6.0 + r2 * (1.0 / 120.0 + r2 * (-1.0 / 5040.0 + r2 * (
+        1.0 / 362880.0 + r2 * (-1.0 / 39916800.0 + r2 * (1.0 / 6227020800.0)))))))  # fmt: skip
+    c = 1.0 + r2 * (-0.5 + r2 * (1.0 / 24.0 + r2 * (-1.0 / 720.0 + r2 * (1.0 / 40320.0 + r2 * (
+        -1.0 / 3628800.0 + r2 * (1.0 / 479001600.0 - r2 * (1.0 / 87178291200.0)))))))  # fmt: skip
     # Quadrant modulo 4 as floats: 0 -> (c, s), 1 -> (-s, c), 2 -> (-c, -s), 3 -> (s, -c).
     quarter = quadrant - 4.0 * np.floor(quadrant * 0.25)
     odd = quarter - 2.0 * np.floor(quarter * 0.5)

@@ -81,12 +81,7 @@ def _seeded(seed: int) -> NDArray[np.uint64]:
 
 @compiled
 def fill_uniform(seed: int, found: NDArray[np.float64]) -> None:
-    """Fill an array with what ``numpy.random.default_rng(seed).random(len(found))`` returns.
-
-    Args:
-        seed: from 0 to 2**32 - 1.
-        found: filled with numbers uniform in [0, 1), shape (n,).
-    """
+    """Fill an array with ``numpy.random.default_rng(seed).random(len(found))``; seed < 2**32."""
     words = _seeded(seed)
     one = _U64(1)
     add_high, add_low = (words[2] << one) | (words[3] >> _U64(63)), (words[3] << one) | one

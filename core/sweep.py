@@ -28,10 +28,7 @@ from .files import read_json, write_text
 
 BACKENDS = ("processes", "dask")
 
-_WATCH, _WATCH_S = (
-    "shaftline watches its parent",
-    1.0,
-)  # name and interval of a worker's watch thread
+_WATCH, _WATCH_S = "shaftline watches its parent", 1.0  # name and interval of a worker's thread
 
 _PATIENCE_S = 10.0  # timeout for a scheduler and for its first worker [s]
 
@@ -45,16 +42,11 @@ class SweepError(ValueError):
 
 
 def sweep(
-    work: Callable[[Cell], Any],
-    cells: Mapping[str, Cell],
-    folder: Path,
-    *,
-    jobs: int | None = None,
-    backend: str = "processes",
-    scheduler: str | None = None,
+    work: Callable[[Cell], Any], cells: Mapping[str, Cell], folder: Path, *,
+    jobs: int | None = None, backend: str = "processes", scheduler: str | None = None,
     tick: Callable[[], None] = lambda: None,
-) -> dict[str, Any]:
-    """Compute every cell whose result is not yet in the folder.
+) -> dict[str, Any]:  # fmt: skip
+    """Compute every cell whose result is not yet in the folder; return all results by name.
 
     This process writes each result as soon as it arrives. So workers need no shared disk, and a sweep
     that was stopped (Ctrl-C, a failed cell) continues from its finished cells.
@@ -64,14 +56,11 @@ def sweep(
             cloudpickle.
         cells: cells by name, which is also the file name; it must include everything that changes the
             result.
-        folder: folder of the files ``NAME.json``.
+        folder: folder of the files ``NAME.json``, from which the results are read.
         jobs: processes on this machine, by default one for each core; 1 computes in this process.
         backend: one of :data:`BACKENDS`.
         scheduler: address of a dask scheduler, such as ``tcp://10.0.0.1:8786``.
         tick: called for each cell that is finished, now or before.
-
-    Returns:
-        Results by name in the order of the cells, as read from their files.
 
     Raises:
         SweepError: an unavailable backend, or failed cells; all other cells are finished first, and the
@@ -103,11 +92,7 @@ def sweep(
 
 
 def _watch_parent(home: int) -> None:
-    """Make a worker ignore Ctrl-C and exit when its parent process has ended.
-
-    Args:
-        home: process id of the parent.
-    """
+    """Make a worker ignore Ctrl-C and exit when its parent process has ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch() -> None:
@@ -127,11 +112,7 @@ def _attempt(work: Callable[[Cell], Any], name: str, cell: Cell) -> CellResult:
 
 
 def check_backend(jobs: int | None, backend: str, scheduler: str | None) -> None:
-    """Refuse contradictory options of :func:`sweep` before any computation.
-
-    Raises:
-        SweepError: names the option.
-    """
+    """Refuse contradictory options of :func:`sweep` with a SweepError, before any computation."""
     if backend not in BACKENDS:
         raise SweepError(f"--backend {backend} is unknown; known backends: {', '.join(BACKENDS)}")
     if jobs is not None and jobs < 1:
@@ -156,12 +137,9 @@ def _machine(
     """Yield the results of processes on this machine, in the order of their completion."""
     # A batch size above 1 would hold finished cells back.
     parallel = joblib.Parallel(
-        jobs,
-        return_as="generator_unordered",
-        batch_size=1,
-        initializer=_watch_parent,
+        jobs, return_as="generator_unordered", batch_size=1, initializer=_watch_parent,
         initargs=(os.getpid(),),
-    )
+    )  # fmt: skip
     try:
         with warnings.catch_warnings():
             # loky replaces a process whose memory has grown; no cell is lost.
@@ -172,10 +150,8 @@ def _machine(
         get_reusable_executor(kill_workers=True).shutdown(wait=False, kill_workers=True)
         raise
     except BrokenProcessPool as error:
-        why = str(error).split(". ")[0].strip()
-        raise SweepError(
-            f"the worker processes stopped ({why}); finished cells are kept; try --jobs 1"
-        ) from None
+        why = f"({str(error).split('. ')[0].strip()}); finished cells are kept; try --jobs 1"
+        raise SweepError(f"the worker processes stopped {why}") from None
 
 
 def _cluster(
@@ -204,22 +180,19 @@ def _client(address: str) -> Iterator[Any]:
     try:
         import distributed
     except ImportError:
-        raise SweepError(
-            "--backend dask: requires an extra, `pip install 'shaftline[cluster]'`"
-        ) from None
+        needed = "requires an extra, `pip install 'shaftline[cluster]'`"
+        raise SweepError(f"--backend dask: {needed}") from None
     try:
         client: Any = distributed.Client(address, timeout=_PATIENCE_S)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
-        raise SweepError(
-            f"--scheduler {address}: no dask scheduler responds ({error}); check the address"
-        ) from None
+        silent = f"no dask scheduler responds ({error}); check the address"
+        raise SweepError(f"--scheduler {address}: {silent}") from None
     with client:
         try:
             client.wait_for_workers(1, timeout=_PATIENCE_S)
         except TimeoutError:
-            raise SweepError(
-                f"--scheduler {address}: has no workers; start some with `dask worker {address}`"
-            ) from None
+            empty = f"has no workers; start some with `dask worker {address}`"
+            raise SweepError(f"--scheduler {address}: {empty}") from None
         yield client, distributed.as_completed
 
 
@@ -248,14 +221,9 @@ def source_digest(*places: str) -> str:
 def refuse_other_plan(folder: Path, note: Path, plan: Mapping[str, Any], what: str) -> None:
     """Refuse to mix the results of two plans in one folder.
 
-    Args:
-        folder: folder of the results, for the message.
-        note: file with the plan of the existing results, if there are any.
-        plan: new plan by key, as JSON data.
-        what: name of a result.
-
-    Raises:
-        ValueError: gives the first key in which the plans differ.
+    ``note`` is the file with the plan of the existing results, if there are any; ``plan`` is the new
+    plan by key, as JSON data; ``what`` names a result. The ValueError gives the first key in which they
+    differ.
     """
     if not note.is_file():
         return

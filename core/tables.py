@@ -6,7 +6,9 @@ table (``table.attrs["layout"]``), so that it can be shown.
 
 from __future__ import annotations
 
+import codecs
 import csv
+import functools
 import importlib.util
 import os
 import pickle
@@ -25,12 +27,8 @@ import pandas as pd
 from . import sheet_process
 
 _READ_BYTES = 100_000
-_SEPARATORS = (
-    "\t",
-    ";",
-    "|",
-    ",",
-)  # The comma is last: with the others it may be the decimal sign.
+_NAMES = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma"}
+"""Separators; the comma is last, because with the others it may be the decimal sign."""
 _CONSTANT = 0.9  # least share of the lines with the same number of fields
 _WIDE = 0.9  # least share of zero bytes at one place of each character in a UTF-16 or UTF-32 text
 _HEAD_ROWS = 100  # rows of a spreadsheet in which the header is searched
@@ -45,7 +43,6 @@ _NO_TEXT = {
     b"PAR1": "it is a Parquet file; give it the ending .parquet",
 }
 """First bytes of files that are often mistaken for text, and the remedy."""
-_NAMES = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma"}
 
 
 class LayoutError(ValueError):
@@ -54,49 +51,35 @@ class LayoutError(ValueError):
 
 @dataclass(frozen=True)
 class Layout:
-    """Layout of a table in a text file or spreadsheet.
+    """Layout of a table in a text file or spreadsheet."""
 
-    Args:
-        encoding: encoding of the text, as Python names it.
-        separator: separator of the fields.
-        decimal: decimal sign, ``.`` or ``,``.
-        header_row: line of the column names, from 1.
-        unit_row: line of the units, if there is one.
-        sheet: sheet of a spreadsheet; None for a text file.
-    """
-
-    encoding: str = "utf-8"
-    separator: str = ","
-    decimal: str = "."
-    header_row: int = 1
-    unit_row: int | None = None
-    sheet: str | None = None
+    encoding: str = "utf-8"  # of the text, as Python names it
+    separator: str = ","  # of the fields
+    decimal: str = "."  # decimal sign, ``.`` or ``,``
+    header_row: int = 1  # line of the column names, from 1
+    unit_row: int | None = None  # line of the units, if there is one
+    sheet: str | None = None  # of a spreadsheet; None for a text file
 
     def description(self) -> str:
         """Return the properties that differ from a plain CSV file; empty for a plain file."""
-        parts = [] if self.sheet is None else [f"sheet {self.sheet!r}"]
-        if self.encoding != "utf-8":
-            parts.append(f"encoding {self.encoding}")
-        if self.separator != ",":
-            parts.append(f"separator {_NAMES.get(self.separator, self.separator)}")
-        if self.decimal != ".":
-            parts.append("decimal comma")
-        if self.header_row != 1:
-            parts.append(f"names in line {self.header_row}")
-        if self.unit_row is not None:
-            parts.append(f"units in line {self.unit_row}")
-        return ", ".join(parts)
+        special = {
+            f"sheet {self.sheet!r}": self.sheet is not None,
+            f"encoding {self.encoding}": self.encoding != "utf-8",
+            f"separator {_NAMES.get(self.separator, self.separator)}": self.separator != ",",
+            "decimal comma": self.decimal != ".",
+            f"names in line {self.header_row}": self.header_row != 1,
+            f"units in line {self.unit_row}": self.unit_row is not None,
+        }
+        return ", ".join(part for part, applies in special.items() if applies)
 
 
 def _encoding(head: bytes) -> str:
-    for mark, name in (
-        (b"\xff\xfe\x00\x00", "utf-32"),
-        (b"\x00\x00\xfe\xff", "utf-32"),
-        (b"\xff\xfe", "utf-16"),
-        (b"\xfe\xff", "utf-16"),
-        (b"\xef\xbb\xbf", "utf-8-sig"),
+    for marks, name in (
+        ((codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE), "utf-32"),
+        ((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE), "utf-16"),
+        ((codecs.BOM_UTF8,), "utf-8-sig"),
     ):
-        if head.startswith(mark):
+        if head.startswith(marks):
             return name
     if b"\x00" in head:
         return _wide_encoding(head)
@@ -112,9 +95,6 @@ def _wide_encoding(head: bytes) -> str:
     """Return the encoding of a text with two or four bytes per character and no byte order mark.
 
     In a text of mostly Latin letters the zero bytes are at the same places of every character.
-
-    Raises:
-        LayoutError: the bytes are no text.
     """
     zero = [1.0 - sum(map(bool, head[k::4])) / max(len(head[k::4]), 1) for k in range(4)]
     for name, places in (
@@ -138,14 +118,9 @@ def _is_number(cell: str, decimal: str) -> bool:
 
 
 def guess_layout(path: Path, encoding: str | None = None) -> Layout:
-    """Return the layout of a text file, guessed from its first lines.
+    """Return the layout of a text file, guessed from its first lines and its encoding, if it is known.
 
-    Args:
-        path: path of the file.
-        encoding: encoding of the text, if it is known.
-
-    Raises:
-        LayoutError: the file contains nothing like a table with column names.
+    A file that contains nothing like a table with column names raises a LayoutError.
     """
     with path.open("rb") as file:
         head = file.read(_READ_BYTES)
@@ -156,11 +131,10 @@ def guess_layout(path: Path, encoding: str | None = None) -> Layout:
     encoding = encoding or _encoding(head)
     lines = head.decode(encoding, errors="ignore").splitlines()[: None if whole else -1]
     if not any(line.strip() for line in lines):
-        raise LayoutError(
-            "it is empty" if whole else f"its first line is longer than {_READ_BYTES / 1e6:g} MB"
-        )
+        long = f"its first line is longer than {_READ_BYTES / 1e6:g} MB"
+        raise LayoutError("it is empty" if whole else long)
     last = [line for line in lines[len(lines) // 2 :] if line.strip()]
-    for separator in _SEPARATORS:
+    for separator in _NAMES:
         widths = Counter(len(_cells(line, separator)) for line in last)
         width, count = widths.most_common(1)[0]
         if width > 1 and count >= _CONSTANT * len(last):
@@ -168,8 +142,10 @@ def guess_layout(path: Path, encoding: str | None = None) -> Layout:
     else:
         separator, width = ",", 1
     body = [cell for line in last for cell in _cells(line, separator)]
-    comma = sum(bool(re.fullmatch(r"\s*[-+]?\d*,\d+(e[-+]?\d+)?\s*", c, re.I)) for c in body)
-    point = sum(bool(re.fullmatch(r"\s*[-+]?\d*\.\d+(e[-+]?\d+)?\s*", c, re.I)) for c in body)
+    number = r"\s*[-+]?\d*[{}]\d+(e[-+]?\d+)?\s*"
+    comma, point = (
+        sum(bool(re.fullmatch(number.format(sign), c, re.I)) for c in body) for sign in ",."
+    )
     decimal = "," if separator != "," and comma > point else "."
     rows = [_cells(line, separator) if line.strip() else [] for line in lines]
     return Layout(encoding, separator, decimal, *_names_and_units(rows, width, decimal))
@@ -209,9 +185,7 @@ def _are_units(cells: list[str]) -> bool:
 def read_text_table(path: Path, given: dict[str, Any] | None = None) -> pd.DataFrame:
     """Return the table of a text file; ``attrs`` has its ``layout`` and, if present, ``units`` by name.
 
-    Args:
-        path: path of the file.
-        given: known fields of :class:`Layout`; the others are guessed.
+    ``given`` holds the known fields of :class:`Layout`; the others are guessed.
 
     Raises:
         LayoutError: no table, or a repeated column name.
@@ -220,19 +194,14 @@ def read_text_table(path: Path, given: dict[str, Any] | None = None) -> pd.DataF
     given = given or {}
     layout = replace(guess_layout(path, given.get("encoding")), **given)
 
-    def read(**options: Any) -> pd.DataFrame:
-        table: pd.DataFrame = pd.read_csv(
-            path, sep=layout.separator, decimal=layout.decimal, encoding=layout.encoding, **options
-        )
-        return table
-
+    style = {"sep": layout.separator, "decimal": layout.decimal, "encoding": layout.encoding}
+    read = functools.partial(pd.read_csv, path, **style)
     above = list(range(layout.header_row - 1))
     try:
         names = _unique(read(header=None, skiprows=above, nrows=1, dtype=str).iloc[0])
     except pd.errors.EmptyDataError:
-        raise LayoutError(
-            f"line {layout.header_row} is empty, but should contain the column names"
-        ) from None
+        empty = f"line {layout.header_row} is empty, but should contain the column names"
+        raise LayoutError(empty) from None
     skipped = above if layout.unit_row is None else [*above, layout.unit_row - 1]
     table = read(skiprows=skipped)
     units = None
@@ -246,11 +215,8 @@ def read_text_table(path: Path, given: dict[str, Any] | None = None) -> pd.DataF
 def read_sheet(path: Path, given: dict[str, Any] | None = None) -> pd.DataFrame:
     """Return the table of a spreadsheet (xlsx, xls, xlsb or ods), as in :func:`read_text_table`.
 
-    Macros and formulas are not executed; their last stored results are read.
-
-    Args:
-        path: path of the file.
-        given: ``sheet`` (by default the first), ``header_row`` and ``unit_row`` if they are known.
+    Macros and formulas are not executed; their last stored results are read. ``given`` may hold
+    ``sheet`` (by default the first), ``header_row`` and ``unit_row``.
 
     Raises:
         LayoutError: no table, no such sheet, or a repeated column name.
@@ -267,13 +233,11 @@ def read_sheet(path: Path, given: dict[str, Any] | None = None) -> pd.DataFrame:
         raise LayoutError(f"sheet {sheet!r} is empty")
     head = [["" if pd.isna(c) else str(c) for c in row] for row in raw.head(_HEAD_ROWS).to_numpy()]
     header, unit = _names_and_units(head, len(raw.columns), ".")
-    layout = Layout(
-        "utf-8", ",", ".", known.get("header_row", header), known.get("unit_row", unit), sheet
-    )
+    given_rows = known.get("header_row", header), known.get("unit_row", unit)
+    layout = Layout("utf-8", ",", ".", *given_rows, sheet)
     if layout.header_row > len(raw):
-        raise LayoutError(
-            f"sheet {sheet!r} has {len(raw)} rows, but header_row is {layout.header_row}"
-        )
+        few = f"{len(raw)} rows, but header_row is {layout.header_row}"
+        raise LayoutError(f"sheet {sheet!r} has {few}")
     below = max(layout.header_row, layout.unit_row or 0)
     table = raw.iloc[below:].reset_index(drop=True)
     table.columns = pd.Index(_unique(raw.iloc[layout.header_row - 1]))
@@ -282,24 +246,17 @@ def read_sheet(path: Path, given: dict[str, Any] | None = None) -> pd.DataFrame:
 
 
 def _read_in_process(path: Path, sheet: str) -> tuple[list[str], pd.DataFrame | None]:
-    """Return the names of a spreadsheet's sheets, and one sheet as a table; None if it does not exist.
-
-    Raises:
-        LayoutError: damaged, too large, or no spreadsheet.
-        ImportError: the reader is not installed.
-    """
+    """Return the names of a spreadsheet's sheets, and one sheet as a table, None if absent."""
     if importlib.util.find_spec("python_calamine") is None:
         raise ModuleNotFoundError("No module named 'python_calamine'", name="python_calamine")
-    script = Path(sheet_process.__file__)
-    line = [sys.executable, "-P", str(script), str(path.absolute()), sheet]
+    line = [sys.executable, "-P", sheet_process.__file__, str(path.absolute()), sheet]
     # Use one thread, because each thread reserves address space.
     alone = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     try:
         done = subprocess.run(line, capture_output=True, timeout=_LONGEST_S, env=alone, check=False)
     except subprocess.TimeoutExpired:
-        raise LayoutError(
-            f"the spreadsheet took over {_LONGEST_S} s to open; save the sheet as CSV"
-        ) from None
+        late = f"the spreadsheet took over {_LONGEST_S} s to open; save the sheet as CSV"
+        raise LayoutError(late) from None
     if done.returncode == 0:
         names, table = pickle.loads(done.stdout)
         return names, table

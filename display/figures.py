@@ -25,50 +25,37 @@ def new_figure(rows: int, columns: int, size: tuple[float, float]) -> tuple[Figu
     """Return a figure with a grid of axes, shape (rows, columns)."""
     figure = Figure(figsize=size, layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False)
-    for axis in axes.flat:
-        axis.grid(alpha=0.25, linewidth=0.6)
-        axis.spines[["top", "right"]].set_visible(False)
+    style(*axes.flat)
     return figure, axes
 
 
-def check_picture(path: Path) -> None:
-    """Refuse a path whose ending is no known picture format.
+def style(*axes: Any) -> None:
+    """Give axes a light grid and only the spines at the left and at the bottom."""
+    for axis in axes:
+        axis.grid(alpha=0.25, linewidth=0.6)
+        axis.spines[["top", "right"]].set_visible(False)
 
-    Raises:
-        FileError: names the known endings.
-    """
+
+def check_picture(path: Path) -> None:
+    """Refuse a path whose ending is no picture format; a FileError names the known endings."""
     known = sorted(FigureCanvasAgg.get_supported_filetypes())
     if path.suffix[1:].lower() not in known:
         raise FileError(f"{path}: a picture file must end in .{', .'.join(known)}")
 
 
 def save(figure: Figure, path: Path, dpi: int = 110) -> None:
-    """Write a figure in the format of the path's ending, such as PNG.
-
-    Raises:
-        FileError: unknown ending.
-    """
+    """Write a figure in the format of the path's ending; an unknown one raises a FileError."""
     check_picture(path)
     write_atomically(path, lambda file: figure.savefig(file, dpi=dpi))
 
 
 def save_frame(frame: NDArray[np.uint8], path: Path) -> None:
-    """Write an image that an environment rendered.
-
-    Args:
-        frame: shape (height, width, 3).
-        path: path ending in ``.png``.
-    """
+    """Write an image that an environment rendered, shape (height, width, 3), as a PNG file."""
     write_atomically(path, lambda file: imsave(file, frame))
 
 
 def signals_figure(table: pd.DataFrame, title: str) -> Figure:
-    """Return a figure of the main signals of a simulation over time.
-
-    Args:
-        table: columns as in recordings.
-        title: title of the figure.
-    """
+    """Return a figure of the main signals of a simulation over time, from the columns of recordings."""
     panels = (
         ("advance_velocity_m_s", "advance velocity [m/s]", 1.0),
         ("shaft_speed_rad_s", "shaft speed [rad/s]", 1.0),
@@ -99,13 +86,10 @@ def signals_figure(table: pd.DataFrame, title: str) -> Figure:
 
 
 def controllers_figure(traces: dict[str, pd.DataFrame], ship: Ship) -> Figure:
-    """Return a figure of one episode of each controller.
+    """Return a figure of one episode of each controller on a ship.
 
-    Its panels show speed and torque over time, the engine envelope, and pitch over shaft speed.
-
-    Args:
-        traces: by controller, columns of :data:`shaftline.agents.evaluation.episodes.TRACE`.
-        ship: ship whose engine envelope is drawn.
+    Its panels show speed and torque over time, the ship's engine envelope, and pitch over shaft speed.
+    The traces have columns of :data:`shaftline.agents.evaluation.episodes.TRACE`.
     """
     plant = ship.record()
     gear = ship.transmission.gear_ratio

@@ -24,26 +24,18 @@ _NO_RESPONSE = 1e-12
 
 
 def unit_of(name: str, ship: Ship) -> str:
-    """Return the unit of an input, state or output of the linear model.
-
-    Args:
-        name: name of the signal.
-        ship: ship of the model; its prime mover gives the unit of ``drive``.
-    """
+    """Return the unit of an input, state or output of the linear model of a ship."""
     return ship.prime_mover.demand.unit if name == "drive" else _UNITS.get(name, "SI")
 
 
 def modes(system: control.StateSpace) -> pd.DataFrame:
     """Return the poles of a linear model, slowest first.
 
-    Args:
-        system: linear model.
-
-    Returns:
-        Real and imaginary part [rad/s], time constant [s], natural frequency [rad/s], damping ratio.
+    Columns: real and imaginary part [rad/s], time constant [s], natural frequency [rad/s], damping
+    ratio.
     """
     poles = sorted(map(complex, system.poles()), key=lambda pole: (abs(pole), pole.imag))
-    rows = [
+    return pd.DataFrame(
         {
             "real [rad/s]": pole.real,
             "imaginary [rad/s]": pole.imag,
@@ -52,8 +44,7 @@ def modes(system: control.StateSpace) -> pd.DataFrame:
             "damping [-]": -pole.real / abs(pole) if pole else np.nan,
         }
         for pole in poles
-    ]
-    return pd.DataFrame(rows)
+    )
 
 
 def _frequencies(system: control.StateSpace, points: int = 400) -> NDArray[np.float64]:
@@ -72,17 +63,10 @@ def _responding_channels(system: control.StateSpace) -> list[tuple[int, int]]:
 
 
 def channels(system: control.StateSpace, ship: Ship) -> pd.DataFrame:
-    """Return steady gain, zeros and margins of each channel with a non-zero response.
+    """Return steady gain, zeros and margins of each channel of a ship's model with a non-zero response.
 
-    The margins are those of the loop closed with a gain of 1 or -1.
-
-    Args:
-        system: linear model.
-        ship: ship of the model.
-
-    Returns:
-        One row for each channel; margins are missing if the closed loop is unstable, and infinite if
-        they are unlimited.
+    The margins are those of the loop closed with a gain of 1 or -1; they are missing if it is unstable,
+    and infinite if they are unlimited.
     """
     rows = []
     for i, j in _responding_channels(system):
@@ -115,21 +99,14 @@ def _format(value: complex) -> str:
 
 
 def frequency_response(system: control.StateSpace, ship: Ship, title: str) -> Figure:
-    """Return a Bode plot: gain and phase of every channel with a response, one column for each input.
-
-    Args:
-        system: linear model.
-        ship: ship of the model.
-        title: title of the figure.
-    """
+    """Return a Bode plot: gain and phase of every channel with a response, one column for each input."""
     responding = _responding_channels(system)
     columns = sorted({j for _, j in responding})
     rows = sorted({i for i, _ in responding})
     frequency = _frequencies(system)
     response = system(1j * frequency, squeeze=False)
-    figure, axes = new_figure(
-        2 * len(rows), len(columns), (3.3 * len(columns) + 0.6, 3.2 * len(rows) + 0.6)
-    )
+    size = (3.3 * len(columns) + 0.6, 3.2 * len(rows) + 0.6)
+    figure, axes = new_figure(2 * len(rows), len(columns), size)
     figure.suptitle(title, fontsize=11)
     for a, i in enumerate(rows):
         for b, j in enumerate(columns):

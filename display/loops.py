@@ -16,13 +16,9 @@ _LEAST_DB = -90.0  # lowest gain in the figure
 def loop_figure(
     loop: Loop, title: str, unit: str = "s", asked: tuple[float, float] | None = None
 ) -> Figure:
-    """Return a figure of a loop in four panels.
+    """Return a figure of a stable loop, whose unit of time is ``unit``, in four panels.
 
-    Args:
-        loop: stable loop.
-        title: title of the figure.
-        unit: unit of time of the loop.
-        asked: frequency below which |L| should exceed a gain, and that gain [dB]; none by default.
+    ``asked`` is the frequency below which |L| should exceed a gain, and that gain [dB].
     """
     margins = loop.margins()
     grid = _grid(loop, margins)
@@ -33,8 +29,8 @@ def loop_figure(
     level = 20.0 * np.log10(np.abs(response))
     gain.semilogx(grid, level, color=PALETTE[1])
     gain.axhline(0.0, color=THESIS, linewidth=0.7)
-    gain.set_ylabel("|L| [dB]")
-    gain.set_ylim(max(level.min(), _LEAST_DB), min(level.max(), 80.0) + 5.0)
+    lowest = max(level.min(), _LEAST_DB)
+    gain.set(ylabel="|L| [dB]", ylim=(lowest, min(level.max(), 80.0) + 5.0))
     if asked is not None:
         gain.hlines(asked[1], grid[0], asked[0], color=PALETTE[0], linewidth=2.0)
         gain.annotate(
@@ -48,12 +44,10 @@ def loop_figure(
     phase.semilogx(grid, degrees, color=PALETTE[1])
     phase.axhline(-180.0, color=THESIS, linewidth=0.7)
     phase.set_ylim(max(min(degrees.min(), -180.0) - 10.0, -450.0), max(degrees.max(), -90.0) + 15.0)
-    phase.set_ylabel("phase of L [deg]")
-    phase.set_xlabel(f"frequency [rad/{unit}]")
+    phase.set(ylabel="phase of L [deg]", xlabel=f"frequency [rad/{unit}]")
     if np.isfinite(margins.crossover):
-        phase.vlines(
-            margins.crossover, -180.0, margins.phase_margin_deg - 180.0, color=PALETTE[0], lw=2
-        )
+        top = margins.phase_margin_deg - 180.0
+        phase.vlines(margins.crossover, -180.0, top, color=PALETTE[0], lw=2)
         phase.annotate(
             f"{margins.phase_margin_deg:.1f}°", (margins.crossover, -175.0), (6, 0), fontsize=9,
             textcoords="offset points", color=PALETTE[0],
@@ -71,8 +65,7 @@ def loop_figure(
     ):
         closed.semilogx(grid, 20.0 * np.log10(np.abs(values)), color=colour, label=name)
     closed.axhline(0.0, color=THESIS, linewidth=0.7)
-    closed.set_ylim(-60.0, 20.0)
-    closed.set_ylabel("|S|, |T| [dB]")
+    closed.set(ylim=(-60.0, 20.0), ylabel="|S|, |T| [dB]")
     closed.legend(fontsize=8, frameon=False, loc="lower center")
     _draw_step(step, loop, unit)
     return figure
@@ -98,12 +91,7 @@ def _draw_step(axis: Axes, loop: Loop, unit: str) -> None:
     axis.plot(time[shown], output[shown], color=TRUTH, drawstyle=draw)
     axis.axhspan(0.98 * last, 1.02 * last, color=PALETTE[3], alpha=0.25, lw=0)
     axis.axvline(measures.settling, color=PALETTE[0], linewidth=0.9, linestyle="--")
-    axis.annotate(
-        f"overshoot {measures.overshoot_percent:.1f} %, within 2 % after {measures.settling:.3g} {unit}",
-        (0.97, 0.06),
-        xycoords="axes fraction",
-        ha="right",
-        fontsize=9,
-    )
-    axis.set_ylabel("response to a step of the set-point")
-    axis.set_xlabel(f"time [{unit}]")
+    settled = f"within 2 % after {measures.settling:.3g} {unit}"
+    axis.annotate(f"overshoot {measures.overshoot_percent:.1f} %, {settled}", (0.97, 0.06),
+                  xycoords="axes fraction", ha="right", fontsize=9)  # fmt: skip
+    axis.set(ylabel="response to a step of the set-point", xlabel=f"time [{unit}]")

@@ -10,7 +10,7 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from ..plant.manoeuvres import Spiral, Trials, TurningCircle, ZigZag
-from .figures import PALETTE, THESIS, TRUTH, new_figure
+from .figures import PALETTE, THESIS, TRUTH, new_figure, style
 
 SIDE_COLOURS = {"starboard": PALETTE[1], "port": PALETTE[0]}  # green and red, like side lights
 _BEAM = 0.16  # beam of the drawn outline, in ship lengths
@@ -22,15 +22,10 @@ OUTLINE = np.vstack([_OUTLINE, _OUTLINE[::-1] * np.array([1.0, -1.0])])
 
 
 def outline(ahead: float, aside: float, heading: float) -> NDArray[np.float64]:
-    """Return the corners of a ship on a map with north up.
+    """Return the corners of a ship on a map with north up, from the position of midship.
 
-    Args:
-        ahead: position of midship along the initial course [ship lengths].
-        aside: position to starboard of it [ship lengths].
-        heading: to starboard of it [rad].
-
-    Returns:
-        Shape (14, 2): to starboard of the initial course, and along it [ship lengths].
+    Positions [ship lengths] and heading [rad] are along and to starboard of the initial course; the
+    result, shape (14, 2), is to starboard of the course and along it.
     """
     cosine, sine = np.cos(heading), np.sin(heading)
     east = aside + OUTLINE[:, 0] * sine + OUTLINE[:, 1] * cosine
@@ -48,18 +43,12 @@ def _draw_ships(axis: Axes, track: pd.DataFrame, length: float, colour: str, apa
     for row in rows:
         corners = outline(x[row], y[row], float(track["heading_rad"].iloc[row]))
         axis.add_patch(
-            Polygon(corners, closed=True, facecolor=colour, edgecolor="white", lw=0.6, alpha=0.75,
-                    zorder=3)
-        )  # fmt: skip
+            Polygon(corners, closed=True, fc=colour, ec="white", lw=0.6, alpha=0.75, zorder=3)
+        )
 
 
 def turning_circles(turns: dict[str, TurningCircle], title: str) -> Figure:
-    """Return a figure of tracks with ship outlines, and of speed and rate of turn over the way.
-
-    Args:
-        turns: turning circles by side.
-        title: title of the figure.
-    """
+    """Return a figure of tracks by side with outlines, and of speed and rate of turn over the way."""
     figure = Figure(figsize=(12.5, 5.6), layout="constrained")
     places = figure.add_gridspec(2, 2, width_ratios=(2.1, 1.0))
     map_, speeds, rates = (
@@ -81,17 +70,13 @@ def turning_circles(turns: dict[str, TurningCircle], title: str) -> Figure:
     map_.annotate("rudder ordered", (0.0, 0.0), (8, -14), textcoords="offset points", fontsize=8)
     map_.set_aspect("equal", adjustable="datalim")
     map_.margins(0.12, 0.1)
-    map_.set_xlabel("to starboard of the initial course [ship lengths]")
-    map_.set_ylabel("along the initial course [ship lengths]")
+    map_.set(xlabel="to starboard of the initial course [ship lengths]",
+             ylabel="along the initial course [ship lengths]")  # fmt: skip
     map_.legend(fontsize=8, frameon=False, loc="lower right")
-    speeds.set_ylabel("speed / approach\nspeed [-]")
-    speeds.set_ylim(0.0, 1.05)
-    rates.set_ylabel("rate of turn [deg/min]")
+    speeds.set(ylabel="speed / approach\nspeed [-]", ylim=(0.0, 1.05))
     rates.axhline(0.0, color=THESIS, linewidth=0.6)
-    rates.set_xlabel("way [ship lengths]")
-    for axis in (map_, speeds, rates):
-        axis.grid(alpha=0.25, linewidth=0.6)
-        axis.spines[["top", "right"]].set_visible(False)
+    rates.set(xlabel="way [ship lengths]", ylabel="rate of turn [deg/min]")
+    style(map_, speeds, rates)
     return figure
 
 
@@ -103,10 +88,7 @@ def _measures(axis: Axes, turn: TurningCircle, colour: str) -> None:
         (180.0, "tactical\ndiameter", turn.tactical_diameter, (-42.0 * side, -12.0)),
     ):
         row = int(np.argmax(side * turn.track["heading_rad"].to_numpy() >= np.radians(degrees)))
-        place = (
-            turn.track["cross_track_m"].iloc[row] / turn.length_m,
-            turn.track["position_m"].iloc[row] / turn.length_m,
-        )
+        place = tuple(turn.track[["cross_track_m", "position_m"]].iloc[row] / turn.length_m)
         axis.plot(*place, "o", color=colour, markeredgecolor="white", markersize=7, zorder=4)
         axis.annotate(
             f"{name} {value:.2f} L", place, away, textcoords="offset points", fontsize=9,
@@ -116,12 +98,7 @@ def _measures(axis: Axes, turn: TurningCircle, colour: str) -> None:
 
 
 def zig_zags(results: dict[tuple[int, str], ZigZag], title: str) -> Figure:
-    """Return a figure of heading and rudder over time, one panel for each zig-zag, with overshoots.
-
-    Args:
-        results: zig-zags by angle [deg] and side of the first execute.
-        title: title of the figure.
-    """
+    """Return a figure of heading and rudder over time with overshoots, a panel for each zig-zag."""
     angles = sorted({angle for angle, _ in results})
     sides = sorted({side for _, side in results}, reverse=True)  # starboard first
     figure, axes = new_figure(len(angles), len(sides), (6.0 * len(sides), 2.9 * len(angles) + 0.5))
@@ -145,9 +122,8 @@ def _zig_zag(axis: Axes, found: ZigZag, colour: str) -> None:
     time = found.track["time_s"].to_numpy()
     heading = np.degrees(found.track["heading_rad"].to_numpy())
     axis.plot(time, heading, color=colour, linewidth=1.6, label="heading")
-    axis.plot(
-        time, np.degrees(found.track["rudder_rad"]), color=TRUTH, linewidth=0.9, label="rudder"
-    )
+    rudder = np.degrees(found.track["rudder_rad"])
+    axis.plot(time, rudder, color=TRUTH, linewidth=0.9, label="rudder")
     reach = np.degrees(found.heading_rad)
     for level in (-reach, reach):
         axis.axhline(level, color=THESIS, linewidth=0.7, linestyle="--")
@@ -171,12 +147,7 @@ def _zig_zag(axis: Axes, found: ZigZag, colour: str) -> None:
 
 
 def spirals(result: Spiral, title: str) -> Figure:
-    """Return a figure of the steady rate of turn over the rudder angle, and of its middle enlarged.
-
-    Args:
-        result: the spiral.
-        title: title of the figure.
-    """
+    """Return a figure of the steady rate of turn over the rudder angle, and of its middle enlarged."""
     figure, axes = new_figure(1, 2, (11.0, 4.6))
     figure.suptitle(title, fontsize=12)
     for axis, reach in zip(axes[0], (np.inf, 4.0), strict=True):
@@ -195,10 +166,8 @@ def spirals(result: Spiral, title: str) -> Figure:
         axis.set_xlabel("rudder angle [deg], positive turns to starboard")
     axes[0, 0].set_ylabel("rate of turn r' = r L / U [-]")
     axes[0, 0].legend(fontsize=8, frameon=False)
-    axes[0, 1].set_title(
-        f"loop: {abs(result.width_deg):.2f}° wide, {abs(result.height):.3f} high amidships",
-        fontsize=9,
-    )
+    size = f"{abs(result.width_deg):.2f}° wide, {abs(result.height):.3f} high amidships"
+    axes[0, 1].set_title(f"loop: {size}", fontsize=9)
     return figure
 
 

@@ -31,9 +31,8 @@ def trials_figure(rewards: pd.DataFrame, values: pd.DataFrame) -> Figure:
     drawn = whole.clip(lower=floor)
     first, *others = axes.flat
     if len(stopped):
-        first.plot(
-            stopped.index, stopped, "x", color=THESIS, label="stopped, at its last evaluation"
-        )
+        about = "stopped, at its last evaluation"
+        first.plot(stopped.index, stopped, "x", color=THESIS, label=about)
     first.plot(drawn.index, drawn, "o", color=PALETTE[1], label="at the last evaluation")
     first.step(whole.index, whole.cummax(), where="post", color=ESTIMATE, label="best")
     first.axhline(whole.iloc[0], color=TRUTH, linestyle="--", linewidth=1, label="as given")

@@ -18,20 +18,13 @@ from .tasks import Task, get_task, tasks
 if TYPE_CHECKING:
     from .sb3 import Sb3Frigates
 
-if "shaftline/Steering-v0" not in registry:
-    register(
-        id="shaftline/Steering-v0",
-        entry_point="shaftline.envs.steering:SteeringEnv",
-        vector_entry_point="shaftline.envs.steering:SteeringVectorEnv",
-        max_episode_steps=DEFAULTS.max_episode_steps,
-    )
-if "shaftline/Frigate-v0" not in registry:
-    register(
-        id="shaftline/Frigate-v0",
-        entry_point="shaftline.envs.frigate:FrigateEnv",
-        vector_entry_point="shaftline.envs.frigate:FrigateVectorEnv",
-        max_episode_steps=DEFAULTS.max_episode_steps,
-    )
+for _name in ("Steering", "Frigate"):
+    if (_id := f"shaftline/{_name}-v0") not in registry:
+        _place = f"shaftline.envs.{_name.lower()}:{_name}"
+        register(
+            _id, f"{_place}Env", vector_entry_point=f"{_place}VectorEnv",
+            max_episode_steps=DEFAULTS.max_episode_steps,
+        )  # fmt: skip
 
 __all__ = [
     "CLASSIC", "DEFAULTS", "TERMS", "FrigateEnv", "FrigateVectorEnv", "Goal", "Goals", "Sb3Frigates",

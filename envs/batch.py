@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections import namedtuple
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
@@ -16,64 +17,42 @@ from ..baselines.helmsman import STEERED
 from ..core.compiled import compiled
 from ..core.files import check_size
 from ..observers import get_observer
+from ..observers.records import Floats
 from ..plant import Ship
 from ..plant.helm import require_steering
 from ..plant.terms import Term
+from . import records, starts
 from .kernel import control_interval, first_observation
 from .options import ResetOptions
 from .ranges import observed_ranges
-from .records import (
-    BASE_COMMANDS,
-    COMMON,
-    COURSE_ERRORS,
-    DIRECT_RACK,
-    ENVIRONMENT,
-    LEARNER_SIGNALS,
-    LIMITED_RACK,
-    OBSERVATION,
-    RACK_COMMAND,
-    SHAFT_SPEED,
-    SHAFT_SPEED_COMMAND,
-)
 from .residual import BaseController
 from .rewards import goals_record
 from .settings import Settings, check_randomise, noise_record, read_seas
-from .starts import (
-    DRAWS,
-    DRAWS_STEERED,
-    episode_ranges,
-    sea_bounds,
-    start_episodes,
-    steady_states,
-    steady_tables,
-)
 from .tasks import controller_for, get_task
 
 _BYTES_EACH = 1e5  # memory of one environment with its sea, measured
-_FIELDS: Any = ENVIRONMENT.fields
-_SIGNALS: tuple[str, ...] = OBSERVATION.names or ()
-_SECOND = {"fuel-rack": DIRECT_RACK, "limited-rack": LIMITED_RACK, "shaft-speed": SHAFT_SPEED}
+_FIELDS: Any = records.ENVIRONMENT.fields
+_SIGNALS: tuple[str, ...] = records.OBSERVATION.names or ()
+_SECOND = {
+    "fuel-rack": records.DIRECT_RACK,
+    "limited-rack": records.LIMITED_RACK,
+    "shaft-speed": records.SHAFT_SPEED,
+}
 
-LIMITER_RESPONSE_S = 0.25
-"""Response time of the limiters of a rack command to a speed error, at a gain of one [s]."""
+LIMITER_RESPONSE_S = (
+    0.25  # of the limiters of a rack command to a speed error, at a gain of one [s]
+)
+DRIFT_ARM = 0.1  # assumed lever arm of the slow side force ahead of midship, in ship lengths
 
 
 @functools.lru_cache(maxsize=16)
-def _governor_gains(ship: Ship) -> NDArray[np.float64]:
+def _governor_gains(ship: Ship) -> Floats:
     """Return the gains of the built-in governor, which acts at every plant step; shape (3, m)."""
     return np.array(tune(ship, ship.time_step_s))
 
 
-DRIFT_ARM = 0.1
-"""Lever arm of the slow side force of waves and wind ahead of midship, in ship lengths; assumed."""
-
-
 def add_drift_force(ship: Ship) -> Ship:
-    """Return a ship with an additional slow side force, as the steered environments have it.
-
-    Args:
-        ship: ship that turns.
-    """
+    """Return a ship with an additional slow side force, as the steered environments have it."""
     force = Term(
         id="drift-force", acts_on="side_force", expression="drift_force",
         also={"yaw_moment": f"{DRIFT_ARM * ship.manoeuvring.length_m!r} * drift_force"},
@@ -81,56 +60,43 @@ def add_drift_force(ship: Ship) -> Ship:
     return ship.with_signals({"drift_force": "N"}).with_values({"term": [*ship.term, force]})
 
 
+Singles = NDArray[np.float32]
+Ints = NDArray[np.int64]
+
+
 @compiled
 def _observe(
-    signals: NDArray[np.float32], which: NDArray[np.int64], columns: NDArray[np.int64],
-    middle: NDArray[np.float32], half: NDArray[np.float32], bound: float,
-    rows: NDArray[np.float32],
-) -> None:  # fmt: skip
-    """Fill rows with the selected signals of environments, scaled and clipped."""
+    signals: Singles, which: Ints, columns: Ints, middle: Singles, half: Singles, bound: float
+) -> Singles:
+    """Return rows with the selected signals of environments, scaled and clipped."""
+    rows = np.empty((len(which), len(columns)), np.float32)
     for i in range(len(which)):
         for j in range(len(columns)):
             scaled = (signals[which[i], columns[j]] - middle[j]) / half[j]
             rows[i, j] = min(max(scaled, -bound), bound) if scaled == scaled else 0.0  # nan
+    return rows
 
 
 class StartDistribution(NamedTuple):
     """Distribution from which an episode draws its start."""
 
-    ranges: Any
-    """EPISODE_RANGES of shape (1,)."""
-    seas: NDArray[np.float64]
-    """Sea bounds from :func:`shaftline.envs.starts.sea_bounds`."""
+    ranges: Any  # EPISODE_RANGES of shape (1,)
+    seas: Floats  # sea bounds from :func:`shaftline.envs.starts.sea_bounds`
 
 
-class Arrays(NamedTuple):
-    """Records of a batch by kind, each an array of shape (n,) that shares its memory with the batch."""
-
-    plants: Any
-    states: Any
-    memories: Any
-    seas: Any
-    observers: Any
-    estimates: Any
-    episodes: Any
-    observations: Any
-    terms: Any
-    truths: Any
-    rewards: Any
-    ended: Any
+Arrays = namedtuple(
+    "Arrays",
+    "plants states memories seas observers estimates episodes observations terms truths rewards ended",
+)
+"""Records of a batch by kind, each an array of shape (n,) that shares its memory with the batch."""
 
 
 class Batch:
-    """Environments 0 to n - 1 with one task.
-
-    Args:
-        n: number of environments.
-        settings: settings of all environments.
-        steered: whether the rudder is an action.
+    """Environments 0 to n - 1 with one task; with ``steered`` the rudder is an action.
 
     Raises:
-        ValueError: a name does not exist, a value is out of range, or the task or the ship does not
-            match ``steered``.
+        ValueError: a name does not exist, a value is out of range, or task or ship do not match
+            ``steered``.
     """
 
     def __init__(self, n: int, settings: Settings, steered: bool = False) -> None:
@@ -160,22 +126,20 @@ class Batch:
         check_randomise(self.ship, randomise)
         self._varied = [(self.ship.parameter(key), width) for key, width in randomise.items()]
         self.command = settings.drive_command
-        self.gains = np.zeros((3, 1))
-        if self.command == "shaft-speed":
-            self.gains = _governor_gains(self.ship)
-        self.table = steady_states(self.ship)
-        self._tables = steady_tables(self.ship)
+        governed = self.command == "shaft-speed"
+        self.gains = _governor_gains(self.ship) if governed else np.zeros((3, 1))
+        self.table = starts.steady_states(self.ship)
+        self._tables = starts.steady_tables(self.ship)
         self.n = n
         self._everyone = np.arange(n)
         observer = get_observer(settings.observer, settings.tuning).discretise(self.ship, self.dt)
-        self.environments = np.zeros(n, ENVIRONMENT)
+        self.environments = np.zeros(n, records.ENVIRONMENT)
         self.environments["plant"] = (add_drift_force(self.ship) if steered else self.ship).record()
         self.environments["observer"] = observer
         self.base: BaseController | None = None
         if settings.base_controller is not None:
-            controller = controller_for(
-                self.task, settings.base_controller, self.ship, self.interval_s, steered
-            )
+            name, interval_s = settings.base_controller, self.interval_s
+            controller = controller_for(self.task, name, self.ship, interval_s, steered)
             self.base = BaseController(controller, self.ship, n, steered, self.task.preview)
         self._columns = np.array([_SIGNALS.index(name) for name in self.observed])
         top = float(self.table["ship_speed"].max())
@@ -184,7 +148,7 @@ class Batch:
             middle, half = np.zeros_like(middle), np.ones_like(half)
         self._scale = (middle, half)
         self._usual = self._beginning(ResetOptions.of(None, self.task, (0.0, 0.0), steered))
-        self.commons = np.zeros(1, COMMON)
+        self.commons = np.zeros(1, records.COMMON)
         self.common["noise"] = noise_record(self.ship, settings.sensor_noise)
         self.common["goals"] = goals_record(self.task.goals)
         self.common["increments"] = settings.action_mode == "increment"
@@ -201,23 +165,37 @@ class Batch:
 
     @property
     def common(self) -> Any:
-        """Parameters that all environments of the batch share, a COMMON record."""
+        """Parameters that all environments of the batch share, a records.COMMON record."""
         return self.commons[0]
 
     @property
     def arrays(self) -> Arrays:
         """Arrays of the batch by kind of record."""
-        return Arrays(*(self.environments[name] for name in ENVIRONMENT.names or ()))
+        return Arrays(*(self.environments[name] for name in records.ENVIRONMENT.names or ()))
 
     @property
     def observed(self) -> tuple[str, ...]:
         """Names of the signals of an observation, in order."""
-        second = SHAFT_SPEED_COMMAND if self.command == "shaft-speed" else RACK_COMMAND
-        base = () if self.base is None else BASE_COMMANDS[: self.actions]
+        second = (
+            records.SHAFT_SPEED_COMMAND if self.command == "shaft-speed" else records.RACK_COMMAND
+        )
+        base = () if self.base is None else records.BASE_COMMANDS[: self.actions]
         if self.steered:
-            return (*OBSERVED, *STEERED, *LEARNER_SIGNALS, *COURSE_ERRORS, second, *base)
+            return (
+                *OBSERVED,
+                *STEERED,
+                *records.LEARNER_SIGNALS,
+                *records.COURSE_ERRORS,
+                second,
+                *base,
+            )
         ahead = PREVIEW if self.task.preview else ()
-        return (*OBSERVED, *ahead, *LEARNER_SIGNALS, second, *base)
+        return (*OBSERVED, *ahead, *records.LEARNER_SIGNALS, second, *base)
+
+    @property
+    def observed_scale(self) -> Singles:
+        """Middle and half width of the range of each observed signal, shape (2, o)."""
+        return np.array(self._scale, np.float32)
 
     @property
     def actions(self) -> int:
@@ -225,43 +203,28 @@ class Batch:
         return 3 if self.steered else 2
 
     @property
-    def signals(self) -> NDArray[np.float32]:
+    def signals(self) -> Singles:
         """All signals of :data:`OBSERVATION` in physical units, shape (n, k), without a copy."""
         # A field of a record array is not contiguous, so this array is a strided view of the memory.
         offset = _FIELDS["observation"][1]
         return np.ndarray(
             (self.n, len(_SIGNALS)), np.float32, self.environments.view(np.uint8), offset,
-            (ENVIRONMENT.itemsize, 4),
+            (records.ENVIRONMENT.itemsize, 4),
         )  # fmt: skip
 
-    def observation(self, which: NDArray[np.int64] | None = None) -> NDArray[np.float32]:
-        """Return observations, normalised or in physical units as the settings ask for, shape (k, o).
-
-        Args:
-            which: indices of the environments; all by default.
-        """
-        signals = self.signals
-        rows = np.empty((self.n if which is None else len(which), len(self._columns)), np.float32)
-        if which is None:
-            which = self._everyone
+    def observation(self, which: Ints | None = None) -> Singles:
+        """Return observations, shape (k, o), in the form of the settings; all of them by default."""
+        which = self._everyone if which is None else which
         bound = NORMALISED_BOUND if self.settings.normalised else np.inf
-        _observe(signals, which, self._columns, *self._scale, bound, rows)
-        return rows
+        return _observe(self.signals, which, self._columns, *self._scale, bound)
 
     @property
-    def elapsed(self) -> NDArray[np.int64]:
+    def elapsed(self) -> Ints:
         """Number of control intervals since the last reset, shape (n,)."""
         return np.asarray(self.environments["episode"]["elapsed"])
 
     def begin(self, options: Mapping[str, Any] | None) -> StartDistribution:
-        """Return the distribution from which episodes start under the options of a reset.
-
-        Args:
-            options: options of the reset, or None.
-
-        Raises:
-            ValueError: an unknown option, or a value out of range.
-        """
+        """Return the distribution from which episodes start under the options of a reset, if any."""
         if not options:
             return self._usual
         known = self.table["ship_speed"]
@@ -270,23 +233,14 @@ class Batch:
 
     def _beginning(self, begin: ResetOptions) -> StartDistribution:
         seas = self.seas_to_draw if begin.seas is None else begin.seas
-        return StartDistribution(episode_ranges(begin, self.task), sea_bounds(seas))
+        return StartDistribution(starts.episode_ranges(begin, self.task), starts.sea_bounds(seas))
 
     def reset(
-        self,
-        which: NDArray[np.int64],
-        rngs: Sequence[np.random.Generator],
-        beginning: StartDistribution,
+        self, which: Ints, rngs: Sequence[np.random.Generator], beginning: StartDistribution
     ) -> None:
-        """Start a new episode in some environments.
-
-        Args:
-            which: indices of the environments, shape (k,).
-            rngs: one random generator for each, which draws everything of its episode.
-            beginning: distribution of the start, from :meth:`begin`.
-        """
+        """Start new episodes in k environments; each generator draws everything of one episode."""
         varied = len(self._varied)
-        draws = DRAWS_STEERED if self.steered else DRAWS
+        draws = starts.DRAWS_STEERED if self.steered else starts.DRAWS
         uniform = np.empty((len(which), draws + varied))
         for row, rng in zip(uniform, rngs, strict=True):
             rng.random(out=row)
@@ -294,27 +248,25 @@ class Batch:
             place = (which, *number.place)
             factors = 1.0 - width + 2.0 * width * factor
             self.arrays.plants[number.field][place] = number.value * factors
-        raw = self.environments.view(np.uint8).reshape(self.n, ENVIRONMENT.itemsize)
-        start_episodes(
+        raw = self.environments.view(np.uint8).reshape(self.n, records.ENVIRONMENT.itemsize)
+        starts.start_episodes(
             self.environments, raw, which, uniform[:, :draws], beginning.ranges, beginning.seas,
             self._tables, self.ship.propeller.depth_m, self.dt,
         )  # fmt: skip
 
-    def observe(self, which: NDArray[np.int64]) -> None:
+    def observe(self, which: Ints) -> None:
         """Fill the observations of environments that were just reset."""
         first_observation(self.environments, self.commons, self.interval_s, self.dt, which)
         if self.base is not None:
             self.base.begin(self.signals, which)
 
     def step(
-        self, action: NDArray[np.float32], pool: ThreadPoolExecutor | None = None, shares: int = 1
+        self, action: Singles, pool: ThreadPoolExecutor | None = None, shares: int = 1
     ) -> None:
         """Simulate all environments over one control interval; the results are in :attr:`arrays`.
 
-        Args:
-            action: actions in [-1, 1], shape (n, 2), or (n, 3) where the rudder is an action.
-            pool: threads that share the work; the calling thread by default.
-            shares: number of parts into which the batch is divided for the threads.
+        Actions in [-1, 1] have the shape (n, 2), or (n, 3) where the rudder is an action. The
+        threads of a pool share the work.
         """
         if self.base is not None:
             action = self.base.add(action)
@@ -326,10 +278,10 @@ class Batch:
         if self.base is not None:
             self.base.follow(self.signals)
 
-    def _step(self, action: NDArray[np.float32], first: int, last: int) -> None:
+    def _step(self, action: Singles, first: int, last: int) -> None:
         diverged = control_interval(
-            self.environments, self.commons, self.gains, action, self.steps, self.dt, first, last,
-        )  # fmt: skip
+            self.environments, self.commons, self.gains, action, self.steps, self.dt, first, last
+        )
         if diverged >= 0:
             raise ValueError(
                 f"{self.ship.name}: the simulation of environment {diverged} diverges: its state is "

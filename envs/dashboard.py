@@ -16,28 +16,27 @@ from .batch import Batch
 
 _SHOWN_S, _LEAST_S = 120.0, 30.0
 _DARK, _RED, _GREY, _PALE = "#1f2a44", "#d1495b", "#8d99ae", "#e7ebf2"
-_TORQUE, _ENVELOPE, _COURSE = "shaft torque [kN m]", "engine", "heading [deg]"
+_ENVELOPE = "engine"
 _PANELS = (
     ("ship speed [m/s]", (("speed_order", "order", _RED), ("measured_ship_speed", "", _DARK)), 1.0),
     (_ENVELOPE, (), 1.0),
-    (_TORQUE, (("measured_shaft_torque", "", _DARK),), 1e-3),
+    ("shaft torque [kN m]", (("measured_shaft_torque", "", _DARK),), 1e-3),
     ("pitch ratio P/D [-]", (("measured_pitch_ratio", "", _DARK),), 1.0),
     ("fuel rack [mm]", (("fuel_rack", "", _DARK),), 1.0),
     ("advance velocity [m/s]",
      (("true_advance_velocity", "true", _DARK), ("estimated_advance_velocity", "estimated", _RED)), 1.0),
 )  # fmt: skip
 """Panels: title; signals with label and colour; factor from the signal's unit to that of the title."""
-_STEERED = (_COURSE, (("heading_order", "order", _RED), ("heading", "", _DARK)), 180.0 / np.pi)
+_STEERED = (
+    "heading [deg]",
+    (("heading_order", "order", _RED), ("heading", "", _DARK)),
+    180.0 / np.pi,
+)
 """Panel that replaces the fuel rack where the rudder is an action."""
 
 
 class Dashboard:
-    """Record the last two minutes of an environment and draw them.
-
-    Args:
-        batch: batch of environments.
-        which: index of the environment to record.
-    """
+    """Record the last two minutes of an environment, by its index in a batch, and draw them."""
 
     def __init__(self, batch: Batch, which: int = 0) -> None:
         self.batch, self.which = batch, which
@@ -53,12 +52,12 @@ class Dashboard:
     def record(self) -> None:
         """Record a sample of the present state."""
         arrays = self.batch.arrays
-        seen = arrays.observations[self.which]
+        seen, truth = arrays.observations[self.which], arrays.truths[self.which]
         row = {name: float(seen[name]) for name in seen.dtype.names}
         row["time"] = float(self.batch.elapsed[self.which]) * self.batch.interval_s
-        row["true_advance_velocity"] = float(arrays.truths[self.which]["advance_velocity"])
-        row["brake_torque"] = float(arrays.truths[self.which]["brake_torque"])
-        self.rewarded += float(self.batch.environments[self.which]["reward"])
+        row["true_advance_velocity"] = float(truth["advance_velocity"])
+        row["brake_torque"] = float(truth["brake_torque"])
+        self.rewarded += float(arrays.rewards[self.which])
         self.rows.append(row)
 
     def draw(self) -> NDArray[np.uint8]:
@@ -71,11 +70,8 @@ class Dashboard:
             axis.tick_params(labelsize=8)
             axis.spines[["top", "right"]].set_visible(False)
             axis.grid(color=_PALE, linewidth=0.6)
-            if title == _ENVELOPE and self.batch.ship.has_diesel:
+            if title == _ENVELOPE:
                 self._draw_envelope(axis)
-            elif title == _ENVELOPE:
-                axis.set_title("shaft speed [rad/s]", fontsize=9, loc="left", color=_DARK)
-                self._draw_lines(axis, (("shaft_speed", "", _DARK),), 1.0)
             else:
                 self._draw_lines(axis, lines, factor)
         now = self.rows[-1]["time"] if self.rows else 0.0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -14,7 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from .batch import Batch
+from .batch import Batch, Ints, Singles
 from .kernel import ENDINGS, RUNNING
 from .options import check_options
 from .records import TRUTHS
@@ -25,13 +24,11 @@ from .spaces import action_space, batch_observation_space, check_action
 if TYPE_CHECKING:
     from .dashboard import Dashboard
 
+Bools = NDArray[np.bool_]
+
 
 def _count_workers(threads: int | None, ships: int) -> int:
-    """Return the number of threads that step the ships.
-
-    Raises:
-        ValueError: ``threads`` is not a whole number of at least 1.
-    """
+    """Return the number of threads that step the ships."""
     if threads is None:
         return min(os.cpu_count() or 1, ships)
     if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
@@ -39,19 +36,18 @@ def _count_workers(threads: int | None, ships: int) -> int:
     return min(int(threads), ships)
 
 
-def _check_render_mode(mode: str | None) -> None:
+def _dashboards(batch: Batch, mode: str | None) -> list[Dashboard]:
+    """Return a dashboard for each environment of a batch, or none without a render mode."""
     if mode not in (None, "rgb_array"):
         raise ValueError(f"unknown render_mode {mode!r}; known: rgb_array")
+    if mode is None:
+        return []
+    from .dashboard import Dashboard  # not above, because matplotlib takes half a second to import
+
+    return [Dashboard(batch, i) for i in range(batch.n)]
 
 
-def _dashboard(batch: Batch, ship: int = 0) -> Dashboard:
-    # matplotlib is imported for rendering only, because its import takes half a second.
-    from .dashboard import Dashboard
-
-    return Dashboard(batch, ship)
-
-
-class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+class FrigateEnv(gymnasium.Env[Singles, Singles]):
     """Propulsion plant of a ship in waves, controlled by blade pitch and shaft speed or fuel rack.
 
     ## Description
@@ -78,9 +74,10 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ``action_mode`` selects how an action sets a command:
 
     - ``increment``: the action is a rate of change. At 1 a command crosses its range in 20 s; at 0 it
-    holds. - ``absolute``: -1 and 1 are the ends of the range of the command. - ``residual`` or
-    ``residual:CONTROLLER``: the action is added to the command of a classic controller. An
-      action of 1 adds 25 % of the range.
+      holds.
+    - ``absolute``: -1 and 1 are the ends of the range of the command.
+    - ``residual`` or ``residual:CONTROLLER``: the action is added to the command of a classic
+      controller. An action of 1 adds 25 % of the range.
 
     ## Observation Space
 
@@ -144,9 +141,8 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Episode End
 
-    1. Termination: the engine stalls (speed at most 30 % of its lowest) or trips on overspeed (above 115
-    % of
-       its highest). ``info["ended"]`` names the reason. All later rewards are lost.
+    1. Termination: the engine stalls (speed at most 30 % of its lowest) or trips on overspeed (above
+       115 % of its highest). ``info["ended"]`` names the reason. All later rewards are lost.
     2. Truncation: 600 control intervals (300 s) have passed. ``gymnasium.make`` truncates with its
        ``TimeLimit``.
 
@@ -201,14 +197,12 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.batch = Batch(1, Settings.of(self.defaults | settings), self.steered)
         self.observation_space: Any = batch_observation_space(self.batch)
         self.action_space: Any = action_space(self.batch.actions)
-        _check_render_mode(render_mode)
-        self.render_mode = render_mode
+        self.render_mode, self._dashboards = render_mode, _dashboards(self.batch, render_mode)
         self._needs_reset = True
-        self._dashboard = _dashboard(self.batch) if render_mode else None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+    ) -> tuple[Singles, dict[str, Any]]:
         """Start an episode.
 
         Args:
@@ -227,15 +221,12 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.batch.reset(np.array([0]), [self.np_random], begin)
         self.batch.observe(np.array([0]))
         self._needs_reset = False
-        if self._dashboard is not None:
-            self._dashboard.clear()
+        for dashboard in self._dashboards:
+            dashboard.clear()
         return self.batch.observation()[0], self._info()
 
-    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Hold an action over one control interval.
-
-        Args:
-            action: values in [-1, 1], shape (2,), or (3,) where the rudder is an action; see the class.
+    def step(self, action: Any) -> tuple[Singles, float, bool, bool, dict[str, Any]]:
+        """Hold an action in [-1, 1], shape (2,), or (3,) with the rudder as an action, over an interval.
 
         Returns:
             Observation, reward in [0, 1], whether the engine stalled or tripped, whether the time limit
@@ -252,21 +243,17 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         env = self.batch.environments[0]
         ended = int(env["ended"])
         terminated = ended != RUNNING
-        truncated = self._is_at_limit()
+        limit = batch.settings.max_episode_steps
+        if self.spec is not None:  # The environment of gymnasium.make has a time limit of its own.
+            limit = None
+        truncated = limit is not None and bool(batch.elapsed[0] >= limit)
         info = self._info()
         if terminated:
             info["ended"] = ENDINGS[ended]
-        if self._dashboard is not None:
-            self._dashboard.record()
+        for dashboard in self._dashboards:
+            dashboard.record()
         self._needs_reset = terminated or truncated
         return batch.observation()[0], float(env["reward"]), terminated, truncated, info
-
-    def _is_at_limit(self) -> bool:
-        """Return whether to truncate here; ``gymnasium.make`` has a time limit of its own."""
-        limit = self.batch.settings.max_episode_steps
-        if limit is None or self.spec is not None:
-            return False
-        return bool(self.batch.elapsed[0] >= limit)
 
     def _info(self) -> dict[str, Any]:
         """Return the true state and the reward terms; after a reset the terms are zero."""
@@ -277,10 +264,10 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def render(self) -> Any:
         """Return the dashboard as an RGB array (height, width, 3); None without a render mode."""
-        return None if self._dashboard is None else self._dashboard.draw()
+        return self._dashboards[0].draw() if self._dashboards else None
 
 
-class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
+class FrigateVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
     """Many :class:`FrigateEnv` environments, stepped in one compiled call on all cores of the machine.
 
     Sub-environment i with seed s + i equals the single environment with that seed, step for step.
@@ -338,10 +325,7 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
         self.single_action_space = action_space(self.batch.actions)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        _check_render_mode(render_mode)
-        self.render_mode = render_mode
-        drawn = range(num_envs) if render_mode else ()
-        self._dashboards = [_dashboard(self.batch, i) for i in drawn]
+        self.render_mode, self._dashboards = render_mode, _dashboards(self.batch, render_mode)
         self._workers = _count_workers(threads, num_envs)
         # There are more parts than threads, so that a slow thread does not delay the step.
         self._shares = 2 * self._workers
@@ -362,11 +346,8 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
         return self.__dict__ | {"_pool": None}
 
     def reset(
-        self,
-        *,
-        seed: int | list[int | None] | None = None,
-        options: dict[str, Any] | None = None,
-    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Singles, dict[str, Any]]:
         """Start an episode in every sub-environment.
 
         Args:
@@ -392,39 +373,30 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
             )
         begin = self.batch.begin(options)
         if seed is not None or not self._rngs:
-            seeds: Sequence[int | None] = (
-                seed
-                if isinstance(seed, list)
-                else [None if seed is None else seed + i for i in range(self.num_envs)]
-            )
-            if len(seeds) != self.num_envs:
+            if not isinstance(seed, list):
+                seed = [None if seed is None else seed + i for i in range(self.num_envs)]
+            if len(seed) != self.num_envs:
                 raise ValueError(
-                    f"seed has {len(seeds)} entries for {self.num_envs} environments; give one for each"
+                    f"seed has {len(seed)} entries for {self.num_envs} environments; give one for each"
                 )
-            fresh = [gymnasium.utils.seeding.np_random(s)[0] for s in seeds]
+            fresh = [gymnasium.utils.seeding.np_random(s)[0] for s in seed]
             old = self._rngs or fresh
             self._rngs = [new if m else kept for m, new, kept in zip(mask, fresh, old, strict=True)]
         self._begin = begin
         self._start(np.flatnonzero(mask))
         return self.batch.observation(), self._info(np.zeros(self.num_envs, dtype=bool), mask)
 
-    def _start(self, which: NDArray[np.int64]) -> None:
+    def _start(self, which: Ints) -> None:
         """Start episodes in some sub-environments."""
         self.batch.reset(which, [self._rngs[i] for i in which], self._begin)
-        for i in which if self._dashboards else ():
-            self._dashboards[i].clear()
+        for dashboard in self._dashboards:
+            if dashboard.which in which:
+                dashboard.clear()
         self.batch.observe(which)
         self._ended[which] = False
 
-    def step(
-        self, actions: Any
-    ) -> tuple[
-        NDArray[np.float32], NDArray[Any], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]
-    ]:
-        """Hold one action in each sub-environment over one control interval.
-
-        Args:
-            actions: values in [-1, 1], shape (n, 2), or (n, 3) where the rudder is an action.
+    def step(self, actions: Any) -> tuple[Singles, NDArray[Any], Bools, Bools, dict[str, Any]]:
+        """Hold one action in each sub-environment, shape (n, 2) or (n, 3), over one control interval.
 
         Raises:
             ResetNeeded: no episode is running, or one has ended and was not reset.
@@ -439,9 +411,8 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
             )
         batch, arrays = self.batch, self.batch.arrays
         # Waiting environments are stepped too; the start of their episode overwrites it.
-        batch.step(
-            check_action(actions, (self.num_envs, batch.actions)), self._threads(), self._shares
-        )
+        actions = check_action(actions, (self.num_envs, batch.actions))
+        batch.step(actions, self._threads(), self._shares)
         terminated = arrays.ended != RUNNING
         limit = batch.settings.max_episode_steps
         truncated = batch.elapsed >= (np.inf if limit is None else limit)
@@ -472,21 +443,20 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
         """Return the dashboards as RGB arrays (height, width, 3); None without a render mode."""
         return tuple(board.draw() for board in self._dashboards) if self._dashboards else None
 
-    def _info(self, terminated: NDArray[np.bool_], present: NDArray[np.bool_]) -> dict[str, Any]:
-        """Return true state, reward terms and reasons of endings: columns of shape (n,) with masks.
+    def _info(self, terminated: Bools, present: Bools) -> dict[str, Any]:
+        """Return true state, reward terms and reasons of endings as columns of shape (n,) with masks.
 
-        Args:
-            terminated: mask of the sub-environments whose engine stalled or tripped in this step.
-            present: mask of the sub-environments to which the columns apply.
+        ``terminated`` masks the engines that stalled or tripped in this step, ``present`` the
+        sub-environments to which the columns apply.
         """
         arrays = self.batch.arrays
-        info: dict[str, Any] = {}
-        for name in TRUTHS:
-            info[name], info["_" + name] = arrays.truths[name].copy(), present
-        terms: dict[str, Any] = {}
-        for name in TERMS:
-            terms[name], terms["_" + name] = arrays.terms[name].copy(), present
-        info["reward_terms"], info["_reward_terms"] = terms, present
+
+        def columns(records: Any, names: tuple[str, ...]) -> dict[str, Any]:
+            masks = {"_" + name: present for name in names}
+            return {name: records[name].copy() for name in names} | masks
+
+        info = columns(arrays.truths, TRUTHS)
+        info |= {"reward_terms": columns(arrays.terms, TERMS), "_reward_terms": present}
         if terminated.any():
             info["ended"] = np.array(ENDINGS, dtype=object)[arrays.ended]
             info["_ended"] = terminated

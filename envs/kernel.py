@@ -17,32 +17,19 @@ from numpy.typing import NDArray
 from ..baselines.controller import decode
 from ..baselines.governor import govern, limit_rack
 from ..core.compiled import Record, compiled, generate_kernel
+from ..observers.records import Floats
 from ..plant.cavitation import effective_attack, outside_bucket
 from ..plant.rudder import rudder_angle
 from ..plant.state import STATE, get_state
 from ..plant.stepping import Disturbance, observe, step
+from . import sensing
 from .records import LIMITED_RACK, SHAFT_SPEED
 from .rewards import MEAN_S, Instant, add_terms, clear_terms, reward_of, total_fuel_flow
-from .sensing import (
-    fill_learner_signals,
-    fill_preview,
-    fill_truth,
-    measure,
-    measure_course,
-    order_index,
-    speed_order,
-    wrap_angle,
-)  # fmt: skip
 
 DRIFT_SWING = 0.5  # amplitude of the slow fluctuation of the side force, over its mean
-
-
-TRAVERSE_S = 20.0
-"""Time in which a command crosses its whole range at an increment of 1 [s]."""
-
+TRAVERSE_S = 20.0  # time in which a command crosses its whole range at an increment of 1 [s]
 OVERSPEED_TRIP = 1.15  # over the highest speed of the engine
 STALL = 0.3  # over the lowest speed of the engine
-
 RUNNING, STALLED, TRIPPED = 0, 1, 2
 """Codes of the state of an episode: running, engine stalled, engine tripped on overspeed."""
 
@@ -99,20 +86,20 @@ def first_observation(
         episode.mean_attack = attack
         fuel = total_fuel_flow(env.plant, state.shaft_speed, outputs.brake_torque)
         clear_terms(env.terms)
-        fill_truth(env, get_state(state), outputs, attack, outside, fuel, 0.0)
-        measure(
+        sensing.fill_truth(env, get_state(state), outputs, attack, outside, fuel, 0.0)
+        sensing.measure(
             env, common.noise, outputs.shaft_acceleration,
-            outputs.advance_velocity, env.memory.speed_log, speed_order(episode, 0.0),
+            outputs.advance_velocity, env.memory.speed_log, sensing.speed_order(episode, 0.0),
         )  # fmt: skip
         if env.plant.turns != 0:
-            measure_course(env, common.noise, get_state(state), 0.0, 0.0)
+            sensing.measure_course(env, common.noise, get_state(state), 0.0, 0.0)
         if common.preview != 0:
-            fill_preview(env, common.noise, 0.0)
-        fill_learner_signals(env, interval_s, True)
+            sensing.fill_preview(env, common.noise, 0.0)
+        sensing.fill_learner_signals(env, interval_s, True)
 
 
 @compiled
-def _gains_at(gains: NDArray[np.float64], speed: float) -> tuple[float, float]:
+def _gains_at(gains: Floats, speed: float) -> tuple[float, float]:
     """Return the governor gains k_p and k_i at a shaft speed, interpolated linearly and held outside."""
     last = gains.shape[1] - 1
     if speed <= gains[0, 0] or last == 0:
@@ -120,10 +107,8 @@ def _gains_at(gains: NDArray[np.float64], speed: float) -> tuple[float, float]:
     for k in range(last):
         if speed < gains[0, k + 1]:
             x = (speed - gains[0, k]) / (gains[0, k + 1] - gains[0, k])
-            return (
-                gains[1, k] + x * (gains[1, k + 1] - gains[1, k]),
-                gains[2, k] + x * (gains[2, k + 1] - gains[2, k]),
-            )
+            proportional = gains[1, k] + x * (gains[1, k + 1] - gains[1, k])
+            return proportional, gains[2, k] + x * (gains[2, k + 1] - gains[2, k])
     return gains[1, last], gains[2, last]
 
 
@@ -131,38 +116,27 @@ def _gains_at(gains: NDArray[np.float64], speed: float) -> tuple[float, float]:
 def _set_commands(
     env: Record, common: Record, action: NDArray[np.float32], interval_s: float
 ) -> float:
-    """Set the commands of an environment from an action, and return the rudder command [rad].
-
-    Args:
-        env: ENVIRONMENT record, changed in place.
-        common: COMMON record.
-        action: action in [-1, 1], shape (2,) or (3,); see :func:`control_interval`.
-        interval_s: control interval [s].
-    """
+    """Set the commands of an environment from an action, and return the rudder command [rad]."""
     plant, episode = env.plant, env.episode
     slowest = plant.engine_speed_min / plant.gear_ratio
     fastest = plant.engine_speed_max / plant.gear_ratio
+    low, high = plant.pitch_ratio_min, plant.pitch_ratio_max
     if common.increments != 0:
-        share = interval_s / TRAVERSE_S
-        episode.pitch_command = _shift_command(
-            episode.pitch_command, share * action[0], plant.pitch_ratio_min, plant.pitch_ratio_max
-        )
+        pitch, second = interval_s / TRAVERSE_S * action[0], interval_s / TRAVERSE_S * action[1]
+        episode.pitch_command = _shift_command(episode.pitch_command, pitch, low, high)
         if common.second == SHAFT_SPEED:
             episode.shaft_speed_command = _shift_command(
-                episode.shaft_speed_command, share * action[1], slowest, fastest
+                episode.shaft_speed_command, second, slowest, fastest
             )
         else:
             episode.rack_command = _shift_command(
-                episode.rack_command, share * action[1], plant.drive_min, plant.drive_max
+                episode.rack_command, second, plant.drive_min, plant.drive_max
             )
     else:
-        episode.pitch_command = decode(action[0], plant.pitch_ratio_min, plant.pitch_ratio_max)
+        episode.pitch_command = decode(action[0], low, high)
         episode.rack_command = decode(action[1], plant.drive_min, plant.drive_max)
         episode.shaft_speed_command = decode(action[1], slowest, fastest)
-    rudder = 0.0
-    if len(action) > 2:
-        rudder = decode(action[2], -plant.rudder_max, plant.rudder_max)
-    return rudder
+    return decode(action[2], -plant.rudder_max, plant.rudder_max) if len(action) > 2 else 0.0
 
 
 @compiled
@@ -186,15 +160,9 @@ def state_sum(state):
 
 @compiled
 def control_interval(
-    environments: Any,
-    commons: Any,
-    gains: NDArray[np.float64],
-    action: NDArray[np.float32],
-    steps: int,
-    dt: float,
-    first: int,
-    last: int,
-) -> int:
+    environments: Any, commons: Any, gains: Floats, action: NDArray[np.float32], steps: int,
+    dt: float, first: int, last: int,
+) -> int:  # fmt: skip
     """Simulate environments ``first`` to ``last`` over one control interval; all changes in place.
 
     Returns the index of the first environment whose state is not finite at the end, or -1.
@@ -231,7 +199,7 @@ def control_interval(
         end = _disturbance_at(episode, phasor)
         for k in range(steps):
             time = (episode.elapsed * steps + k) * dt
-            which = order_index(episode, time)
+            which = sensing.order_index(episode, time)
             order = float(episode.orders[which])
             if common.second == SHAFT_SPEED:
                 proportional, integral_gain = _gains_at(gains, episode.measured_shaft_speed)
@@ -250,8 +218,8 @@ def control_interval(
             phasor = phasor * half_step * half_step
             end = _disturbance_at(episode, phasor)
             outputs = step(
-                plant, state, memory, env.sea, drive, pitch, rudder, start, middle, end, dt,
-            )  # fmt: skip
+                plant, state, memory, env.sea, drive, pitch, rudder, start, middle, end, dt
+            )
             laid_before, laid = laid, rudder_angle(plant, state.rudder_angle, rudder)
             attack = effective_attack(
                 plant, outputs.advance_velocity, shaft_speed, outputs.pitch_ratio
@@ -264,38 +232,28 @@ def control_interval(
             episode.mean_attack += fading * (attack - episode.mean_attack)
             fuel = total_fuel_flow(plant, shaft_speed, outputs.brake_torque)
             now = Instant(
-                order=order,
-                ship_speed=before.ship_speed,
-                shaft_speed=shaft_speed,
-                rack=memory.rack,
-                drive=drive,
-                drive_before=episode.drive,
-                mean_torque=episode.mean_torque,
-                mean_brake_torque=episode.mean_brake_torque,
-                attack=attack,
-                mean_attack=episode.mean_attack,
-                outside_bucket=outside,
-                pitch_before=pitch_before,
-                mean_speed=episode.mean_speed,
+                order=order, ship_speed=before.ship_speed, shaft_speed=shaft_speed,
+                rack=memory.rack, drive=drive, drive_before=episode.drive,
+                mean_torque=episode.mean_torque, mean_brake_torque=episode.mean_brake_torque,
+                attack=attack, mean_attack=episode.mean_attack, outside_bucket=outside,
+                pitch_before=pitch_before, mean_speed=episode.mean_speed,
                 reference_fuel=episode.reference_fuel[which],
                 reference_power=episode.reference_power[which],
-                heading_error=wrap_angle(before.heading - episode.heading_orders[which]),
+                heading_error=sensing.wrap_angle(before.heading - episode.heading_orders[which]),
                 track_error=before.cross_track - episode.track_orders[which],
-                rudder_turn=laid - laid_before,
-                dt=dt,
-            )
+                rudder_turn=laid - laid_before, dt=dt,
+            )  # fmt: skip
             add_terms(terms, plant, outputs, now, share, fuel)
             episode.drive = drive
-            fill_truth(env, before, outputs, attack, outside, fuel, laid_before)
-            measure(
-                env, common.noise, outputs.shaft_acceleration, outputs.advance_velocity,
-                log, order,
-            )  # fmt: skip
+            sensing.fill_truth(env, before, outputs, attack, outside, fuel, laid_before)
+            sensing.measure(
+                env, common.noise, outputs.shaft_acceleration, outputs.advance_velocity, log, order
+            )
             if plant.turns != 0:
-                measure_course(env, common.noise, before, laid_before, time)
+                sensing.measure_course(env, common.noise, before, laid_before, time)
         if common.preview != 0:
-            fill_preview(env, common.noise, (episode.elapsed + 1) * interval_s)
-        fill_learner_signals(env, interval_s, False)
+            sensing.fill_preview(env, common.noise, (episode.elapsed + 1) * interval_s)
+        sensing.fill_learner_signals(env, interval_s, False)
         env.ended = _why_ended(plant, state.shaft_speed)
         env.reward = reward_of(common.goals, terms) if env.ended == RUNNING else 0.0
         episode.elapsed += 1

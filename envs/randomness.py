@@ -11,20 +11,19 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
+from ..observers.records import Floats
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX1 = np.uint64(0xBF58476D1CE4E5B9)
 _MIX2 = np.uint64(0x94D049BB133111EB)
-
 _LAYERS = 128
 _TAIL = 3.442619855899  # right end of the lowest layer
 _AREA = 9.91256303526217e-3  # of each layer
 
 
-def _edges() -> NDArray[np.float64]:
+def _edges() -> Floats:
     """Return the right edges of the layers, lowest layer first; shape (129,)."""
     edges = np.zeros(_LAYERS + 1)
     height = math.exp(-0.5 * _TAIL**2)
@@ -60,9 +59,7 @@ def normal(episode: Record) -> float:
     """Return the next standard normal number of the episode's stream."""
     while True:
         bits = _bits(episode)
-        layer = np.int64(
-            bits & np.uint64(_LAYERS - 1)
-        )  # the lowest bits, which _uniform does not use
+        layer = np.int64(bits & np.uint64(_LAYERS - 1))  # the bits that _uniform does not use
         u = 2.0 * _uniform(bits) - 1.0
         x = u * _EDGES[layer]
         if abs(u) < _INSIDE[layer]:

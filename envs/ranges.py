@@ -11,21 +11,14 @@ from numpy.typing import NDArray
 from ..baselines.controller import PREVIEW
 from ..plant import Ship
 
-_SPEED_ERROR_M_S = 2.0
-_WAVE_INFLOW_M_S = 2.0
 _TORQUE_DEVIATION = 0.2  # torque deviation as share of the highest torque
-_HEADING_ERROR = math.radians(30.0)
-_ATTACK_DEG, _ATTACK_DEVIATION_DEG = 10.0, 4.0
 _TORQUE_N_M = 1e5  # assumed highest torque where the ship file gives no limit
 
 
 def observed_ranges(ship: Ship, top: float, observed: Sequence[str]) -> NDArray[np.float32]:
     """Return the middle and the half width of the range of each signal, shape (2, len(observed)).
 
-    Args:
-        ship: ship with a diesel engine.
-        top: highest ship speed in calm water [m/s].
-        observed: names of the signals.
+    ``top`` is the highest ship speed in calm water [m/s].
 
     Examples:
         >>> from shaftline.plant import load_ship
@@ -37,37 +30,26 @@ def observed_ranges(ship: Ship, top: float, observed: Sequence[str]) -> NDArray[
     torque = float(plant["torque_limit"])
     if not math.isfinite(torque):
         torque = _TORQUE_N_M
-    turns = float(plant["engine_speed_max"] / plant["gear_ratio"])
+    gear, drive = float(plant["gear_ratio"]), (float(plant["drive_min"]), float(plant["drive_max"]))
+    slowest, turns = (float(plant[f"engine_speed_{end}"]) / gear for end in ("min", "max"))
+    length, stop = max(float(plant["length"]), 1.0), float(plant["rudder_max"]) or 1.0
     ends = {
         "speed_order": (0.0, top), "measured_ship_speed": (0.0, top),
         "estimated_advance_velocity": (0.0, top), "shaft_speed": (0.0, turns),
-        "measured_shaft_torque": (0.0, torque * float(plant["gear_ratio"])),
+        "measured_shaft_torque": (0.0, torque * gear), "fuel_rack": drive,
         "measured_pitch_ratio": (float(plant["pitch_ratio_min"]), float(plant["pitch_ratio_max"])),
-        "fuel_rack": (float(plant["drive_min"]), float(plant["drive_max"])),
-        "estimate_valid": (0.0, 1.0),
+        "estimate_valid": (0.0, 1.0), "estimated_angle_of_attack": (0.0, 10.0),
+        "shaft_speed_command": (slowest, turns),
     }  # fmt: skip
-    length = max(float(plant["length"]), 1.0)
-    stop = float(plant["rudder_max"]) or 1.0
-    ends |= {
-        "heading_order": (-math.pi, math.pi), "heading": (-math.pi, math.pi),
-        "yaw_rate": (-top / length, top / length), "rudder_angle": (-stop, stop),
-        "cross_track_order": (-length, length), "cross_track": (-length, length),
+    both_ways = {
+        "heading_order": math.pi, "heading": math.pi, "yaw_rate": top / length, "rudder_angle": stop,
+        "cross_track_order": length, "cross_track": length, "speed_error": 2.0,
+        "shaft_torque_deviation": _TORQUE_DEVIATION * torque * gear,
+        "engine_torque_deviation": _TORQUE_DEVIATION * torque, "angle_of_attack_deviation": 4.0,
+        "heading_error": math.radians(30.0), "track_error": 0.5 * length,
+        **dict.fromkeys(PREVIEW, 2.0),
     }  # fmt: skip
-    ends |= dict.fromkeys(PREVIEW, (-_WAVE_INFLOW_M_S, _WAVE_INFLOW_M_S))
-    shaft_torque = _TORQUE_DEVIATION * torque * float(plant["gear_ratio"])
-    engine_torque = _TORQUE_DEVIATION * torque
-    ends |= {
-        "speed_error": (-_SPEED_ERROR_M_S, _SPEED_ERROR_M_S),
-        "shaft_torque_deviation": (-shaft_torque, shaft_torque),
-        "engine_torque_deviation": (-engine_torque, engine_torque),
-        "estimated_angle_of_attack": (0.0, _ATTACK_DEG),
-        "angle_of_attack_deviation": (-_ATTACK_DEVIATION_DEG, _ATTACK_DEVIATION_DEG),
-        "shaft_speed_command": (float(plant["engine_speed_min"] / plant["gear_ratio"]), turns),
-    }  # fmt: skip
-    ends |= {
-        "heading_error": (-_HEADING_ERROR, _HEADING_ERROR),
-        "track_error": (-0.5 * length, 0.5 * length),
-    }
+    ends |= {name: (-half, half) for name, half in both_ways.items()}
     ends["pitch_command"] = ends["base_pitch_ratio"] = ends["measured_pitch_ratio"]
     ends["fuel_rack_command"] = ends["base_fuel_rack"] = ends["fuel_rack"]
     ends["base_rudder_angle"] = ends["rudder_angle"]

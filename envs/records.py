@@ -28,11 +28,7 @@ EPISODE = np.dtype(
         ("resistance_swing", np.float64),  # amplitude of the slow resistance fluctuation [-]
         ("resistance_frequency", np.float64),  # [rad/s]
         ("resistance_phase", np.float64),
-        (
-            "reference_fuel",
-            np.float64,
-            (MAX_ORDERS,),
-        ),  # fuel flow of the steady state at each order [kg/s]
+        ("reference_fuel", np.float64, (MAX_ORDERS,)),  # of the steady state at each order [kg/s]
         ("reference_power", np.float64, (MAX_ORDERS,)),  # towing power in that steady state [W]
         ("pitch_command", np.float64),
         ("rudder_command", np.float64),  # [rad]
@@ -42,10 +38,7 @@ EPISODE = np.dtype(
         ("mean_speed", np.float64),  # mean ship speed over the last MEAN_S [m/s]
         ("mean_torque", np.float64),  # mean shaft torque over the last MEAN_S [N m]
         ("mean_brake_torque", np.float64),  # mean torque of one engine over the last MEAN_S [N m]
-        (
-            "mean_attack",
-            np.float64,
-        ),  # mean angle of attack of the blades over the last MEAN_S [deg]
+        ("mean_attack", np.float64),  # mean angle of attack over the last MEAN_S [deg]
         ("measured_mean_torque", np.float64),  # mean measured shaft torque [N m]
         ("estimated_mean_brake_torque", np.float64),  # mean from rack and shaft speed [N m]
         ("estimated_mean_attack", np.float64),  # mean from the estimate of the observer [deg]
@@ -56,27 +49,20 @@ EPISODE = np.dtype(
 )
 """Memory of an episode, beside the state of the plant."""
 
-NOISE = np.dtype(
-    [("shaft_speed", np.float64), ("shaft_torque", np.float64), ("pitch_ratio", np.float64),
-     ("shaft_acceleration", np.float64), ("ship_speed", np.float64), ("heading", np.float64),
-     ("yaw_rate", np.float64), ("rudder_angle", np.float64), ("cross_track", np.float64),
-     ("wave_inflow", np.float64)]
+_INSTRUMENTS = (
+    "shaft_speed", "shaft_torque", "pitch_ratio", "shaft_acceleration", "ship_speed", "heading",
+    "yaw_rate", "rudder_angle", "cross_track", "wave_inflow",
 )  # fmt: skip
+NOISE = np.dtype([(name, np.float64) for name in _INSTRUMENTS])
 """Rms noise of each instrument per sample [rad/s, N m, -, rad/s2, m/s, rad, rad/s, rad, m, m/s]."""
 
 LEARNER_SIGNALS = (
-    "speed_error",
-    "pitch_command",
-    "shaft_torque_deviation",
-    "engine_torque_deviation",
-    "estimated_angle_of_attack",
-    "angle_of_attack_deviation",
-)
+    "speed_error", "pitch_command", "shaft_torque_deviation", "engine_torque_deviation",
+    "estimated_angle_of_attack", "angle_of_attack_deviation",
+)  # fmt: skip
 """Signals that an observation adds to those of the classic controllers; the rewards depend on them."""
 
-COURSE_ERRORS = ("heading_error", "track_error")
-"""Signals that an observation adds where the rudder is an action."""
-
+COURSE_ERRORS = ("heading_error", "track_error")  # further signals where the rudder is an action
 SHAFT_SPEED_COMMAND, RACK_COMMAND = "shaft_speed_command", "fuel_rack_command"
 BASE_COMMANDS = ("base_pitch_ratio", "base_fuel_rack", "base_rudder_angle")
 
@@ -109,9 +95,7 @@ TRUTH = np.dtype(
 )
 """True state in ``info``: at the start of the last plant step of an interval, as the observation."""
 
-TRUTHS: tuple[str, ...] = TRUTH.names or ()
-"""Names of the quantities of the true state."""
-
+TRUTHS: tuple[str, ...] = TRUTH.names or ()  # names of the quantities of the true state
 ENVIRONMENT = np.dtype(
     [
         ("plant", PLANT),
@@ -144,5 +128,4 @@ COMMON = np.dtype(
 )
 """Parameters that the environments of a batch share."""
 
-DIRECT_RACK, LIMITED_RACK, SHAFT_SPEED = 0, 1, 2
-"""Codes of the quantity that the second action commands."""
+DIRECT_RACK, LIMITED_RACK, SHAFT_SPEED = range(3)  # codes of the second command

@@ -20,22 +20,15 @@ from ..baselines.steering import OBSERVED_STEERED
 from ..plant import Ship
 from .records import BASE_COMMANDS, OBSERVATION
 
-REACH = 0.25
-"""Share of the range of a command that an action of 1 adds [-]."""
-
+REACH = 0.25  # share of the range of a command that an action of 1 adds [-]
 _NAMES: tuple[str, ...] = OBSERVATION.names or ()
 _FIRST_BASE_COMMAND = _NAMES.index(BASE_COMMANDS[0])
 
 
 class BaseController:
-    """Classic controller that computes the base commands of a batch of environments.
+    """Classic controller that computes the base commands of a batch of n environments.
 
-    Args:
-        controller: controller from :func:`shaftline.envs.tasks.controller_for`.
-        ship: ship of the batch.
-        n: number of environments.
-        steered: whether the rudder is an action.
-        preview: whether the controller receives the signals :data:`PREVIEW` of the waves ahead.
+    With ``preview`` it receives the signals :data:`PREVIEW` of the waves ahead.
     """
 
     def __init__(
@@ -53,21 +46,13 @@ class BaseController:
         self._low, self._span = np.array(low)[columns], np.subtract(high, low)[columns]
 
     def begin(self, signals: NDArray[np.float32], which: NDArray[np.int64]) -> None:
-        """Compute the first base commands of environments whose episodes start.
-
-        Args:
-            signals: signals of all environments, shape (n, k); the base commands are written into them.
-            which: indices of the environments that start, shape (m,).
-        """
+        """Compute the first base commands of environments and write them into the signals, (n, k)."""
         seen = signals[which[:, None], self._inputs]
         self._action[which], memory = self._controller.predict(
             seen, None, np.ones(len(which), dtype=bool)
         )
         if self._memory is None:
-            n = len(self._action)
-            self._memory = _map_arrays(
-                lambda part: np.zeros((n, *part.shape[1:]), part.dtype), memory
-            )
+            self._memory = _zeros(memory, len(self._action))
         _assign(self._memory, which, memory)
         self._show(signals)
 
@@ -94,11 +79,11 @@ class BaseController:
         signals[:, columns] = self._low + 0.5 * (self._action + 1.0) * self._span
 
 
-def _map_arrays(function: Any, tree: Any) -> Any:
-    """Return a controller memory with a function applied to each of its arrays."""
+def _zeros(tree: Any, n: int) -> Any:
+    """Return zeros in the form of a controller memory, for n environments."""
     if isinstance(tree, tuple):
-        return tuple(_map_arrays(function, part) for part in tree)
-    return function(np.asarray(tree))
+        return tuple(_zeros(part, n) for part in tree)
+    return np.zeros((n, *np.shape(tree)[1:]), np.asarray(tree).dtype)
 
 
 def _assign(tree: Any, which: NDArray[np.int64], values: Any) -> None:

@@ -15,8 +15,7 @@ another. Goals with a weight share the rest. The reward is
 An interval in which the engine stalls or trips has the reward 0, and the episode ends there, so all
 later rewards are lost.
 
-To add a term, add a field to :class:`Goals` and a line to :func:`add_terms`. Tasks can then use it, and
-``info``, evaluation and documentation contain it.
+To add a term, add a field to :class:`Goals` and a line to :func:`add_terms`.
 """
 
 from __future__ import annotations
@@ -59,6 +58,11 @@ class Goal(FileModel):
     reason: str = Field(default="", description="reason for the tolerance")
 
 
+def _term(description: str) -> Any:
+    """Declare a reward term; a task that does not name it has no goal for it."""
+    return Field(default=None, description=description)
+
+
 class Goals(FileModel):
     """Goals of a task, by reward term.
 
@@ -68,57 +72,38 @@ class Goals(FileModel):
         ['speed_error_m_s']
     """
 
-    speed_error_m_s: Goal | None = Field(default=None, description="|ship speed - ordered speed|")
-    fuel_kg_s: Goal | None = Field(default=None, description="fuel flow of all engines")
-    fuel_excess: Goal | None = Field(
-        default=None,
-        description="fuel flow over that of the steady state at the ordered speed, three quarters of "
+    speed_error_m_s: Goal | None = _term("|ship speed - ordered speed|")
+    fuel_kg_s: Goal | None = _term("fuel flow of all engines")
+    fuel_excess: Goal | None = _term(
+        "fuel flow over that of the steady state at the ordered speed, three quarters of "
         "the pitch range and the mean resistance of the episode, less 1; kinetic energy that the "
-        "ship gains or loses counts as fuel, as the state of charge of a hybrid's battery (SAE J1711)",
+        "ship gains or loses counts as fuel, as the state of charge of a hybrid's battery (SAE J1711)"
     )
-    overload: Goal | None = Field(
-        default=None,
-        description="engine torque demanded beyond the envelope, as share of the envelope",
+    overload: Goal | None = _term(
+        "engine torque demanded beyond the envelope, as share of the envelope"
     )
-    near_limit: Goal | None = Field(
-        default=None,
-        description="engine torque in the top 5 % of the envelope, as share of that band",
+    near_limit: Goal | None = _term(
+        "engine torque in the top 5 % of the envelope, as share of that band"
     )
-    overspeed: Goal | None = Field(
-        default=None, description="engine speed beyond its highest speed, as share of that speed"
+    overspeed: Goal | None = _term("engine speed beyond its highest speed, as share of that speed")
+    torque_fluctuation: Goal | None = _term(
+        "|shaft torque - its mean over 20 s|, as share of the shaft's highest torque"
     )
-    torque_fluctuation: Goal | None = Field(
-        default=None,
-        description="|shaft torque - its mean over 20 s|, as share of the shaft's highest torque",
+    engine_fluctuation: Goal | None = _term(
+        "|engine torque - its mean over 20 s|, as share of the engine's highest torque"
     )
-    engine_fluctuation: Goal | None = Field(
-        default=None,
-        description="|engine torque - its mean over 20 s|, as share of the engine's highest torque",
+    attack_fluctuation_deg: Goal | None = _term(
+        "|effective angle of attack of the blades - its mean over 20 s|"
     )
-    attack_fluctuation_deg: Goal | None = Field(
-        default=None, description="|effective angle of attack of the blades - its mean over 20 s|"
+    outside_bucket_deg: Goal | None = _term("angle of attack beyond the cavitation bucket")
+    cavitation: Goal | None = _term(
+        "thrust loading beyond Burrill's 5 % limit, as share of the limit"
     )
-    outside_bucket_deg: Goal | None = Field(
-        default=None, description="angle of attack beyond the cavitation bucket"
-    )
-    cavitation: Goal | None = Field(
-        default=None, description="thrust loading beyond Burrill's 5 % limit, as share of the limit"
-    )
-    rack_travel_mm: Goal | None = Field(
-        default=None, description="travel of the fuel rack command, summed over the interval"
-    )
-    pitch_travel: Goal | None = Field(
-        default=None, description="travel of the blades' P/D, summed over the interval"
-    )
-    heading_error_deg: Goal | None = Field(
-        default=None, description="|heading - ordered heading|, at most half a turn"
-    )
-    track_error_m: Goal | None = Field(
-        default=None, description="|cross-track position - ordered cross-track position|"
-    )
-    rudder_rate_deg_s: Goal | None = Field(
-        default=None, description="mean |rate of the rudder angle|"
-    )
+    rack_travel_mm: Goal | None = _term("travel of the fuel rack command, summed over the interval")
+    pitch_travel: Goal | None = _term("travel of the blades' P/D, summed over the interval")
+    heading_error_deg: Goal | None = _term("|heading - ordered heading|, at most half a turn")
+    track_error_m: Goal | None = _term("|cross-track position - ordered cross-track position|")
+    rudder_rate_deg_s: Goal | None = _term("mean |rate of the rudder angle|")
 
     @model_validator(mode="after")
     def _check_weights(self) -> Goals:
@@ -137,18 +122,12 @@ class Goals(FileModel):
         return {name: goal for name in TERMS if (goal := getattr(self, name)) is not None}
 
 
-MEAN_S = 20.0
-"""Time constant of the running means of torque, angle of attack and ship speed [s]."""
-
-NEAR_LIMIT = 0.05
-"""Share of the engine envelope, measured from its top, in which the torque is near the limit."""
-
+MEAN_S = 20.0  # time constant of the running means of torque, angle of attack and ship speed [s]
+NEAR_LIMIT = 0.05  # top share of the engine envelope in which the torque is near the limit
 TERMS = tuple(Goals.model_fields)
 """Names of the reward terms."""
 
-REWARD_TERMS = np.dtype([(name, np.float64) for name in TERMS])
-"""Record with one value for each reward term."""
-
+REWARD_TERMS = np.dtype([(name, np.float64) for name in TERMS])  # one value for each term
 GOALS = np.dtype([("within", REWARD_TERMS), ("margin", REWARD_TERMS), ("weight", REWARD_TERMS)])
 """Record of goals: a margin of 0 marks a term without a goal, a weight of 0 marks a factor."""
 
@@ -192,13 +171,7 @@ def add_terms(
 ) -> None:
     """Add the contribution of one plant step to each reward term of a control interval.
 
-    Args:
-        terms: REWARD_TERMS record, changed in place.
-        plant: ship record.
-        outputs: outputs of the plant at this step.
-        now: further quantities of this step.
-        share: share of the step in the interval [-].
-        fuel: fuel flow of all engines [kg/s], from :func:`total_fuel_flow`.
+    ``share`` is that of the step in the interval [-], ``fuel`` that of all engines [kg/s].
     """
     engine_speed = plant.gear_ratio * now.shaft_speed
     limit = torque_limit(plant, engine_speed)
@@ -264,29 +237,24 @@ def goal_value(x: float, within: float, margin: float) -> float:
 
 
 @compiled
-def _missed(x: float, within: float, margin: float, weight: float) -> float:
-    """Return the weighted shortfall of a goal; 0 where the term has no weighted goal."""
-    if margin > 0.0 and weight > 0.0:
-        return weight * (1.0 - goal_value(x, within, margin))
-    return 0.0
-
-
-@compiled
-def _factor(x: float, within: float, margin: float, weight: float) -> float:
-    """Return the factor of a goal; 1 where the term is not a factor."""
-    if margin > 0.0 and weight == 0.0:
-        return goal_value(x, within, margin)
-    return 1.0
+def _add_goal(
+    reward: tuple[float, float], x: float, within: float, margin: float, weight: float
+) -> tuple[float, float]:
+    """Return the product of factors and the sum of shortfalls with those of one more term."""
+    if not margin > 0.0:
+        return reward
+    value = goal_value(x, within, margin)
+    if weight == 0.0:
+        return reward[0] * value, reward[1]
+    return reward[0], reward[1] + weight * (1.0 - value)
 
 
 reward_of: Callable[[Any, Any], float] = generate_kernel(
     """
 def reward_of(goals, terms):
-    factors = 1.0
-    missed = 0.0
-    factors *= _factor(terms.{field}, goals.within.{field}, goals.margin.{field}, goals.weight.{field})
-    missed += _missed(terms.{field}, goals.within.{field}, goals.margin.{field}, goals.weight.{field})
-    return factors * max(1.0 - missed, 0.0)
+    r = 1.0, 0.0
+    r = _add_goal(r, terms.{field}, goals.within.{field}, goals.margin.{field}, goals.weight.{field})
+    return r[0] * max(1.0 - r[1], 0.0)
 """,
     TERMS,
     globals(),

@@ -36,15 +36,12 @@ class Sb3Frigates(VecEnv):
         render_mode: str | None = None,
         **options: Any,
     ) -> None:
-        self.vector = environment_classes(steered).vector(
-            num_envs, render_mode=render_mode, **options
-        )
+        kind = environment_classes(steered).vector
+        self.vector = vector = kind(num_envs, render_mode=render_mode, **options)
         self.render_mode = render_mode
         self._seed: int | None = None
         self._action: Any = None
-        super().__init__(
-            num_envs, self.vector.single_observation_space, self.vector.single_action_space
-        )
+        super().__init__(num_envs, vector.single_observation_space, vector.single_action_space)
 
     def reset(self) -> Any:
         """Start an episode in every environment, with the seed of the last call of ``seed`` if any."""
@@ -101,9 +98,8 @@ class Sb3Frigates(VecEnv):
         self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any
     ) -> list[Any]:
         """Call a method of the vector environment, once for each selected environment."""
-        return [
-            getattr(self.vector, method_name)(*args, **kwargs) for _ in self._get_indices(indices)
-        ]
+        method = getattr(self.vector, method_name)
+        return [method(*args, **kwargs) for _ in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         """Return False for each environment, because wrappers are not supported."""

@@ -46,12 +46,7 @@ def wrap_angle(angle: float) -> float:
 
 @compiled
 def measure(
-    env: Record,
-    noise: Record,
-    acceleration: float,
-    advance_velocity: float,
-    speed_log: float,
-    order: float,
+    env: Record, noise: Record, acceleration: float, inflow: float, speed_log: float, order: float
 ) -> None:
     """Sample the noisy instruments, update the observer, and fill the measured signals."""
     memory, episode, seen = env.memory, env.episode, env.observation
@@ -59,7 +54,7 @@ def measure(
     torque = memory.shaft_torque + noise.shaft_torque * normal(episode)
     pitch = memory.pitch_ratio + noise.pitch_ratio * normal(episode)
     acceleration += noise.shaft_acceleration * normal(episode)
-    measurement = Measurement(speed, torque, pitch, acceleration, advance_velocity)
+    measurement = Measurement(speed, torque, pitch, acceleration, inflow)
     episode.measured_shaft_speed = speed
     velocity = update(env.observer, env.estimate, measurement)
     seen.speed_order = order
@@ -98,31 +93,22 @@ def fill_preview(env: Record, noise: Record, time: float) -> None:
 def fill_learner_signals(env: Record, interval_s: float, fresh: bool) -> None:
     """Fill the signals that an observation adds to the measured ones, at the end of an interval.
 
-    The means over 20 s are those of measured or estimated quantities, with one sample for each interval.
-
-    Args:
-        env: ENVIRONMENT record with the measured signals, changed in place.
-        interval_s: control interval [s].
-        fresh: whether the episode has just started; the means then equal the present values.
+    The means over 20 s are those of measured or estimated quantities, with one sample for each control
+    interval [s]. At the start of an episode (``fresh``) they equal the present values.
     """
     plant, episode, seen = env.plant, env.episode, env.observation
     torque = float(seen.measured_shaft_torque)
-    engine_torque = rack_torque(
-        plant, plant.gear_ratio * float(seen.shaft_speed), float(seen.fuel_rack)
-    )
-    attack = effective_attack(
-        plant, float(seen.estimated_advance_velocity), float(seen.shaft_speed),
-        float(seen.measured_pitch_ratio),
-    )  # fmt: skip
+    speed, pitch = float(seen.shaft_speed), float(seen.measured_pitch_ratio)
+    engine_torque = rack_torque(plant, plant.gear_ratio * speed, float(seen.fuel_rack))
+    attack = effective_attack(plant, float(seen.estimated_advance_velocity), speed, pitch)
     if fresh:
         episode.measured_mean_torque = torque
         episode.estimated_mean_brake_torque = engine_torque
         episode.estimated_mean_attack = attack
     fading = min(interval_s / MEAN_S, 1.0)
     episode.measured_mean_torque += fading * (torque - episode.measured_mean_torque)
-    episode.estimated_mean_brake_torque += fading * (
-        engine_torque - episode.estimated_mean_brake_torque
-    )
+    away = engine_torque - episode.estimated_mean_brake_torque
+    episode.estimated_mean_brake_torque += fading * away
     episode.estimated_mean_attack += fading * (attack - episode.estimated_mean_attack)
     seen.speed_error = seen.speed_order - seen.measured_ship_speed
     seen.pitch_command = episode.pitch_command

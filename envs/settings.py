@@ -15,23 +15,12 @@ from .records import NOISE
 from .tasks import Task
 
 SeaChoice = str | Sea | Mapping[str, Any] | Sequence[Any] | None
-
-LARGEST_EPISODE = 10_000_000
-"""Largest number of control intervals of an episode: about two months at one every 0.5 s."""
-
-ACTION_MODES = ("increment", "absolute", "residual")
-"""How an action sets the commands; ``residual:NAME`` also names the base controller."""
-
-BASE_CONTROLLER = "speed-pilot"
-"""Base controller of a residual that does not name one."""
-
+LARGEST_EPISODE = 10_000_000  # control intervals: about two months at one every 0.5 s
+ACTION_MODES = ("increment", "absolute", "residual")  # ``residual:NAME`` also names the controller
+BASE_CONTROLLER = "speed-pilot"  # base controller of a residual that does not name one
 Command = Literal["shaft-speed", "limited-rack", "fuel-rack"]
-"""Quantity that the second action commands: the set-point of a governor, the fuel rack within the limits
-of idle speed, torque and highest speed, or the fuel rack without limits."""
 
-COMMANDS: tuple[str, ...] = get_args(Command)
-"""Names of the quantities that the second action can command."""
-
+COMMANDS: tuple[str, ...] = get_args(Command)  # what the second action can command
 _ALLOWED = {
     "observer": ": must be the name of an observer, such as random-walk-kalman",
     "tuning": ": must be the name of a tuning, or None",
@@ -40,11 +29,11 @@ _ALLOWED = {
     "max_episode_steps": ": must be a whole number of control intervals from 1 to 10 000 000, or None",
     "randomise": ": must map keys of the ship file to half widths from 0 to below 1",
     "normalised": ": must be True or False",
+    "action_mode": f": must be one of {', '.join(ACTION_MODES)}",
 }
 """Allowed values of each keyword, as the end of a message."""
 
-SeaRange = tuple[Sea, Sea]
-"""Lowest and highest value of every sea parameter; an episode draws each uniformly between them."""
+SeaRange = tuple[Sea, Sea]  # lowest and highest value of every parameter, drawn uniformly between
 
 
 class Settings(BaseModel):
@@ -66,16 +55,14 @@ class Settings(BaseModel):
         randomise: half width of a uniform factor by dotted key of the ship file, such as
             ``{"hull.resistance_coefficient_N_s2_m2": 0.1}``; each episode draws its own factors.
         normalised: whether observations are scaled so that the range of each signal on the ship is -1 to
-            1, and clipped to :data:`shaftline.baselines.controller.NORMALISED_BOUND`. The ranges are the
-            same in all episodes, so a policy needs no running statistics. Classic controllers need
-            ``False``: physical units.
+            1 in all episodes, and clipped to :data:`shaftline.baselines.controller.NORMALISED_BOUND`.
+            Classic controllers need ``False``: physical units.
         action_mode: ``increment``: actions are rates of change of the pitch and drive commands;
             ``absolute``: actions are the commands; ``residual`` or ``residual:CONTROLLER``: actions are
             added to the commands of a classic controller.
-        command: quantity that the second action commands. ``shaft-speed``: the set-point of a governor,
-            which acts at every plant step; ``limited-rack``: the fuel rack within the limits of idle
-            speed, torque and highest speed; ``fuel-rack``: the fuel rack without any engine protection.
-            By default ``shaft-speed``, and ``limited-rack`` for a residual.
+        command: what the second action commands. ``shaft-speed`` (default): the set-point of a governor,
+            which acts at every plant step; ``limited-rack`` (default for a residual): the fuel rack
+            within idle speed, torque and highest speed; ``fuel-rack``: without engine protection.
 
     Examples:
         >>> Settings(task="transit").drive_command
@@ -117,15 +104,11 @@ class Settings(BaseModel):
 
     @staticmethod
     def of(keywords: Mapping[str, Any]) -> Settings:
-        """Check keywords and return them as settings.
-
-        Args:
-            keywords: keywords of an environment, by name.
+        """Check keywords of an environment, by name, and return them as settings.
 
         Raises:
             TypeError: an unknown keyword, as in a Python call; the message lists the known keywords.
-            ValueError: a value of a wrong type or out of range; the message names keyword, value and
-                range.
+            ValueError: a value of a wrong type or out of range; the message names it and the range.
         """
         try:
             return Settings.model_validate(dict(keywords))
@@ -147,10 +130,7 @@ class Settings(BaseModel):
         return self.command or ("limited-rack" if self.base_controller else "shaft-speed")
 
     def steps(self, dt: float) -> int:
-        """Return the number of plant steps in a control interval.
-
-        Args:
-            dt: time step of the plant [s].
+        """Return the number of plant steps of ``dt`` [s] in a control interval.
 
         Raises:
             ValueError: the interval is not a multiple of the time step.
@@ -176,8 +156,7 @@ def _explain(error: Any) -> str:
     name, *where = map(str, error["loc"])
     if kind == "extra_forbidden":
         return f"unexpected keyword argument {name!r}; known: {', '.join(Settings.model_fields)}"
-    if name == "action_mode":
-        return f"action_mode = {given!r}: must be one of {', '.join(ACTION_MODES)}"
+
     if name == "command":
         return f"unknown command {given!r}; known: {', '.join(COMMANDS)}"
     if name == "randomise" and where:
@@ -188,24 +167,16 @@ def _explain(error: Any) -> str:
 DEFAULTS = Settings()
 """Default settings of the environments."""
 
-LONGEST_S = LARGEST_EPISODE * DEFAULTS.control_interval_s
-"""Longest episode at the default control interval [s]."""
-
-EPISODE_S = 300.0
-"""Length of an episode with the default number of control intervals [s]."""
-
-CLASSIC: dict[str, Any] = {
-    "normalised": False, "action_mode": "absolute", "command": "fuel-rack",
-}  # fmt: skip
+LONGEST_S = LARGEST_EPISODE * DEFAULTS.control_interval_s  # longest episode by default [s]
+EPISODE_S = 300.0  # length of an episode with the default number of control intervals [s]
+CLASSIC: dict[str, Any] = {"normalised": False, "action_mode": "absolute", "command": "fuel-rack"}
 """Keywords of an environment for classic controllers: physical units, commands as actions."""
 
 
 def read_seas(choice: SeaChoice, task: Task) -> list[SeaRange | None]:
     """Return the seas that an episode can draw; None stands for calm water.
 
-    Args:
-        choice: sea as in :class:`Settings`; None means the seas of the task.
-        task: task of the environment.
+    The choice is as in :class:`Settings`; None means the seas of the task.
 
     Raises:
         ValueError: an unknown or empty sea, or a range whose lower end is above its upper end.
@@ -249,9 +220,7 @@ def read_seas(choice: SeaChoice, task: Task) -> list[SeaRange | None]:
 def noise_record(ship: Ship, choice: float | Mapping[str, float]) -> Any:
     """Return the noise of the instruments as a NOISE record.
 
-    Args:
-        ship: ship, whose highest speed and torque scale the usual noise.
-        choice: factor on the usual noise [-], or rms values by instrument [unit of the instrument].
+    The choice is a factor on the usual noise of the ship, or an rms by instrument [its unit].
 
     Raises:
         ValueError: an unknown instrument, or a factor or rms below 0.
@@ -273,33 +242,19 @@ def noise_record(ship: Ship, choice: float | Mapping[str, float]) -> Any:
     top_speed = float(plant["engine_speed_max"] / plant["gear_ratio"])
     top_torque = float(plant["torque_limit"] * plant["gear_ratio"])
     # Encoder 0.1 % and strain gauge 0.5 % of full scale, pitch feedback, accelerometer, speed log.
-    record["shaft_speed"] = 1e-3 * top_speed
-    record["shaft_torque"] = 5e-3 * top_torque if math.isfinite(top_torque) else 0.0
-    record["pitch_ratio"] = 4e-3
-    record["shaft_acceleration"] = 2e-2
-    record["ship_speed"] = 5e-2
-    # Gyrocompass, rate gyro, rudder feedback, position from a navigation filter.
-    record["heading"] = math.radians(0.1)
-    record["yaw_rate"] = math.radians(0.02)
-    record["rudder_angle"] = math.radians(0.1)
-    record["cross_track"] = 5e-2
-    # Inflow of the waves that the sensor at the bow measures (assumed).
-    record["wave_inflow"] = 0.05
-    for name in names:
-        record[name] *= choice
-    return record
+    torque = 5e-3 * top_torque if math.isfinite(top_torque) else 0.0
+    usual = [1e-3 * top_speed, torque, 4e-3, 2e-2, 5e-2]
+    # Gyrocompass, rate gyro, rudder feedback, position from a navigation filter, and inflow of the
+    # waves that the sensor at the bow measures (assumed).
+    usual += [math.radians(0.1), math.radians(0.02), math.radians(0.1), 5e-2, 0.05]
+    return np.array(tuple(rms * choice for rms in usual), NOISE)[()]
 
 
-_NOT_VARIED = ("integration.time_step_s",)
-"""Keys that define the integration of the plant and are not parameters of the ship."""
+_NOT_VARIED = ("integration.time_step_s",)  # keys of the integration, not of the ship
 
 
 def check_randomise(ship: Ship, randomise: Mapping[str, float]) -> None:
-    """Refuse keys that a factor cannot vary or would carry out of their range.
-
-    Args:
-        ship: ship whose parameters are varied.
-        randomise: half width of the factor by dotted key of the ship file.
+    """Refuse keys that a factor (1 plus or minus its half width) cannot vary within their range.
 
     Raises:
         ValueError: names the key, its unit and its allowed range.

@@ -21,9 +21,6 @@ _FAR = 1e9  # bound of a signal without a physical bound [rad, m]
 def observation_space(observed: Sequence[str] = OBSERVED) -> spaces.Box:
     """Return the space of an observation in physical units, with the bounds of the signal registry.
 
-    Args:
-        observed: names of the signals, in order.
-
     Examples:
         >>> observation_space(("speed_order", "fuel_rack")).high.tolist()
         [40.0, 200.0]
@@ -37,9 +34,6 @@ def observation_space(observed: Sequence[str] = OBSERVED) -> spaces.Box:
 
 def action_space(numbers: int = 2) -> spaces.Box:
     """Return the space of an action: pitch, drive and rudder, each in [-1, 1].
-
-    Args:
-        numbers: 2, or 3 with the rudder.
 
     Examples:
         >>> action_space(3)
@@ -69,10 +63,6 @@ def _clip(action: NDArray[np.float32], clipped: NDArray[np.float32]) -> bool:
 def check_action(action: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
     """Return an action as a float32 array clipped to the action space.
 
-    Args:
-        action: numbers of the given shape.
-        shape: expected shape.
-
     Raises:
         ValueError: the action does not consist of numbers, has another shape, or is not finite.
 
@@ -98,5 +88,4 @@ def check_action(action: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
             f"action {array.tolist()} contains a value that is not finite; expected is -1 to 1"
         )
     # Clip in double precision: 1e300 is finite, but not in single precision.
-    clipped: NDArray[np.float32] = np.clip(array, -1.0, 1.0).astype(np.float32)
-    return clipped
+    return np.asarray(np.clip(array, -1.0, 1.0), np.float32)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..core.compiled import Record, compiled
 from ..core.numeric import clip, piecewise_linear
 from ..core.random_stream import fill_uniform
+from ..observers.records import Floats
 from ..plant import Sea, Ship, equilibrium
 from ..plant.drives.diesel import rack_torque, torque_limit
 from ..plant.dynamics import settle_lags
@@ -31,9 +32,7 @@ from .rewards import total_fuel_flow
 from .settings import SeaRange
 from .tasks import Task
 
-LOADS = (0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0)
-"""Resistance over that of calm water at which steady states are computed."""
-
+LOADS = (0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0)  # over the calm-water resistance
 _COLUMNS = ("ship_speed", "shaft_speed", "pitch_ratio", "drive", "pitch_command", "fuel")
 
 
@@ -41,21 +40,15 @@ _COLUMNS = ("ship_speed", "shaft_speed", "pitch_ratio", "drive", "pitch_command"
 def steady_states(ship: Ship, load: float = 1.0) -> NDArray[Any]:
     """Return the steady states under a load, by rising ship speed, and the commands that hold them.
 
-    Args:
-        ship: ship with a diesel engine and a propeller.
-        load: resistance over that of calm water [-].
-
-    Returns:
-        Structured array with ship speed, shaft speed and pitch (units of STATE), fuel rack, pitch
-        command, and fuel flow of all engines [kg/s].
+    The load is the resistance over that of calm water [-]. The structured array has ship speed, shaft
+    speed and pitch (units of STATE), fuel rack, pitch command, and fuel flow of all engines [kg/s].
 
     Raises:
         ValueError: there are fewer than two steady states within the speed range of the engine.
     """
     plant = ship.record()
-    pitch = float(
-        plant["pitch_ratio_min"] + 0.75 * (plant["pitch_ratio_max"] - plant["pitch_ratio_min"])
-    )
+    low, high = plant["pitch_ratio_min"], plant["pitch_ratio_max"]
+    pitch = float(low + 0.75 * (high - low))
     rows = []
     for rack in np.linspace(0.05, 0.95, 19) * float(plant["drive_max"]):
         try:
@@ -78,16 +71,11 @@ def steady_states(ship: Ship, load: float = 1.0) -> NDArray[Any]:
 class SteadyTables(NamedTuple):
     """Steady states under every load at which the engine can run."""
 
-    loads: NDArray[np.float64]
-    """Loads, shape (k,), rising."""
-    ends: NDArray[np.int64]
-    """First column of the states of each load and, last, their total number; shape (k + 1,)."""
-    columns: NDArray[np.float64]
-    """Fields of :func:`steady_states` as rows, all loads one after another, shape (6, m)."""
-    slowest: float
-    """Lowest ship speed in calm water [m/s]."""
-    fastest: float
-    """Highest ship speed in calm water [m/s]."""
+    loads: Floats  # loads, shape (k,), rising
+    ends: NDArray[np.int64]  # first column of each load and, last, their total number, (k + 1,)
+    columns: Floats  # fields of :func:`steady_states` as rows, load by load, shape (6, m)
+    slowest: float  # lowest ship speed in calm water [m/s]
+    fastest: float  # highest ship speed in calm water [m/s]
 
 
 @functools.lru_cache(maxsize=16)
@@ -111,17 +99,14 @@ _PARAMETERS = len(Sea.model_fields)
 
 EPISODE_RANGES = np.dtype(
     [
-        ("order_low", np.float64, (MAX_ORDERS,)),  # ordered ship speeds [m/s]
-        ("order_high", np.float64, (MAX_ORDERS,)),
+        ("order", np.float64, (2, MAX_ORDERS)),  # lowest and highest ordered ship speeds [m/s]
         ("order_interval", np.float64),  # [s]
         ("begins_at_order", np.int64),  # 1 where the ship begins at its first order
         ("initial_speed", np.float64, (2,)),  # lowest and highest [m/s]
         ("resistance_rise", np.float64, (2,)),  # [-]
         ("resistance_swing", np.float64),  # [-]
-        ("heading_low", np.float64, (MAX_ORDERS,)),  # ordered headings [rad]
-        ("heading_high", np.float64, (MAX_ORDERS,)),
-        ("track_low", np.float64, (MAX_ORDERS,)),  # ordered cross tracks [m]
-        ("track_high", np.float64, (MAX_ORDERS,)),
+        ("heading", np.float64, (2, MAX_ORDERS)),  # ordered headings [rad]
+        ("track", np.float64, (2, MAX_ORDERS)),  # ordered cross tracks [m]
         ("cross_current", np.float64, (2,)),  # [m/s]
         ("drift_force", np.float64, (2,)),  # [N]
     ],
@@ -129,74 +114,49 @@ EPISODE_RANGES = np.dtype(
 )
 """Ranges from which an episode draws; both ends are equal where a value is given."""
 
-_SEA_CHOICE, _WAVE_SEED, _NOISE_SEED, _SEA, _RISE, _FREQUENCY, _PHASE, _INITIAL, _ORDERS = (
-    0, 1, 2, 3, 7, 8, 9, 10, 11,
-)  # fmt: skip
+_SEA_CHOICE, _WAVE_SEED, _NOISE_SEED, _SEA = range(4)
+_RISE, _FREQUENCY, _PHASE, _INITIAL, _ORDERS = range(_SEA + _PARAMETERS, _SEA + _PARAMETERS + 5)
 _HEADINGS = _ORDERS + MAX_ORDERS
 _TRACKS = _HEADINGS + MAX_ORDERS
 _CURRENT, _DRIFT = _TRACKS + MAX_ORDERS, _TRACKS + MAX_ORDERS + 1
-
-DRAWS, DRAWS_STEERED = _HEADINGS, _DRIFT + 1
-"""Number of random numbers of an episode; their order determines the episode of a seed."""
-
+DRAWS, DRAWS_STEERED = _HEADINGS, _DRIFT + 1  # random numbers of an episode, in a fixed order
 _FIELDS: Any = ENVIRONMENT.fields
-_CLEARED = np.array(
-    [
-        (_FIELDS[name][1], _FIELDS[name][1] + _FIELDS[name][0].itemsize)
-        for name in ("state", "sea", "estimate", "episode", "ended")
-    ]
-)
+_ZERO = [_FIELDS[name] for name in ("state", "sea", "estimate", "episode", "ended")]
+_CLEARED = np.array([(start, start + kind.itemsize) for kind, start in _ZERO])
 """First and last byte of the fields that are zero at the start of an episode."""
 
 
-def sea_bounds(seas: Sequence[SeaRange | None]) -> NDArray[np.float64]:
+def sea_bounds(seas: Sequence[SeaRange | None]) -> Floats:
     """Return lowest and highest Hs, Tp, gamma and heading of seas, shape (m, 2, 4); zeros for calm."""
-    ends = [
-        [[0.0] * _PARAMETERS] * 2
-        if sea is None
-        else [list(end.model_dump().values()) for end in sea]
-        for sea in seas
-    ]
-    return np.array(ends)
+    calm = [[0.0] * _PARAMETERS] * 2
+    drawn = [sea and [list(end.model_dump().values()) for end in sea] for sea in seas]
+    return np.array([ends or calm for ends in drawn])
 
 
 def episode_ranges(begin: ResetOptions, task: Task) -> Any:
-    """Return the ranges of a task with the options of a reset, an EPISODE_RANGES array of shape (1,).
-
-    Args:
-        begin: options of the reset.
-        task: task of the environment.
-    """
+    """Return the ranges of a task with the options of a reset, an EPISODE_RANGES array of shape (1,)."""
     ranges = np.zeros(1, EPISODE_RANGES)
     row = ranges[0]
-    headings = np.radians(task.heading_order_deg)
-    row["order_low"], row["order_high"] = task.speed_order_m_s
-    row["heading_low"], row["heading_high"] = headings
-    row["track_low"], row["track_high"] = task.track_order_m
-    row["initial_speed"] = task.speed_order_m_s
-    row["resistance_rise"], row["resistance_swing"] = task.resistance_rise, task.resistance_swing
-    row["cross_current"] = task.cross_current_m_s
-    row["drift_force"] = 1e3 * np.array(task.drift_force_kN)
-    row["order_interval"] = begin.order_interval_s
-    for name, given in (
-        ("order", begin.orders), ("heading", begin.heading_orders), ("track", begin.track_orders),
-    ):  # fmt: skip
-        if given is not None:
-            row[f"{name}_low"] = row[f"{name}_high"] = given
+    row["resistance_swing"], row["order_interval"] = task.resistance_swing, begin.order_interval_s
     row["begins_at_order"] = begin.orders is not None and begin.initial_speed_m_s is None
-    for name, value in (
-        ("initial_speed", begin.initial_speed_m_s), ("resistance_rise", begin.resistance_rise),
-        ("cross_current", begin.cross_current_m_s), ("drift_force", begin.drift_force_N),
-    ):  # fmt: skip
-        if value is not None:
-            row[name] = value
+    speeds = np.array(task.speed_order_m_s)
+    for name, given, drawn in (
+        ("order", begin.orders, speeds[:, None]),
+        ("heading", begin.heading_orders, np.radians(task.heading_order_deg)[:, None]),
+        ("track", begin.track_orders, np.array(task.track_order_m)[:, None]),
+        ("initial_speed", begin.initial_speed_m_s, speeds),
+        ("resistance_rise", begin.resistance_rise, task.resistance_rise),
+        ("cross_current", begin.cross_current_m_s, task.cross_current_m_s),
+        ("drift_force", begin.drift_force_N, 1e3 * np.array(task.drift_force_kN)),
+    ):
+        row[name] = drawn if given is None else given
     return ranges
 
 
 @compiled
-def _between(low: float, high: float, share: float) -> float:
+def _between(ends: Any, share: float) -> float:
     """Return the value at a share of a range."""
-    return low + (high - low) * share
+    return float(ends[0] + (ends[1] - ends[0]) * share)
 
 
 @compiled
@@ -219,14 +179,9 @@ def _steady_value(tables: SteadyTables, row: int, lower: int, load: float, speed
 def _load(
     plant: Record, sea: Record, tables: SteadyTables, speed: float, factor: float
 ) -> tuple[float, int]:
-    """Return the resistance over that of calm water [-], and the index of the table below it.
+    """Return the resistance over that of calm water [-] at a speed [m/s], and the index of its table.
 
-    Args:
-        plant: ship record.
-        sea: sea of the episode, which adds resistance.
-        tables: tables from :func:`steady_tables`.
-        speed: ship speed [m/s].
-        factor: mean resistance of the episode over that of calm water, without waves [-].
+    ``factor`` is the mean resistance of the episode over that of calm water, without waves [-].
     """
     ahead = water_speed(plant, max(speed, tables.slowest))
     load = factor + wave_resistance(plant, sea.head_sea, ahead) / resistance(plant, ahead, 1.0)
@@ -237,54 +192,40 @@ def _load(
 
 
 @compiled
-def _draw(env: Record, sea: NDArray[np.float64], ranges: Record, u: NDArray[np.float64]) -> None:
-    """Set the episode of an environment from random numbers.
+def _draw(env: Record, sea: Floats, ranges: Record, u: Floats) -> None:
+    """Set the episode of an environment from :data:`DRAWS` or :data:`DRAWS_STEERED` numbers in [0, 1).
 
-    Args:
-        env: ENVIRONMENT record, whose episode is zero.
-        sea: on entry the lowest Hs, Tp, gamma and heading followed by the highest, shape (8,); on return
-            the first four values are the drawn ones.
-        ranges: EPISODE_RANGES record.
-        u: uniform numbers in [0, 1), shape (:data:`DRAWS`,) or (:data:`DRAWS_STEERED`,).
+    ``sea`` has the lowest Hs, Tp, gamma and heading and the highest, shape (2, 4); on return its first
+    row holds the drawn ones.
     """
     episode = env.episode
     for j in range(_PARAMETERS):
-        sea[j] = _between(sea[j], sea[_PARAMETERS + j], u[_SEA + j])
+        sea[0, j] = _between(sea[:, j], u[_SEA + j])
     episode.random = np.uint64(u[_NOISE_SEED] * 9007199254740992.0)
     episode.order_interval = ranges.order_interval
-    episode.resistance_mean = 1.0 + _between(
-        ranges.resistance_rise[0], ranges.resistance_rise[1], u[_RISE]
-    )
+    episode.resistance_mean = 1.0 + _between(ranges.resistance_rise, u[_RISE])
     episode.resistance_swing = ranges.resistance_swing
-    episode.resistance_frequency = 2.0 * math.pi / _between(60.0, 180.0, u[_FREQUENCY])
+    episode.resistance_frequency = 2.0 * math.pi / _between((60.0, 180.0), u[_FREQUENCY])
     episode.resistance_phase = 2.0 * math.pi * u[_PHASE]
     steered = len(u) > DRAWS
     for j in range(MAX_ORDERS):
-        episode.orders[j] = _between(ranges.order_low[j], ranges.order_high[j], u[_ORDERS + j])
+        episode.orders[j] = _between(ranges.order[:, j], u[_ORDERS + j])
         if steered:
-            episode.heading_orders[j] = _between(
-                ranges.heading_low[j], ranges.heading_high[j], u[_HEADINGS + j]
-            )
-            episode.track_orders[j] = _between(
-                ranges.track_low[j], ranges.track_high[j], u[_TRACKS + j]
-            )
+            episode.heading_orders[j] = _between(ranges.heading[:, j], u[_HEADINGS + j])
+            episode.track_orders[j] = _between(ranges.track[:, j], u[_TRACKS + j])
     if steered:
-        env.plant.cross_current = _between(
-            ranges.cross_current[0], ranges.cross_current[1], u[_CURRENT]
-        )
-        episode.drift_force = _between(ranges.drift_force[0], ranges.drift_force[1], u[_DRIFT])
+        env.plant.cross_current = _between(ranges.cross_current, u[_CURRENT])
+        episode.drift_force = _between(ranges.drift_force, u[_DRIFT])
 
 
 @compiled
 def start_episodes(
-    environments: Any, raw: NDArray[np.uint8], which: NDArray[np.int64],
-    uniform: NDArray[np.float64], ranges: Any, seas: NDArray[np.float64], tables: SteadyTables,
-    depth: float, dt: float,
+    environments: Any, raw: NDArray[np.uint8], which: NDArray[np.int64], uniform: Floats,
+    ranges: Any, seas: Floats, tables: SteadyTables, depth: float, dt: float,
 ) -> None:  # fmt: skip
     """Start episodes of ships in a steady state at their initial speeds; all changes in place.
 
-    The steady state is that under the mean resistance, before the slow fluctuation and the single waves
-    act.
+    The steady state is that under the mean resistance, before slow fluctuation and waves act.
 
     Args:
         environments: ENVIRONMENT array of shape (n,), with the plants of the new episodes.
@@ -293,12 +234,12 @@ def start_episodes(
         uniform: random numbers in [0, 1), shape (k, :data:`DRAWS`) or (k, :data:`DRAWS_STEERED`).
         ranges: ranges from :func:`episode_ranges`.
         seas: bounds from :func:`sea_bounds`; each episode draws one sea.
-        tables: tables from :func:`steady_tables`.
+        tables: from :func:`steady_tables`.
         depth: depth of the propeller centre [m], at which the waves act.
         dt: plant step [s].
     """
     shares = np.empty(2 * COMPONENTS)
-    drawn = np.empty(2 * _PARAMETERS)
+    drawn = np.empty((2, _PARAMETERS))
     for k in range(len(which)):
         u = uniform[k]
         for j in range(len(_CLEARED)):
@@ -306,12 +247,13 @@ def start_episodes(
         env = environments[which[k]]
         plant, state, episode, sea = env.plant, env.state, env.episode, env.sea
         chosen = min(int(u[_SEA_CHOICE] * len(seas)), len(seas) - 1)
-        drawn[:_PARAMETERS], drawn[_PARAMETERS:] = seas[chosen, 0], seas[chosen, 1]
+        drawn[:] = seas[chosen]
         _draw(env, drawn, ranges[0], u)
-        if drawn[0] > 0.0:
+        hs, tp, gamma, heading = drawn[0, 0], drawn[0, 1], drawn[0, 2], drawn[0, 3]
+        if hs > 0.0:
             fill_uniform(int(u[_WAVE_SEED] * 2147483648.0), shares)
-            fill_sea(sea, drawn[0], drawn[1], drawn[2], drawn[3], depth, shares)
-        speed = _between(ranges[0].initial_speed[0], ranges[0].initial_speed[1], u[_INITIAL])
+            fill_sea(sea, hs, tp, gamma, heading, depth, shares)
+        speed = _between(ranges[0].initial_speed, u[_INITIAL])
         if ranges[0].begins_at_order != 0:
             speed = episode.orders[0]
         factor = episode.resistance_mean

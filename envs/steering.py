@@ -50,14 +50,6 @@ class SteeringEnv(FrigateEnv):
 
     * v0: initial version.
 
-    Args:
-        render_mode: None or ``rgb_array``.
-        settings: keywords of :class:`shaftline.envs.Settings`.
-
-    Raises:
-        ValueError: a name does not exist, a value is out of range, or the ship cannot be steered; the
-            message names it.
-
     Examples:
         >>> env = SteeringEnv(sea="calm")
         >>> observation, info = env.reset(seed=1)
@@ -70,16 +62,7 @@ class SteeringEnv(FrigateEnv):
 
 
 class SteeringVectorEnv(FrigateVectorEnv):
-    """Many :class:`SteeringEnv` environments in one compiled call; see :class:`FrigateVectorEnv`.
-
-    Args:
-        num_envs: number of sub-environments.
-        threads: number of threads that step them; one for each core by default.
-        settings: keywords of :class:`shaftline.envs.Settings`; the default task is ``course-keeping``.
-
-    Raises:
-        ValueError: a name does not exist or a value is out of range; the message names it.
-    """
+    """Many :class:`SteeringEnv` environments in one compiled call; see :class:`FrigateVectorEnv`."""
 
     steered: ClassVar[bool] = True
     defaults: ClassVar[dict[str, Any]] = _DEFAULTS
@@ -88,14 +71,13 @@ class SteeringVectorEnv(FrigateVectorEnv):
 class EnvironmentClasses(NamedTuple):
     """Classes of the environments with or without the rudder as an action."""
 
-    id: str
-    """Id of the single environment in the registry of Gymnasium."""
+    id: str  # of the single environment in the registry of Gymnasium
     single: type[FrigateEnv]
     vector: type[FrigateVectorEnv]
 
 
 def environment_classes(steered: bool) -> EnvironmentClasses:
-    """Return the environment classes with the rudder as an action, or without.
+    """Return the environment classes with or without the rudder as an action.
 
     Examples:
         >>> environment_classes(steered=False).id

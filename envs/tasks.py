@@ -24,8 +24,7 @@ def _rising(ends: tuple[float, float]) -> tuple[float, float]:
 
 
 _Number = Annotated[float, Field(strict=True)]
-Range = Annotated[tuple[_Number, _Number], AfterValidator(_rising)]
-"""Lowest and highest value of a quantity that an episode draws."""
+Range = Annotated[tuple[_Number, _Number], AfterValidator(_rising)]  # lowest and highest
 
 
 LIMITS = {
@@ -38,11 +37,10 @@ LIMITS = {
 }
 """Lowest and highest value, and unit, of the quantities of a task and of ``reset(options=...)``."""
 
-LEAST_RESISTANCE = 0.05
-"""Smallest share of the calm-water resistance that rise and fluctuation may leave [-]."""
+LEAST_RESISTANCE = 0.05  # smallest share of the calm-water resistance after rise and fluctuation
 
 
-def _within_limits(task: HeldOut | Task) -> None:
+def _within_limits(task: Any) -> Any:
     """Refuse ranges beyond :data:`LIMITS`, and a resistance that falls below its smallest share."""
     for name, (low, high, unit) in LIMITS.items():
         ends = getattr(task, name, None)
@@ -55,10 +53,10 @@ def _within_limits(task: HeldOut | Task) -> None:
             f"{task.resistance_swing:g} leaves {left:.2g} of the calm-water resistance; at least "
             f"{LEAST_RESISTANCE:g} must remain"
         )
+    return task
 
 
-TaskSea = str | dict[str, _Number | Range]
-"""Sea of a task: a preset, or parameters; an episode draws each parameter that is a range."""
+TaskSea = str | dict[str, _Number | Range]  # preset, or parameters; a range is drawn
 
 
 class HeldOut(FileModel):
@@ -70,10 +68,12 @@ class HeldOut(FileModel):
     cross_current_m_s: Range | None = None
     drift_force_kN: Range | None = None
 
-    @model_validator(mode="after")
-    def _sound(self) -> HeldOut:
-        _within_limits(self)
-        return self
+    _sound = model_validator(mode="after")(_within_limits)
+
+
+def _absent(description: str) -> Any:
+    """Declare a range that is zero by default."""
+    return Field((0.0, 0.0), description=description)
 
 
 class Task(FileModel):
@@ -99,16 +99,10 @@ class Task(FileModel):
     steered: bool = Field(
         False, description="whether the rudder is an action; needs a ship that turns"
     )
-    heading_order_deg: Range = Field((0.0, 0.0), description="range of the ordered headings")
-    track_order_m: Range = Field(
-        (0.0, 0.0), description="range of the ordered cross-track positions"
-    )
-    cross_current_m_s: Range = Field(
-        (0.0, 0.0), description="range of the current across the first course"
-    )
-    drift_force_kN: Range = Field(
-        (0.0, 0.0), description="range of the mean of the slow side force"
-    )
+    heading_order_deg: Range = _absent("range of the ordered headings")
+    track_order_m: Range = _absent("range of the ordered cross-track positions")
+    cross_current_m_s: Range = _absent("range of the current across the first course")
+    drift_force_kN: Range = _absent("range of the mean of the slow side force")
     preview: bool = Field(False, description="whether a sensor at the bow measures the waves ahead")
     randomise: dict[str, float] = Field(
         default_factory=dict,
@@ -134,10 +128,7 @@ class Task(FileModel):
         }
         return dict(values) | {"goals": completed}
 
-    @model_validator(mode="after")
-    def _sound(self) -> Task:
-        _within_limits(self)
-        return self
+    _sound = model_validator(mode="after")(_within_limits)
 
     @property
     def helmsman(self) -> str:
@@ -150,10 +141,9 @@ class Task(FileModel):
         return tuple(sea for sea in self.seas if isinstance(sea, str))
 
     def load_ship(self, ship: Any = None) -> Ship:
-        """Load a ship with the changes that the task makes to it.
+        """Load a ship with the changes that the task makes to it; by default the ship of the task.
 
-        Args:
-            ship: preset, path of a ship file, or Ship; the ship of the task by default.
+        The ship is a preset, the path of a ship file, or a Ship.
 
         Raises:
             ShipError: the ship cannot be read, or the task changes a key that the ship does not have.
@@ -168,14 +158,9 @@ class Task(FileModel):
 def controller_for(
     task: Task, text: str, ship: Ship, interval_s: float, steered: bool
 ) -> Predictor:
-    """Return a classic controller for a task.
+    """Return a classic controller; ``HELMSMAN+CONTROLLER`` or ``CONTROLLER`` if the rudder is an action.
 
-    Args:
-        task: task, whose helmsman is added to a name without one where the rudder is an action.
-        text: text as in :func:`shaftline.baselines.make_controller`, or ``HELMSMAN+CONTROLLER``.
-        ship: ship to control.
-        interval_s: control interval [s].
-        steered: whether the rudder is an action.
+    By default the helmsman is that of the task.
 
     Raises:
         ControllerError: unknown name or option, or a controller that needs signals which the task lacks.
@@ -191,8 +176,7 @@ def controller_for(
     return make_steering(text if "+" in text else f"{task.helmsman}+{text}", ship, interval_s)
 
 
-HELD_OUT = "held-out"
-"""Suffix after the name of a task and a colon: seas and disturbances that training never draws."""
+HELD_OUT = "held-out"  # suffix of a task: seas and disturbances that training never draws
 
 
 class TaskError(ValueError):
@@ -207,19 +191,12 @@ def _contents() -> dict[str, Any]:
 
 @functools.cache
 def _all() -> dict[str, Task]:
-    return {
-        name: Task.model_validate(values)
-        for name, values in _contents().items()
-        if name != "tolerances"
-    }
+    named = {name: values for name, values in _contents().items() if name != "tolerances"}
+    return {name: Task.model_validate(values) for name, values in named.items()}
 
 
 def tasks(steered: bool | None = False) -> dict[str, Task]:
-    """Return the tasks of the package, by name.
-
-    Args:
-        steered: True for the tasks with the rudder as an action, False for the tasks without, None for
-            all.
+    """Return the tasks of the package by name: without the rudder as an action, with it, or all (None).
 
     Examples:
         >>> sorted(tasks(steered=True))
@@ -230,9 +207,6 @@ def tasks(steered: bool | None = False) -> dict[str, Task]:
 
 def get_task(task: str | Task | dict[str, Any]) -> Task:
     """Return a task by name (``transit``, or ``transit:held-out``), or from a dictionary of its fields.
-
-    Args:
-        task: name, Task, or dictionary of fields.
 
     Raises:
         TaskError: unknown name, or fields that are missing, unknown or out of range.

@@ -23,22 +23,10 @@ def calibrate(
 ) -> Start:
     """Return the start of a diagnosis with parameters estimated from a reference period.
 
-    The method is output error (:func:`~.identify.identify`). A parameter that is not identifiable keeps
-    its value, and the others are estimated without it. Where only a combination of parameters is
+    The method is output error; arguments and errors are those of :func:`~.identify.identify`. Without
+    keys, all identifiable parameters are estimated. A parameter that is not identifiable keeps its
+    value, and the others are estimated without it. Where only a combination of parameters is
     identifiable, the one that was given last keeps its value.
-
-    Args:
-        ship: nominal ship.
-        recordings: recordings of the reference period, at least one.
-        keys: dotted keys of the parameters; without any, all identifiable ones.
-        columns: column map of the files; None without one.
-        tolerance: factor on the tolerances of the parameters that are not estimated [-].
-        tick: progress callback ``tick(stage, done, total)``.
-
-    Raises:
-        RecordingError: a recording or the column map cannot be used; names file, column and row.
-        ValueError: recordings that do not go together, or a ship whose simulation diverges under the
-            recorded commands.
     """
 
     def progress(stage: str, done: int, total: int) -> None:
@@ -49,13 +37,9 @@ def calibrate(
     while True:
         try:
             found = identify(
-                ship,
-                *recordings,
-                free=wanted or AUTO,
-                columns=columns,
-                tolerance=tolerance,
+                ship, *recordings, free=wanted or AUTO, columns=columns, tolerance=tolerance,
                 tick=progress,
-            )
+            )  # fmt: skip
         except UnidentifiableError as error:
             left_out |= error.worst
             wanted = error.rest

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
+from ..plant.ship import Ship
 from .outcome import Outcome
 from .report.data import diagnosis_as_dict
-from .report.index import write_result
+from .report.index import Result
 from .report.text import headline, sentence, summary
 
 SHIP = "corrected_ship.toml"
 """File name of the corrected ship."""
 
 
-class Diagnosis(Outcome):
+class Diagnosis(Outcome, Result):
     """Diagnosis of recordings: verdict, missing physics, corrected ship, and reports.
 
-    The fields are those of :class:`~shaftline.mismatch.outcome.Outcome`.
+    The fields are those of :class:`~shaftline.mismatch.outcome.Outcome`. ``save`` writes
+    ``report.json``, ``report.html`` and ``corrected_ship.toml``.
     """
 
     @property
@@ -38,27 +39,13 @@ class Diagnosis(Outcome):
         """Return the content of ``report.json``: values in the units that their names state."""
         return diagnosis_as_dict(self)
 
-    def save(self, folder: str | Path, *, page: bool = True) -> Path:
-        """Write ``report.json``, ``report.html`` and ``corrected_ship.toml``.
+    def _ships(self) -> dict[str, Ship]:
+        return {SHIP: self.corrected}
 
-        Each file is renamed into place when it is complete.
+    def _page(self) -> str:
+        from .report.html import report_html
 
-        Args:
-            folder: created if it does not exist.
-            page: whether to write ``report.html`` with its figures.
-
-        Returns:
-            The folder.
-
-        Raises:
-            OSError: the folder cannot be written to.
-        """
-        text = None
-        if page:
-            from .report.html import report_html
-
-            text = report_html(self)
-        return write_result(folder, self.to_dict(), text, {SHIP: self.corrected})
+        return report_html(self)
 
     def __repr__(self) -> str:
         """Return ship and verdict, without the arrays."""

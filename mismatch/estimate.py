@@ -10,15 +10,13 @@ import scipy
 
 from ..plant.ship import Ship
 
-HALF_95 = 1.96
-"""Half-width of a 95 % interval of the normal distribution, in standard errors."""
+HALF_95 = 1.96  # Half-width of a 95 % interval of the normal distribution, in standard errors
 
 
 def half_95(freedom: float) -> float:
     """Return the half-width of a 95 % interval, in standard errors (Student's t).
 
-    Args:
-        freedom: degrees of freedom of the standard error [-]; infinite if the error is known exactly.
+    The degrees of freedom are infinite if the standard error is known exactly.
 
     >>> round(half_95(10.0), 3), half_95(math.inf)
     (2.228, 1.96)
@@ -59,15 +57,9 @@ class Estimate:
 
     @classmethod
     def of(
-        cls,
-        ship: Ship,
-        key: str,
-        value: float,
-        standard_error: float,
-        *,
-        form_error: float = 0.0,
+        cls, ship: Ship, key: str, value: float, standard_error: float, *, form_error: float = 0.0,
         neutral: float | None = None,
-    ) -> Estimate:
+    ) -> Estimate:  # fmt: skip
         """Return the estimate of a parameter, with unit, bounds and neutral value from the ship.
 
         Args:
@@ -82,12 +74,9 @@ class Estimate:
             ShipError: unknown key.
         """
         number = ship.parameter(key)
-        info = number.info
-        if neutral is None:
-            neutral = number.value
-        return cls(
-            key, value, info.unit, (info.low, info.high), neutral, standard_error, form_error
-        )
+        info, neutral = number.info, number.value if neutral is None else neutral
+        bounds = info.low, info.high
+        return cls(key, value, info.unit, bounds, neutral, standard_error, form_error)
 
     @property
     def name(self) -> str:

@@ -101,20 +101,17 @@ def diagnose_folder(
         )
     if options.columns is not None:
         load_map(options.columns)
-    files = find_recordings(folder)
+    files, kept = find_recordings(folder), out / "cells"
     start = begin(ship, options)
-    names = {place: _cell_name(place, path, start, options) for place, path in files.items()}
+    waiting = {place: _cell_name(place, path, start, options) for place, path in files.items()}
     travels = backend == "dask"
-    cells = {names[place]: _make_cell(path, options, travels) for place, path in files.items()}
-    waiting = dict(names)
+    cells = {waiting[place]: _make_cell(path, options, travels) for place, path in files.items()}
     rows: dict[str, dict[str, Any]] = {}
 
     def write_finished() -> None:
         for place, name in list(waiting.items()):
-            kept = out / "cells" / f"{name}.json"
-            if kept.is_file():
-                result = read_json(kept)
-                rows[place] = _write_recording(place, files[place], result, out)
+            if (result := kept / f"{name}.json").is_file():
+                rows[place] = _write_recording(place, files[place], read_json(result), out)
                 del waiting[place]
 
     def progress() -> None:
@@ -123,31 +120,26 @@ def diagnose_folder(
 
     work = functools.partial(_diagnose_cell, start, replace(options, calibrate=()))
     try:
-        sweep(
-            work, cells, out / "cells",
-            jobs=jobs, backend=backend, scheduler=scheduler, tick=progress,
-        )  # fmt: skip
+        sweep(work, cells, kept, jobs=jobs, backend=backend, scheduler=scheduler, tick=progress)
     finally:
         write_finished()
         for place, name in waiting.items():
-            note = out / "cells" / f"{name}.error.txt"
+            note, path = kept / f"{name}.error.txt", files[place]
             why = f"internal error, see cells/{note.name}" if note.is_file() else "not finished"
-            rows[place] = index_row(
-                files[place].name, _recording_date(files[place], None), error=why
-            )
-        if (out / "cells").is_dir():
-            DiagnosisIndex.of(rows.values()).save(out)
-    return DiagnosisIndex.of(rows.values())
+            rows[place] = index_row(path.name, _recording_date(path, None), error=why)
+        index = DiagnosisIndex.of(rows.values())
+        if kept.is_dir():
+            index.save(out)
+    return index
 
 
 def _cell_name(place: str, path: Path, start: Start, options: Options) -> str:
     """Return the file name of a result, which depends on recording, ship, options and package."""
     digest = hashlib.sha256(path.read_bytes())
-    said = [repr(start), repr(sorted(options.exclude)), repr(options.tolerance)]
-    said.append(repr(options.steady))
+    used = (start, sorted(options.exclude), options.tolerance, options.steady)
     files = [*([options.columns] if options.columns else []), *options.effects]
-    said += [Path(file).read_text(encoding="utf-8") for file in files]
-    for text in (*said, source_digest("core", "plant", "mismatch")):
+    texts = [Path(file).read_text(encoding="utf-8") for file in files]
+    for text in (*map(repr, used), *texts, source_digest("core", "plant", "mismatch")):
         digest.update(text.encode() + b"\0")
     plain = "".join(c if c.isalnum() or c in "-._" else "-" for c in place)
     return f"{plain}_{digest.hexdigest()[:12]}"
@@ -207,11 +199,11 @@ def _first_date(path: Path, options: Options) -> str | None:
     if options.columns is None:
         return None
     given = load_map(options.columns)
-    stamped = [(name, s.stamps) for name, s in given.columns.items() if s.stamps is not None]
-    if not stamped:
-        return None
-    (name, form), table = stamped[0], read_table(path, given.file.model_dump(exclude_none=True))
-    return first_day(table[name], form or None)
+    for name, source in given.columns.items():
+        if (form := source.stamps) is not None:
+            table = read_table(path, given.file.model_dump(exclude_none=True))
+            return first_day(table[name], form or None)
+    return None
 
 
 def _recording_date(path: Path, stamped: str | None) -> str:

@@ -38,8 +38,8 @@ from .judge.held_out import Segments, bands_of, fit_percents, split_held_out
 from .recordings.excitation import course_changes, shaft_runs_one_way
 from .recordings.joint import JointRecordings, Recorded, load_jointly
 from .report.data import replace_non_finite
-from .report.index import write_result
-from .report.text import align_columns
+from .report.index import Result
+from .report.text import align_columns, notes_of
 from .search.catalogue import Window, applicable_effects
 from .search.fitting import Fitter
 from .search.selection import INDISTINGUISHABLE
@@ -48,13 +48,16 @@ from .simulate.balances import Balances
 from .simulate.joint_replay import JointReplay, LinearReplay
 from .structure.diagnose import add_model_error
 
-SHIP = "identified_ship.toml"
-"""File name of the identified ship."""
+Array = NDArray[np.float64]
+
+SHIP = "identified_ship.toml"  # file name of the identified ship
 
 
 @dataclass(frozen=True, repr=False)
-class Identification:
+class Identification(Result):
     """Parameters of a ship estimated from recordings, with their fit.
+
+    ``save`` writes ``report.json``, ``report.html``, ``identified_ship.toml`` and the tables as CSV.
 
     Args:
         method: name of the method.
@@ -80,14 +83,14 @@ class Identification:
     ship: Ship
     identified: Ship
     estimates: tuple[Estimate, ...]
-    correlation: NDArray[np.float64]
+    correlation: Array
     left_out: dict[str, str] = field(default_factory=dict)
     tables: dict[str, pd.DataFrame] = field(default_factory=dict)
-    time_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    time_s: Array = field(default_factory=lambda: np.zeros(0))
     held_out: list[Window] = field(default_factory=list)
-    measured: dict[str, NDArray[np.float64]] = field(default_factory=dict)
-    before: dict[str, NDArray[np.float64]] = field(default_factory=dict)
-    after: dict[str, NDArray[np.float64]] = field(default_factory=dict)
+    measured: dict[str, Array] = field(default_factory=dict)
+    before: dict[str, Array] = field(default_factory=dict)
+    after: dict[str, Array] = field(default_factory=dict)
     fit_before: dict[str, float] = field(default_factory=dict)
     fit_after: dict[str, float] = field(default_factory=dict)
     limits: list[str] = field(default_factory=list)
@@ -123,46 +126,27 @@ class Identification:
 
     def summary(self) -> str:
         """Return the estimates with their intervals, and the fit, as text for a terminal."""
+        right = ("ship file", "estimate", "95 % from", "to")
         rows = []
         for estimate in self.estimates:
-            low, high = estimate.ci95
-            rows.append(
-                {
-                    "key": estimate.key,
-                    "ship file": f"{estimate.neutral:.5g}",
-                    "estimate": f"{estimate.value:.5g}",
-                    "95 % from": f"{low:.5g}",
-                    "to": f"{high:.5g}",
-                    "unit": estimate.unit,
-                }
-            )
-        parts = [
-            f"Parameters of {self.ship.name} by {self.method}\n"
-            + align_columns(rows, ("ship file", "estimate", "95 % from", "to"))
-        ]
+            sizes = (estimate.neutral, estimate.value, *estimate.ci95)
+            texts = dict(zip(right, (f"{size:.5g}" for size in sizes), strict=True))
+            rows.append({"key": estimate.key, **texts, "unit": estimate.unit})
+        title = f"Parameters of {self.ship.name} by {self.method}"
+        parts = [f"{title}\n{align_columns(rows, right)}"]
         if (pair := self.strongest_correlation()) is not None:
             parts[0] += f"\nstrongest correlation: {pair[0]} with {pair[1]}, {pair[2]:.2f}"
         if self.left_out:
-            parts.append(
-                "Parameters that were not estimated\n"
-                + "\n".join(f"{key}: {why}" for key, why in self.left_out.items())
-            )
+            lines = [f"{key}: {why}" for key, why in self.left_out.items()]
+            parts.append("\n".join(["Parameters that were not estimated", *lines]))
         if self.fit_before:
-            fit_percents = [
-                {
-                    "channel": column,
-                    "before": f"{before:.1f}",
-                    "after": f"{self.fit_after[column]:.1f}",
-                }
-                for column, before in self.fit_before.items()
+            fits = [
+                {"channel": c, "before": f"{before:.1f}", "after": f"{self.fit_after[c]:.1f}"}
+                for c, before in self.fit_before.items()
             ]
-            parts.append(
-                "FitPercent, 100 is perfect\n"
-                + align_columns(fit_percents, ("before", "after"))
-                + f"\nevaluated on {self.judged_on}"
-            )
-        notes = [f"note: {note}" for note in (*self.limits, *self.warnings)]
-        return "\n\n".join([*parts, "\n".join(notes)] if notes else parts)
+            table = align_columns(fits, ("before", "after"))
+            parts.append(f"FitPercent, 100 is perfect\n{table}\nevaluated on {self.judged_on}")
+        return "\n\n".join([*parts, *notes_of(self.limits, self.warnings)])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of ``report.json``: values in the units of their keys."""
@@ -197,27 +181,13 @@ class Identification:
         plain: dict[str, Any] = replace_non_finite(report)
         return plain
 
-    def save(self, folder: str | Path, *, page: bool = True) -> Path:
-        """Write ``report.json``, ``report.html``, ``identified_ship.toml`` and the tables as CSV.
+    def _ships(self) -> dict[str, Ship]:
+        return {SHIP: self.identified}
 
-        Each file is renamed into place when it is complete.
+    def _page(self) -> str:
+        from .report.html import identification_html
 
-        Args:
-            folder: created if it does not exist.
-            page: whether to write ``report.html`` with its figures.
-
-        Returns:
-            The folder.
-
-        Raises:
-            OSError: the folder cannot be written to.
-        """
-        text = None
-        if page:
-            from .report.html import identification_html
-
-            text = identification_html(self)
-        return write_result(folder, self.to_dict(), text, {SHIP: self.identified}, self.tables)
+        return identification_html(self)
 
     def __repr__(self) -> str:
         """Return ship, method and number of parameters, without the arrays."""
@@ -228,95 +198,50 @@ class Identification:
 def identification_without_fit(
     method: str, ship: Ship, found: MethodResult, left_out: dict[str, str]
 ) -> Identification:
-    """Return the estimates from a table of steady states, without a simulation to compare."""
-    identified = identified_ship(ship, found)
-    return _build_identification(
-        method, ship, identified, found, left_out=left_out, warnings=[*found.remarks]
-    )
+    """Return the estimates of a method without a simulation to compare."""
+    numbers = Free(ship, found.keys).numbers
+    estimates = [
+        Estimate(n.key, v, n.info.unit, (n.info.low, n.info.high), n.value, float(e), freedom=float(f))
+        for n, v, e, f in zip(
+            numbers, found.values, found.standard_errors, found.degrees, strict=True
+        )
+    ]  # fmt: skip
+    return Identification(
+        method, ship, identified_ship(ship, found), tuple(estimates), found.correlation, left_out,
+        found.tables, warnings=[*found.remarks], line=found.line,
+    )  # fmt: skip
 
 
-def identification_with_fit(
-    method: str,
-    balances: Balances,
-    found: MethodResult,
-    held: Segments,
-    together: JointRecordings,
-    left_out: dict[str, str],
+def _add_fit(
+    bare: Identification, balances: Balances, held: Segments, together: JointRecordings
 ) -> Identification:
-    """Return the estimates of a method with the fit of the nominal and the identified ship.
+    """Return an identification with the fit of the nominal and the identified ship.
 
     Raises:
         ValueError: the ship with these parameters cannot be simulated along the recordings.
     """
-    replay = balances.replay
+    replay, interval = balances.replay, balances.replay.interval_s
     rows = np.concatenate([np.arange(a, b) for a, b in held or replay.segments])
-    interval = replay.interval_s
-    identified = identified_ship(replay.ship, found)
-    after = replay.simulated(replay.simulate(identified.record()))
-    _refuse_diverged(method, found, after)
-    return _build_identification(
-        method,
-        replay.ship,
-        identified,
-        found,
-        left_out=left_out,
-        time_s=replay.time_s,
-        held_out=[(a * interval, b * interval) for a, b in held],
-        measured=replay.recorded,
-        before=balances.nominal,
-        after=after,
+    after = replay.simulated(replay.simulate(bare.identified.record()))
+    _refuse_diverged(bare, after)
+    return replace(
+        bare, time_s=replay.time_s, held_out=[(a * interval, b * interval) for a, b in held],
+        measured=replay.recorded, before=balances.nominal, after=after,
         fit_before=fit_percents(replay.recorded, balances.nominal, rows),
-        fit_after=fit_percents(replay.recorded, after, rows),
-        limits=list(together.limits),
-        warnings=[*together.warnings, *found.remarks],
-    )
+        fit_after=fit_percents(replay.recorded, after, rows), limits=list(together.limits),
+        warnings=[*together.warnings, *bare.warnings],
+    )  # fmt: skip
 
 
-def _refuse_diverged(
-    method: str, found: MethodResult, after: dict[str, NDArray[np.float64]]
-) -> None:
-    """Refuse estimates with which the simulation diverges.
-
-    Raises:
-        ValueError: names the first channel that diverges, and the estimates.
-    """
+def _refuse_diverged(found: Identification, after: dict[str, Array]) -> None:
+    """Refuse estimates with which the simulation diverges; name the first channel that diverges."""
     diverged = [column for column, values in after.items() if not np.isfinite(values).all()]
     if diverged:
-        values = ", ".join(f"{k} = {v:.4g}" for k, v in zip(found.keys, found.values, strict=True))
+        values = ", ".join(f"{key} = {value:.4g}" for key, value in found.parameters.items())
         raise ValueError(
-            f"{method}: with the estimates {values} the simulated {diverged[0]} diverges, so no files "
-            "were written; free fewer parameters or use --method output-error"
+            f"{found.method}: with the estimates {values} the simulated {diverged[0]} diverges, so no "
+            "files were written; free fewer parameters or use --method output-error"
         )
-
-
-def _build_identification(
-    method: str, ship: Ship, identified: Ship, found: MethodResult, **identification_with_fit: Any
-) -> Identification:
-    """Return an identification with the estimates of a method and further fields."""
-    free = Free(ship, found.keys)
-    return Identification(
-        method=method,
-        ship=ship,
-        identified=identified,
-        estimates=tuple(
-            Estimate(
-                n.key,
-                v,
-                n.info.unit,
-                (n.info.low, n.info.high),
-                n.value,
-                float(e),
-                freedom=float(f),
-            )
-            for n, v, e, f in zip(
-                free.numbers, found.values, found.standard_errors, found.degrees, strict=True
-            )
-        ),
-        correlation=found.correlation,
-        tables=found.tables,
-        line=found.line,
-        **identification_with_fit,
-    )
 
 
 def identified_ship(ship: Ship, found: MethodResult) -> Ship:
@@ -326,7 +251,7 @@ def identified_ship(ship: Ship, found: MethodResult) -> Ship:
     """
     own = [i for i, key in enumerate(found.keys) if ship.has_key(key)]
     keys, errors = [found.keys[i] for i in own], found.standard_errors[own]
-    numbers = dict(ship.tolerances.numbers) | dict(zip(keys, map(float, errors), strict=True))
+    numbers = ship.tolerances.numbers | dict(zip(keys, map(float, errors), strict=True))
     correlations = {
         first: {k: v for k, v in others.items() if k not in keys}
         for first, others in ship.tolerances.correlations.items()
@@ -336,25 +261,17 @@ def identified_ship(ship: Ship, found: MethodResult) -> Ship:
         one = float(np.clip(round(found.correlation[own[i], own[j]], 6), -1.0, 1.0))
         if one != 0.0:
             correlations.setdefault(keys[i], {})[keys[j]] = one
+    correlations = {first: others for first, others in correlations.items() if others}
     known = Free(ship, found.keys).at(found.values)
     return known.with_values(
-        {
-            "tolerances.numbers": numbers,
-            "tolerances.correlations": {k: v for k, v in correlations.items() if v},
-        }
+        {"tolerances.numbers": numbers, "tolerances.correlations": correlations}
     )
 
 
 DEFAULT = "output-error"
-
-MOST_RESTARTS = 4
-"""Largest number of searches by output error, each from the estimates of the one before."""
-
-NEAR = 0.005
-"""Relative distance of the estimates from the point of linearisation within which no search follows."""
-
-SAME_BAND = 0.1
-"""Relative change of the highest frequency below which no search follows."""
+MOST_RESTARTS = 4  # searches by output error, each from the estimates of the one before
+NEAR = 0.005  # relative change of the estimates within which no search follows
+SAME_BAND = 0.1  # relative change of the highest frequency below which no search follows
 
 
 def identify(
@@ -396,61 +313,50 @@ def identify(
         Free(ship, free)  # refuses invalid keys before any recording is read
     elif free != AUTO:
         raise ValueError(f"free = {free!r}: expected a list of keys or {AUTO!r}")
-    keys = None if isinstance(free, str) else tuple(free)
+    own, chosen = METHODS[method], isinstance(free, str)
+    keys, left_out = (() if chosen else tuple(free)), dict[str, str]()
     if method == "steady" and (points := points_of(ship, recordings, columns)) is not None:
         if hold_out:
             raise ValueError(
                 "a table of steady states is fitted as a whole; use no --hold-out with it"
             )
         by_states = partial(steady, ship, points, tick=tick)
-        found, left_out = _find_identifiable(
-            by_states, keys or METHODS[method].usual(ship), chosen=keys is None
-        )
+        found, left_out = _find_identifiable(by_states, keys or own.usual(ship), chosen)
         return identification_without_fit(method, ship, found, left_out)
     together = load_jointly(ship, recordings, hold_out, columns, tick)
+    tables = together.tables
     with threadpool_limits(1, "blas"):
-        if together.steady and not METHODS[method].steady:
+        if together.steady and not own.steady:
             raise ValueError(
                 f"{method} needs the ship's response in time, but each row of the recording is treated "
                 f"as an equilibrium; use --method {DEFAULT} or steady"
             )
-        balances = Balances(JointReplay(ship, *together.tables, steady=together.steady))
-        parts = METHODS[method].cut or together.held_out
-        train, held = (
-            split_held_out(balances.replay, together.held_out)[0]
-            if parts
-            else (balances.replay.segments, [])
-        )
-        unidentifiable: dict[str, str] = {}
-        chosen = keys is None
-        if keys is None:
+        balances = Balances(JointReplay(ship, *tables, steady=together.steady))
+        train: Segments = balances.replay.segments
+        held: Segments = []
+        if own.cut or together.held_out:
+            train, held = split_held_out(balances.replay, together.held_out)[0]
+        if chosen:
             tick("selecting identifiable parameters", 0, 1)
-            keys, unidentifiable = (
-                identifiable_keys(balances, train)
-                if METHODS[method].cut
-                else (METHODS[method].usual(ship), {})
-            )
-        fitted = together.tables[: len(together.tables) - together.held_out]
-        work = MethodInput(balances, fitted, train, tolerance, tick)
-        find = partial(METHODS[method].find, work)
-        found, more = _find_identifiable(find, keys, chosen, chosen and not METHODS[method].cut)
-        left_out = unidentifiable | more
+            if own.cut:
+                keys, left_out = identifiable_keys(balances, train)
+            else:
+                keys = own.usual(ship)
+        fitted = tables[: len(tables) - together.held_out]
+        find = partial(own.find, MethodInput(balances, fitted, train, tolerance, tick))
+        found, more = _find_identifiable(find, keys, chosen, chosen and not own.cut)
         if found.line:
-            balances = Balances(JointReplay(ship, *together.tables, line=True))
-        if METHODS[method].cut:
-            tables = together.tables
+            balances = Balances(JointReplay(ship, *tables, line=True))
+        if own.cut:
             effects = applicable_effects(
-                ship,
-                tables[0].columns,
-                turning=course_changes(tables),
-                one_way=shaft_runs_one_way(ship, tables),
-                steady=together.steady,
-            )
-            found = add_model_error(
-                found, identified_ship(ship, found), balances, train, held, effects, tick
-            )
+                ship, tables[0].columns, turning=course_changes(tables),
+                one_way=shaft_runs_one_way(ship, tables), steady=together.steady,
+            )  # fmt: skip
+            identified = identified_ship(ship, found)
+            found = add_model_error(found, identified, balances, train, held, effects, tick)
         tick("judging", 0, 1)
-        identification = identification_with_fit(method, balances, found, held, together, left_out)
+        bare = identification_without_fit(method, ship, found, left_out | more)
+        identification = _add_fit(bare, balances, held, together)
         tick("judging", 1, 1)
         return identification
 
@@ -463,15 +369,8 @@ def _find_identifiable(
 ) -> tuple[MethodResult, dict[str, str]]:
     """Return the estimates of a method, and why some of the keys are left out.
 
-    Args:
-        find: the method as a function of the keys.
-        keys: keys of the parameters.
-        chosen: whether the tool chose the keys and may leave some out; keys of the user are all needed.
-        guessed: whether the tool chose the keys without the recordings, so that parameters with a large
-            standard error are left out as well.
-
-    Raises:
-        UnidentifiableError: parameters that are not identifiable; names them.
+    Keys of the user are all needed. Of keys that the tool has ``chosen`` some may be left out, and of
+    keys ``guessed`` without the recordings also those with a large standard error.
     """
     left_out: dict[str, str] = {}
     while True:
@@ -532,16 +431,15 @@ def _find_by_output_error(
     the estimates, because those at the values of the ship file may be wrong; the search is therefore
     repeated.
     """
-    ship, highest, near, steps = work.balances.replay.ship, 0.0, False, []
-    runs = [run.table for run in work.balances.replay.runs]
-    at_rest = work.balances.replay.steady  # the commands of a row then act on that row alone
+    replay = work.balances.replay
+    ship, highest, near, steps = replay.ship, 0.0, False, []
+    runs = [run.table for run in replay.runs]
+    at_rest = replay.steady  # the commands of a row then act on that row alone
     free = Free(ship, keys)
     values: Sequence[float] = free.values
+    lines = (False,) if at_rest else (False, True)
     for _ in range(MOST_RESTARTS):
-        ways = [
-            Balances(replayed(free.ship, *runs, line=line, steady=at_rest))
-            for line in ((False,) if at_rest else (False, True))
-        ]
+        ways = [Balances(replayed(free.ship, *runs, line=a, steady=at_rest)) for a in lines]
         telling = parameters_hertz(ways[0], free, values, work.train)
         if near and abs(telling / highest - 1.0) < SAME_BAND:
             break
@@ -573,11 +471,6 @@ def _find_by_output_error(
     return replace(found, tables=tables, line=True, remarks=remarks)
 
 
-def _find_by_linear_model(work: MethodInput, keys: tuple[str, ...]) -> MethodResult:
-    """Estimate parameters by output error with the ship's linear model about the recordings' mean."""
-    return _find_by_output_error(work, keys, LinearReplay)
-
-
 def _find_by_filter(work: MethodInput, keys: tuple[str, ...]) -> MethodResult:
     """Estimate parameters by the augmented filter; each fitted segment is a recording of its own."""
     replay = work.balances.replay
@@ -593,58 +486,46 @@ def _find_by_filter(work: MethodInput, keys: tuple[str, ...]) -> MethodResult:
 def _on_whole_recordings(
     method: Callable[..., MethodResult],
 ) -> Callable[[MethodInput, tuple[str, ...]], MethodResult]:
-    """Return a method that uses whole recordings."""
+    """Return a method that uses whole recordings; rows that are equilibria have no time."""
 
     def find(work: MethodInput, keys: tuple[str, ...]) -> MethodResult:
-        return method(work.balances.replay.ship, list(work.tables), keys, work.tick)
+        replay, tables = work.balances.replay, list(work.tables)
+        if replay.steady:
+            tables = [table.drop(columns=TIME) for table in tables]
+        return method(replay.ship, tables, keys, work.tick)
 
     return find
 
 
-def _find_by_steady_states(work: MethodInput, keys: tuple[str, ...]) -> MethodResult:
-    """Estimate parameters by least squares on plateaus, or on rows that are equilibria."""
-    tables = list(work.tables)
-    if work.balances.replay.steady:
-        tables = [table.drop(columns=TIME) for table in tables]
-    return steady(work.balances.replay.ship, tables, keys, work.tick)
-
-
 METHODS: dict[str, Method] = {
     "output-error": Method(
-        _find_by_output_error,
-        "any recording: simulation error under noise of any colour",
-        cut=True,
-        steady=True,
+        _find_by_output_error, cut=True, steady=True,
+        words="any recording: simulation error under noise of any colour",
     ),
     "output-error-linear": Method(
-        _find_by_linear_model,
+        partial(_find_by_output_error, replayed=LinearReplay),
         "recordings of small motions: simulation error of the ship's linear model about their mean",
         cut=True,
     ),
     "ekf": Method(
-        _find_by_filter,
-        "recordings with white noise: states and parameters together, row by row",
-        cut=True,
+        _find_by_filter, cut=True,
+        words="recordings with white noise: states and parameters together, row by row",
     ),
     "steady": Method(
-        _find_by_steady_states,
-        "plateaus, or a table of steady states: least squares on steady states",
-        steady=True,
+        _on_whole_recordings(steady), steady=True,
+        words="plateaus, or a table of steady states: least squares on steady states",
     ),
     "step": Method(
-        _on_whole_recordings(step),
-        "steps of a motor's voltage: inertia and inductance",
-        response=True,
+        _on_whole_recordings(step), response=True,
+        words="steps of a motor's voltage: inertia and inductance",
     ),
     "sine": Method(
-        _on_whole_recordings(sine),
-        "sines of the drive command: frequency response by correlation",
-        response=True,
+        _on_whole_recordings(sine), response=True,
+        words="sines of the drive command: frequency response by correlation",
     ),
     "welch": Method(
-        _on_whole_recordings(welch),
-        "noise on the drive command: frequency response and coherence",
-        response=True,
+        _on_whole_recordings(welch), response=True,
+        words="noise on the drive command: frequency response and coherence",
     ),
-}
+}  # fmt: skip
 """Methods of identification by name, the default first."""

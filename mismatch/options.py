@@ -103,11 +103,7 @@ class Options:
         return ship
 
     def _refuse_inapplicable(self, ship: Ship) -> None:
-        """Refuse an additional effect that the ship cannot have with any recording.
-
-        Raises:
-            ValueError: names the effect and the reason.
-        """
+        """Raise a ValueError for an additional effect that the ship cannot have with any recording."""
         for effect in self.own_effects:
             names = ship.external_signals_of(effect.term) if effect.term is not None else ()
             host = ship.with_signals(dict.fromkeys(names, "-") | ship.signals) if names else ship

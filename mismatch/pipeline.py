@@ -35,18 +35,8 @@ from .identification.parameters import (
     start_at_recorded_speed,
     start_with_free_parameters,
 )
-from .judge.correction import (
-    FreeRunning,
-    add_rivals,
-    corrected_ship,
-    drop_unconfirmed,
-    find_better_formula,
-    is_any_confirmed,
-    keep_effects,
-    refutes_effects,
-    settle_episode_edges,
-    uncorrected_remarks,
-)
+from .judge import correction
+from .judge.correction import FreeRunning
 from .judge.held_out import HeldOut, Segments, fit_percents
 from .judge.shapes import Shape, best_shapes, shape_to_show, signals_of, term_from_shape
 from .judge.verdict import (
@@ -117,18 +107,19 @@ def diagnose(
         FileNotFoundError: a recording of the reference period does not exist.
         ShipError: the ship cannot be simulated.
     """
-    begun = ship if isinstance(ship, Start) else Start(ship, ship)
+    start = ship if isinstance(ship, Start) else Start(ship, ship)
+
+    def run_stages(begun: Start) -> Diagnosis:
+        driven = begun if isinstance(ship, Start) else begun.file
+        return _run_stages(driven, recordings, hold_out, options, tick)
+
     try:
-        return _run_stages(ship, recordings, hold_out, options, tick)
+        return run_stages(start)
     except NoDriveCommandError:
-        driven = start_at_recorded_speed(begun)
-        found = _run_stages(
-            driven if isinstance(ship, Start) else driven.file, recordings, hold_out, options, tick
-        )
-    return replace(
-        found, ship=begun.ship, corrected=restore_drive(found.corrected, begun.file),
-        warnings=[missing_drive_remark(begun.file), *found.warnings],
-    )  # fmt: skip
+        diagnosis = run_stages(start_at_recorded_speed(start))
+    corrected = restore_drive(diagnosis.corrected, start.file)
+    warnings = [missing_drive_remark(start.file), *diagnosis.warnings]
+    return replace(diagnosis, ship=start.ship, corrected=corrected, warnings=warnings)
 
 
 def _run_stages(
@@ -157,10 +148,8 @@ def _run_stages(
         tick("judging on the held-out data", 1, 1)
         if options.quick or start.free:
             return diagnosis
-        return diagnose_structure(
-            diagnosis, settings.best, together, effects, tick, options.tolerance,
-            options.most_effects,
-        )  # fmt: skip
+        limits = options.tolerance, options.most_effects
+        return diagnose_structure(diagnosis, settings.best, together, effects, tick, *limits)
 
 
 def _read(
@@ -171,13 +160,14 @@ def _read(
     tick: Tick,
 ) -> tuple[JointRecordings, tuple[Recorded, ...]]:
     """Read the recordings, and those of the reference period; refuse rows that are in both."""
-    refuse_repeated_sources((*recordings, *hold_out))
-    refuse_repeated_sources(options.calibrate, (*recordings, *hold_out), ANOTHER_PERIOD)
-    sources = (*recordings, *hold_out, *options.calibrate)
-    groups = load_each(ship, sources, options.columns, tick, options.signals, options.steady)
-    fitted, held = len(recordings), len(hold_out)
-    to_fit, to_judge = flatten(groups[:fitted]), flatten(groups[fitted : fitted + held])
-    reference = flatten(groups[fitted + held :])
+    sources = (*recordings, *hold_out)
+    refuse_repeated_sources(sources)
+    refuse_repeated_sources(options.calibrate, sources, ANOTHER_PERIOD)
+    form = options.columns, tick, options.signals, options.steady
+    groups = load_each(ship, (*sources, *options.calibrate), *form)
+    fitted, both = len(recordings), len(sources)
+    to_fit, to_judge = flatten(groups[:fitted]), flatten(groups[fitted:both])
+    reference = flatten(groups[both:])
     together = load_jointly(ship, to_fit, to_judge)
     for one, other in itertools.product(to_fit + to_judge, reference):
         refuse_common_rows(one, other, ANOTHER_PERIOD)
@@ -199,22 +189,19 @@ def begin(ship: Ship, options: Options, tick: Tick = ignore_progress) -> Start:
     """
     if not options.calibrate:
         return start_with_free_parameters(ship, options.free)
-    sources, tolerance = options.calibrate, options.tolerance
-    reference = flatten(
-        load_each(ship, sources, options.columns, tick, options.signals, options.steady)
-    )
-    return calibrate(ship, reference, options.free, options.columns, tolerance, tick)
+    form = options.columns, tick, options.signals, options.steady
+    reference = flatten(load_each(ship, options.calibrate, *form))
+    return calibrate(ship, reference, options.free, options.columns, options.tolerance, tick)
 
 
 def _candidates(start: Start, together: JointRecordings, options: Options) -> list[Effect]:
     """Return the effects that the ship and the recordings allow."""
-    tables = together.tables
-    effects = applicable_effects(
-        start.ship, set(tables[0].columns), options.exclude, options.own_effects,
-        course_changes(tables), shaft_runs_one_way(start.ship, tables), together.steady,
-    )  # fmt: skip
+    tables, ship = together.tables, start.ship
+    turning, one_way = course_changes(tables), shaft_runs_one_way(ship, tables)
+    columns, choice = set(tables[0].columns), (options.exclude, options.own_effects)
+    effects = applicable_effects(ship, columns, *choice, turning, one_way, together.steady)
     if together.steady:
-        refuse_transient(start.ship, start.free)
+        refuse_transient(ship, start.free)
     return effects
 
 
@@ -296,13 +283,13 @@ def _judge(selection: Selection, evidence: _Evidence) -> _Conclusion:
     """Judge a selection on the held-out data, and describe the residual that it leaves."""
     fitter, judge, whiteness = evidence.fitter, evidence.judge, evidence.whiteness
     excited = fitter.balances.replay.excited
-    selection = settle_episode_edges(selection, fitter, evidence.held, judge.score)
-    selection = drop_unconfirmed(selection, fitter, judge.score)
+    selection = correction.settle_episode_edges(selection, fitter, evidence.held, judge.score)
+    selection = correction.drop_unconfirmed(selection, fitter, judge.score)
     selection, verdict = _verdict(selection, evidence)
     formula: Formula | None = None
     if verdict.name == EXPLAINED:
-        formula = find_better_formula(selection, verdict, whiteness, judge)
-        if formula is not None and refutes_effects(formula, selection, whiteness):
+        formula = correction.find_better_formula(selection, verdict, whiteness, judge)
+        if formula is not None and correction.refutes_effects(formula, selection, whiteness):
             verdict = judge_selection(selection, whiteness, -math.inf, excited)
         elif formula is not None or is_far_from_noise(verdict.left_over, verdict.explained):
             verdict = replace(verdict, name=PARTLY)
@@ -311,10 +298,9 @@ def _judge(selection: Selection, evidence: _Evidence) -> _Conclusion:
         return conclusion
     fit = conclusion.reported_fit(fitter)
     colour = verdict.left_over if conclusion.is_named else verdict.colour or verdict.left_over
-    return conclusion._replace(
-        shape=shape_to_show(best_shapes(fitter, fit), fitter.balances, colour),
-        formula=formula or search_formula(whiteness, fit, judge, judge.rows),
-    )
+    shape = shape_to_show(best_shapes(fitter, fit), fitter.balances, colour)
+    formula = formula or search_formula(whiteness, fit, judge, judge.rows)
+    return conclusion._replace(shape=shape, formula=formula)
 
 
 def _verdict(selection: Selection, evidence: _Evidence) -> tuple[Selection, Verdict]:
@@ -324,14 +310,14 @@ def _verdict(selection: Selection, evidence: _Evidence) -> tuple[Selection, Verd
 
     def verdict_on(chosen: Selection, sure: bool) -> tuple[Selection, Verdict]:
         share = float(explained_shares(whiteness, fitter.null, chosen.fit)[-1])
-        chosen = add_rivals(chosen, fitter, share)
+        chosen = correction.add_rivals(chosen, fitter, share)
         gain = judge.score(chosen.fit) - judge.score(fitter.null) if chosen.fit.effects else 0.0
         # Correlated values may be far from the truth in an open-loop simulation, which does not
         # refute an effect with strong evidence.
         weak = sum(chosen.gains) < SURE_GAIN * sum(chosen.thresholds)
         if weak and judge.covers(chosen.fit):
             ships = evidence.parameters.corrected_ships(chosen.fit, judge, judge.rows)
-            if not is_any_confirmed(evidence.ship, ships, judge, evidence.free_running):
+            if not correction.is_any_confirmed(evidence.ship, ships, judge, evidence.free_running):
                 gain = -math.inf
         return chosen, judge_selection(chosen, whiteness, gain, excited, sure)
 
@@ -341,37 +327,29 @@ def _verdict(selection: Selection, evidence: _Evidence) -> tuple[Selection, Verd
     rows = balance_rows(fitter, selection.fit)
     shapes = {shape.balance: shape.gain for shape in best_shapes(fitter, fitter.null)}
     # An effect is not the missing physics where a free shape over one signal fits better.
-    sure = [
-        i
-        for i in sure_effects(selection, rows, whiteness)
-        if selection.gains[i] >= shapes.get(names[rows[i]], 0.0)
-    ]
+    gains, least = selection.gains, [shapes.get(names[row], 0.0) for row in rows]
+    sure = [i for i in sure_effects(selection, rows, whiteness) if gains[i] >= least[i]]
     if not sure:
         return whole
-    part = verdict_on(keep_effects(selection, fitter, sure), True)
+    part = verdict_on(correction.keep_effects(selection, fitter, sure), True)
     return part if part[1].name == PARTLY else whole
 
 
 def _correct(conclusion: _Conclusion, evidence: _Evidence) -> tuple[Ship, float, list[str]]:
     """Return the corrected ship, its gain in 2 log L, and channels that the first candidate worsens."""
-    ship, judge, shape, formula = (
-        evidence.ship,
-        evidence.judge,
-        conclusion.shape,
-        conclusion.formula,
-    )
+    ship, judge, (_, verdict, shape, formula) = evidence.ship, evidence.judge, conclusion
     fit = conclusion.reported_fit(evidence.fitter)
     candidates = evidence.parameters.corrected_ships(fit, judge, judge.rows)
     with_effects = candidates[0]
     # A shape or formula that the held-out data do not confirm is reported and not used.
     if shape is not None and (term := term_from_shape(shape, ship)) is not None:
         candidates.insert(0, with_effects.with_term(term))
-    if formula is not None and conclusion.verdict.name != EXPLAINED:
+    if formula is not None and verdict.name != EXPLAINED:
         with_formula = with_effects.with_term(formula.term)
         start, other = judge(ship.record()), judge(candidates[0].record())
         first = is_as_good(judge(with_formula.record()) - start, other - start)
         candidates.insert(0 if first else 1, with_formula)
-    return corrected_ship(ship, candidates, judge, evidence.free_running)
+    return correction.corrected_ship(ship, candidates, judge, evidence.free_running)
 
 
 def _report(
@@ -379,16 +357,14 @@ def _report(
 ) -> Diagnosis:
     """Return the diagnosis of a conclusion, with the simulations before and after the correction."""
     selection, verdict, shape, formula = conclusion
-    fitter, parameters, rows, ship = (
-        evidence.fitter, evidence.parameters, evidence.judge.rows, evidence.ship,
-    )  # fmt: skip
-    balances, replay = fitter.balances, fitter.balances.replay
+    fitter, parameters, ship = evidence.fitter, evidence.parameters, evidence.ship
+    balances, replay, rows = fitter.balances, fitter.balances.replay, evidence.judge.rows
     measured, fit = replay.recorded, conclusion.reported_fit(fitter)
     # The free parameters are at their linearised values.
     lacking = balances.residuals_against(balances.nominal)
     findings = findings_of(fitter, selection, lacking) if conclusion.is_named else []
     corrected, gain, worse = _correct(conclusion, evidence)
-    warnings = uncorrected_remarks(worse) if findings and corrected == ship else []
+    warnings = correction.uncorrected_remarks(worse) if findings and corrected == ship else []
     # A record refers to signals by position, so the simulations need all signals of the replay.
     before, after = (replay.simulated(replay.simulate(s.record())) for s in (ship, corrected))
     changes = parameters.changes(fit, corrected)
@@ -397,55 +373,30 @@ def _report(
     if corrected.signals:
         corrected = corrected.with_signals({n: ship.signals[n] for n in corrected.external_signals})
     fit_before = fit_percents(measured, before, rows)
-    constant = [
-        f"{column} is constant on the held-out data: no FitPercent"
-        for column in measured
-        if column not in fit_before
-    ]
-    windows, where = ([], "") if shape is None else _locate_shape(shape, fitter)
+    constant = [c for c in measured if c not in fit_before]
+    lost = [f"{c} is constant on the held-out data: no FitPercent" for c in constant]
+    windows: list[Window] = []
+    where, interval = "", replay.interval_s
+    if shape is not None:
+        windows = active_windows(shape.trace, interval, float(replay.time_s[-1]))
+        where = regime(shape.trace, signals_of(fitter, fitter.null))
+    tried, base = [c.effect for c in selection.ranking], selection.fit if findings else fitter.null
     return Diagnosis(
-        verdict=name,
-        ship=ship,
-        corrected=corrected,
-        time_s=replay.time_s,
-        held_out=[(a * replay.interval_s, b * replay.interval_s) for a, b in evidence.held],
-        drive=replay.drive_rows,
-        measured=measured,
-        before=before,
-        after=after,
+        verdict=name, ship=ship, corrected=corrected, time_s=replay.time_s,
+        held_out=[(a * interval, b * interval) for a, b in evidence.held],
+        drive=replay.drive_rows, measured=measured, before=before, after=after,
         balances=list(zip(balances.names, balances.units, strict=True)),
         residual_before=balances.residuals_against(before),
         residual_after=balances.residuals_against(after),
-        findings=findings,
-        shape=shape,
-        shape_windows=windows,
-        shape_regime=where,
-        balance_verdicts=verdict.balances,
-        undecidable=undecidable,
-        explained=verdict.explained,
+        findings=findings, shape=shape, shape_windows=windows, shape_regime=where,
+        balance_verdicts=verdict.balances, undecidable=undecidable, explained=verdict.explained,
         left_over=verdict.left_over,
         ranking=[(c, selector.threshold(c.effect)) for c in selection.ranking],
-        detectable=detectable_effects(
-            fitter, selector.threshold, selection.fit if findings else fitter.null,
-            [c.effect for c in selection.ranking],
-        ),
-        fit_before=fit_before,
-        fit_after=fit_percents(measured, after, rows),
-        held_out_gain=float(gain),
-        excited=replay.excited,
-        line=replay.line,
-        highest_Hz=fitter.bands.highest_Hz,
-        rows_averaged=replay.every,
-        limits=together.limits,
-        warnings=together.warnings + constant + list(parameters.start.remarks) + warnings,
-        parameters=changes,
+        detectable=detectable_effects(fitter, selector.threshold, base, tried),
+        fit_before=fit_before, fit_after=fit_percents(measured, after, rows),
+        held_out_gain=float(gain), excited=replay.excited, line=replay.line,
+        highest_Hz=fitter.bands.highest_Hz, rows_averaged=replay.every, limits=together.limits,
+        warnings=[*together.warnings, *lost, *parameters.start.remarks, *warnings],
+        parameters=changes, formula=formula,
         biased=find_biased_parameters(fitter, selection) if conclusion.is_named else [],
-        formula=formula,
     )  # fmt: skip
-
-
-def _locate_shape(shape: Shape, fitter: Fitter) -> tuple[list[Window], str]:
-    """Return the windows of time and the operating regime in which a shape acts."""
-    replay = fitter.balances.replay
-    windows = active_windows(shape.trace, replay.interval_s, float(replay.time_s[-1]))
-    return windows, regime(shape.trace, signals_of(fitter, fitter.null))

@@ -8,7 +8,6 @@ recording then gets the same verdict raw or filtered, at any sampling rate that 
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -26,11 +25,9 @@ ALIKE = 0.005
 """Share of a period at the highest frequency. Where half a sampling interval is shorter, held and
 linearly interpolated commands are equivalent."""
 
-
 DOUBTED = 0.05
 """Share of a period at the highest frequency. Where half a sampling interval is longer, the time at
 which a linearly interpolated command moved between two rows is uncertain."""
-
 
 LINES = (
     "the commands are interpolated linearly between rows, which fits better than held commands: "
@@ -41,15 +38,16 @@ LINES = (
 
 @dataclass(frozen=True)
 class Setting:
-    """Recordings with one interpolation of the commands, split into fitted and held-out data.
+    """Recordings with one interpolation of the commands, split into fitted and held-out data."""
 
-    Args:
-        whiteness: whiteness test of the residuals on the fitted data, with its fitter.
-        held: segments of the held-out data.
-    """
+    whiteness: Whiteness  # whiteness test of the residuals on the fitted data, with its fitter
+    held: Segments  # segments of the held-out data
 
-    whiteness: Whiteness
-    held: Segments
+    @classmethod
+    def of(cls, fitter: Fitter, held: Segments) -> Setting:
+        """Return the setting of a fitter, with the noise of its recordings."""
+        replay = fitter.balances.replay
+        return cls(Whiteness(fitter, replay.noise_rms, replay.quantisation), held)
 
     @property
     def fitter(self) -> Fitter:
@@ -94,14 +92,13 @@ class Settings:
         if every > 1:
             averaged = JointReplay(ship, *together.tables, every=every, steady=together.steady)
             balances = Balances(averaged)
-        first = Setting(*_parted(balances, together.held_out, tolerance, highest))
+        first = _hold_out(balances, together.held_out, tolerance, highest)
         self.tried = [first]
         self._gain, self._settled, self._tolerance = 0.0, False, tolerance
         if not together.steady and 0.5 * replay.interval_s * highest > ALIKE:
             drawn = Balances(JointReplay(ship, *together.tables, line=True, every=every))
             bands = bands_of(drawn, first.segments, highest)
-            whiteness = _whiteness(Fitter(drawn, bands, tolerance))
-            self.tried.append(Setting(whiteness, first.held))
+            self.tried.append(Setting.of(Fitter(drawn, bands, tolerance), first.held))
             # Commands of a controller are held, so lines must be clearly likelier.
             now, other = (setting.fitter.null.score for setting in self.tried)
             self._exchange(now, other, INDISTINGUISHABLE)
@@ -110,12 +107,11 @@ class Settings:
     def _doubted(self) -> Setting:
         """Setting with linearly interpolated commands whose times between two rows are uncertain."""
         drawn = next(setting for setting in self.tried if setting.line)
-        plain = drawn.fitter
-        replay = plain.balances.replay
-        if 0.5 * replay.interval_s / replay.every * plain.bands.highest_Hz < DOUBTED:
+        bands, replay = drawn.fitter.bands, drawn.balances.replay
+        if 0.5 * replay.interval_s / replay.every * bands.highest_Hz < DOUBTED:
             return drawn
-        fitter = Fitter(plain.balances, plain.bands, self._tolerance, doubt=True)
-        return Setting(_whiteness(fitter), drawn.held)
+        fitter = Fitter(drawn.balances, bands, self._tolerance, doubt=True)
+        return Setting.of(fitter, drawn.held)
 
     @property
     def best(self) -> Setting:
@@ -125,11 +121,8 @@ class Settings:
     def exchange(self, selection: Selection) -> bool:
         """Exchange the settings if the other one is likelier with effects; return whether it is.
 
-        Both are compared with the chosen effects and with the first effect alone, because a later effect
-        such as a delay may only compensate for a wrong interpolation.
-
-        Args:
-            selection: effects that a search with the best setting has chosen.
+        Both are compared with the effects that a search has chosen and with the first effect alone,
+        because a later effect such as a delay may only compensate for a wrong interpolation.
         """
         if len(self.tried) < 2 or self._settled or not selection.fit.effects:
             return False
@@ -154,23 +147,15 @@ def _worth(fitter: Fitter, selection: Selection) -> float:
     """Return the score of the chosen effects, or of the first one alone, less their thresholds."""
     effects, thresholds = selection.fit.effects, selection.thresholds
     first = fitter.refine_effect(fitter.evaluate(effects[:1]), 0)
-    whole = fitter.evaluate(effects)
-    return max(first.score - thresholds[0], whole.score - sum(thresholds))
+    return max(first.score - thresholds[0], fitter.evaluate(effects).score - sum(thresholds))
 
 
-def _parted(
-    balances: Balances, runs: int, tolerance: float, highest_Hz: float = math.inf
-) -> tuple[Whiteness, Segments]:
+def _hold_out(balances: Balances, runs: int, tolerance: float, highest_Hz: float) -> Setting:
     """Hold data out; the fitted data must contain a mismatch if any part of the recordings does."""
-    parted = []
+    settings = []
     for train, held in split_held_out(balances.replay, runs):
         fitter = Fitter(balances, bands_of(balances, train, highest_Hz), tolerance)
-        parted.append((_whiteness(fitter), held))
-        if parted[-1][0].colour(fitter.null) is not None:
-            return parted[-1]
-    return parted[0]
-
-
-def _whiteness(fitter: Fitter) -> Whiteness:
-    replay = fitter.balances.replay
-    return Whiteness(fitter, replay.noise_rms, replay.quantisation)
+        settings.append(Setting.of(fitter, held))
+        if settings[-1].whiteness.colour(fitter.null) is not None:
+            return settings[-1]
+    return settings[0]

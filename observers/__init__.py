@@ -29,24 +29,8 @@ from .registry import get_observer, observer_names, update
 from .ship_filter import ShipFilter
 
 __all__ = [
-    "ESTIMATE",
-    "OBSERVER",
-    "TRACKED",
-    "AugmentedFilter",
-    "AugmentedKalman",
-    "Measurement",
-    "Observer",
-    "ObserverError",
-    "ShipFilter",
-    "add_noise",
-    "add_noise_to_table",
-    "follow",
-    "follow_parameter",
-    "follow_record",
-    "follow_table",
-    "get_observer",
-    "observer_names",
-    "simulated_measurements",
-    "update",
-    "variance_accounted_for",
-]
+    "ESTIMATE", "OBSERVER", "TRACKED", "AugmentedFilter", "AugmentedKalman", "Measurement",
+    "Observer", "ObserverError", "ShipFilter", "add_noise", "add_noise_to_table", "follow",
+    "follow_parameter", "follow_record", "follow_table", "get_observer", "observer_names",
+    "simulated_measurements", "update", "variance_accounted_for",
+]  # fmt: skip

@@ -19,31 +19,23 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.compiled import compiled
+from .records import Floats
 
-Floats = NDArray[np.float64]
 Model = Callable[[Any, Any, Any], Any]
 """Function f or h of x (n,), theta (p,) and u that returns an array; it must accept complex numbers."""
 
-STEP = 1e-30
-"""Size of the complex step."""
+STEP = 1e-30  # size of the complex step
 
 
 @compiled
 def propagate(p: Floats, f: Floats, states: int, process: Floats, dt: float, work: Floats) -> None:
-    """Propagate a covariance over a step: P = Phi P Phi' + Q dt, Phi = I + F dt + (F dt)^2 / 2.
+    """Propagate a covariance over a step in place: P = Phi P Phi' + Q dt, Phi = I + F dt + (F dt)^2 / 2.
 
-    With F at the middle of the step the error is of third order in dt.
-
-    Args:
-        p: covariance, shape (n, n); changed in place.
-        f: dz'/dz, shape (n, n); rows from ``states`` on are 0.
-        states: number of states in z; the other elements are parameters.
-        process: diagonal of Q, densities [unit^2/s], shape (n,).
-        dt: step [s].
-        work: working memory, shape (2, n, n).
+    With F at the middle of the step the error is of third order in dt [s]. F = dz'/dz and P have the
+    shape (n, n); the rows of F from ``states`` on are 0, because they belong to parameters. ``process``
+    is the diagonal of Q [unit^2/s], shape (n,); ``work`` is working memory, shape (2, n, n).
     """
     n = len(process)
     phi, product = work[0], work[1]
@@ -78,20 +70,11 @@ def propagate(p: Floats, f: Floats, states: int, process: Floats, dt: float, wor
 def correct(
     z: Floats, p: Floats, slope: Floats, innovation: float, noise: float, work: Floats
 ) -> float:
-    """Correct an estimate by one measurement; z and P are changed in place.
+    """Correct an estimate by one measurement in place, and return the variance S of the innovation.
 
     P = (I - K H) P (I - K H)' + K R K', Joseph's form, which remains a covariance for any rounding of K.
-
-    Args:
-        z: estimate, shape (n,).
-        p: its covariance, shape (n, n).
-        slope: H, derivative of the measurement with respect to z, shape (n,).
-        innovation: y - h.
-        noise: R, the measurement's variance.
-        work: working memory, shape (3, n).
-
-    Returns:
-        Variance S of the innovation.
+    z and H (``slope``) have the shape (n,), P (n, n); ``innovation`` is y - h, ``noise`` the variance R
+    of the measurement; ``work`` is working memory, shape (3, n).
     """
     n = len(z)
     cross, gain, left = work[0], work[1], work[2]
@@ -127,8 +110,7 @@ class AugmentedFilter:
         parameters: initial theta, shape (p,).
         covariance: initial P of both, shape (n + p, n + p), or its diagonal.
         noise: variances of the measurements, the diagonal of R, shape (m,).
-        process: densities of the noises w and w_theta, the diagonal of Q [unit^2/s], shape (n + p,) or
-            one value for all; 0 for an exact model and constant parameters.
+        process: densities of w and w_theta, the diagonal of Q [unit^2/s], shape (n + p,) or one value.
 
     Attributes:
         z: estimate of the states, then of the parameters.

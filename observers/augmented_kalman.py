@@ -38,9 +38,7 @@ _CODES = {
 }
 
 _SHAFT, _INFLOW, _SHIP, _PARAMETER = 0, 1, 2, TRACKED
-
-GATE = 25.0
-"""Largest squared innovation, in variances, that waves and measurement noise explain."""
+GATE = 25.0  # largest squared innovation, in variances, that waves and measurement noise explain
 
 
 @compiled
@@ -73,24 +71,16 @@ def _resistance(observer: Record, ship_speed: Real, parameter: float) -> Real:
     return clean * (1.0 + parameter) / (1.0 + observer.parameter)
 
 
-Row = tuple[float, float, float, float]
-"""Row of a matrix over the four states."""
+Row = tuple[float, float, float, float]  # row of a matrix over the four states
 
 
 @compiled
 def _propagate(p: Any, shaft: Row, ship: Row, fades: float, process: Any, dt: float) -> None:
-    """Propagate the covariance, P = Phi P Phi' + Q dt, as :func:`.augmented.propagate` does.
+    """Propagate the covariance of shape (4, 4) in place, as :func:`.augmented.propagate` does.
 
-    The products are written out, because this runs at every step of an environment. Two rows of F are
-    full, that of the inflow is diagonal and that of the parameter is 0.
-
-    Args:
-        p: covariance, shape (4, 4); changed in place.
-        shaft: row of F of the shaft speed.
-        ship: row of F of the ship speed.
-        fades: 1 / T of the inflow [1/s].
-        process: diagonal of Q.
-        dt: sample time [s].
+    The products are written out, because this runs at every step of an environment. The rows of F of
+    shaft speed and ship speed are full, that of the inflow is diagonal (1 / T) and that of the parameter
+    is 0; ``process`` is the diagonal of Q.
     """
     half = 0.5 * dt * dt
     s0 = 1.0 + dt * shaft[0] + half * (shaft[0] * shaft[0] + shaft[2] * ship[0])
@@ -156,12 +146,9 @@ def _begin(observer: Record, estimate: Record, m: Measurement) -> tuple[float, b
     if valid and (first or estimate.started == 0):
         # The length of an interruption is unknown, so the ship speed is uncertain again.
         p[_SHIP, _SHIP] = observer.spread[_SHIP] ** 2
-        p[_SHIP, _PARAMETER] = 0.0
-        p[_PARAMETER, _SHIP] = 0.0
+        p[_SHIP, _PARAMETER] = p[_PARAMETER, _SHIP] = 0.0
+    p[:_SHIP, :] = p[:, :_SHIP] = 0.0
     for i in range(_SHIP):
-        for j in range(4):
-            p[i, j] = 0.0
-            p[j, i] = 0.0
         p[i, i] = observer.spread[i] ** 2
     x[_SHAFT], x[_INFLOW] = m.shaft_speed, velocity - wake_inflow(ship, x[_SHIP])
     return velocity, valid
@@ -177,24 +164,16 @@ class AugmentedKalman(Observer):
     shaft speed and a torque meter noise of 0.75 % of the highest engine torque, both rms per sample;
     the inflow of the random-walk filter; a fouling that may change by 0.06 in an hour.
 
-    Args:
-        tracks: dotted key of the parameter.
-        spread: initial standard deviation of the parameter: of fouling [-], of friction as a share of
-            the highest engine torque [-].
-        walk: root of the density of its drift, in the same unit per s^0.5.
-        inflow_density: density of the noise that drives u [(m/s)^2/s].
-        inflow_time_s: correlation time T of u [s].
-        torque_noise_share: rms noise of the torque meter over the highest engine torque [-].
-        speed_noise_share: rms noise of the encoder over the highest shaft speed [-].
+    The standard deviation of friction is a share of the highest engine torque.
     """
 
-    tracks: str = "hull.fouling_fraction"
-    spread: float = 0.2
-    walk: float = 1e-3
-    inflow_density: float = 0.25
-    inflow_time_s: float = 3.0
-    torque_noise_share: float = 0.0075
-    speed_noise_share: float = 0.002
+    tracks: str = "hull.fouling_fraction"  # dotted key of the parameter
+    spread: float = 0.2  # initial standard deviation of the parameter [-]
+    walk: float = 1e-3  # root of the density of its drift [1/s^0.5]
+    inflow_density: float = 0.25  # of the noise that drives u [(m/s)^2/s]
+    inflow_time_s: float = 3.0  # correlation time T of u [s]
+    torque_noise_share: float = 0.0075  # rms of the torque meter over the highest engine torque [-]
+    speed_noise_share: float = 0.002  # rms of the encoder over the highest shaft speed [-]
 
     name = "augmented-kalman"
     source = "Taylor 2000, chapter 2"
@@ -222,8 +201,7 @@ class AugmentedKalman(Observer):
         torque = min(plant["torque_limit"], plant["torque_per_rack"] * plant["drive_max"])
         torque *= plant["gear_ratio"] * plant["transmission_efficiency"]
         speed = ship.shaft_speeds[1]
-        record["tracks"] = _CODES[self.tracks]
-        parameter = ship.parameter(self.tracks)
+        record["tracks"], parameter = _CODES[self.tracks], ship.parameter(self.tracks)
         record["parameter"] = parameter.value
         record["lowest"], record["highest"] = parameter.search_range
         record["gain"] = 1.0 / self.inflow_time_s

@@ -35,12 +35,10 @@ from ..plant.rudder import rudder_angle
 from ..plant.state import Inputs, Outputs, State, get_state, set_state, shift_state
 from ..plant.stepping import runge_kutta
 from .augmented import correct, propagate
+from .records import Floats
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-CHANNELS = tuple(MEASURED)
-"""Measured columns; a channel is an index in this tuple."""
+CHANNELS = tuple(MEASURED)  # measured columns; a channel is an index in this tuple
 
 (_PITCH, _SPEED, _TORQUE, _LOG, _THRUST, _CURRENT, _SHAFT_POWER, _ELECTRIC_POWER, _ANGLE, _SWAY, _YAW,
  _HEADING, _RUDDER) = range(len(CHANNELS))  # fmt: skip
@@ -159,10 +157,8 @@ def _slopes_of_rates(model: Model, now: State, inputs: Inputs, memory: Record, f
     for i in range(len(f)):
         _perturb_parameter(model, i, STEP)
         along = _add_inflow(inputs, 1j * (STEP if i == disturbance else 0.0))
-        slope, _ = derivatives(
-            model.twin[0], now, along, memory.blade_pitch,
-            get_state(model.units[i]),
-        )  # fmt: skip
+        unit = get_state(model.units[i])
+        slope, _ = derivatives(model.twin[0], now, along, memory.blade_pitch, unit)
         _perturb_parameter(model, i, 0.0)
         set_state(model.rate[0], slope)
         for j in range(len(model.slots)):
@@ -180,10 +176,8 @@ def _slopes_of_measurements(model: Model, inputs: Inputs, memory: Record, h: Flo
         shifted = shift_state(now, get_state(model.units[i]), STEP * 1j)
         _, outputs = evaluate(model.twin[0], shifted, along, memory.blade_pitch)
         for c in range(len(model.channels)):
-            read = _measure(
-                model.twin[0], shifted, outputs, inputs.rudder_command, model.channels[c]
-            )
-            h[c, i] = read.imag / STEP
+            channel, helm = model.channels[c], inputs.rudder_command
+            h[c, i] = _measure(model.twin[0], shifted, outputs, helm, channel).imag / STEP
         _perturb_parameter(model, i, 0.0)
 
 
@@ -191,9 +185,9 @@ def _slopes_of_measurements(model: Model, inputs: Inputs, memory: Record, h: Flo
 def _limit_parameters(model: Model, z: Floats, p: Floats) -> None:
     """Set parameters outside their range to its end, and correct all other estimates accordingly.
 
-    The correction follows the covariance and gives the likeliest estimate at that end (Simon & Chia
-    2002, IEEE Trans. Aerospace and Electronic Systems 38(1)). A parameter set to the end alone would
-    contradict the measurements that the other estimates were fitted to.
+    The correction by the covariance gives the likeliest estimate at that end (Simon & Chia 2002, IEEE
+    Trans. Aerospace and Electronic Systems 38(1)). A parameter set to the end alone would contradict the
+    measurements.
     """
     first = len(model.slots) + 1
     for i in range(len(model.low)):
@@ -241,14 +235,8 @@ def _inputs_at(
 ) -> Inputs:
     """Return the inputs at the start (edge 0), middle (1) or end (2) of a step.
 
-    Args:
-        recorded: inputs along the recording.
-        plant: ship record.
-        memory: MEMORY record with the command of this step.
-        shaft: shaft speed at the start of the step [rad/s]; a held shaft speed is interpolated from
-            there, as in :func:`shaftline.plant.stepping.step`.
-        step: index of the step; after the last step its command remains.
-        edge: 0, 1 or 2.
+    After the last step its command remains. A held shaft speed is interpolated from the shaft speed at
+    the start of the step [rad/s], as in :func:`shaftline.plant.stepping.step`.
     """
     at, dt = 2 * step + edge, recorded.dt
     command = recorded.pitch[min(step, len(recorded.pitch) - 1)]
@@ -303,21 +291,13 @@ def follow_course(
     model: Model, z: Floats, p: Floats, recorded: RecordedInputs, memory: Any, measurements: Floats,
     estimates: Floats, variances: Floats, innovations: Floats,
 ) -> float:  # fmt: skip
-    """Run the filter along one recording of n rows.
+    """Run the filter along one recording of n rows, and return 2 log L of the measurements.
 
-    Args:
-        model: model of the ship; its records are changed in place.
-        z: estimate before the first row; changed in place.
-        p: covariance of the estimate; changed in place.
-        recorded: inputs along the recording.
-        memory: MEMORY array of shape (1,), in steady state at the first row; changed in place.
-        measurements: shape (n, channels); NaN where a measurement is missing.
-        estimates: estimates after each row, shape (n, states + 1 + parameters); filled.
-        variances: variances of the estimates, same shape; filled.
-        innovations: innovations over their standard deviations, shape (n, channels); filled.
-
-    Returns:
-        2 log L of the measurements.
+    The records of the model, the estimate ``z`` before the first row and its covariance ``p`` are
+    changed in place. So is ``memory``, a MEMORY array of shape (1,) in steady state at the first row.
+    Measurements of shape (n, channels) are NaN where they are missing. Filled are estimates and
+    variances after each row, shape (n, states + 1 + parameters), and innovations over their standard
+    deviations, shape (n, channels).
     """
     n, rows = len(z), len(measurements)
     f, h = np.zeros((n, n)), np.zeros((len(model.channels), n))
@@ -334,9 +314,7 @@ def follow_course(
                 likelihood += _correct_by_measurements(
                     model, z, p, inputs, memory[0], h, row, measurements[k], innovations[k]
                 )
-                for i in range(n):
-                    estimates[k, i] = z[i]
-                    variances[k, i] = p[i, i]
+                estimates[k], variances[k] = z, np.diag(p)
             if k == rows - 1:
                 break
             _predict(model, z, p, recorded, step, memory[0], f, work)

@@ -32,18 +32,14 @@ class Observer(ABC):
     subclass without a ``name`` is a variant, available as one of the ``tunings`` of another class.
     """
 
-    name: ClassVar[str]
-    """Registered name."""
-    source: ClassVar[str] = ""
-    """Publication; observers are listed by source, then by name."""
-    tunings: ClassVar[Mapping[str, Observer]] = {}
-    """Tunings by name; ``NAME-TUNING`` selects one."""
-    tracks: str = ""
-    """Dotted key of the ship parameter that is estimated as well; empty for most observers."""
-    uses_instruments: ClassVar[bool] = True
-    """Whether an implausible measurement makes the estimate invalid; false for the oracle only."""
-    uses_torque: ClassVar[bool] = True
-    """Whether the estimate depends on the propeller torque."""
+    name: ClassVar[str]  # registered name
+    source: ClassVar[str] = ""  # publication; observers are listed by source, then by name
+    tunings: ClassVar[Mapping[str, Observer]] = {}  # tunings by name; ``NAME-TUNING`` selects one
+    tracks: str = ""  # dotted key of the ship parameter that is estimated as well, if any
+    uses_instruments: ClassVar[bool] = (
+        True  # an implausible measurement is not valid, but for oracle
+    )
+    uses_torque: ClassVar[bool] = True  # whether the estimate depends on the propeller torque
 
     @staticmethod
     @abstractmethod
@@ -101,10 +97,8 @@ class Observer(ABC):
                 "four-quadrant, table)"
             )
         record = np.zeros(1, OBSERVER)[0]
-        record["kind"] = self.kind
-        record["address"] = self.address
-        record["uses_instruments"] = self.uses_instruments
-        record["dt"] = dt
+        record["kind"], record["address"] = self.kind, self.address
+        record["uses_instruments"], record["dt"] = self.uses_instruments, dt
         record["ship"] = observer_plant(ship)
         return record
 

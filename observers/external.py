@@ -30,10 +30,7 @@ _compiled: dict[Callable[..., Any], Any] = {}
 
 
 def address_of(update: Callable[..., Any]) -> int:
-    """Compile an update function and return its address in this process.
-
-    Args:
-        update: as :meth:`.base.Observer.update`, a Python function or one that numba has compiled.
+    """Compile an update function, of Python or numba, and return its address in this process.
 
     Raises:
         numba.core.errors.NumbaError: numba cannot compile the function.

@@ -13,7 +13,7 @@ from ..core.compiled import Record, compiled
 from ..plant.columns import drive_column
 from ..plant.ship import Ship
 from .base import Observer, ObserverError
-from .records import ESTIMATE, READINGS, TRACKED, Measurement
+from .records import ESTIMATE, READINGS, TRACKED, Floats, Measurement
 from .registry import update
 from .torque_curve import torque_of_current, torque_of_drive, uses_drive_torque
 
@@ -21,16 +21,14 @@ from .torque_curve import torque_of_current, torque_of_drive, uses_drive_torque
 class Estimates(NamedTuple):
     """Estimates of an observer over n measurements, each of shape (n,)."""
 
-    velocity: NDArray[np.float64]  # advance velocity [m/s]
+    velocity: Floats  # advance velocity [m/s]
     valid: NDArray[np.bool_]
-    parameter: NDArray[np.float64]  # ship parameter in the unit of its key; 0 if none is estimated
-    deviation: NDArray[np.float64]  # its standard deviation
+    parameter: Floats  # ship parameter in the unit of its key; 0 if none is estimated
+    deviation: Floats  # its standard deviation
 
 
 @compiled
-def _follow(
-    observer: Record, estimate: Record, measurements: NDArray[np.float64], found: Estimates
-) -> None:
+def _follow(observer: Record, estimate: Record, measurements: Floats, found: Estimates) -> None:
     for k in range(len(measurements)):
         row = measurements[k]
         m = Measurement(row[0], row[1], row[2], row[3], row[4])
@@ -41,8 +39,8 @@ def _follow(
 
 
 def follow(
-    observer: Observer, ship: Ship, measurements: NDArray[np.float64], dt: float
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    observer: Observer, ship: Ship, measurements: Floats, dt: float
+) -> tuple[Floats, NDArray[np.bool_]]:
     """Run an observer over a series of measurements.
 
     Args:
@@ -70,32 +68,22 @@ def follow(
     return follow_record(observer.discretise(ship, dt), measurements)
 
 
-def follow_record(
-    observer: Any, measurements: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def follow_record(observer: Any, measurements: Floats) -> tuple[Floats, NDArray[np.bool_]]:
     """Run an observer that is given as a record, for example with a changed ship model.
 
-    Args:
-        observer: OBSERVER record from :meth:`Observer.discretise`.
-        measurements: as of :func:`follow`.
-
-    Returns:
-        Estimated advance velocity [m/s] and validity, each of shape (n,).
+    The OBSERVER record is that of :meth:`Observer.discretise`. Measurements and results: see
+    :func:`follow`.
     """
     found = _estimate_series(observer, measurements)
     return found.velocity, found.valid
 
 
 def follow_parameter(
-    observer: Observer, ship: Ship, measurements: NDArray[np.float64], dt: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    observer: Observer, ship: Ship, measurements: Floats, dt: float
+) -> tuple[Floats, Floats]:
     """Return the ship parameter that an observer estimates over a series of measurements.
 
-    Args:
-        observer: observer with ``tracks``, such as ``augmented-kalman``.
-        ship: ship model of the observer.
-        measurements: as of :func:`follow`, shape (n, 5).
-        dt: sample time [s].
+    The observer has ``tracks``, such as ``augmented-kalman``; arguments: see :func:`follow`.
 
     Returns:
         Estimate of the parameter and its standard deviation in the unit of its key, each of shape (n,).
@@ -109,21 +97,20 @@ def follow_parameter(
     return found.parameter, found.deviation
 
 
-def _estimate_series(observer: Any, measurements: NDArray[np.float64]) -> Estimates:
+def _estimate_series(observer: Any, measurements: Floats) -> Estimates:
     n = len(measurements)
     found = Estimates(np.empty(n), np.empty(n, dtype=np.bool_), np.empty(n), np.empty(n))
     _follow(observer, np.zeros(1, ESTIMATE)[0], np.ascontiguousarray(measurements), found)
     return found
 
 
-def simulated_measurements(samples: NDArray[Any], ship: Ship | None = None) -> NDArray[np.float64]:
+def simulated_measurements(samples: NDArray[Any], ship: Ship | None = None) -> Floats:
     """Return the measurements of a simulation, shape (n, 5), with the columns of :class:`Measurement`.
 
     Args:
         samples: SAMPLE array of shape (n,), from :func:`shaftline.plant.simulate`.
-        ship: simulated ship. If it has an electric drive and no shaft torque meter, the torque is that
-            of the drive less friction (:mod:`shaftline.observers.torque_curve`). Without a ship it is
-            that of the torque meter.
+        ship: simulated ship. With an electric drive and no shaft torque meter, the torque is that of the
+            drive less friction (:mod:`shaftline.observers.torque_curve`), otherwise that of the meter.
 
     Example:
         >>> from shaftline.plant import Schedule, equilibrium, load_ship, simulate
@@ -136,28 +123,21 @@ def simulated_measurements(samples: NDArray[Any], ship: Ship | None = None) -> N
     shaft_speed, torque = samples["measured_shaft_speed"], samples["measured_shaft_torque"]
     if ship is not None and uses_drive_torque(ship):
         torque = torque_of_drive(ship, samples["brake_torque"], shaft_speed)
-    return np.column_stack(
-        [
-            shaft_speed,
-            torque,
-            samples["measured_pitch_ratio"],
-            samples["shaft_acceleration"],
-            samples["advance_velocity"],
-        ]
-    )
+    rest = ("measured_pitch_ratio", "shaft_acceleration", "advance_velocity")
+    return np.column_stack([shaft_speed, torque, *(samples[name] for name in rest)])
 
 
 def _torque_of_table(ship: Ship, table: pd.DataFrame) -> Any:
     """Return the torque [N m] of the rows of a table, of the torque meter or of the drive."""
     column = READINGS[1]
-    if uses_drive_torque(ship):
+    if electric := uses_drive_torque(ship):
         column = "motor_current_A" if ship.has_voltage else drive_column(ship)
     if column not in table:
         raise ObserverError(
             f"{ship.name}: an observer needs the column {column}; add it to the table"
         )
     torque = table[column].to_numpy(np.float64)
-    if not uses_drive_torque(ship):
+    if not electric:
         return torque
     shaft_speed = table[READINGS[0]].to_numpy(np.float64)
     if ship.has_voltage:
@@ -194,15 +174,9 @@ def follow_table(observer: Observer, ship: Ship, table: pd.DataFrame) -> pd.Data
     """
     unknown = np.full(len(table), np.nan)
     shaft_speed, _, pitch, acceleration = READINGS
-    measurements = np.column_stack(
-        [
-            table[shaft_speed],
-            _torque_of_table(ship, table),
-            table[pitch],
-            table.get(acceleration, unknown),
-            table.get("advance_velocity_m_s", unknown),
-        ]
-    )
+    torque = _torque_of_table(ship, table)
+    rest = [table.get(name, unknown) for name in (acceleration, "advance_velocity_m_s")]
+    measurements = np.column_stack([table[shaft_speed], torque, table[pitch], *rest])
     dt = float(np.median(np.diff(table["time_s"])))
     found = _estimate_series(observer.discretise(ship, dt), measurements)
     table = table.assign(
@@ -212,9 +186,6 @@ def follow_table(observer: Observer, ship: Ship, table: pd.DataFrame) -> pd.Data
         name = f"estimated_{observer.tracks}"
         table = table.assign(**{name: found.parameter, f"{name}_sd": found.deviation})
     return table
-
-
-Floats = NDArray[np.float64]
 
 
 def variance_accounted_for(truth: Floats, estimate: Floats) -> float:

@@ -29,19 +29,12 @@ from typing import Any, ClassVar
 from ..core.compiled import Record, compiled
 from ..plant.shaft import inertia_behind_meter
 from ..plant.ship import Ship
+from . import torque_curve
 from .base import Observer
 from .random_walk_kalman import correct_states, propagate_covariance
 from .records import Measurement
-from .torque_curve import (
-    limit_to_curve,
-    model_torque,
-    shaft_turns,
-    torque_slopes,
-    velocity_from_torque,
-)
 
-ASTERN_SHARE = 0.25
-"""Largest estimate astern, as a share of the highest velocity ahead."""
+ASTERN_SHARE = 0.25  # largest estimate astern, as a share of the highest velocity ahead
 
 
 @compiled
@@ -57,18 +50,20 @@ def update_at_gain(
     """
     ship = observer.ship
     if estimate.started == 0:
-        return velocity_from_torque(ship, m.shaft_torque, m.shaft_speed, m.pitch_ratio, 0.0)
-    if not shaft_turns(ship, m.shaft_speed):
+        return torque_curve.velocity_from_torque(
+            ship, m.shaft_torque, m.shaft_speed, m.pitch_ratio, 0.0
+        )
+    if not torque_curve.shaft_turns(ship, m.shaft_speed):
         return estimate.advance_velocity, False
     half = 0.5 * observer.dt * gain / inertia_behind_meter(ship)
     v = estimate.advance_velocity
-    before = model_torque(ship, v, estimate.shaft_speed, estimate.pitch_ratio)
+    before = torque_curve.model_torque(ship, v, estimate.shaft_speed, estimate.pitch_ratio)
     before -= estimate.shaft_torque
     known = v + gain * (m.shaft_speed - estimate.shaft_speed) + half * (before - m.shaft_torque)
     for _ in range(8):
         # Solve v - known - half M_p(v) = 0. M_p falls with v, so the slope is above 1.
-        error = v - known - half * model_torque(ship, v, m.shaft_speed, m.pitch_ratio)
-        _, by_velocity = torque_slopes(ship, v, m.shaft_speed, m.pitch_ratio)
+        error = v - known - half * torque_curve.model_torque(ship, v, m.shaft_speed, m.pitch_ratio)
+        _, by_velocity = torque_curve.torque_slopes(ship, v, m.shaft_speed, m.pitch_ratio)
         change = error / (1.0 - half * min(by_velocity, 0.0))
         v -= change
         if abs(change) < 1e-10:
@@ -76,7 +71,7 @@ def update_at_gain(
     # The iteration may leave the range of the torque curve; then the last estimate is kept.
     if not math.isfinite(v):
         return estimate.advance_velocity, False
-    return limit_to_curve(ship, v, m.shaft_speed, ASTERN_SHARE)
+    return torque_curve.limit_to_curve(ship, v, m.shaft_speed, ASTERN_SHARE)
 
 
 @dataclass(frozen=True)
@@ -114,20 +109,16 @@ ImmersionInvariance.tunings = {
 }
 
 
-HORIZON_S = 1.0
-"""Time over which the inflow is modelled as a random walk."""
-NOISE_MEMORY_S, SEA_MEMORY_S = 5.0, 30.0
-"""Time constants of the means of noise and sea."""
-LEAST_NOISE = 1e-8
-"""Lowest variance of the measured shaft speed [(rad/s)^2], that of a very good encoder."""
-
+HORIZON_S = 1.0  # time over which the inflow is modelled as a random walk
+NOISE_MEMORY_S, SEA_MEMORY_S = 5.0, 30.0  # time constants of the means of noise and sea
+LEAST_NOISE = 1e-8  # variance of the shaft speed of a very good encoder [(rad/s)^2]
 _NOISE, _DENSITY, _MEAN, _INNOVATION = range(4)
 
 
 @compiled
 def _slopes(ship: Record, estimate: Record) -> tuple[float, float]:
     """Return the derivatives of the shaft acceleration by omega [1/s] and by v_a [rad/(s m)]."""
-    by_speed, by_velocity = torque_slopes(
+    by_speed, by_velocity = torque_curve.torque_slopes(
         ship, estimate.advance_velocity, estimate.shaft_speed, estimate.pitch_ratio
     )
     inertia = inertia_behind_meter(ship)

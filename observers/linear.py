@@ -19,9 +19,7 @@ from .base import Observer
 from .records import Measurement
 from .torque_curve import velocity_from_torque
 
-FAR_SHARE = 0.2
-"""Largest difference of estimated and measured shaft speed in a valid estimate, as a share of the
-measured speed. After a measurement error the estimate needs some time to converge."""
+FAR_SHARE = 0.2  # largest error of the shaft speed over it in a valid estimate [-]
 
 
 def shaft_model(inertia: float) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
@@ -39,16 +37,10 @@ def shaft_model(inertia: float) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any
 def first_order_hold(
     a: NDArray[Any], b: NDArray[Any], dt: float
 ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Discretise x' = A x + B u exactly for an input that is linear between samples.
+    """Discretise x' = A x + B u exactly for an input that is linear between samples, dt [s] apart.
 
-    Args:
-        a: shape (n, n).
-        b: shape (n, m).
-        dt: sample time [s].
-
-    Returns:
-        ``transition``, ``before``, ``now`` with x+ = transition x + before u(t) + now u(t + dt)
-        (Franklin, Powell & Workman 1998, section 6.3.2: triangle hold), by one matrix exponential.
+    Returns ``transition``, ``before``, ``now`` with x+ = transition x + before u(t) + now u(t + dt)
+    (Franklin, Powell & Workman 1998, section 6.3.2: triangle hold), by one matrix exponential.
 
     Example:
         An integrator adds the mean of both inputs times the sample time:
@@ -103,14 +95,8 @@ class LinearObserver(Observer):
             x0, x1 = estimate.x[0], estimate.x[1]
             w0, w1 = estimate.shaft_speed, estimate.shaft_torque
             for i in range(2):
-                estimate.x[i] = (
-                    f[i, 0] * x0
-                    + f[i, 1] * x1
-                    + before[i, 0] * w0
-                    + before[i, 1] * w1
-                    + now[i, 0] * m.shaft_speed
-                    + now[i, 1] * m.shaft_torque
-                )
+                known = f[i, 0] * x0 + f[i, 1] * x1 + before[i, 0] * w0 + before[i, 1] * w1
+                estimate.x[i] = known + now[i, 0] * m.shaft_speed + now[i, 1] * m.shaft_torque
         velocity, valid = velocity_from_torque(
             observer.ship, estimate.x[1], estimate.x[0], m.pitch_ratio, estimate.advance_velocity
         )

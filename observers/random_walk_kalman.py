@@ -35,12 +35,9 @@ def correct_states(estimate: Record, innovation: float, measurement: float) -> t
     total = p[0, 0] + measurement
     k0 = p[0, 0] / total
     k1 = p[1, 0] / total
-    p11 = p[1, 1] - k1 * p[0, 1]
-    p01 = (1.0 - k0) * p[0, 1]
+    p[1, 1] = max(p[1, 1] - k1 * p[0, 1], 0.0)
     p[0, 0] = (1.0 - k0) * p[0, 0]
-    p[0, 1] = p01
-    p[1, 0] = p01
-    p[1, 1] = max(p11, 0.0)
+    p[0, 1] = p[1, 0] = (1.0 - k0) * p[0, 1]
     return k0 * innovation, k1 * innovation
 
 
@@ -51,9 +48,8 @@ def propagate_covariance(estimate: Record, f00: float, f01: float, q0: float, q1
     a00 = f00 * p[0, 0] + f01 * p[1, 0]
     a01 = f00 * p[0, 1] + f01 * p[1, 1]
     p[0, 0] = a00 * f00 + a01 * f01 + q0
-    p[0, 1] = a01
-    p[1, 0] = a01
-    p[1, 1] = p[1, 1] + q1
+    p[0, 1] = p[1, 0] = a01
+    p[1, 1] += q1
 
 
 @compiled
@@ -61,12 +57,8 @@ def _begin(observer: Record, estimate: Record, m: Measurement) -> tuple[float, b
     velocity, valid = velocity_from_torque(
         observer.ship, m.shaft_torque, m.shaft_speed, m.pitch_ratio, 0.0
     )
-    estimate.x[0] = m.shaft_speed
-    estimate.x[1] = velocity
-    estimate.covariance[0, 0] = observer.measurement
-    estimate.covariance[0, 1] = 0.0
-    estimate.covariance[1, 0] = 0.0
-    estimate.covariance[1, 1] = 1.0
+    estimate.x[0], estimate.x[1], p = m.shaft_speed, velocity, estimate.covariance
+    p[0, 0], p[0, 1], p[1, 0], p[1, 1] = observer.measurement, 0.0, 0.0, 1.0
     return velocity, valid
 
 

@@ -9,10 +9,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
 from ..plant.record import PLANT
-from ..plant.signals import SIGNALS
+from ..plant.signals import get_signal
+
+Floats = NDArray[np.float64]
 
 OBSERVER = np.dtype(
     [
@@ -75,14 +78,9 @@ class Measurement(NamedTuple):
 READINGS = ["shaft_speed_rad_s", "shaft_torque_N_m", "pitch_ratio", "shaft_acceleration_rad_s2"]
 """Columns of a recording that the observers use, in the order of a :class:`Measurement`."""
 
-
-_HIGHEST = {signal.name: float(signal.high) for signal in SIGNALS}
-_MAX_SPEED = _HIGHEST["shaft_speed"]
-_MAX_TORQUE = _HIGHEST["measured_shaft_torque"]
-_MAX_PITCH = _HIGHEST["measured_pitch_ratio"]
-
-PITCH_MARGIN = 0.1
-"""Tolerance on the range of the measured P/D [-], for noise and offsets."""
+_INSTRUMENTS = ("shaft_speed", "measured_shaft_torque", "measured_pitch_ratio")
+_MAX_SPEED, _MAX_TORQUE, _MAX_PITCH = (float(get_signal(name).high) for name in _INSTRUMENTS)
+PITCH_MARGIN = 0.1  # tolerance on the range of the measured P/D [-], for noise and offsets
 
 
 @compiled
@@ -93,11 +91,8 @@ def is_plausible(m: Measurement) -> bool:
         >>> is_plausible(Measurement(10.0, 1.4e5, 1.3, 0.0, 8.0))
         True
     """
-    return (
-        abs(m.shaft_speed) <= _MAX_SPEED
-        and abs(m.shaft_torque) <= _MAX_TORQUE
-        and abs(m.pitch_ratio) <= _MAX_PITCH
-    )
+    inside = abs(m.shaft_speed) <= _MAX_SPEED and abs(m.shaft_torque) <= _MAX_TORQUE
+    return inside and abs(m.pitch_ratio) <= _MAX_PITCH
 
 
 @compiled

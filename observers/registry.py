@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 from ..core.compiled import Record, compiled, generate_kernel
@@ -11,9 +12,7 @@ from .external import update_through_address
 from .records import Measurement, is_plausible, pitch_is_known, store_sample
 from .torque_curve import torque_determines_inflow
 
-OBSERVERS = "shaftline.observers"
-"""Group of entry points through which packages register observers."""
-
+OBSERVERS = "shaftline.observers"  # group of entry points through which packages register observers
 _CLASSES = sorted(
     classes_in(__package__, Observer, but=("registry", "following", "external")),  # type: ignore[type-abstract]
     key=lambda cls: (cls.source.casefold(), cls.name),
@@ -31,28 +30,17 @@ def observer_names() -> list[str]:
         >>> "luenberger-high" in observer_names()
         True
     """
-    names = []
-    for name, cls in _NAMED.items():
-        names.append(name)
-        names.extend(f"{name}-{tuning}" for tuning in cls.tunings)
-    return [*names, *entry_point_names(OBSERVERS)]
-
-
-def _construct(name: str, cls: type[Observer]) -> Observer:
-    try:
-        return cls()
-    except TypeError as error:  # The class is abstract, or its constructor needs arguments.
-        raise ObserverError(f"observer {name!r}: {error}") from None
+    names = ([name, *(f"{name}-{t}" for t in cls.tunings)] for name, cls in _NAMED.items())
+    return [*itertools.chain(*names), *entry_point_names(OBSERVERS)]
 
 
 def get_observer(name: str, tuning: str | None = None) -> Observer:
     """Return an observer by name and tuning.
 
     Args:
-        name: one of :func:`observer_names`; or ``module:Class`` for a class of your own that derives
+        name: one of :func:`observer_names`, or ``module:Class`` for a class of your own that derives
             from :class:`.base.Observer` and is called without arguments.
-        tuning: tuning of an observer that is named without one, such as ``low``, ``moderate``, ``high``
-            or ``printed``; the default tuning if it is None.
+        tuning: such as ``low``, ``high`` or ``printed``; the default tuning if it is None.
 
     Raises:
         ObserverError: unknown name or tuning.
@@ -64,21 +52,22 @@ def get_observer(name: str, tuning: str | None = None) -> Observer:
         True
     """
     cls = _NAMED[name] if name in _NAMED else load_external_class(name, OBSERVERS)
-    if cls is not None:
-        if not (isinstance(cls, type) and issubclass(cls, Observer)):
-            raise ObserverError(
-                f"observer {name!r}: expected a class that derives from shaftline.observers.Observer"
-            )
-        if tuning is None:
-            return _construct(name, cls)
-        if tuning not in cls.tunings:
-            known = ", ".join(cls.tunings) or "none"
-            raise ObserverError(f"observer {name!r} has no tuning {tuning!r}; tunings: {known}")
-        return cls.tunings[tuning]
-    bare, _, ending = name.rpartition("-")
-    if tuning is None and bare in _NAMED and ending in _NAMED[bare].tunings:
-        return get_observer(bare, ending)
-    raise ObserverError(f"unknown observer {name!r}; known: {', '.join(observer_names())}")
+    if cls is None:
+        bare, _, ending = name.rpartition("-")
+        if tuning is None and bare in _NAMED and ending in _NAMED[bare].tunings:
+            return _NAMED[bare].tunings[ending]
+        raise ObserverError(f"unknown observer {name!r}; known: {', '.join(observer_names())}")
+    if not (isinstance(cls, type) and issubclass(cls, Observer)):
+        raise ObserverError(
+            f"observer {name!r}: expected a class that derives from shaftline.observers.Observer"
+        )
+    if tuning is not None and tuning not in cls.tunings:
+        known = ", ".join(cls.tunings) or "none"
+        raise ObserverError(f"observer {name!r} has no tuning {tuning!r}; tunings: {known}")
+    try:
+        return cls() if tuning is None else cls.tunings[tuning]
+    except TypeError as error:  # The class is abstract, or its constructor needs arguments.
+        raise ObserverError(f"observer {name!r}: {error}") from None
 
 
 _dispatch: Callable[[Record, Record, Measurement], tuple[float, bool]] = generate_kernel(
@@ -100,10 +89,9 @@ def _dispatch(observer, estimate, m):
 def update(observer: Record, estimate: Record, m: Measurement) -> float:
     """Process one sample and return the estimate of the advance velocity [m/s].
 
-    If a measurement is not finite or beyond the bounds of the signal registry, the last estimate is
-    returned as not valid, and the observer restarts with the next plausible sample. If the torque lies
-    off the torque curve of the propeller, the end of the curve is returned as not valid. An estimate at
-    a pitch outside the range of the ship is not valid either.
+    After a measurement that is not finite or beyond the bounds of the signal registry, the last estimate
+    is returned as not valid, and the observer restarts with the next plausible sample. An estimate off
+    the torque curve (the end of the curve is returned) or outside the pitch range is not valid either.
 
     Args:
         observer: OBSERVER record.

@@ -63,10 +63,9 @@ class ShaftAccelerationDerived(Observer):
         """Return the OBSERVER record; the filter is discretised exactly."""
         record = super().discretise(ship, dt)
         rate = 1.0 / self.time_constant_s
-        f, before, now = first_order_hold(np.array([[-rate]]), np.array([[rate]]), dt)
-        record["transition"][0, 0] = f[0, 0]
-        record["before"][0, 0] = before[0, 0]
-        record["now"][0, 0] = now[0, 0]
+        held = first_order_hold(np.array([[-rate]]), np.array([[rate]]), dt)
+        for name, value in zip(("transition", "before", "now"), held, strict=True):
+            record[name][0, 0] = value[0, 0]
         record["gain"] = rate
         return record
 
@@ -77,10 +76,7 @@ class ShaftAccelerationDerived(Observer):
         if estimate.started == 0:
             estimate.x[0] = m.shaft_speed
         else:
-            estimate.x[0] = (
-                observer.transition[0, 0] * estimate.x[0]
-                + observer.before[0, 0] * estimate.shaft_speed
-                + observer.now[0, 0] * m.shaft_speed
-            )
-        acceleration = observer.gain * (m.shaft_speed - estimate.x[0])
-        return _velocity(observer, estimate, m, acceleration)
+            f, before, now = observer.transition, observer.before, observer.now
+            known = f[0, 0] * estimate.x[0] + before[0, 0] * estimate.shaft_speed
+            estimate.x[0] = known + now[0, 0] * m.shaft_speed
+        return _velocity(observer, estimate, m, observer.gain * (m.shaft_speed - estimate.x[0]))

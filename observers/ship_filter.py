@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..plant.derivatives import (
     COMPLEX_PLANT,
@@ -29,8 +28,7 @@ from ..plant.ship import Ship
 from ..plant.state import STATE, State, active_states
 from .augmented_plant import CHANNELS, Model, RecordedInputs, follow_course
 from .base import ObserverError
-
-Floats = NDArray[np.float64]
+from .records import Floats
 
 _DELAY_KEYS = (
     "torque_delay_s", "torque_lag_s", "speed_delay_s", "speed_lag_s", "thrust_lag_s",
@@ -43,16 +41,9 @@ _INFLOW_KEYS = (
 )  # fmt: skip
 
 _STEERING_GEAR_KEYS = ("rudder.time_constant_s", "rudder.rate_limit_rad_s")
-
-DISTURBANCE = "disturbance"
-"""Name of the disturbance of the inflow [m/s] among the states."""
-
-DISTURBANCE_TIME_S = 3.0
-"""Default correlation time of the disturbance: about one radian of the wave encounter period."""
-
-_BOUND_MARGIN = 1e-6
-"""Margin to a bound, as a share of the distance from the value in the ship file to that bound [-]."""
-
+DISTURBANCE = "disturbance"  # name of the disturbance of the inflow [m/s] among the states
+DISTURBANCE_TIME_S = 3.0  # correlation time: about one radian of the wave encounter period
+_BOUND_MARGIN = 1e-6  # margin to a bound over its distance from the value in the ship file [-]
 _LARGEST_FACTOR = 50.0
 """Largest ratio of an estimate and the value in the ship file, in either direction, for a parameter of
 one sign. An inertia near 0, for example, has time constants that no time step resolves."""
@@ -62,19 +53,13 @@ one sign. An inertia near 0, for example, has time constants that no time step r
 class FilterResult:
     """Estimates of a filter along one recording of n rows.
 
-    Args:
-        estimates: states, disturbance of the inflow and parameters after the measurements of each row,
-            shape (n, states + 1 + parameters).
-        standard_errors: standard errors of the estimates, same shape.
-        innovations: innovations over their standard deviations, shape (n, channels); NaN for a missing
-            measurement.
-        likelihood: 2 log L of the measurements.
+    The columns of the estimates are states, disturbance of the inflow and parameters.
     """
 
-    estimates: Floats
-    standard_errors: Floats
-    innovations: Floats
-    likelihood: float
+    estimates: Floats  # after the measurements of each row, shape (n, states + 1 + parameters)
+    standard_errors: Floats  # of the estimates, same shape
+    innovations: Floats  # over their standard deviations, shape (n, channels); NaN where missing
+    likelihood: float  # 2 log L of the measurements
 
 
 class ShipFilter:
@@ -88,12 +73,11 @@ class ShipFilter:
         parameter_spread: initial standard deviation of each parameter, by key, in its unit.
         noise: standard deviation of each measured column that the filter uses, in its unit; without any
             column the ship is simulated.
-        state_spread: standard deviation of each state at the start of a recording, by name; the states
-            are those of :func:`shaftline.plant.state.active_states`.
-        state_walk: square root of the density of the process noise of each state [unit/s^0.5], by name,
-            the disturbance of the inflow (:data:`DISTURBANCE`) included; 0 for a state not named.
-        parameter_walk: square root of the density of the drift of each parameter, by key; 0 for a
-            parameter not named.
+        state_spread: standard deviation of each state at the start of a recording, by name
+            (:func:`shaftline.plant.state.active_states`).
+        state_walk: root of the density of the process noise of each state [unit/s^0.5], by name, the
+            disturbance of the inflow (:data:`DISTURBANCE`) included; 0 by default.
+        parameter_walk: root of the density of the drift of each parameter, by key; 0 by default.
         record: PLANT record of the ship, if fixed parameters differ from those of ``ship``.
         disturbance_time_s: correlation time of the disturbance of the inflow [s].
 
@@ -187,19 +171,16 @@ class ShipFilter:
                 inflow or the rudder angle.
         """
         table, model, count = replay.table, self._model, self._before
-        replaced = [key for key in self.keys if key in _INFLOW_KEYS]
-        if replaced and "inflow_velocity_m_s" in table:
-            raise ObserverError(
-                f"{replaced[0]} is not identifiable from a recording with inflow_velocity_m_s, because "
-                "the measured inflow replaces the computed one"
-            )
-        if replay.helm_measured and (
-            own := [key for key in self.keys if key in _STEERING_GEAR_KEYS]
+        given, gear = "inflow_velocity_m_s", "rudder_rad and no rudder command"
+        for measured, keys, source, what in (
+            (given in table, _INFLOW_KEYS, given, "inflow"),
+            (replay.helm_measured, _STEERING_GEAR_KEYS, gear, "angle"),
         ):
-            raise ObserverError(
-                f"{own[0]} is not identifiable from a recording with rudder_rad and no rudder command, "
-                "because the measured angle replaces the computed one"
-            )
+            if measured and (replaced := [key for key in self.keys if key in keys]):
+                raise ObserverError(
+                    f"{replaced[0]} is not identifiable from a recording with {source}, because the "
+                    f"measured {what} replaces the computed one"
+                )
         plant = model.plant[0]
         lag = 0.0 if replay.helm_measured else self._rudder_lag
         plant["rudder_lag"], model.twin[0]["rudder_lag"] = lag, lag
@@ -227,9 +208,8 @@ class ShipFilter:
         estimates, variances = np.empty(shape), np.empty(shape)
         innovations = np.empty(measurements.shape)
         likelihood = follow_course(
-            model, self.z, self.p, recorded, memory, measurements, estimates,
-            variances, innovations,
-        )  # fmt: skip
+            model, self.z, self.p, recorded, memory, measurements, estimates, variances, innovations
+        )
         return FilterResult(estimates, np.sqrt(np.maximum(variances, 0.0)), innovations, likelihood)
 
 
@@ -246,15 +226,10 @@ def _model(
     for i, name in enumerate(states):
         units[name][i] = 1.0
     start = np.array([parameter.value for parameter in parameters])
-    low, high = (
-        np.array([getattr(parameter.info, end) for parameter in parameters])
-        for end in ("low", "high")
-    )
+    ends = np.array([(parameter.info.low, parameter.info.high) for parameter in parameters]).T
     with np.errstate(invalid="ignore"):
-        low, high = (
-            np.where(np.isfinite(end), end + _BOUND_MARGIN * (start - end), end)
-            for end in (low, high)
-        )
+        inside = ends + _BOUND_MARGIN * (start - ends)
+    low, high = np.where(np.isfinite(ends), inside, ends)
     one_sign = (low >= 0.0) & (start > 0.0)
     low = np.where(one_sign, np.maximum(low, start / _LARGEST_FACTOR), low)
     high = np.where(one_sign, np.minimum(high, start * _LARGEST_FACTOR), high)

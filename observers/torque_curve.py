@@ -11,7 +11,6 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled, compiled_apart
 from ..plant.drives.dc_motor import motor_torque
@@ -28,22 +27,17 @@ from ..plant.propeller import (
 from ..plant.shaft import drive_torque, load_torque
 from ..plant.ship import Ship
 from .augmented import STEP
+from .records import Floats
 
-AT_REST = 1e-3
-"""Shaft speed up to which the torque does not depend on the inflow noticeably [rad/s]."""
-
+AT_REST = (
+    1e-3  # shaft speed up to which the torque does not depend on the inflow noticeably [rad/s]
+)
 _FASTEST = 40.0  # highest inflow of a ship [m/s]
 
 
 @compiled
 def model_torque(ship: Record, velocity: float, shaft_speed: float, pitch_ratio: float) -> float:
-    """Return the propeller torque M_p [N m] of the ship model (thesis eq. 2-5).
-
-    Args:
-        ship: PLANT record of the ship model.
-        velocity: v_a [m/s].
-        shaft_speed: omega [rad/s].
-        pitch_ratio: P/D [-].
+    """Return the propeller torque M_p [N m] at v_a [m/s] and omega [rad/s] (thesis eq. 2-5).
 
     Example:
         >>> from shaftline.plant import load_ship
@@ -93,24 +87,17 @@ def _slopes_in_any_quadrant(
 def velocity_from_torque(
     ship: Record, torque: float, shaft_speed: float, pitch_ratio: float, guess: float
 ) -> tuple[float, bool]:
-    """Return the advance velocity [m/s] at a propeller torque, and its validity (thesis eqs. 3-7, 3-8).
+    """Return the advance velocity [m/s] at a torque [N m], and its validity (thesis eqs. 3-7, 3-8).
 
     KQ is inverted exactly. The velocity is valid if the torque lies on the curve. In four quadrants the
-    shaft may turn astern, and the result is on the branch nearest to the guess.
-
-    Args:
-        ship: PLANT record of the ship model.
-        torque: propeller torque [N m].
-        shaft_speed: omega [rad/s].
-        pitch_ratio: P/D [-].
-        guess: advance velocity [m/s] that selects the branch; returned if the shaft does not turn.
+    shaft may turn astern, and the result is on the branch nearest to the guess [m/s], which is returned
+    if the shaft does not turn.
 
     Example:
         >>> from shaftline.plant import load_ship
         >>> frigate = load_ship("frigate").record()
-        >>> velocity, valid = velocity_from_torque(
-        ...     frigate, model_torque(frigate, 7.0, 10.0, 1.3), 10.0, 1.3, 0.0
-        ... )
+        >>> torque = model_torque(frigate, 7.0, 10.0, 1.3)
+        >>> velocity, valid = velocity_from_torque(frigate, torque, 10.0, 1.3, 0.0)
         >>> round(velocity, 6), valid
         (7.0, True)
     """
@@ -147,12 +134,8 @@ def limit_to_curve(
 ) -> tuple[float, bool]:
     """Limit an estimate [m/s] to the range of the torque curves, and return whether it is valid.
 
-    Args:
-        ship: PLANT record of the ship model.
-        velocity: estimated advance velocity [m/s].
-        shaft_speed: omega [rad/s].
-        lowest_share: largest velocity astern, as a share of the highest velocity [-]. Four-quadrant
-            curves have no such limit.
+    Four-quadrant curves have no lowest velocity. With others the largest velocity astern is
+    ``lowest_share`` times the highest velocity ahead.
     """
     if ship.propeller_model == FOUR_QUADRANT:
         held = min(max(velocity, -_FASTEST), _FASTEST)
@@ -170,14 +153,8 @@ def torque_determines_inflow(
     """Return whether the propeller torque determines the inflow; true for all but four-quadrant curves.
 
     With four-quadrant curves it does not near standstill, nor in the ring vortex of a shaft that turns
-    against the inflow (:func:`shaftline.plant.propeller.outside_ring_vortex`).
-
-    Args:
-        ship: PLANT record of the ship model.
-        velocity: estimated advance velocity [m/s].
-        shaft_speed: omega [rad/s].
-        pitch_ratio: P/D [-].
-        known: whether the last estimate was valid, with the same direction of rotation.
+    against the inflow (:func:`shaftline.plant.propeller.outside_ring_vortex`). ``known`` says whether
+    the last estimate was valid, with the same direction of rotation.
     """
     if ship.propeller_model != FOUR_QUADRANT:
         return True
@@ -187,9 +164,6 @@ def torque_determines_inflow(
     direction = 1.0 if n > 0.0 else -1.0
     j = velocity / (n * ship.diameter)
     return outside_ring_vortex(ship, j, pitch_ratio, direction, known)
-
-
-Floats = NDArray[np.float64]
 
 
 def uses_drive_torque(ship: Ship) -> bool:
@@ -224,13 +198,7 @@ def _subtract_friction(plant: Record, brake: Floats, shaft_speed: Floats, found:
 
 
 def torque_of_drive(ship: Ship, brake_torque: Floats, shaft_speed: Floats) -> Floats:
-    """Return the torque [N m] of a drive less friction, shape (n,).
-
-    Args:
-        ship: ship with an electric drive.
-        brake_torque: torque of the drive [N m], shape (n,).
-        shaft_speed: omega [rad/s], shape (n,); the friction depends on it.
-    """
+    """Return torques [N m] of an electric drive less friction, at shaft speeds [rad/s], shape (n,)."""
     found = np.empty(len(brake_torque))
     brake, speed = (np.ascontiguousarray(x, np.float64) for x in (brake_torque, shaft_speed))
     _subtract_friction(ship.record(), brake, speed, found)

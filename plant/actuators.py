@@ -28,35 +28,26 @@ class PitchActuator(Section):
         ),
     )  # fmt: skip
 
-    time_constant_s: float = parameter(
-        "time constant tau_p of the pitch",
-        "s",
-        record="pitch_time_constant",
-        lag=True,
-        ge=0.05,
-        le=100,
-        default=2.0,
-    )
-    dead_band: float = effect(
-        0.0, "P/D error that does not move it (half width)", record="pitch_dead_band", ge=0, le=0.5
-    )
-    backlash: float = effect(
-        0.0, "play between actuator and blade (full width)", record="pitch_backlash", ge=0, le=0.5
-    )
-    rate_limit_per_s: float = effect(
-        INF, "fastest change of P/D", "1/s", record="pitch_rate_limit", gt=0
-    )
-    offset: float = effect(
-        0.0, "P/D reached minus P/D commanded", record="pitch_actuator_offset", ge=-0.5, le=0.5
-    )
+    # fmt: off
+    time_constant_s: float = parameter("time constant tau_p of the pitch", "s",
+        record="pitch_time_constant", lag=True, ge=0.05, le=100, default=2.0)
+    dead_band: float = effect(0.0, "P/D error that does not move it (half width)",
+        record="pitch_dead_band", ge=0, le=0.5)
+    backlash: float = effect(0.0, "play between actuator and blade (full width)",
+        record="pitch_backlash", ge=0, le=0.5)
+    rate_limit_per_s: float = effect(INF, "fastest change of P/D", "1/s", record="pitch_rate_limit",
+        gt=0)
+    offset: float = effect(0.0, "P/D reached minus P/D commanded", record="pitch_actuator_offset",
+        ge=-0.5, le=0.5)
+    # fmt: on
 
 
 @compiled
 def pitch_rate(plant: Record, command: Real, pitch_ratio: Real) -> Real:
-    """Return the rate d(P/D)/dt [1/s] of the pitch actuator.
+    """Return the rate d(P/D)/dt [1/s] of the first-order pitch actuator (thesis eq. 2-9).
 
-    First order (thesis eq. 2-9) towards the command plus ``pitch_actuator_offset``. Errors inside
-    ``pitch_dead_band`` cause no motion, and ``pitch_rate_limit`` bounds the rate.
+    It moves towards the command plus ``pitch_actuator_offset``, not for errors inside
+    ``pitch_dead_band``, and no faster than ``pitch_rate_limit``.
     """
     demand = clip(command, plant.pitch_ratio_min, plant.pitch_ratio_max)
     error = demand + plant.pitch_actuator_offset - pitch_ratio
@@ -91,10 +82,9 @@ class RackTravel(NamedTuple):
 def rack_travel(plant: Record, demand: float, rack_before: float, dt: float) -> RackTravel:
     """Return the fuel rack [mm] over a step of ``dt`` seconds, with its rate limit and end stops.
 
-    The rack moves at its rate limit until it reaches the command, which may be within the step. ``end``
-    is its position at the end of the step. ``start`` and ``middle`` are chosen so that Simpson's rule,
-    which a Runge-Kutta step applies to them, gives the exact mean and first moment of the travel. A
-    rack without a rate limit is at the command throughout.
+    The rack moves at its limit until it reaches the command. ``end`` is its position at the end of the
+    step. ``start`` and ``middle`` are chosen so that Simpson's rule, which a Runge-Kutta step applies to
+    them, gives the exact mean and first moment of the travel.
     """
     low, high = plant.drive_min, plant.drive_max
     demand = min(max(demand, low), high)

@@ -41,24 +41,14 @@ def burrill_limit(sigma: Real) -> Real:
 
 @compiled
 def burrill_ratio(
-    plant: Record,
-    thrust: Real,
-    advance_velocity: Real,
-    shaft_speed: Real,
-    pitch_ratio: Real,
+    plant: Record, thrust: Real, advance_velocity: Real, shaft_speed: Real, pitch_ratio: Real,
     submergence: Real,
-) -> Real:
-    """Return the thrust loading over Burrill's 5 % limit, tau_c / tau_limit [-].
+) -> Real:  # fmt: skip
+    """Return the thrust loading over Burrill's 5 % limit, tau_c / tau_limit [-]; 0 for a thrust below 0.
 
-    Above 1, more than 5 % of the back of the blades cavitates.
-
-    Args:
-        plant: ship record.
-        thrust: T of one propeller [N]; a thrust below 0 gives 0.
-        advance_velocity: v_a [m/s].
-        shaft_speed: omega [rad/s].
-        pitch_ratio: P/D [-], for the projected area A_P = A_E (1.067 - 0.229 P/D).
-        submergence: depth of the propeller's centre [m].
+    Above 1, more than 5 % of the back of the blades cavitates. ``thrust`` [N] is that of one propeller
+    at v_a [m/s], omega [rad/s] and the depth [m] of its centre; P/D gives the projected area A_P = A_E
+    (1.067 - 0.229 P/D).
     """
     around = 0.35 * plant.diameter * shaft_speed  # 0.7 pi n D
     square = advance_velocity * advance_velocity + around * around
@@ -76,25 +66,18 @@ class CavitationBucket(Section):
 
     needs = "has_propeller in_water"
 
-    pitch_factor: float = parameter(
-        "c1: effective pitch angle / geometric pitch angle", record="attack_pitch_factor", gt=0, le=2,
-        default=1.0,
-    )  # fmt: skip
-    inflow_factor: float = parameter(
-        "c2: inflow at the section / v_a", record="attack_inflow_factor", gt=0, le=2, default=1.0
-    )
-    centre_deg: float = parameter(
-        "centre of the bucket: angle of attack to which it narrows", "deg", record="bucket_centre",
-        ge=-10, le=20, default=0.0,
-    )  # fmt: skip
-    suction_deg: float = parameter(
-        "width to the suction side per unit of sigma_n", "deg", record="bucket_suction", gt=0,
-        default=INF,
-    )  # fmt: skip
-    pressure_deg: float = parameter(
-        "width to the pressure side per unit of sigma_n", "deg", record="bucket_pressure", gt=0,
-        default=INF,
-    )  # fmt: skip
+    # fmt: off
+    pitch_factor: float = parameter("c1: effective pitch angle / geometric pitch angle",
+        record="attack_pitch_factor", gt=0, le=2, default=1.0)
+    inflow_factor: float = parameter("c2: inflow at the section / v_a", record="attack_inflow_factor",
+        gt=0, le=2, default=1.0)
+    centre_deg: float = parameter("centre of the bucket: angle of attack to which it narrows", "deg",
+        record="bucket_centre", ge=-10, le=20, default=0.0)
+    suction_deg: float = parameter("width to the suction side per unit of sigma_n", "deg",
+        record="bucket_suction", gt=0, default=INF)
+    pressure_deg: float = parameter("width to the pressure side per unit of sigma_n", "deg",
+        record="bucket_pressure", gt=0, default=INF)
+    # fmt: on
 
 
 @compiled
@@ -117,11 +100,8 @@ def effective_attack(
 def outside_bucket(plant: Record, attack: Real, shaft_speed: Real, submergence: Real) -> Real:
     """Return the distance [deg] of an angle of attack from the cavitation bucket; 0 inside it.
 
-    Args:
-        plant: ship record.
-        attack: :func:`effective_attack` [deg].
-        shaft_speed: omega [rad/s].
-        submergence: depth of the propeller's centre [m].
+    ``attack`` [deg] is :func:`effective_attack`; shaft speed in rad/s, depth of the propeller's centre
+    in m.
     """
     revolutions = shaft_speed * REVOLUTIONS_PER_RADIAN
     turns = (revolutions * plant.diameter) ** 2 >= _AT_REST

@@ -64,8 +64,8 @@ def signal_columns(ship: Ship) -> dict[str, str]:
     """Return the signals of a ship by their columns in a recording, canonical columns first.
 
     The signal ``drive`` has the column of the ship's own prime mover. Columns that do not apply are
-    absent: the pitch command of a fixed pitch, sway and yaw of a straight course, the current of a drive
-    without an armature.
+    absent: the pitch command of a fixed pitch, sway and yaw of a straight course, the current without an
+    armature.
     """
     names = {s.column: s.name for s in SIGNALS if s.name != "drive"}
     names = {drive_column(ship): "drive"} | names  # if the drive holds the speed: the speed reached

@@ -8,13 +8,12 @@ kernels accept like the real one.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.compiled import Record, compiled, generate_kernel
+from ..core.compiled import Record, compiled, generate_tuple_kernel
 from .dynamics import evaluate
 from .keys import KeyInfo, Section, info_of
 from .record import PLANT
@@ -76,10 +75,8 @@ class ParameterSlope(NamedTuple):
 def parameter_slope(ship: Ship, key: str) -> ParameterSlope:
     """Return a ship parameter and the words of the ship record that it changes.
 
-    Args:
-        ship: the ship.
-        key: dotted key of a parameter with its own field, or of one to which tables in the record are
-            proportional, such as the coefficients of a bollard propeller.
+    The dotted key names a parameter with its own field, or one to which tables in the record are
+    proportional, such as the coefficients of a bollard propeller.
 
     Raises:
         ShipError: unknown key, or a parameter that does not act on the record in proportion.
@@ -113,60 +110,31 @@ def parameter_slope(ship: Ship, key: str) -> ParameterSlope:
 
 
 def complex_record(record: Any) -> Any:
-    """Return a complex copy of a ship record, with all imaginary parts 0.
-
-    Args:
-        record: record of dtype ``PLANT``.
-
-    Returns:
-        One element of dtype :data:`COMPLEX_PLANT`.
-    """
+    """Return a ship record as an element of :data:`COMPLEX_PLANT`, with all imaginary parts 0."""
     twin = np.zeros(1, COMPLEX_PLANT)[0]
     for name in PLANT.names or ():
         twin[name] = record[name]
     return twin
 
 
-_imaginary_rate: Callable[[State, float], State] = generate_kernel(
-    """
-def _imaginary_rate(value, scale):
-    return State(
-        value.{field}.imag * scale,
+_imaginary_rate, _imaginary_outputs = (
+    generate_tuple_kernel(
+        f"imaginary_{kind.__name__}(value, scale)", kind.__name__, "value.{field}.imag * scale",
+        kind._fields, globals(),
     )
-""",
-    State._fields,
-    globals(),
-)
-
-_imaginary_outputs: Callable[[Outputs, float], Outputs] = generate_kernel(
-    """
-def _imaginary_outputs(value, scale):
-    return Outputs(
-        value.{field}.imag * scale,
-    )
-""",
-    Outputs._fields,
-    globals(),
-)
+    for kind in (State, Outputs)
+)  # fmt: skip
 
 
 @compiled
 def derivatives(
     twin: Record, state: State, inputs: Inputs, blade_before: float, direction: State
 ) -> tuple[State, Outputs]:
-    """Return the derivatives of :func:`shaftline.plant.dynamics.evaluate` along one direction.
+    """Return the derivatives of :func:`shaftline.plant.dynamics.evaluate` per unit of one direction.
 
-    Args:
-        twin: :data:`COMPLEX_PLANT` record; a parameter with the imaginary part :data:`STEP` is part of
-            the direction.
-        state: real state.
-        inputs: real inputs.
-        blade_before: as in ``evaluate``.
-        direction: component of the direction in each state; all 0 for a parameter alone.
-
-    Returns:
-        Derivatives of the states' rates and of the outputs, per unit of the direction. Inside a dead
-        band or backlash, or at an end stop, the derivative is 0.
+    The direction is a component in each state (all 0 for a parameter alone), and each parameter of the
+    :data:`COMPLEX_PLANT` record ``twin`` whose imaginary part is :data:`STEP`. State, inputs and pitch
+    ratio are real. Inside a dead band or backlash, or at an end stop, the derivative is 0.
     """
     rate, outputs = evaluate(twin, shift_state(state, direction, STEP * 1j), inputs, blade_before)
     return _imaginary_rate(rate, 1.0 / STEP), _imaginary_outputs(outputs, 1.0 / STEP)

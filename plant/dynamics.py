@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from ..core.compiled import Real, Record, compiled
 from .actuators import blade_pitch, pitch_rate
-from .drives import DriveStates, drive_output, electric_power, holding_torque
+from .drives import DriveOutput, DriveStates, drive_output, electric_power, holding_torque
 from .expressions import InputSignals, LoadSignals, sum_input_terms, sum_load_terms
 from .hull import resistance, wake_inflow, water_speed, wave_resistance
 from .kinematics import over_ground
@@ -58,7 +58,7 @@ class Loads(NamedTuple):
     thrust_coefficient: Real  # KT [-] without ventilation
     propeller_torque: Real  # M_p [N m]
     brake_torque: Real  # M_b [N m]
-    motor_current: Real  # [A]
+    mover: DriveOutput
     electric_power: Real  # of the drive [W]
     drive_torque: Real  # on the shaft before the torque meter [N m]
     load_torque: Real  # on the shaft behind the torque meter [N m]
@@ -70,10 +70,6 @@ class Loads(NamedTuple):
     side_force: Real  # Y [N]
     yaw_moment: Real  # N [N m]
     inflow_rate: Real  # [m/s2]
-    brake_torque_rate: Real  # [N m/s]
-    motor_current_rate: Real  # [A/s]
-    charge_rate: Real  # [1/s]
-    warmth_rate: Real  # [1/s]
     added_pitch_rate: Real  # from terms [1/s]
     term_rate_1: Real  # of the terms' states
     term_rate_2: Real
@@ -82,15 +78,10 @@ class Loads(NamedTuple):
 
 @compiled
 def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
-    """Return torques and forces at one instant.
+    """Return torques and forces at one instant, for a real or complex state.
 
-    Args:
-        plant: ship record.
-        state: continuous states; real or complex.
-        inputs: inputs at this instant.
-        blade: pitch ratio of the blades [-].
-
-    Constant divisors are written as reciprocals so that one division serves all stages of a step.
+    ``blade`` is the pitch ratio of the blades [-]. Constant divisors are written as reciprocals so that
+    one division serves all stages of a step.
     """
     omega = state.shaft_speed
     if plant.speed_held != 0:
@@ -168,34 +159,15 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
         drive = holding_torque(plant, load_behind, inputs.drive_rate)
         brake_torque = brake_torque_of(plant, drive, omega)
     return Loads(
-        shaft_speed=omega,
-        advance_velocity=advance,
-        submergence=submergence,
-        thrust=thrust,
-        thrust_coefficient=load.thrust_coefficient,
-        propeller_torque=propeller_torque,
-        brake_torque=brake_torque,
-        motor_current=mover.current,
-        electric_power=electric_power(plant, mover, brake_torque, engine_speed),
-        drive_torque=drive,
-        load_torque=load_behind,
-        push=push,
-        resistance=drag,
-        ahead=speed,
-        across=across,
-        surge_force=surge_force,
-        side_force=side_force,
-        yaw_moment=yaw_moment,
-        inflow_rate=inflow_rate,
-        brake_torque_rate=mover.brake_torque_rate,
-        motor_current_rate=mover.current_rate,
-        charge_rate=mover.charge_rate,
-        warmth_rate=mover.warmth_rate,
-        added_pitch_rate=added_pitch_rate,
-        term_rate_1=term_rate_1,
-        term_rate_2=term_rate_2,
-        term_rate_3=term_rate_3,
-    )
+        shaft_speed=omega, advance_velocity=advance, submergence=submergence, thrust=thrust,
+        thrust_coefficient=load.thrust_coefficient, propeller_torque=propeller_torque,
+        brake_torque=brake_torque, mover=mover,
+        electric_power=electric_power(plant, mover, brake_torque, engine_speed), drive_torque=drive,
+        load_torque=load_behind, push=push, resistance=drag, ahead=speed, across=across,
+        surge_force=surge_force, side_force=side_force, yaw_moment=yaw_moment,
+        inflow_rate=inflow_rate, added_pitch_rate=added_pitch_rate, term_rate_1=term_rate_1,
+        term_rate_2=term_rate_2, term_rate_3=term_rate_3,
+    )  # fmt: skip
 
 
 @compiled
@@ -204,11 +176,8 @@ def evaluate(
 ) -> tuple[State, Outputs]:
     """Return the derivative of the state and the outputs (thesis eq. 2-20 with the optional effects).
 
-    Args:
-        plant: ship record.
-        state: continuous states; real or complex.
-        inputs: inputs at this instant.
-        blade_before: pitch ratio of the blades after the previous step (for backlash) [-].
+    The state is real or complex; ``blade_before`` is the blades' pitch ratio after the previous step
+    [-], for the backlash.
     """
     blade = blade_pitch(plant, state.pitch_ratio, blade_before)
     acting = loads(plant, state, inputs, blade)
@@ -236,60 +205,31 @@ def evaluate(
         blade_rate = blade_rate + acting.added_pitch_rate
     air_rate = 0.0
     if can_ventilate(plant):
-        air_rate = ventilation_rate(
-            plant,
-            state.ventilation,
-            relative_submergence(plant, acting.submergence),
-            suction_head(plant, acting.thrust_coefficient, acting.shaft_speed),
-        )
-    return (
-        State(
-            pitch_ratio=blade_rate,
-            shaft_speed=acceleration,
-            ship_speed=ship_acceleration,
-            position=track_rate,
-            brake_torque=acting.brake_torque_rate,
-            charge=acting.charge_rate,
-            warmth=acting.warmth_rate,
-            inflow=acting.inflow_rate,
-            ventilation=air_rate,
-            motor_current=acting.motor_current_rate,
-            shaft_angle=acting.shaft_speed,
-            sway_speed=sway_acceleration,
-            yaw_rate=yaw_acceleration,
-            heading=turning_rate,
-            cross_track=cross_rate,
-            rudder_angle=helm_rate,
-            term_1=acting.term_rate_1,
-            term_2=acting.term_rate_2,
-            term_3=acting.term_rate_3,
-        ),
-        Outputs(
-            pitch_ratio=blade,
-            advance_velocity=acting.advance_velocity,
-            thrust=acting.thrust,
-            propeller_torque=acting.propeller_torque,
-            shaft_torque=torque,
-            brake_torque=acting.brake_torque,
-            shaft_acceleration=acceleration,
-            resistance=acting.resistance,
-            motor_current=acting.motor_current,
-            thrust_coefficient=acting.thrust_coefficient,
-            submergence=acting.submergence,
-            shaft_power=torque * acting.shaft_speed,
-            electric_power=acting.electric_power,
-        ),
-    )
+        relative = relative_submergence(plant, acting.submergence)
+        suction = suction_head(plant, acting.thrust_coefficient, acting.shaft_speed)
+        air_rate = ventilation_rate(plant, state.ventilation, relative, suction)
+    rates = State(
+        pitch_ratio=blade_rate, shaft_speed=acceleration, ship_speed=ship_acceleration,
+        position=track_rate, brake_torque=acting.mover.brake_torque_rate,
+        charge=acting.mover.charge_rate, warmth=acting.mover.warmth_rate, inflow=acting.inflow_rate,
+        ventilation=air_rate, motor_current=acting.mover.current_rate,
+        shaft_angle=acting.shaft_speed, sway_speed=sway_acceleration, yaw_rate=yaw_acceleration,
+        heading=turning_rate, cross_track=cross_rate, rudder_angle=helm_rate,
+        term_1=acting.term_rate_1, term_2=acting.term_rate_2, term_3=acting.term_rate_3,
+    )  # fmt: skip
+    return rates, Outputs(
+        pitch_ratio=blade, advance_velocity=acting.advance_velocity, thrust=acting.thrust,
+        propeller_torque=acting.propeller_torque, shaft_torque=torque,
+        brake_torque=acting.brake_torque, shaft_acceleration=acceleration,
+        resistance=acting.resistance, motor_current=acting.mover.current,
+        thrust_coefficient=acting.thrust_coefficient, submergence=acting.submergence,
+        shaft_power=torque * acting.shaft_speed, electric_power=acting.electric_power,
+    )  # fmt: skip
 
 
 @compiled
 def settle_lags(plant: Record, state: State, inputs: Inputs) -> State:
     """Return a state in which all lag states are at rest for the present speeds and inputs.
-
-    Args:
-        plant: ship record.
-        state: pitch, shaft speed, ship speed and position; lag states start from the values given.
-        inputs: inputs at this instant.
 
     Each lag is linear in its own state and independent of the other lags, so one Newton step solves it;
     further steps remove rounding errors. The torque of a diesel and its charge air or warmth depend on

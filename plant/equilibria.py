@@ -34,23 +34,13 @@ from .ship import Ship
 from .signals import SAMPLE
 from .simulation import write_sample
 from .state import STATE, Inputs, Outputs, State, get_state, with_motion, without_lags
-from .steady_state import equilibrium
 from .ventilation import can_ventilate
 
-MOST_STEPS = 200
-"""Largest number of steps to one equilibrium."""
-
-BALANCED = 1e-11
-"""Residual of an equilibrium: share of the propeller torque and of the resistance."""
-
-NEAR = 0.3
-"""Residual below which plain Newton steps are taken from the start."""
-
-STALLED = 0.1
-"""Share of the first row's shaft speed below which the next row starts from the first row's state."""
-
-LONGEST_STEP = 0.3
-"""Largest step, as a share of the present shaft speed and ship speed."""
+MOST_STEPS = 200  # to one equilibrium
+BALANCED = 1e-11  # residual of an equilibrium: share of the propeller torque and of the resistance
+NEAR = 0.3  # residual below which plain Newton steps are taken from the start
+STALLED = 0.1  # share of the first row's shaft speed below which a row starts from the first state
+LONGEST_STEP = 0.3  # largest step, as a share of the present shaft speed and ship speed
 
 
 @compiled
@@ -69,18 +59,13 @@ def _surplus(
 def equilibrium_near(
     plant: Record, state: State, inputs: Inputs, settles: bool, leads: bool
 ) -> tuple[State, Outputs]:
-    """Return the equilibrium that a ship reaches from a state, and the outputs there.
+    """Return the equilibrium that a ship without lags reaches from a state, and the outputs there.
 
     Pseudo-transient continuation (Kelley & Keyes 1998): implicit Euler steps along the motion of the
     ship, with inertias scaled so that shaft and hull are equally fast. The steps grow as the ship
-    approaches rest and end as Newton steps, so the result is a stable equilibrium.
-
-    Args:
-        plant: ship record without lags.
-        state: start of the search, with the pitch ratio of the row.
-        inputs: inputs of the row.
-        settles: whether states other than the two speeds must come to rest.
-        leads: whether the drive holds the shaft speed.
+    approaches rest and end as Newton steps, so the result is a stable equilibrium. ``state`` has the
+    pitch ratio of the row; ``settles`` is true if states other than the two speeds must come to rest,
+    ``leads`` if the drive holds the shaft speed.
     """
     moves, pitch = plant.hull_fixed == 0, state.pitch_ratio
     torque, force, state, outputs = _surplus(plant, state, inputs, settles)
@@ -120,10 +105,8 @@ def equilibrium_near(
         one, two = 1.0 / length - aa, 1.0 / length - bb
         determinant = one * two - ab * ba
         if not (one > 0.0 or two > 0.0) or determinant == 0.0:
-            determinant = (
-                1.0  # The equilibrium is unstable here: take a short step along the motion.
-            )
-            one, two, ab, ba = 1.0, 1.0, 0.0, 0.0
+            # The equilibrium is unstable here: take a short step along the motion.
+            determinant, one, two, ab, ba = 1.0, 1.0, 1.0, 0.0, 0.0
         by_shaft = (two * a + ab * b) / determinant
         by_speed = (ba * a + one * b) / determinant
         size = max(abs(by_shaft), abs(by_speed))
@@ -142,30 +125,16 @@ def equilibrium_near(
 
 @compiled
 def fill_equilibria(
-    plant: Record,
-    state: Record,
-    memory: Record,
-    drive: NDArray[np.float64],
-    pitch: NDArray[np.float64],
-    inflow: NDArray[np.float64],
-    elevation: NDArray[np.float64],
-    signals: NDArray[np.float64],
-    interval: float,
-    samples: Any,
-) -> None:
-    """Fill ``samples`` with the equilibrium at each row.
+    plant: Record, state: Record, memory: Record, drive: NDArray[np.float64],
+    pitch: NDArray[np.float64], inflow: NDArray[np.float64], elevation: NDArray[np.float64],
+    signals: NDArray[np.float64], interval: float, samples: Any,
+) -> None:  # fmt: skip
+    """Fill a SAMPLE array of shape (n,) with the equilibrium at each row.
 
-    Args:
-        plant: PLANT record without lags.
-        state: STATE record from which the search for the first row starts.
-        memory: MEMORY record, for the measurements.
-        drive: drive command of each row [mm | V | N m | rad/s], shape (n,), as are the next three.
-        pitch: commanded pitch ratio [-].
-        inflow: disturbance of the advance velocity [m/s].
-        elevation: elevation of the surface above the propeller [m].
-        signals: external signals, shape (n, MAX_SIGNALS) or one row.
-        interval: time between two rows [s].
-        samples: SAMPLE array of shape (n,), filled.
+    ``plant`` has no lags; the search for the first row starts from the STATE record ``state``. At each
+    row: drive command [mm | V | N m | rad/s], P/D [-], disturbance of the advance velocity [m/s] and
+    elevation of the surface above the propeller [m], each of shape (n,). External signals have shape (n,
+    MAX_SIGNALS) or are one row; ``interval`` is the time between two rows [s].
     """
     leads = plant.speed_held != 0
     settles = plant.term_states > 0 or can_ventilate(plant)
@@ -202,20 +171,12 @@ def fill_equilibria(
 
 
 class SteadyReplay(Replay):
-    """Simulation of a recording whose rows are equilibria of the ship.
+    """Simulation of a recording whose rows are equilibria; its interface is that of ``Replay``.
 
-    It has the interface of :class:`.replay.Replay`. If several equilibria exist, the ship takes the one
-    that it reaches from the equilibrium of the previous row with the shaft turning. A ship with sway and
-    yaw runs straight ahead with the rudder amidships.
-
-    Args:
-        ship: the ship.
-        table: canonical columns at an even interval, all finite.
-
-    Raises:
-        RecordingError: a column is missing or not finite, there is no state to start from, or a moving
-            hull has a measured inflow but no ship speed.
-        ShipError: a term uses a signal for which the recording has no column.
+    If several equilibria exist, the ship takes the one that it reaches from the equilibrium of the
+    previous row with the shaft turning. A ship with sway and yaw runs straight ahead with the rudder
+    amidships. The table has canonical columns at an even interval, all finite; errors are those of
+    ``Replay``.
     """
 
     def __init__(self, ship: Ship, table: pd.DataFrame) -> None:
@@ -233,14 +194,11 @@ class SteadyReplay(Replay):
     def _running_state(self) -> tuple[float, float, float]:
         """Return pitch ratio, shaft speed and ship speed of a running ship at the first row's inputs.
 
-        The measured first row is not used: if it is wrong, it may be near the equilibrium of a stalled
-        engine.
+        The measured first row may be wrong and near the equilibrium of a stalled engine, so it is not
+        used.
         """
-        signals = {name: float(self._column(name)[0]) for name in self.ship.external_signals}
         try:
-            state = equilibrium(
-                self.ship, float(self.drive[0]), float(self.pitch[0]), signals=signals
-            ).state
+            state = self._steady_state()
         except ValueError:  # There is no equilibrium with the shaft turning ahead.
             return self._first_state(1)
         return float(state.pitch_ratio), float(state.shaft_speed), float(state.ship_speed)
@@ -252,20 +210,13 @@ class SteadyReplay(Replay):
     def simulate_into(
         self, plant: Any, start: tuple[float, ...] | None = None, sea: Any = None
     ) -> NDArray[Any]:
-        """Return a SAMPLE array of shape (rows,): the equilibria under a ship record.
-
-        Args:
-            plant: ship record.
-            start: ignored; an equilibrium does not depend on it.
-            sea: ignored; waves have no steady state.
-        """
-        prompt = without_lags(plant)
-        state = np.zeros(1, STATE)
-        state[0] = tuple(State(*self.start, sway_speed=float(plant["cross_current"])))
+        """Return the equilibria, shape (rows,); they depend on neither start nor waves."""
+        first = State(*self.start, sway_speed=float(plant["cross_current"]))
+        state = np.array([tuple(first)], STATE)
         samples = np.zeros(self.rows, SAMPLE)
         fill_equilibria(
-            prompt, state[0], np.zeros(1, MEMORY)[0], self.drive, self.pitch, self.inflow(plant),
-            self.elevation_rows, self.signals, self.interval_s, samples,
+            without_lags(plant), state[0], np.zeros(1, MEMORY)[0], self.drive, self.pitch,
+            self.inflow(plant), self.elevation_rows, self.signals, self.interval_s, samples,
         )  # fmt: skip
         return samples
 
@@ -273,16 +224,8 @@ class SteadyReplay(Replay):
 def simulate_steady(ship: Ship, recording: pd.DataFrame) -> pd.DataFrame:
     """Return the equilibria of a ship at the inputs of each row of a recording.
 
-    Args:
-        ship: the ship.
-        recording: canonical columns at an even interval.
-
-    Returns:
-        The same time base and columns: the inputs as given, the other columns simulated.
-
-    Raises:
-        RecordingError: as in :class:`SteadyReplay`.
-        ShipError: as in :class:`SteadyReplay`.
+    The recording has canonical columns at an even interval; the result has its time base and columns,
+    the inputs as given and the other columns simulated. Errors are those of :class:`SteadyReplay`.
     """
     replay = SteadyReplay(ship, recording)
     samples = replay.simulate(ship.record())

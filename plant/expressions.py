@@ -11,7 +11,7 @@ import ast
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, NoReturn, TypeAlias
 
 import numpy as np
 
@@ -102,14 +102,7 @@ def external_at(signals: Any, row: int) -> tuple[float, ...]:
 def sum_input_terms(
     plant: Record, inputs: InputSignals, states: tuple[Real, ...], outside: tuple[float, ...]
 ) -> InputTermSums:
-    """Return the sums of a ship's terms that act on inputs of the models.
-
-    Args:
-        plant: ship record.
-        inputs: signals known before the models are evaluated.
-        states: states of the terms.
-        outside: external signals.
-    """
+    """Return the sums of a ship's terms that act on inputs of the models."""
     none = LoadSignals(0.0, 0.0, 0.0, 0.0, 0.0)
     signals = _signals(inputs, none, states, outside)
     drive = inflow_velocity = signals[0] * 0.0
@@ -126,15 +119,7 @@ def sum_load_terms(
     plant: Record, inputs: InputSignals, loads: LoadSignals, states: tuple[Real, ...],
     outside: tuple[float, ...],
 ) -> LoadTermSums:  # fmt: skip
-    """Return the sums of a ship's terms that act on results of the models, by location.
-
-    Args:
-        plant: ship record.
-        inputs: signals known before the models are evaluated.
-        loads: signals that the models give.
-        states: states of the terms.
-        outside: external signals.
-    """
+    """Return the sums of a ship's terms that act on results of the models, by location."""
     signals = _signals(inputs, loads, states, outside)
     t = q = m = r = p = y = n = rate_1 = rate_2 = rate_3 = signals[0] * 0.0
     for slot in range(plant.term_programs):
@@ -224,14 +209,21 @@ def _in_registers(plant: Record, signals: tuple[Real, ...], slot: int) -> Real:
 @compiled_apart
 def _on_a_stack(plant: Record, signals: tuple[Real, ...], slot: int) -> Real:
     """Return the value of a program of any depth."""
-    term = plant.term_owner[slot]
     stack = np.zeros(MAX_DEPTH, np.array(signals[:1]).dtype)
+    constants = plant.term_constants[plant.term_owner[slot]]
+    length = plant.term_length[slot]
+    return _run(stack, plant.term_code[slot], plant.term_index[slot], length, constants, signals)
+
+
+@compiled
+def _run(stack: Any, codes: Any, indices: Any, length: int, constants: Any, signals: Any) -> Real:
+    """Return the value of a program, computed on a stack."""
     top = -1
-    for k in range(plant.term_length[slot]):
-        code, index = plant.term_code[slot, k], plant.term_index[slot, k]
+    for k in range(length):
+        code, index = codes[k], indices[k]
         if code == CONSTANT:
             top += 1
-            stack[top] = plant.term_constants[term, index]
+            stack[top] = constants[index]
         elif code == SIGNAL:
             top += 1
             stack[top] = signals[index]
@@ -249,35 +241,15 @@ def _on_a_stack(plant: Record, signals: tuple[Real, ...], slot: int) -> Real:
 
 @compiled_apart
 def evaluate_rows(program: Any, constants: Any, signals: Any, values: Any) -> None:
-    """Evaluate a program that belongs to no term at each row of its signals.
+    """Evaluate a program that belongs to no term at each row of its signals, shape (rows, k).
 
-    Args:
-        program: operations, each with its index, shape (n, 2).
-        constants: constants of the program, shape (m,).
-        signals: signals of the program, shape (rows, k).
-        values: shape (rows,), filled; not finite where the program has no value.
+    ``program`` holds operations, each with its index, shape (n, 2). ``values``, shape (rows,), are not
+    finite where the program has no value.
     """
     stack = np.zeros(MAX_DEPTH)
+    codes, indices = program[:, 0], program[:, 1]
     for row in range(len(signals)):
-        top = -1
-        for k in range(len(program)):
-            code, index = program[k, 0], program[k, 1]
-            if code == CONSTANT:
-                top += 1
-                stack[top] = constants[index]
-            elif code == SIGNAL:
-                top += 1
-                stack[top] = signals[row, index]
-            elif code == TABLE:
-                top -= index
-                points = stack[top + 1 : top + 1 + index]
-                stack[top] = piecewise_linear(points[::2], points[1::2], index // 2, stack[top])
-            elif code <= POWER or code >= MIN:
-                top -= 1
-                stack[top] = _of_two(code, stack[top], stack[top + 1])
-            else:
-                stack[top] = _of_one(code, stack[top])
-        values[row] = stack[0]
+        values[row] = _run(stack, codes, indices, len(program), constants, signals[row])
 
 
 @compiled
@@ -356,17 +328,11 @@ class TermError(ValueError):
 def parse_expression(
     expression: str, parameters: Sequence[str], names: Mapping[str, int], literals: list[float]
 ) -> Program:
-    """Return the program of an expression.
+    """Return the program of an expression, which :mod:`.terms` describes.
 
-    Args:
-        expression: see :mod:`.terms`.
-        parameters: names of the term's parameters.
-        names: signals that the expression may use, and their indices among the kernels' signals.
-        literals: numbers in the term's expressions so far; those of this expression are appended.
-
-    Raises:
-        TermError: no valid expression, an unknown name or function, or an expression that is too long or
-            too deep.
+    ``names`` are the signals that it may use, with their indices among the kernels' signals. Its numbers
+    are appended to ``literals``, those of the term's expressions so far. A TermError says why it is
+    invalid: an unknown name or function, or an expression that is too long or too deep.
 
     >>> from shaftline.plant.expressions import parse_expression
     >>> parse_expression("k * speed", ["k"], {"speed": 1}, [])
@@ -386,7 +352,55 @@ def parse_expression(
     operations: list[tuple[int, int]] = []
     known = {name: (CONSTANT, i) for i, name in enumerate(parameters)}
     known |= {name: (SIGNAL, i) for name, i in names.items() if name not in known}
-    deepest = _walk(tree, known, operations, literals, len(parameters), expression)
+
+    def refuse(reason: str) -> NoReturn:
+        raise TermError(f"{expression!r}: {reason}")
+
+    def walk(node: ast.AST) -> int:
+        """Append the operations of a node and return the stack depth that it needs."""
+        # Python counts True and False as whole numbers; here they are an error.
+        if isinstance(node, ast.Constant) and type(node.value) in (int, float):
+            assert isinstance(node.value, int | float)  # for the type checker
+            if not -_LARGEST <= node.value <= _LARGEST:
+                refuse(f"a number exceeds {_LARGEST:g}; write smaller numbers")
+            operations.append((CONSTANT, len(parameters) + len(literals)))
+            literals.append(float(node.value))
+            return 1
+        if isinstance(node, ast.Name):
+            if node.id not in known:
+                refuse(f"{node.id!r} is unknown; known: {', '.join(known)}")
+            operations.append(known[node.id])
+            return 1
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
+            depth = walk(node.operand)
+            if isinstance(node.op, ast.USub):
+                operations.append((NEGATE, 0))
+            return depth
+        if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
+            left, right = walk(node.left), walk(node.right)
+            operations.append((_BINARY[type(node.op)], 0))
+            return max(left, right + 1)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
+            name, given = node.func.id, len(node.args)
+            code, count = FUNCTIONS.get(name, (-1, 0))
+            if code < 0:
+                refuse(f"function {name!r} is unknown; known: {', '.join(FUNCTIONS)}")
+            if code == TABLE:
+                count = given
+                if count < 5 or count % 2 == 0:
+                    refuse(f"table takes a signal and two or more pairs x, y; not {count} values")
+                _check_rising(node.args[1::2], expression)
+            if given != count:
+                refuse(f"{name} takes {count} argument(s), not {given}")
+            depths = [walk(a) + i for i, a in enumerate(node.args)]
+            operations.append((code, count - 1 if code == TABLE else 0))
+            return max(depths)
+        refuse(
+            f"{ast.unparse(node)!r} is not allowed in an expression; use numbers, names, + - * / ** "
+            "and functions"
+        )
+
+    deepest = walk(tree)
     for what, count, most in (
         ("operations", len(operations), MAX_OPERATIONS),
         ("numbers", len(parameters) + len(literals), MAX_CONSTANTS),
@@ -395,67 +409,6 @@ def parse_expression(
         if count > most:
             raise TermError(f"{expression!r} has {count} {what}; at most {most} are allowed")
     return tuple(operations)
-
-
-def _walk(
-    node: ast.AST,
-    names: Mapping[str, tuple[int, int]],
-    operations: list[tuple[int, int]],
-    literals: list[float],
-    first: int,
-    source: str,
-) -> int:
-    """Append the operations of a node and return the stack depth that it needs."""
-    # Python counts True and False as whole numbers; here they are an error.
-    if isinstance(node, ast.Constant) and type(node.value) in (int, float):
-        assert isinstance(node.value, int | float)  # for the type checker
-        if not -_LARGEST <= node.value <= _LARGEST:
-            raise TermError(f"{source!r}: a number exceeds {_LARGEST:g}; write smaller numbers")
-        operations.append((CONSTANT, first + len(literals)))
-        literals.append(float(node.value))
-        return 1
-    if isinstance(node, ast.Name):
-        if node.id not in names:
-            raise TermError(f"{source!r}: {node.id!r} is unknown; known: {', '.join(names)}")
-        operations.append(names[node.id])
-        return 1
-    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
-        depth = _walk(node.operand, names, operations, literals, first, source)
-        if isinstance(node.op, ast.USub):
-            operations.append((NEGATE, 0))
-        return depth
-    if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
-        left = _walk(node.left, names, operations, literals, first, source)
-        right = _walk(node.right, names, operations, literals, first, source)
-        operations.append((_BINARY[type(node.op)], 0))
-        return max(left, right + 1)
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
-        code, count = FUNCTIONS.get(node.func.id, (-1, 0))
-        if code < 0:
-            raise TermError(
-                f"{source!r}: function {node.func.id!r} is unknown; known: {', '.join(FUNCTIONS)}"
-            )
-        if code == TABLE:
-            count = len(node.args)
-            if count < 5 or count % 2 == 0:
-                raise TermError(
-                    f"{source!r}: table takes a signal and two or more pairs x, y; not {count} values"
-                )
-            _check_rising(node.args[1::2], source)
-        if len(node.args) != count:
-            raise TermError(
-                f"{source!r}: {node.func.id} takes {count} argument(s), not {len(node.args)}"
-            )
-        depths = [
-            _walk(a, names, operations, literals, first, source) + i
-            for i, a in enumerate(node.args)
-        ]
-        operations.append((code, count - 1 if code == TABLE else 0))
-        return max(depths)
-    raise TermError(
-        f"{source!r}: {ast.unparse(node)!r} is not allowed in an expression; use numbers, names, "
-        "+ - * / ** and functions"
-    )
 
 
 def _check_rising(knots: Sequence[ast.expr], source: str) -> None:

@@ -20,6 +20,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.compiled import Real, compiled
+from ..core.numeric import clip
 
 HARMONICS = 31
 PITCH_NODES = (0.5, 0.6, 0.8, 1.0, 1.2, 1.4)
@@ -28,17 +29,14 @@ _FAMILY_BLADES, _FAMILY_AREA = 4, 0.7
 
 
 def b4_70_family() -> NDArray[np.float64]:
-    """Return the Fourier coefficients of the B4-70 family.
+    """Return the Fourier coefficients of the B4-70 family, shape (6, 31, 4).
 
-    Returns:
-        Array of shape (6, 31, 4): P/D node, harmonic, (CT cos, CT sin, CQ cos, CQ sin), all [-].
-        The table's factors (CT x 100, CQ x 1000 with a minus sign) are removed.
+    The axes are P/D node, harmonic, and (CT cos, CT sin, CQ cos, CQ sin), all [-]. The table's factors
+    (CT x 100, CQ x 1000 with a minus sign) are removed.
     """
     with resources.files("shaftline.plant").joinpath("data/four_quadrant_b_series.csv").open() as f:
         table = pd.read_csv(f)
-    family = table[
-        (table["blades"] == _FAMILY_BLADES) & (table["expanded_area_ratio"] == _FAMILY_AREA)
-    ]
+    family = table.query("blades == @_FAMILY_BLADES and expanded_area_ratio == @_FAMILY_AREA")
     columns = ["ct_cos_x100", "ct_sin_x100", "cq_cos_x1000", "cq_sin_x1000"]
     factors = np.array([1e-2, 1e-2, -1e-3, -1e-3])
     nodes = [
@@ -62,17 +60,11 @@ def scaled_to_bollard(
 
 
 def ring_vortex(table: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the dip and the peak of KQ(J), for both directions of rotation and each pitch node.
+    """Return J [-] of the dip and of the peak of KQ(J), to 0.001, shape (2, nodes, 2).
 
-    Args:
-        table: Fourier coefficients, shape (nodes, 31, 4).
-
-    Returns:
-        J [-] of the dip and of the peak, to 0.001, shape (2, nodes, 2); rotation ahead comes first. KQ
-        falls with J above the peak and below the dip.
-
-    Raises:
-        ValueError: a curve without exactly one dip and one peak.
+    Rotation ahead comes first. ``table`` holds the Fourier coefficients, shape (nodes, 31, 4). KQ falls
+    with J above the peak and below the dip; a curve without exactly one dip and one peak raises a
+    ValueError.
     """
     j = np.arange(-1.0, 0.5, 1e-3)
     ahead = np.arctan2(j, 0.7 * math.pi)
@@ -84,9 +76,8 @@ def ring_vortex(table: NDArray[np.float64]) -> NDArray[np.float64]:
         for node, rises in enumerate(np.diff(kq) > 0.0):
             turns = np.flatnonzero(np.diff(rises)) + 1
             if len(turns) != 2:
-                raise ValueError(
-                    f"KQ of pitch node {node} has {len(turns)} extrema instead of a dip and a peak"
-                )
+                found = f"{len(turns)} extrema instead of a dip and a peak"
+                raise ValueError(f"KQ of pitch node {node} has {found}")
             ends[side, node] = j[turns]
     return ends
 
@@ -97,12 +88,7 @@ def between_nodes(nodes: NDArray[np.float64], pitch_ratio: Real) -> tuple[int, R
     i = 0
     while i < len(nodes) - 2 and pitch_ratio.real > nodes[i + 1]:
         i += 1
-    weight = (pitch_ratio - nodes[i]) / (nodes[i + 1] - nodes[i])
-    if weight.real < 0.0:
-        weight = 0.0
-    if weight.real > 1.0:
-        weight = 1.0
-    return i, weight
+    return i, clip((pitch_ratio - nodes[i]) / (nodes[i + 1] - nodes[i]), 0.0, 1.0)
 
 
 @compiled
@@ -113,14 +99,10 @@ def four_quadrant_coefficients(
     revolutions: Real,
     pitch_ratio: Real,
 ) -> tuple[Real, Real]:
-    """Return KT n^2 and KQ n^2 [1/s2] in any quadrant.
+    """Return KT n^2 and KQ n^2 [1/s2] in any quadrant, at v_a / D and n [1/s] of either sign.
 
-    Args:
-        table: Fourier coefficients, shape (nodes, 31, 4).
-        nodes: pitch ratios of the table's members, rising.
-        velocity_per_diameter: v_a / D [1/s].
-        revolutions: n [1/s], either sign.
-        pitch_ratio: P/D [-]; linear between nodes, constant beyond the outer ones.
+    ``table`` holds the Fourier coefficients, shape (nodes, 31, 4), at the rising pitch ratios ``nodes``.
+    They are linear in P/D between nodes and constant beyond the outer ones.
 
     KT n^2 = CT* (pi/8) ((v_a/D)^2 + (0.7 pi n)^2). The harmonics follow from cos(beta) and sin(beta) by
     rotation, so the angle itself is never computed and complex steps remain exact.

@@ -22,12 +22,10 @@ _KG_PER_J = 1e-3 / 3.6e6  # 1 g/kWh
 
 @compiled
 def fuel_rate(plant: Record, engine_speed: Real, brake_torque: Real) -> Real:
-    """Return the fuel flow of one engine [kg/s], never negative; 0 if the ship has no fuel model.
+    """Return the fuel flow of one engine [kg/s], never negative; 0 if ``fuel_base`` is 0 (no model).
 
-    Args:
-        plant: ship record; ``fuel_base`` 0 means no fuel model.
-        engine_speed: omega_e [rad/s]; an engine at rest or turning astern burns nothing.
-        brake_torque: M_b [N m]; below 0 the surface continues along its slope in power, down to no fuel.
+    An engine that rests or turns astern (omega_e [rad/s]) burns nothing. At M_b [N m] below 0 the
+    surface continues along its slope in power, down to no fuel.
     """
     if plant.fuel_base <= 0.0 or engine_speed.real <= 0.0:
         return 0.0
@@ -49,13 +47,7 @@ def fuel_rate(plant: Record, engine_speed: Real, brake_torque: Real) -> Real:
 
 @compiled
 def specific_consumption(plant: Record, engine_speed: float, brake_torque: float) -> float:
-    """Return the specific fuel consumption [g/kWh] of one engine; NaN if it delivers no power.
-
-    Args:
-        plant: ship record.
-        engine_speed: omega_e [rad/s].
-        brake_torque: M_b [N m].
-    """
+    """Return the specific consumption [g/kWh] at omega_e [rad/s] and M_b [N m]; NaN without power."""
     power = brake_torque * engine_speed
     if power <= 0.0:
         return math.nan

@@ -17,24 +17,15 @@ STALLED = 0.02
 
 
 def require_steering(ship: Ship) -> None:
-    """Refuse a ship without manoeuvring data or rudder.
-
-    Raises:
-        ShipError: names the missing key.
-    """
+    """Refuse a ship without manoeuvring data or rudder with a ShipError that names the missing key."""
     if not ship.turns or ship.rudder.area_m2 == 0.0:
-        missing = "rudder.area_m2 (unit m2; allowed: > 0 and <= 500)"
-        if not ship.turns:
-            missing = "manoeuvring.length_m (unit m; allowed: > 0 and <= 500)"
+        key, unit = ("rudder.area_m2", "m2") if ship.turns else ("manoeuvring.length_m", "m")
+        missing = f"{key} (unit {unit}; allowed: > 0 and <= 500)"
         raise ShipError(f"{ship.name} cannot be steered: the ship file has no {missing}")
 
 
 def refuse_angle(ship: Ship, rudder_rad: float, *, amidships: bool = False) -> None:
-    """Refuse a rudder angle [rad] beyond the end stops; refuse 0 unless ``amidships`` is true.
-
-    Raises:
-        ShipError: names the angle and its allowed range.
-    """
+    """Refuse a rudder angle [rad] beyond the end stops, or 0 unless ``amidships``, with a ShipError."""
     most = ship.rudder.angle_max_rad
     if not abs(rudder_rad) <= most * (1.0 + 1e-12) or (rudder_rad == 0.0 and not amidships):
         nonzero = "" if amidships else " and not 0"
@@ -106,15 +97,10 @@ class Helm:
         self._since = 0.0
 
     def hold(self, rudder_rad: float, steps: int, purpose: str) -> None:
-        """Simulate the ship with a constant rudder command.
+        """Simulate the ship with a constant rudder command [rad] for some time steps.
 
-        Args:
-            rudder_rad: rudder command [rad].
-            steps: number of time steps.
-            purpose: aim of the command, for the message.
-
-        Raises:
-            ShipError: the ship stops, or does not reach the aim within the longest way.
+        A ship that stops, or does not reach the ``purpose`` of the command within the longest way,
+        raises a ShipError.
         """
         before = self.speed()
         command = self.point.inputs.pitch_command

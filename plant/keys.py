@@ -47,15 +47,9 @@ MISSING_PROPERTIES = {
 
 
 def parameter(
-    description: str,
-    unit: str = "-",
-    *,
-    record: str,
-    needs: str = "",
-    required: str = "",
-    lag: bool = False,
-    **limits: Any,
-) -> Any:
+    description: str, unit: str = "-", *, record: str, needs: str = "", required: str = "",
+    lag: bool = False, **limits: Any,
+) -> Any:  # fmt: skip
     """Declare a parameter of a ship.
 
     Args:
@@ -68,40 +62,23 @@ def parameter(
         lag: whether it is the time constant [s] of a state that the Runge-Kutta steps integrate.
         limits: ``ge``, ``gt``, ``le``, ``lt`` and ``default``, as in pydantic.
     """
-    extra: dict[str, Any] = {"unit": unit, "record": record, "needs": needs, "required": required}
-    if lag:
-        extra["lag"] = True
+    extra: dict[str, Any] = {"unit": unit, "record": record, "needs": needs, "required": required,
+                             "lag": lag}  # fmt: skip
     if limits.get("default") == INF:  # The lower bound of each such key refuses nan and -inf.
         limits["allow_inf_nan"] = True
     return Field(description=description, json_schema_extra=extra, **limits)
 
 
 def quantity(description: str, unit: str, **limits: Any) -> Any:
-    """Declare a parameter with a unit that has no record field of its own: its section converts it.
-
-    Args:
-        description: meaning of the parameter.
-        unit: unit in the key's name.
-        limits: as in :func:`parameter`.
-    """
+    """Declare a parameter with a unit in its key that its section converts for the record."""
     return Field(description=description, json_schema_extra={"unit": unit}, **limits)
 
 
 def entry(
     description: str, *, record: str, place: tuple[int, ...], needs: str, **limits: Any
 ) -> Any:
-    """Declare a dimensionless parameter that is one entry of an array field of the ship record.
-
-    Its section writes the whole field.
-
-    Args:
-        description: meaning of the parameter.
-        record: name of the array field.
-        place: index in the field.
-        needs: as in :func:`parameter`.
-        limits: as in :func:`parameter`.
-    """
-    extra: dict[str, Any] = {"unit": "-", "entry": (record, place), "needs": needs}
+    """Declare a dimensionless parameter: entry ``place`` of the array field ``record``."""
+    extra: dict[str, Any] = {"entry": (record, place), "needs": needs}
     return Field(description=description, json_schema_extra=extra, **limits)
 
 
@@ -130,10 +107,8 @@ class Section(BaseModel):
     @property
     def time_constants(self) -> dict[str, float]:
         """Return the non-zero time constants [s] that the time step has to resolve, by key."""
-        values = {
-            k: getattr(self, k) for k, info in type(self).model_fields.items() if is_lag(info)
-        }
-        return {key: float(value) for key, value in values.items() if value > 0.0}
+        lags = (key for key, info in type(self).model_fields.items() if is_lag(info))
+        return {key: float(getattr(self, key)) for key in lags if getattr(self, key) > 0.0}
 
     def fill(self, record: Any) -> None:
         """Write the section's values into a ship record; sections with ``derived`` fields extend it."""
@@ -150,22 +125,13 @@ class MissingKeyError(ValueError):
 def require(section: BaseModel, keys: tuple[str, ...], because: str, before: str = "") -> None:
     """Refuse a section in which keys are missing that the value of another key requires.
 
-    Args:
-        section: section to check.
-        keys: keys that must be given.
-        because: condition that makes them required, for the message.
-        before: prefix of the key in the message, such as ``water.``.
-
-    Raises:
-        MissingKeyError: names the first missing key, with its unit and range.
+    The MissingKeyError names the first missing key, behind the prefix ``before`` (such as ``water.``),
+    with its unit and range, and ``because``, the condition that makes the keys required.
     """
     for key in keys:
         if key not in section.model_fields_set:
-            info = type(section).model_fields[key]
-            raise MissingKeyError(
-                f"{before}{key} is missing; it is required {because} "
-                f"(unit {unit_of(info)}; allowed: {allowed_range(info)})"
-            )
+            allowed = unit_and_range(type(section).model_fields[key])
+            raise MissingKeyError(f"{before}{key} is missing; it is required {because}{allowed}")
 
 
 INSIDE = 1e-3
@@ -195,11 +161,7 @@ class KeyInfo(NamedTuple):
         return value
 
     def around(self, value: float) -> tuple[float, float]:
-        """Return the bounds of a search, both of them allowed values.
-
-        Args:
-            value: start of the search, in the key's unit; inside the range or infinite.
-        """
+        """Return allowed bounds of a search from a value that is inside the range or infinite."""
         value = value if math.isfinite(value) else self.low + 1.0
         low = self.low + INSIDE * (value - self.low) if self.above else self.low
         high = self.high - INSIDE * (self.high - value) if self.below else self.high
@@ -235,9 +197,10 @@ class ShipParameter(NamedTuple):
         return float(record[self.field][self.place] if self.place else record[self.field])
 
 
-def _declaration(info: FieldInfo) -> dict[str, Any]:
+def declared(info: FieldInfo, name: str, default: Any = None) -> Any:
+    """Return an entry of a parameter's declaration, or the default: see :func:`parameter`."""
     extra: Any = info.json_schema_extra
-    return extra if isinstance(extra, dict) else {}
+    return extra.get(name, default) if isinstance(extra, dict) else default
 
 
 def info_of(info: FieldInfo) -> KeyInfo:
@@ -247,10 +210,9 @@ def info_of(info: FieldInfo) -> KeyInfo:
         for name in ("ge", "gt", "le", "lt")
     }
     low, high = max((-INF, *ends["ge"], *ends["gt"])), min((INF, *ends["le"], *ends["lt"]))
-    neutral = float(info.default) if "effect" in _declaration(info) else None
-    return KeyInfo(
-        unit_of(info), float(low), float(high), neutral, low in ends["gt"], high in ends["lt"]
-    )
+    neutral = float(info.default) if declared(info, "effect") else None
+    bounds = float(low), float(high)
+    return KeyInfo(unit_of(info), *bounds, neutral, low in ends["gt"], high in ends["lt"])
 
 
 def allowed_range(info: FieldInfo) -> str:
@@ -266,29 +228,24 @@ def allowed_range(info: FieldInfo) -> str:
     return " and ".join(bounds) or "any number"
 
 
+def unit_and_range(info: FieldInfo) -> str:
+    """Return unit and allowed range of a parameter as the end of a message."""
+    return f" (unit {unit_of(info)}; allowed: {allowed_range(info)})"
+
+
 def unit_of(info: FieldInfo) -> str:
     """Return the unit of a parameter."""
-    return str(_declaration(info).get("unit", "-"))
+    return str(declared(info, "unit", "-"))
 
 
 def is_lag(info: FieldInfo) -> bool:
     """Return whether a parameter is the time constant of a state that is integrated in steps."""
-    return "lag" in _declaration(info)
-
-
-def needs_of(info: FieldInfo) -> str:
-    """Return the properties that a parameter requires: names of :data:`MISSING_PROPERTIES`."""
-    return str(_declaration(info).get("needs", ""))
-
-
-def required_when(info: FieldInfo) -> str:
-    """Return when a parameter with a default must be given, as text; empty if never."""
-    return str(_declaration(info).get("required", ""))
+    return bool(declared(info, "lag"))
 
 
 def default_of(info: FieldInfo) -> str:
     """Return the default of a parameter, or when it is required, as text."""
-    when = required_when(info)
+    when = declared(info, "required", "")
     return f"required {when}".strip() if info.is_required() or when else f"{info.default}"
 
 
@@ -297,11 +254,11 @@ def place_of(info: FieldInfo) -> tuple[str, tuple[int, ...]] | None:
     field = record_field(info)
     if field is not None:
         return field, ()
-    location = _declaration(info).get("entry")
-    return None if location is None else (str(location[0]), tuple(location[1]))
+    place: tuple[str, tuple[int, ...]] | None = declared(info, "entry")
+    return place
 
 
 def record_field(info: FieldInfo) -> str | None:
     """Return the name of a parameter's own field in the ship record; None if it has none."""
-    field = _declaration(info).get("record")
-    return None if field is None else str(field)
+    field: str | None = declared(info, "record")
+    return field

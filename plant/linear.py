@@ -17,12 +17,7 @@ from .ship import Ship, ShipError
 from .state import Inputs, Outputs, State, active_states
 from .steady_state import Equilibrium
 
-INPUTS = {
-    "pitch_command": "pitch_command",
-    "drive": "drive",
-    "resistance_factor": "resistance_factor",
-    "inflow": "inflow",
-}
+INPUTS = {name: name for name in ("pitch_command", "drive", "resistance_factor", "inflow")}
 """Inputs of the linear model: P/D command, drive command, resistance factor d_c1, inflow u_x."""
 
 STEERED_INPUTS = {**INPUTS, "rudder_command": "rudder_command"}
@@ -66,9 +61,8 @@ def linearise(
     plant = ship.record()
     states = active_states(plant)
     by = STEERED_INPUTS if ship.turns else INPUTS
-    model = tangent(
-        plant, point.state, point.inputs, point.outputs.pitch_ratio, states, outputs, by
-    )
+    blade = point.outputs.pitch_ratio
+    model = tangent(plant, point.state, point.inputs, blade, states, outputs, by)
     if not all((np.abs(part) < _STEEPEST).all() for part in model):
         raise ValueError(
             f"{ship.name}: there is no linear model, because derivatives exceed {_STEEPEST:g}; check "
@@ -93,14 +87,9 @@ class Tangent(NamedTuple):
 
 
 def tangent(
-    plant: Any,
-    state: State,
-    inputs: Inputs,
-    blade: Any,
-    states: Sequence[str],
-    outputs: Sequence[str],
-    by: Mapping[str, str] = MappingProxyType(INPUTS),
-) -> Tangent:
+    plant: Any, state: State, inputs: Inputs, blade: Any, states: Sequence[str],
+    outputs: Sequence[str], by: Mapping[str, str] = MappingProxyType(INPUTS),
+) -> Tangent:  # fmt: skip
     """Return rates and outputs with their derivatives, by complex steps.
 
     Args:
@@ -109,11 +98,8 @@ def tangent(
         inputs: inputs at the point.
         blade: pitch ratio of the blades before [-], for an actuator with backlash.
         states: names of the states of the expansion.
-        outputs: names of states or of algebraic outputs.
+        outputs: names of states or of algebraic outputs; an unknown one raises a ValueError.
         by: inputs of the expansion by name; the values are fields of :class:`Inputs`.
-
-    Raises:
-        ValueError: unknown output.
     """
     known = {*State._fields, *Outputs._fields}
     for name in outputs:
@@ -139,13 +125,12 @@ def tangent(
         return np.array([column[part] for column in columns]).T.imag / STEP
 
     rates, values = (np.array(part).real for part in rates_and_outputs(here, acts))
-    by_states = [
-        rates_and_outputs(here._replace(**{n: getattr(here, n) + 1j * STEP}), acts) for n in states
-    ]
-    by_inputs = [
-        rates_and_outputs(here, acts._replace(**{n: getattr(acts, n) + 1j * STEP}))
-        for n in by.values()
-    ]
+
+    def step_in(point: Any, name: str) -> Any:
+        return point._replace(**{name: getattr(point, name) + 1j * STEP})
+
+    by_states = [rates_and_outputs(step_in(here, name), acts) for name in states]
+    by_inputs = [rates_and_outputs(here, step_in(acts, name)) for name in by.values()]
     return Tangent(
         rates, values, slopes(by_states, 0), slopes(by_inputs, 0), slopes(by_states, 1),
         slopes(by_inputs, 1),
@@ -161,12 +146,9 @@ class LocalModel(NamedTuple):
     tangent: Tangent
 
     def predict(self, seconds: float) -> NDArray[np.float64]:
-        """Return the state after some time, shape (n,), with all inputs held constant.
+        """Return the state after some time [s], shape (n,), with all inputs held constant.
 
         This is the exact solution of x' = f + A (x - x0).
-
-        Args:
-            seconds: prediction horizon [s].
         """
         n = len(self.state)
         block = np.zeros((n + 1, n + 1))
@@ -225,12 +207,9 @@ def _model_at(
     blade = float(row["pitch_ratio"])
     _, calm = evaluate(plant, state, bare, blade)
     factor = row["resistance"] / calm.resistance if calm.resistance else 1.0
-    acting = bare._replace(
-        inflow=float(row["advance_velocity"] - calm.advance_velocity),
-        resistance_factor=float(factor),
-    )
+    inflow = float(row["advance_velocity"] - calm.advance_velocity)
+    acting = bare._replace(inflow=inflow, resistance_factor=float(factor))
     by = STEERED_INPUTS if turns else INPUTS
     expansion = tangent(plant, state, acting, blade, names, outputs, by)
-    return LocalModel(
-        float(row["time"]), names, np.array([values[name] for name in names]), expansion
-    )
+    here = np.array([values[name] for name in names])
+    return LocalModel(float(row["time"]), names, here, expansion)

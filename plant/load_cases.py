@@ -55,44 +55,31 @@ class LoadCase:
     ) -> NDArray[Any]:
         """Simulate the case and return a SAMPLE array of shape (steps + 1,).
 
-        Args:
-            ship: the ship.
-            seed: seed of the sea, if the case has one.
-            dt: time step [s]; by default that of the ship.
-            sea: sea that replaces the case's own, as in :func:`shaftline.plant.get_sea`.
-
-        Raises:
-            ValueError: the case has no effect on this ship, or there is no initial steady state.
+        The seed is that of the case's sea, which ``sea`` replaces, as in
+        :func:`shaftline.plant.get_sea`. The time step [s] is by default that of the ship. A case without
+        effect on the ship, or without an initial steady state, raises a ValueError.
         """
         drive, pitch, inflow = self._scales(ship)
-        start = equilibrium(ship, drive * self.start[0], pitch * self.start[1])
+        start = equilibrium(ship, drive * self.start[0], pitch * self.start[1]).state
         waves = get_sea(sea or self.sea or "calm")
-        return simulate(
-            ship,
-            replace(
-                self.schedule,
-                drive=_times(self.schedule.drive, drive),
-                pitch_command=_times(self.schedule.pitch_command, pitch),
-                inflow=_times(self.schedule.inflow, inflow),
-            ),
-            self.duration_s,
-            initial=start.state,
-            sea=realise(waves, ship.propeller.depth_m, seed) if waves else None,
-            dt=dt,
+        field = realise(waves, ship.propeller.depth_m, seed) if waves else None
+        schedule = replace(
+            self.schedule,
+            drive=_times(self.schedule.drive, drive),
+            pitch_command=_times(self.schedule.pitch_command, pitch),
+            inflow=_times(self.schedule.inflow, inflow),
         )
+        return simulate(ship, schedule, self.duration_s, initial=start, sea=field, dt=dt)
 
     def _scales(self, ship: Ship) -> tuple[float, float, float]:
         """Return the factors on the frigate's rack, pitch and inflow."""
+        needs, name = f"load case {self.name!r} needs", ship.name
         if not ship.has_propeller:
-            raise ValueError(f"load case {self.name!r} needs a propeller; {ship.name} has none")
+            raise ValueError(f"{needs} a propeller; {name} has none")
         if callable(self.schedule.pitch_command) and not ship.has_variable_pitch:
-            raise ValueError(
-                f"load case {self.name!r} needs a variable pitch; {ship.name} has a fixed pitch"
-            )
+            raise ValueError(f"{needs} a variable pitch; {name} has a fixed pitch")
         if callable(self.schedule.resistance_factor) and not ship.moves:
-            raise ValueError(
-                f"load case {self.name!r} needs a hull that moves; {ship.name}'s is fixed"
-            )
+            raise ValueError(f"{needs} a hull that moves; {name}'s is fixed")
         frigate = load_ship("frigate")
         drive = float(ship.record()["drive_max"] / frigate.record()["drive_max"])
         pitch = ship.propeller.pitch_ratio_max / frigate.propeller.pitch_ratio_max
@@ -124,68 +111,34 @@ def _periods(count: int, frequency: float) -> float:
 
 
 _FAST = Schedule(RACK, PITCH, inflow=_sine(1.0, 4.0))
+_RAMP = Schedule(RACK, PITCH, resistance_factor=lambda t: 1.0 + 0.75 * np.clip(t / 180.0, 0, 1))
+_SWELL = Schedule(RACK, PITCH, resistance_factor=_sine(0.25, 0.0785, mean=1.0))
 
 CASES = {
     case.name: case
     for case in (
-        LoadCase(
-            "rack_step",
-            "fuel rack from 20 to 27.5 mm",
-            Schedule(_step(20.0, 27.5), PITCH),
-            RACK_STEP_DURATION,
-            start=(20.0, PITCH),
-        ),
-        LoadCase(
-            "pitch_step",
-            "pitch ratio from 1.25 to 1.0",
-            Schedule(RACK, _step(1.25, 1.0)),
-            PITCH_STEP_DURATION,
-            start=(RACK, 1.25),
-        ),
-        LoadCase(
-            "inflow_sine_low",
-            "inflow 1 m/s at 0.15 rad/s",
-            Schedule(RACK, PITCH, inflow=_sine(1.0, 0.15)),
-            _periods(4, 0.15),
-        ),
+        LoadCase("rack_step", "fuel rack from 20 to 27.5 mm", Schedule(_step(20.0, 27.5), PITCH),
+                 RACK_STEP_DURATION, start=(20.0, PITCH)),
+        LoadCase("pitch_step", "pitch ratio from 1.25 to 1.0", Schedule(RACK, _step(1.25, 1.0)),
+                 PITCH_STEP_DURATION, start=(RACK, 1.25)),
+        LoadCase("inflow_sine_low", "inflow 1 m/s at 0.15 rad/s",
+                 Schedule(RACK, PITCH, inflow=_sine(1.0, 0.15)), _periods(4, 0.15)),
         LoadCase("inflow_sine_high", "inflow 1 m/s at 4 rad/s", _FAST, _periods(20, 4.0)),
-        LoadCase(
-            "resistance_ramp",
-            "resistance factor from 1 to 1.75 in 180 s",
-            Schedule(
-                RACK, PITCH, resistance_factor=lambda t: 1.0 + 0.75 * np.clip(t / 180.0, 0, 1)
-            ),
-            300.0,
-        ),
-        LoadCase(
-            "resistance_sine",
-            "resistance factor 1 +- 0.25 at 0.0785 rad/s (amplitude assumed)",
-            Schedule(RACK, PITCH, resistance_factor=_sine(0.25, 0.0785, mean=1.0)),
-            _periods(4, 0.0785),
-        ),
-        LoadCase(
-            "jonswap",
-            "head seas, Hs 2.9 m, Tp 9.3 s, propeller 4 m deep",
-            Schedule(RACK, PITCH),
-            300.0,
-            sea="thesis",
-        ),
-        LoadCase(
-            "measurement_noise",
-            "inflow 1 m/s at 4 rad/s with white noise on every measurement",
-            _FAST,
-            _periods(20, 4.0),
-            noisy=True,
-        ),
+        LoadCase("resistance_ramp", "resistance factor from 1 to 1.75 in 180 s", _RAMP, 300.0),
+        LoadCase("resistance_sine",
+                 "resistance factor 1 +- 0.25 at 0.0785 rad/s (amplitude assumed)",
+                 _SWELL, _periods(4, 0.0785)),
+        LoadCase("jonswap", "head seas, Hs 2.9 m, Tp 9.3 s, propeller 4 m deep",
+                 Schedule(RACK, PITCH), 300.0, sea="thesis"),
+        LoadCase("measurement_noise",
+                 "inflow 1 m/s at 4 rad/s with white noise on every measurement",
+                 _FAST, _periods(20, 4.0), noisy=True),
     )
-}
+}  # fmt: skip
 
 
 def get_case(name: str) -> LoadCase:
-    """Return a load case by name.
-
-    Raises:
-        ValueError: unknown name; the message lists the known ones.
+    """Return a load case by name; an unknown name raises a ValueError with the known ones.
 
     >>> from shaftline.plant.load_cases import get_case
     >>> get_case("rack_step").description

@@ -24,46 +24,26 @@ _SLOWEST = 12.0  # duration of a step response, in time constants of the slowest
 
 
 class Margins(NamedTuple):
-    """Stability margins of a loop; times and frequencies are in the models' unit of time.
+    """Stability margins of a loop; times and frequencies are in the models' unit of time."""
 
-    Args:
-        gain_margin_dB: allowed increase of the gain; infinite if the phase never reaches -180 deg.
-        gain_margin_down_dB: allowed decrease of the gain, if the loop is stable only above a gain; else
-            infinite.
-        phase_margin_deg: allowed change of the phase, the least over all crossovers.
-        delay_margin: dead time that makes the loop unstable.
-        crossover: frequency at which |L| = 1.
-        phase_crossover: frequency of the gain margin.
-        peak_sensitivity: largest |S|; its inverse is the least distance of L from -1.
-        peak_complementary: largest |T|.
-    """
-
-    gain_margin_dB: float
-    gain_margin_down_dB: float
-    phase_margin_deg: float
-    delay_margin: float
-    crossover: float
-    phase_crossover: float
-    peak_sensitivity: float
-    peak_complementary: float
+    gain_margin_dB: float  # allowed increase of the gain; infinite without a phase of -180 deg
+    gain_margin_down_dB: float  # allowed decrease, if the loop is stable only above a gain
+    phase_margin_deg: float  # allowed change of the phase, the least over all crossovers
+    delay_margin: float  # dead time that makes the loop unstable
+    crossover: float  # frequency at which |L| = 1
+    phase_crossover: float  # frequency of the gain margin
+    peak_sensitivity: float  # largest |S|; its inverse is the least distance of L from -1
+    peak_complementary: float  # largest |T|
 
 
 class StepMeasures(NamedTuple):
-    """Measures of the response of the controlled output to a unit step of the set-point.
+    """Measures of the response of the controlled output to a unit step of the set-point."""
 
-    Args:
-        overshoot_percent: overshoot over the final value.
-        settling: time after which the output stays within 2 % of the final value.
-        rise: time from 10 to 90 % of the final value.
-        peak: time of the highest value.
-        last_value: final value.
-    """
-
-    overshoot_percent: float
-    settling: float
-    rise: float
-    peak: float
-    last_value: float
+    overshoot_percent: float  # overshoot over the final value
+    settling: float  # time after which the output stays within 2 % of the final value
+    rise: float  # time from 10 to 90 % of the final value
+    peak: float  # time of the highest value
+    last_value: float  # final value
 
 
 class Loop:
@@ -92,9 +72,8 @@ class Loop:
                     f"a loop has one input and one output, not {one.ninputs} and {one.noutputs}"
                 )
         self.open_loop = control.ss(open_loop)
-        self.closed_loop = (
-            control.feedback(self.open_loop, 1) if closed is None else control.ss(closed)
-        )
+        closed = control.feedback(self.open_loop, 1) if closed is None else closed
+        self.closed_loop = control.ss(closed)
 
     @classmethod
     def from_plant(cls, plant: control.LTI, controller: control.LTI) -> Loop:
@@ -124,6 +103,12 @@ class Loop:
         poles = control.feedback(self.open_loop, 1).poles()
         return bool(np.all(np.abs(poles) < 1.0) if self.interval else np.all(poles.real < 0.0))
 
+    def _require_stable(self, otherwise: str) -> None:
+        if not self.stable:
+            raise ValueError(
+                f"the closed loop is unstable, so {otherwise}; change the gain or the controller"
+            )
+
     def response(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return L at frequencies [rad per unit of time], shape (n,)."""
         points = np.exp(1j * frequency * self.interval) if self.interval else 1j * frequency
@@ -148,10 +133,7 @@ class Loop:
         Raises:
             ValueError: the closed loop is unstable.
         """
-        if not self.stable:
-            raise ValueError(
-                "the closed loop is unstable, so it has no margins; change the gain or the controller"
-            )
+        self._require_stable("it has no margins")
         grid = self.frequencies()
         response = self.response(grid)
         gains = self._crossings(grid, np.abs(response) - 1.0, lambda one: abs(one) - 1.0)
@@ -186,13 +168,9 @@ class Loop:
         def at(frequency: float) -> float:
             return float(of(self.response(np.array([frequency]))[0]))
 
-        places = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0)
-        return np.array(
-            [
-                scipy.optimize.brentq(at, grid[k], grid[k + 1], xtol=1e-14, rtol=1e-14)
-                for k in places
-            ]
-        )
+        turns = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0)
+        bounds = [(grid[k], grid[k + 1]) for k in turns]
+        return np.array([scipy.optimize.brentq(at, *b, xtol=1e-14, rtol=1e-14) for b in bounds])
 
     def step(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return time and controlled output after a unit step of the set-point, each of shape (n,).
@@ -200,11 +178,7 @@ class Loop:
         Raises:
             ValueError: the closed loop is unstable.
         """
-        if not self.stable:
-            raise ValueError(
-                "the closed loop is unstable, so its step response has no final value; "
-                "change the gain or the controller"
-            )
+        self._require_stable("its step response has no final value")
         poles = self.closed_loop.poles()
         if self.interval:
             poles = np.log(poles[np.abs(poles) > 1e-12].astype(complex)) / self.interval
@@ -226,24 +200,17 @@ class Loop:
         time, output = self.step()
         last = float(np.real(self.closed_loop.dcgain()))
         info = control.step_info(output, T=time, SettlingTimeThreshold=_SETTLED, yfinal=last)
-        return StepMeasures(
-            float(info["Overshoot"]), float(info["SettlingTime"]), float(info["RiseTime"]),
-            float(info["PeakTime"]), last,
-        )  # fmt: skip
+        measured = ("Overshoot", "SettlingTime", "RiseTime", "PeakTime")
+        overshoot, settling, rise, peak = (float(info[name]) for name in measured)
+        return StepMeasures(overshoot, settling, rise, peak, last)
 
 
 def sample_plant(plant: control.StateSpace, interval: float) -> control.StateSpace:
-    """Return a continuous plant sampled as a discrete controller acts on it.
+    """Return a continuous plant sampled at the interval of a discrete controller, in its unit of time.
 
     Commands are held constant over an interval. Each measurement is taken just before the next command,
-    so direct feedthrough acts with the previous command: y[k] = C x[k] + D u[k-1].
-
-    Args:
-        plant: continuous plant.
-        interval: interval between two commands, in the plant's unit of time.
-
-    Returns:
-        Discrete system with the plant's names of inputs and outputs and no direct feedthrough.
+    so direct feedthrough acts with the previous command: y[k] = C x[k] + D u[k-1]. The result keeps the
+    names of inputs and outputs and has no direct feedthrough.
     """
     held = control.sample_system(plant, interval, method="zoh")
     states, inputs = held.nstates, held.ninputs
@@ -308,27 +275,20 @@ def loop_at_command(
         plant = sample_plant(plant, controller.dt)
     ship = control.ss(plant, name="ship")
     law = control.ss(controller, name="law")
-    measurements = [
-        [f"law.{name}", f"ship.{name}"] for name in law.input_labels if name in ship.output_labels
-    ]
-    commands = {
-        name: [f"ship.{name}", f"law.{name}"]
-        for name in law.output_labels
-        if name in ship.input_labels
-    }
-    closed = [wire for name, wire in commands.items() if name != command]
-    opened = control.interconnect(
-        [ship, law], [*measurements, *closed], inplist=[f"ship.{command}"],
-        outlist=[f"law.{command}"], check_unused=False,
-    )  # fmt: skip
-    whole = control.interconnect(
-        [ship, law], [*measurements, *commands.values()], inplist=[f"law.{order}"],
-        outlist=[f"ship.{controlled}"], check_unused=False,
-    )  # fmt: skip
-    return Loop(
-        -1.0 * drop_unconnected_states(control.ss(opened)),
-        drop_unconnected_states(control.ss(whole)),
-    )
+    measured = [name for name in law.input_labels if name in ship.output_labels]
+    commands = [name for name in law.output_labels if name in ship.input_labels]
+
+    def connected(names: Sequence[str], source: str, target: str) -> control.StateSpace:
+        wires = [[f"law.{name}", f"ship.{name}"] for name in measured]
+        wires += [[f"ship.{name}", f"law.{name}"] for name in names]
+        system = control.interconnect(
+            [ship, law], wires, inplist=[source], outlist=[target], check_unused=False
+        )
+        return drop_unconnected_states(control.ss(system))
+
+    closed = [name for name in commands if name != command]
+    opened = connected(closed, f"ship.{command}", f"law.{command}")
+    return Loop(-1.0 * opened, connected(commands, f"law.{order}", f"ship.{controlled}"))
 
 
 def _check_names(name: str, kind: str, *signals: Sequence[str]) -> None:

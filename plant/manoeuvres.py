@@ -14,7 +14,8 @@ time in which the ship travels its own length.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -32,12 +33,8 @@ LONGEST = 200.0
 STEADY_RATE, STEADY_SPEED = 5e-5, 2e-4
 """Changes over a ship length below which a turn is steady: of r', and of the speed ratio."""
 
-_TO_ONE_SIDE = (
-    *(0.25 * k for k in range(1, 4)), *(0.5 * k for k in range(2, 11)), 7.5, 10.0, 15.0, 20.0, 25.0,
-)  # fmt: skip
-SPIRAL_ANGLES = tuple(
-    math.radians(angle) for angle in (*_TO_ONE_SIDE[::-1], 0.0, *(-a for a in _TO_ONE_SIDE))
-)
+_TO_ONE_SIDE = [0.25, 0.5, 0.75, *np.arange(1.0, 5.5, 0.5).tolist(), 7.5, 10.0, 15.0, 20.0, 25.0]
+SPIRAL_ANGLES = tuple(map(math.radians, [*_TO_ONE_SIDE[::-1], 0.0, *(-a for a in _TO_ONE_SIDE)]))
 """Rudder angles of a spiral [rad], from starboard to port."""
 
 
@@ -129,29 +126,27 @@ def turning_circle(
     helm.hold(rudder_rad, 1, purpose)  # The track must contain the end of the turn.
     track = helm.track()
     turned = side * track["heading_rad"].to_numpy()
-    over = side * track["cross_track_m"].to_numpy()
 
-    def at(heading: float, values: Any) -> float:
+    def at(heading: float, column: str) -> float:
+        values = track[column].to_numpy()
         last = int(np.argmax(turned >= heading))
         before, after = turned[last - 1], turned[last]
         share = (heading - before) / (after - before)
         return float(values[last - 1] + share * (values[last] - values[last - 1]))
 
-    rate = track["yaw_rate_rad_s"].to_numpy()
-    speed = at(heading_rad, track["speed_m_s"].to_numpy())
-    turning = at(heading_rad, rate)
-    quarter_before = at(heading_rad - 0.5 * math.pi, rate)
-    shaft = at(heading_rad, track["shaft_speed_rad_s"].to_numpy())
+    speed, turning = at(heading_rad, "speed_m_s"), at(heading_rad, "yaw_rate_rad_s")
+    quarter_before = at(heading_rad - 0.5 * math.pi, "yaw_rate_rad_s")
+    shaft = at(heading_rad, "shaft_speed_rad_s")
     return TurningCircle(
         rudder_rad=rudder_rad,
         length_m=helm.length,
-        advance=at(0.5 * math.pi, track["position_m"].to_numpy()) / helm.length,
-        transfer=at(0.5 * math.pi, over) / helm.length,
-        tactical_diameter=at(math.pi, over) / helm.length,
+        advance=at(0.5 * math.pi, "position_m") / helm.length,
+        transfer=side * at(0.5 * math.pi, "cross_track_m") / helm.length,
+        tactical_diameter=side * at(math.pi, "cross_track_m") / helm.length,
         steady_diameter=2.0 * speed / abs(turning) / helm.length,
         speed_ratio=speed / helm.approach_speed,
         rate_of_turn=turning * helm.length / speed,
-        drift_rad=at(heading_rad, track["drift_rad"].to_numpy()),
+        drift_rad=at(heading_rad, "drift_rad"),
         shaft_speed_ratio=shaft / point.state.shaft_speed,
         unsteadiness=abs(turning / quarter_before - 1.0),
         track=track,
@@ -260,8 +255,7 @@ def spiral(ship: Ship, point: Equilibrium, angles: Sequence[float] = SPIRAL_ANGL
         )
     helm, rows = Helm(ship, point, LONGEST), []
     for leg, order in (("to port", list(angles)), ("to starboard", list(angles)[::-1])):
-        for angle in order:
-            rows.append((angle, *_steady_turn(helm, angle), leg))
+        rows += [(angle, *_steady_turn(helm, angle), leg) for angle in order]
     curve = pd.DataFrame(rows, columns=["rudder_rad", "rate_of_turn", "speed_ratio", "leg"])
     branches = [part.sort_values("rudder_rad") for _, part in curve.groupby("leg", sort=False)]
     if not all(b["rate_of_turn"].iloc[0] < 0.0 < b["rate_of_turn"].iloc[-1] for b in branches):
@@ -269,11 +263,8 @@ def spiral(ship: Ship, point: Equilibrium, angles: Sequence[float] = SPIRAL_ANGL
             f"{ship.name}: the ship turns to one side only at these rudder angles; give larger ones"
         )
     there, back = ((b["rudder_rad"].to_numpy(), b["rate_of_turn"].to_numpy()) for b in branches)
-    return Spiral(
-        curve,
-        math.degrees(_crossing(*back) - _crossing(*there)),
-        float(np.interp(0.0, *there) - np.interp(0.0, *back)),
-    )
+    width = math.degrees(_crossing(*back) - _crossing(*there))
+    return Spiral(curve, width, float(np.interp(0.0, *there) - np.interp(0.0, *back)))
 
 
 def _crossing(angles: NDArray[np.float64], rates: NDArray[np.float64]) -> float:
@@ -332,78 +323,57 @@ class Trials(NamedTuple):
                 for side, turn in self.turns.items()
             },
             "zig_zags": {
-                f"{angle}/{angle} {side}": _plain(one)
-                for (angle, side), one in self.zig_zags.items()
+                f"{a}/{a} {side}": _plain(one) for (a, side), one in self.zig_zags.items()
             },
-            "spiral": None
-            if self.spiral is None
-            else _plain(self.spiral) | {"curve": self.spiral.curve.to_dict("records")},
+            "spiral": self.spiral
+            and _plain(self.spiral) | {"curve": self.spiral.curve.to_dict("records")},
             "not_sailed": self.not_completed,
         }
 
 
 def _plain(measured: TurningCircle | ZigZag | Spiral) -> dict[str, Any]:
-    plain: dict[str, Any] = {}
-    for name, value in measured._asdict().items():
-        if isinstance(value, tuple):
-            plain[name] = [float(one) for one in value]
-        elif not isinstance(value, pd.DataFrame):
-            plain[name] = float(value)
-    return plain
+    return {
+        name: [float(one) for one in value] if isinstance(value, tuple) else float(value)
+        for name, value in measured._asdict().items()
+        if not isinstance(value, pd.DataFrame)
+    }
 
 
 def trials(ship: Ship, point: Equilibrium, tick: Callable[[], None] = lambda: None) -> Trials:
     """Simulate the standard set of manoeuvres.
 
     Args:
-        ship: ship with sway and yaw.
+        ship: ship with sway and yaw; a ShipError says why it cannot be steered or does not move ahead.
         point: straight course from which each begins, as of :func:`shaftline.plant.approach`.
         tick: called after each of the :data:`MANOEUVRES`.
-
-    Raises:
-        ShipError: the ship cannot be steered, or does not move ahead.
     """
     speed = Helm(ship, point, 0.0).approach_speed
-    turns: dict[str, TurningCircle] = {}
-    zig_zags: dict[tuple[int, str], ZigZag] = {}
-    spirals: list[Spiral] = []
-    not_completed: dict[str, str] = {}
+    found = Trials(ship, speed, {}, {}, None, {})
     most = ship.rudder.angle_max_rad
 
-    def attempt(name: str, manoeuvre: Callable[[], None]) -> None:
+    @contextmanager
+    def attempt(name: str) -> Iterator[None]:
         try:
-            manoeuvre()
+            yield
         except ShipError as error:
-            not_completed[name] = str(error)
+            found.not_completed[name] = str(error)
         tick()
 
     for side, sign in SIDES.items():
-        hard_over = sign * min(HARD_OVER, most)
-
-        def turn(side: str = side, rudder: float = hard_over) -> None:
-            turns[side] = turning_circle(ship, point, rudder)
-
-        attempt(f"turning circle to {side}", turn)
+        with attempt(f"turning circle to {side}"):
+            found.turns[side] = turning_circle(ship, point, sign * min(HARD_OVER, most))
         for angle in ZIG_ZAGS:
-
-            def zigzag(side: str = side, sign: float = sign, angle: int = angle) -> None:
-                rudder = math.radians(angle)
-                zig_zags[angle, side] = zig_zag(ship, point, sign * rudder, rudder)
-
-            attempt(f"{angle}/{angle} zig-zag to {side}", zigzag)
-    attempt(
-        "spiral",
-        lambda: spirals.append(spiral(ship, point, [a for a in SPIRAL_ANGLES if abs(a) <= most])),
-    )
-    return Trials(ship, speed, turns, zig_zags, spirals[0] if spirals else None, not_completed)
+            rudder = math.radians(angle)
+            with attempt(f"{angle}/{angle} zig-zag to {side}"):
+                found.zig_zags[angle, side] = zig_zag(ship, point, sign * rudder, rudder)
+    with attempt("spiral"):
+        angles = [angle for angle in SPIRAL_ANGLES if abs(angle) <= most]
+        found = found._replace(spiral=spiral(ship, point, angles))
+    return found
 
 
 def limits(length_over_speed_s: float) -> dict[str, float]:
-    """Return the limits of MSC.137(76), 5.3.1 to 5.3.3, by criterion [ship lengths, deg].
-
-    Args:
-        length_over_speed_s: L/V of the ship at full scale [s].
-    """
+    """Return the limits of MSC.137(76), 5.3.1 to 5.3.3, [ship lengths, deg] for L/V [s]."""
     time = float(np.clip(length_over_speed_s, 10.0, 30.0))  # The limits vary between these values.
     return {
         "advance": 4.5,
@@ -416,18 +386,13 @@ def limits(length_over_speed_s: float) -> dict[str, float]:
 
 
 def criteria(results: Trials, scale: float = 1.0) -> pd.DataFrame:
-    """Compare the results of the manoeuvres with IMO's limits.
+    """Compare the results of :func:`trials` with IMO's limits.
 
-    Args:
-        results: from :func:`trials`.
-        scale: length of the full-scale ship over that of the simulated model [-]; L/V is proportional to
-            its square root (Froude).
+    ``scale`` is the length of the full-scale ship over that of the simulated model [-], above 0; L/V is
+    proportional to its square root (Froude).
 
     Returns:
         Columns criterion, unit, starboard, port, limit, met: ``yes``, ``no``, or ``not completed``.
-
-    Raises:
-        ShipError: the scale is not above 0.
     """
     if not 0.0 < scale < math.inf:
         raise ShipError(f"scale = {scale:g} is out of range (unit -; allowed: > 0)")

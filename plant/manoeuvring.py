@@ -30,11 +30,9 @@ LARGEST_RATE = 1.5
 value, so that the rate of turn damps a ship that turns on the spot."""
 
 
-def derivative(name: str, meaning: str, **limits: Any) -> Any:
-    """Declare a dimensionless hydrodynamic derivative, 0 by default."""
-    return parameter(
-        meaning, record=name, needs="turns", default=limits.pop("default", 0.0), **limits
-    )
+def derivative(name: str, meaning: str, default: float = 0.0, **limits: Any) -> Any:
+    """Declare a dimensionless hydrodynamic derivative."""
+    return parameter(meaning, record=name, needs="turns", default=default, **limits)
 
 
 def _needed(name: str, meaning: str, **limits: Any) -> Any:
@@ -46,29 +44,19 @@ class Manoeuvring(Section):
 
     derived = (("turns", np.int64), ("by_length_squared", np.int64))
 
-    length_m: float = parameter(
-        "length L between perpendiculars; 0: no sway and yaw", "m", record="length", ge=0, le=500,
-        default=0.0,
-    )  # fmt: skip
-    draught_m: float = parameter(
-        "draught d", "m", record="draught", needs="turns", required=WITH, gt=0, le=40, default=1.0
-    )
-    normalised_by: Literal["length-draught", "length-squared"] = Field(
-        default="length-draught",
-        description="reference area of the derivatives: L d (MMG) or L^2 (SNAME's first prime system)",
-    )
-    displacement_kg: float = parameter(
-        "displacement m, without added mass", "kg", record="displacement", needs="turns",
-        required=WITH, gt=0, le=1e9, default=1.0,
-    )  # fmt: skip
-    centre_of_gravity_m: float = parameter(
-        "x_G, position of the centre of gravity, forward of midship", "m",
-        record="centre_of_gravity", needs="turns", ge=-250, le=250, default=0.0,
-    )  # fmt: skip
-    radius_of_gyration_m: float = parameter(
-        "radius of gyration in yaw, about the centre of gravity", "m", record="radius_of_gyration",
-        needs="turns", required=WITH, gt=0, le=250, default=1.0,
-    )  # fmt: skip
+    # fmt: off
+    length_m: float = parameter("length L between perpendiculars; 0: no sway and yaw", "m",
+        record="length", ge=0, le=500, default=0.0)
+    draught_m: float = parameter("draught d", "m", record="draught", needs="turns", required=WITH, gt=0,
+        le=40, default=1.0)
+    normalised_by: Literal["length-draught", "length-squared"] = Field(default="length-draught",
+        description="reference area of the derivatives: L d (MMG) or L^2 (SNAME's first prime system)")
+    displacement_kg: float = parameter("displacement m, without added mass", "kg", record="displacement",
+        needs="turns", required=WITH, gt=0, le=1e9, default=1.0)
+    centre_of_gravity_m: float = parameter("x_G, position of the centre of gravity, forward of midship",
+        "m", record="centre_of_gravity", needs="turns", ge=-250, le=250, default=0.0)
+    radius_of_gyration_m: float = parameter("radius of gyration in yaw, about the centre of gravity",
+        "m", record="radius_of_gyration", needs="turns", required=WITH, gt=0, le=250, default=1.0)
     Y_vdot: float = _needed("Y_vdot", "Y by dv/dt, the added mass -m_y", le=0)
     Y_rdot: float = derivative("Y_rdot", "Y by dr/dt")
     N_vdot: float = derivative("N_vdot", "N by dv/dt")
@@ -93,26 +81,18 @@ class Manoeuvring(Section):
     N_vvr: float = derivative("N_vvr", "N by v^2 r")
     N_vrr: float = derivative("N_vrr", "N by v r^2")
     N_rrr: float = derivative("N_rrr", "N by r^3")
-    propeller_position_m: float = parameter(
-        "x_P, position of the propeller, forward of midship", "m", record="propeller_position",
-        needs="turns has_propeller", ge=-250, le=0, default=0.0,
-    )  # fmt: skip
-    wake_drift_rate: float = effect(
-        0.0, "C_1: rate at which the wake fades with drift at the propeller", record="wake_drift_rate",
-        needs="turns has_propeller", ge=0, le=50,
-    )  # fmt: skip
-    wake_drift_gain_port: float = effect(
-        1.0, "C_2: inflow at large drift to port / inflow on a straight course",
-        record="wake_drift_gain_port", needs="turns has_propeller", ge=0.2, le=4,
-    )  # fmt: skip
-    wake_drift_gain_starboard: float = effect(
-        1.0, "C_2 at large drift to starboard", record="wake_drift_gain_starboard",
-        needs="turns has_propeller", ge=0.2, le=4,
-    )  # fmt: skip
-    cross_current_m_s: float = effect(
-        0.0, "current across the initial course, positive to starboard", "m/s",
-        record="cross_current", needs="turns", ge=-5, le=5,
-    )  # fmt: skip
+    propeller_position_m: float = parameter("x_P, position of the propeller, forward of midship", "m",
+        record="propeller_position", needs="turns has_propeller", ge=-250, le=0, default=0.0)
+    wake_drift_rate: float = effect(0.0, "C_1: rate at which the wake fades with drift at the propeller",
+        record="wake_drift_rate", needs="turns has_propeller", ge=0, le=50)
+    wake_drift_gain_port: float = effect(1.0,
+        "C_2: inflow at large drift to port / inflow on a straight course",
+        record="wake_drift_gain_port", needs="turns has_propeller", ge=0.2, le=4)
+    wake_drift_gain_starboard: float = effect(1.0, "C_2 at large drift to starboard",
+        record="wake_drift_gain_starboard", needs="turns has_propeller", ge=0.2, le=4)
+    cross_current_m_s: float = effect(0.0, "current across the initial course, positive to starboard",
+        "m/s", record="cross_current", needs="turns", ge=-5, le=5)
+    # fmt: on
 
     @model_validator(mode="after")
     def _complete(self) -> Manoeuvring:
@@ -156,11 +136,7 @@ def hull_forces(
 ) -> tuple[Real, Real, Real]:
     """Return X [N], Y [N] and N [N m] of the hull in drift and yaw (eqs. 8 and 9), without resistance.
 
-    Args:
-        plant: ship record.
-        speed: :func:`reference_speed` [m/s].
-        across: v through the water [m/s].
-        yaw_rate: r [rad/s].
+    ``speed`` [m/s] is :func:`reference_speed`; v [m/s] is through the water, r in rad/s.
     """
     slowness = 1.0 / speed
     v, r = across * slowness, yaw_rate * plant.length * slowness
@@ -210,26 +186,13 @@ def planar_inertia(plant: Record) -> tuple[Real, Real, Real, Real]:
 
 @compiled
 def planar_acceleration(
-    plant: Record,
-    ahead: Real,
-    across: Real,
-    yaw_rate: Real,
-    heading: Real,
-    surge: Real,
-    side: Real,
-    moment: Real,
-) -> tuple[Real, Real, Real]:
+    plant: Record, ahead: Real, across: Real, yaw_rate: Real, heading: Real, surge: Real,
+    side: Real, moment: Real,
+) -> tuple[Real, Real, Real]:  # fmt: skip
     """Return the accelerations over ground in surge and sway [m/s2] and in yaw [rad/s2].
 
-    Args:
-        plant: ship record; its ``mass`` is m + m_x.
-        ahead: u through the water [m/s].
-        across: v through the water [m/s].
-        yaw_rate: r [rad/s].
-        heading: [rad].
-        surge: X with thrust and resistance [N].
-        side: Y [N].
-        moment: N [N m].
+    u and v [m/s] are through the water, r in rad/s, the heading in rad; X [N] includes thrust and
+    resistance, with Y [N] and N [N m]. The record's ``mass`` is m + m_x.
     """
     sway, sway_yaw, yaw_sway, yaw = planar_inertia(plant)
     off_centre = plant.displacement * plant.centre_of_gravity

@@ -49,17 +49,10 @@ def _polynomials() -> pd.DataFrame:
 
 
 def b_series(curve: str, expanded_area_ratio: float, blades: int) -> NDArray[np.float64]:
-    """Return the coefficients of a B-series polynomial for one propeller.
+    """Return the coefficients of a B-series polynomial (``"KT"`` or ``"KQ"``) for one propeller.
 
-    Args:
-        curve: ``"KT"`` or ``"KQ"``.
-        expanded_area_ratio: EAR [-], 0.3 to 1.05.
-        blades: number of blades Z [-], 2 to 7.
-
-    Returns:
-        Matrix of shape (5, 4): entry [k, i] multiplies (P/D)**PITCH_POWERS[k] J**i.
-
-    Source: Bernitsas, Ray & Kinley 1981, eqs. (1) and (2).
+    The expanded area ratio is 0.3 to 1.05, the number of blades 2 to 7. The matrix has shape (5, 4):
+    entry [k, i] multiplies (P/D)**PITCH_POWERS[k] J**i (Bernitsas, Ray & Kinley 1981, eqs. (1) and (2)).
 
     >>> from shaftline.plant.open_water import b_series, open_water
     >>> kt = b_series("KT", expanded_area_ratio=0.7, blades=4)
@@ -69,11 +62,9 @@ def b_series(curve: str, expanded_area_ratio: float, blades: int) -> NDArray[np.
     matrix = np.zeros(CURVE_SHAPE)
     terms = _polynomials()
     for term in terms[terms["curve"] == curve].itertuples():
-        matrix[PITCH_POWERS.index(term.pitch_ratio_power), term.j_power] += (
-            term.coefficient
-            * expanded_area_ratio**term.expanded_area_ratio_power
-            * blades**term.blades_power
-        )
+        area = expanded_area_ratio**term.expanded_area_ratio_power
+        value = term.coefficient * area * blades**term.blades_power
+        matrix[PITCH_POWERS.index(term.pitch_ratio_power), term.j_power] += value
     return matrix
 
 
@@ -128,17 +119,11 @@ def advance_ratio(advance_velocity: Real, shaft_speed: Real, diameter: float) ->
 def invert_torque_coefficient(
     curve: NDArray[np.float64], torque_coefficient: float, pitch_ratio: float, guess: float
 ) -> tuple[float, bool]:
-    """Return the advance ratio J at which KQ(J, P/D) has a given value, by safeguarded Newton steps.
+    """Return the J at which KQ(J, P/D) has a given value, by safeguarded Newton steps, and its validity.
 
-    Args:
-        curve: KQ matrix of shape (5, 4).
-        torque_coefficient: KQ [-] to be met.
-        pitch_ratio: P/D [-].
-        guess: start, for example the previous J.
-
-    Returns:
-        J [-], and whether it lies inside the falling branch of the curve, between J = 0 and the largest
-        usable J. Otherwise J is the edge of the branch; for an input that is not finite, J is the guess.
+    ``curve`` is a KQ matrix of shape (5, 4); ``guess`` is the start, for example the previous J. J is
+    valid inside the falling branch of the curve, between J = 0 and the largest usable J. Otherwise it is
+    the edge of the branch; for an input that is not finite, the guess.
     """
     c0, c1, c2, c3 = collapse_pitch(curve, pitch_ratio)
     if not (math.isfinite(torque_coefficient) and math.isfinite(c0)):
@@ -169,10 +154,7 @@ SURFACE_SHAPE = (4, MOST_PITCH_RATIOS, MOST_ADVANCE_RATIOS)
 """Value, slope over J, slope over P/D, and mixed derivative, at each entry."""
 
 _JUDGED = 6  # fewest entries for which one can be compared with its neighbours
-_DAMAGED, _ALONE = (
-    0.1,
-    10.0,
-)  # deviation of a damaged entry: share of the span, multiple of the median
+_DAMAGED, _ALONE = 0.1, 10.0  # deviation of a damaged entry: share of the span, times the median
 
 _Ratio = Annotated[float, Field(ge=-2, le=3)]
 _Coefficient = Annotated[float, Field(ge=-3, le=3)]
@@ -186,18 +168,17 @@ def _array(description: str, most: int, **more: Any) -> Any:
 class OpenWaterTable(Section):
     """Open-water table: measured KT and KQ over J."""
 
+    # fmt: off
     advance_ratio: tuple[_Ratio, ...] = _array(
         "J of the entries, rising, 2 to 32 of them; the curves are constant outside them",
-        MOST_ADVANCE_RATIOS, min_length=2,
-    )  # fmt: skip
+        MOST_ADVANCE_RATIOS, min_length=2)
     thrust_coefficient: _Curves = _array(
-        "KT at each J; with several pitch ratios, one list for each of them", MOST_PITCH_RATIOS
-    )
+        "KT at each J; with several pitch ratios, one list for each of them", MOST_PITCH_RATIOS)
     torque_coefficient: _Curves = _array("KQ (not 10 KQ), in the same form", MOST_PITCH_RATIOS)
     pitch_ratio: tuple[_Ratio, ...] = _array(
         "P/D of each list, rising, 2 to 6 of them; absent for a single curve", MOST_PITCH_RATIOS,
-        default=(),
-    )  # fmt: skip
+        default=())
+    # fmt: on
 
     @field_validator("thrust_coefficient", "torque_coefficient", mode="before")
     @classmethod
@@ -234,12 +215,9 @@ class OpenWaterTable(Section):
         record["table_advance_count"] = len(j)
         record["table_pitch_ratios"][: len(p)] = p
         record["table_pitch_count"] = len(p)
-        record["table_kt"][:, : len(p), : len(j)] = _surface(
-            j, p, np.array(self.thrust_coefficient)
-        )
-        record["table_kq"][:, : len(p), : len(j)] = _surface(
-            j, p, np.array(self.torque_coefficient)
-        )
+        curves = {"table_kt": self.thrust_coefficient, "table_kq": self.torque_coefficient}
+        for name, curve in curves.items():
+            record[name][:, : len(p), : len(j)] = _surface(j, p, np.array(curve))
 
 
 RECORD_FIELDS = (
@@ -260,11 +238,7 @@ def _kinks(j: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.fl
 
 
 def _refuse_damage(name: str, j: NDArray[np.float64], values: NDArray[np.float64]) -> None:
-    """Refuse an entry with a lost digit or sign: one that deviates far more from its neighbours' line.
-
-    Raises:
-        ValueError: names the entry and the value that its neighbours suggest.
-    """
+    """Refuse an entry with a lost digit or sign: one that deviates far from its neighbours' line."""
     if len(j) < _JUDGED:
         return
     rough = [_kinks(np.delete(j, i), np.delete(values, i)) for i in range(len(j))]
@@ -272,10 +246,8 @@ def _refuse_damage(name: str, j: NDArray[np.float64], values: NDArray[np.float64
     first = min(max(worst - 1, 0), len(j) - 3)  # first of its two neighbours
     (j0, j1), (y0, y1) = (np.delete(line, worst)[first : first + 2] for line in (j, values))
     expected = y0 + (y1 - y0) * (j[worst] - j0) / (j1 - j0)
-    span = float(np.ptp(np.delete(values, worst)))
-    if abs(values[worst] - expected) > max(
-        _DAMAGED * span, _ALONE * float(np.median(rough[worst]))
-    ):
+    span, usual = np.ptp(np.delete(values, worst)), np.median(rough[worst])
+    if abs(values[worst] - expected) > max(_DAMAGED * span, _ALONE * usual):
         raise ValueError(
             f"{name} at advance_ratio {j[worst]:g} is {values[worst]:g}, but its neighbours suggest "
             f"{expected:.3g}: check for a lost digit or sign. If the value is right, add entries near it"
@@ -327,11 +299,7 @@ def table_curve(
 ) -> tuple[Real, Real]:
     """Return KT or KQ [-] of the ship's table and its slope over J, constant outside the table.
 
-    Args:
-        plant: ship record.
-        surface: its ``table_kt`` or ``table_kq``.
-        advance_ratio: J [-].
-        pitch_ratio: P/D [-]; without effect for a single curve.
+    ``surface`` is ``table_kt`` or ``table_kq``; P/D [-] is without effect for a single curve.
     """
     nodes, count = plant.table_advance_ratios, plant.table_advance_count
     j = clip(advance_ratio, nodes[0], nodes[count - 1])
@@ -360,18 +328,11 @@ def table_curve(
 def invert_table(
     plant: Record, torque_coefficient: float, pitch_ratio: float, guess: float
 ) -> tuple[float, bool]:
-    """Return the advance ratio J at which the table's KQ has a given value, by safeguarded Newton steps.
+    """Return the J at which the table's KQ has a value, by safeguarded Newton steps, and its validity.
 
-    Args:
-        plant: ship record.
-        torque_coefficient: KQ [-] to be met.
-        pitch_ratio: P/D [-].
-        guess: start, for example the previous J.
-
-    Returns:
-        J [-], and whether it lies on the falling branch that begins at J = 0, or at the table's first J
-        if that is larger. Otherwise J is an end of the branch; for an input that is not finite, J is the
-        guess.
+    J is valid on the falling branch that begins at J = 0, or at the table's first J if that is larger.
+    Otherwise it is an end of the branch; for an input that is not finite, the guess (such as the
+    previous J).
     """
     if not (math.isfinite(torque_coefficient) and math.isfinite(pitch_ratio)):
         return guess, False

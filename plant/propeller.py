@@ -85,14 +85,12 @@ def _advance_ratios(plant: Any) -> tuple[float, float]:
 
 
 def _shaft_speeds(plant: Any) -> tuple[float, float]:
-    any_way = plant["propeller_model"] in (FOUR_QUADRANT, NO_PROPELLER) or _is_bollard(plant)
+    any_way = _is_bollard(plant) or _advance_ratios(plant) == _UNUSED
     return _UNUSED if any_way else (0.0, math.inf)
 
 
 def _pitch_ratios(plant: Any) -> tuple[float, float]:
-    series = plant["propeller_model"] == FOUR_QUADRANT or (
-        plant["propeller_model"] == POLYNOMIALS and not _is_bollard(plant)
-    )
+    series = plant["propeller_model"] in (FOUR_QUADRANT, POLYNOMIALS) and not _is_bollard(plant)
     return (PITCH_NODES[0], PITCH_NODES[-1]) if series else _UNUSED
 
 
@@ -144,6 +142,14 @@ def torque_coefficient_slope(plant: Record, advance_ratio: Real, pitch_ratio: Re
     return slope
 
 
+@compiled
+def _in_any_quadrant(
+    plant: Record, velocity_per_diameter: Real, revolutions: Real, pitch_ratio: Real
+) -> tuple[Real, Real]:
+    table, nodes = plant.four_quadrant, plant.four_quadrant_pitch
+    return four_quadrant_coefficients(table, nodes, velocity_per_diameter, revolutions, pitch_ratio)
+
+
 _STEP = 1e-30  # complex step
 
 FOLD_MARGIN = 0.05
@@ -156,19 +162,9 @@ def torque_in_any_quadrant(
 ) -> Real:
     """Return KQ n |n| [1/s2] from the four-quadrant curves, with ``astern_load_fraction``.
 
-    Args:
-        plant: ship record.
-        velocity_per_diameter: v_a / D [1/s].
-        revolutions: n [1/s], either sign.
-        pitch_ratio: P/D [-].
+    v_a / D is in 1/s, n in 1/s with either sign.
     """
-    _, torque = four_quadrant_coefficients(
-        plant.four_quadrant,
-        plant.four_quadrant_pitch,
-        velocity_per_diameter,
-        revolutions,
-        pitch_ratio,
-    )
+    _, torque = _in_any_quadrant(plant, velocity_per_diameter, revolutions, pitch_ratio)
     return torque if revolutions.real >= 0.0 else torque * plant.astern_load_fraction
 
 
@@ -178,20 +174,12 @@ def coefficients_along(
 ) -> tuple[Real, Real]:
     """Return KT = T / (rho n |n| D^4) and KQ = Q / (rho n |n| D^5) [-] for either direction of rotation.
 
-    Args:
-        plant: ship record; only four-quadrant curves cover a shaft that turns astern.
-        advance_ratio: J = v_a / (n D) [-].
-        pitch_ratio: P/D [-].
-        direction: 1 for rotation ahead, -1 for rotation astern.
+    J = v_a / (n D); ``direction`` is 1 for rotation ahead and -1 astern, which only four-quadrant curves
+    cover.
     """
     if plant.propeller_model == FOUR_QUADRANT:
-        thrust, torque = four_quadrant_coefficients(
-            plant.four_quadrant,
-            plant.four_quadrant_pitch,
-            direction * advance_ratio,
-            direction,
-            pitch_ratio,
-        )
+        velocity = direction * advance_ratio
+        thrust, torque = _in_any_quadrant(plant, velocity, direction, pitch_ratio)
         share = 1.0 if direction > 0.0 else plant.astern_load_fraction
         return direction * share * thrust, direction * share * torque
     kt = thrust_coefficient(plant, advance_ratio, pitch_ratio)
@@ -218,16 +206,10 @@ def outside_ring_vortex(
 ) -> bool:
     """Return whether KQ shows that the shaft turns with the inflow and not against it.
 
-    Args:
-        plant: ship record of a four-quadrant propeller.
-        advance_ratio: J = v_a / (n D) [-], as estimated.
-        pitch_ratio: P/D [-].
-        direction: 1 if the shaft turns ahead, -1 if astern.
-        known: whether this was true shortly before.
-
     Against the inflow (J < 0) the flow is an unsteady ring vortex, useless for an estimate: zone 1 of
     Pivano et al. 2008, section 4.1. The torques between its dip and its peak occur at moderate J too. An
-    estimate that was valid before stays valid up to the peak; a new one must have a KQ below the dip.
+    estimate that was valid before (``known``) stays valid up to the peak; a new one must have a KQ below
+    the dip. J = v_a / (n D) is the estimate; ``direction`` is 1 if the shaft turns ahead, -1 if astern.
     """
     dip, peak = _fold(plant, pitch_ratio, direction)
     if not advance_ratio >= max(peak, 0.0):
@@ -292,24 +274,17 @@ def advance_ratio_of(
     guess: float,
     direction: float = 1.0,
 ) -> tuple[float, bool]:
-    """Return the advance ratio J = v_a / (n D) at which the propeller has a KQ [-], and its validity.
+    """Return J = v_a / (n D) at which the propeller has KQ = Q / (rho n |n| D^5), and its validity.
 
-    Args:
-        plant: ship record.
-        torque_coefficient: KQ = Q / (rho n |n| D^5) [-] to be met.
-        pitch_ratio: P/D [-].
-        guess: start, for example the previous J; for a four-quadrant curve it also selects the branch.
-        direction: 1 if the shaft turns ahead; -1 astern, for four-quadrant curves only.
-
-    The result is valid if it lies on the falling branch from J = 0 on.
+    It is valid on the falling branch from J = 0 on. ``guess`` is the start, for example the previous J;
+    for a four-quadrant curve it also selects the branch. ``direction`` is 1 if the shaft turns ahead; -1
+    astern, for four-quadrant curves only.
     """
     if plant.propeller_model == FOUR_QUADRANT:
-        j, valid = _invert_four_quadrants(plant, torque_coefficient, pitch_ratio, guess, direction)
-    elif plant.propeller_model == TABLE:
-        j, valid = invert_table(plant, torque_coefficient, pitch_ratio, guess)
-    else:
-        j, valid = invert_torque_coefficient(plant.kq, torque_coefficient, pitch_ratio, guess)
-    return j, valid
+        return _invert_four_quadrants(plant, torque_coefficient, pitch_ratio, guess, direction)
+    if plant.propeller_model == TABLE:
+        return invert_table(plant, torque_coefficient, pitch_ratio, guess)
+    return invert_torque_coefficient(plant.kq, torque_coefficient, pitch_ratio, guess)
 
 
 PITCH_RANGES = {"b-series": (0.4, 1.6), "four-quadrant": (PITCH_NODES[0], PITCH_NODES[-1])}
@@ -339,78 +314,48 @@ class Propeller(Section):
         *RECORD_FIELDS,
     )
 
-    model: Literal["b-series", "four-quadrant", "bollard", "table", "none"] = Field(
-        default="b-series",
-        description="source of the open-water curves; none: a shaft without propeller",
-    )
-    diameter_m: float = parameter(
-        "diameter D", "m", record="diameter", required="with a propeller", gt=0, le=15, default=1.0
-    )
+    # fmt: off
+    model: Literal["b-series", "four-quadrant", "bollard", "table", "none"] = Field(default="b-series",
+        description="source of the open-water curves; none: a shaft without propeller")
+    diameter_m: float = parameter("diameter D", "m", record="diameter", required="with a propeller",
+        gt=0, le=15, default=1.0)
     blades: int = Field(default=4, ge=2, le=7, description="number of blades Z")
-    expanded_area_ratio: float = Field(
-        default=0.7, ge=0.3, le=1.05, description="expanded area ratio"
-    )
-    pitch_ratio_min: float = parameter(
-        "lowest P/D; equal to the highest for a fixed-pitch propeller", record="pitch_ratio_min",
-        ge=-1.6, le=1.6, default=1.0,
-    )  # fmt: skip
-    pitch_ratio_max: float = parameter(
-        "highest P/D", record="pitch_ratio_max", ge=-1.6, le=1.6, default=1.0
-    )
-    relative_rotative_efficiency: float = parameter(
-        "relative rotative efficiency eta_r",
-        record="relative_rotative_efficiency",
-        gt=0.5,
-        lt=1.5,
-        default=1.0,
-    )
-    depth_m: float = parameter(
-        "depth of the propeller's centre", "m", record="depth", ge=0, le=30, default=4.0
-    )
-    thrust_coefficient: float = entry(
-        "KT at J = 0 (bollard)", record="kt", place=(0, 0), needs="has_constant_coefficients",
-        ge=0, le=2, default=0.0,
-    )  # fmt: skip
-    torque_coefficient: float = entry(
-        "KQ at J = 0 (bollard)", record="kq", place=(0, 0), needs="has_constant_coefficients",
-        ge=0, le=1, default=0.0,
-    )  # fmt: skip
-    open_water: OpenWaterTable | None = Field(
-        default=None, description="measured open-water table, for model table"
-    )
-    roughness_drag: float = effect(
-        0.0, "added blade drag coefficient", record="propeller_roughness", ge=0, le=0.05
-    )
-    entrained_inertia_kg_m2: float = effect(
-        0.0, "inertia of entrained water", "kg m2", record="entrained_inertia", ge=0, le=1e7
-    )
-    inflow_lag_s: float = effect(
-        0.0, "first-order lag of the inflow", "s", record="inflow_lag", lag=True, ge=0, le=60
-    )
-    astern_load_fraction: float = effect(
-        1.0, "astern thrust and torque / those of the curves",
-        record="astern_load_fraction", ge=0.1, le=5,
-    )  # fmt: skip
-    cavitation_breakdown: float = effect(
-        0.0, "thrust lost per unit deficit of cavitation number", record="cavitation_breakdown",
-        needs="in_water", ge=0, le=3,
-    )  # fmt: skip
-    cavitation_onset_number: float = parameter(
-        "sigma_n at which breakdown begins", record="cavitation_onset_number",
-        needs="in_water", gt=0, le=50, default=1.0,
-    )  # fmt: skip
-    cavitation_torque_share: float = parameter(
-        "torque loss / thrust loss", record="cavitation_torque_share", needs="in_water",
-        ge=0, le=1, default=0.8,
-    )  # fmt: skip
+    expanded_area_ratio: float = Field(default=0.7, ge=0.3, le=1.05, description="expanded area ratio")
+    pitch_ratio_min: float = parameter("lowest P/D; equal to the highest for a fixed-pitch propeller",
+        record="pitch_ratio_min", ge=-1.6, le=1.6, default=1.0)
+    pitch_ratio_max: float = parameter("highest P/D", record="pitch_ratio_max", ge=-1.6, le=1.6,
+        default=1.0)
+    relative_rotative_efficiency: float = parameter("relative rotative efficiency eta_r",
+        record="relative_rotative_efficiency", gt=0.5, lt=1.5, default=1.0)
+    depth_m: float = parameter("depth of the propeller's centre", "m", record="depth", ge=0, le=30,
+        default=4.0)
+    thrust_coefficient: float = entry("KT at J = 0 (bollard)", record="kt", place=(0, 0),
+        needs="has_constant_coefficients", ge=0, le=2, default=0.0)
+    torque_coefficient: float = entry("KQ at J = 0 (bollard)", record="kq", place=(0, 0),
+        needs="has_constant_coefficients", ge=0, le=1, default=0.0)
+    open_water: OpenWaterTable | None = Field(default=None,
+        description="measured open-water table, for model table")
+    roughness_drag: float = effect(0.0, "added blade drag coefficient", record="propeller_roughness",
+        ge=0, le=0.05)
+    entrained_inertia_kg_m2: float = effect(0.0, "inertia of entrained water", "kg m2",
+        record="entrained_inertia", ge=0, le=1e7)
+    inflow_lag_s: float = effect(0.0, "first-order lag of the inflow", "s", record="inflow_lag",
+        lag=True, ge=0, le=60)
+    astern_load_fraction: float = effect(1.0, "astern thrust and torque / those of the curves",
+        record="astern_load_fraction", ge=0.1, le=5)
+    cavitation_breakdown: float = effect(0.0, "thrust lost per unit deficit of cavitation number",
+        record="cavitation_breakdown", needs="in_water", ge=0, le=3)
+    cavitation_onset_number: float = parameter("sigma_n at which breakdown begins",
+        record="cavitation_onset_number", needs="in_water", gt=0, le=50, default=1.0)
+    cavitation_torque_share: float = parameter("torque loss / thrust loss",
+        record="cavitation_torque_share", needs="in_water", ge=0, le=1, default=0.8)
+    # fmt: on
 
     @model_validator(mode="after")
     def _complete(self) -> Propeller:
         if self.model == "none":
-            if idle := sorted(self.model_fields_set - {"model"}):
-                raise ValueError(
-                    f"{idle[0]} has no effect with propeller.model = 'none'; remove it"
-                )
+            for idle in sorted(self.model_fields_set - {"model"}):
+                raise ValueError(f"{idle} has no effect with propeller.model = 'none'; remove it")
             return self
         keys: tuple[str, ...] = (
             "blades",
@@ -448,10 +393,8 @@ class Propeller(Section):
                     "a variable pitch needs open_water.pitch_ratio with at least two values; give them, "
                     "or set pitch_ratio_min equal to pitch_ratio_max"
                 )
-            if (
-                tabled
-                and not tabled[0] <= self.pitch_ratio_min <= self.pitch_ratio_max <= tabled[-1]
-            ):
+            least, most = self.pitch_ratio_min, self.pitch_ratio_max
+            if tabled and not tabled[0] <= least <= most <= tabled[-1]:
                 raise ValueError(
                     f"pitch_ratio_min and pitch_ratio_max must lie within open_water.pitch_ratio, "
                     f"{tabled[0]:g} to {tabled[-1]:g}"
@@ -519,47 +462,30 @@ class PropellerLoad(NamedTuple):
 
 @compiled
 def propeller_load(
-    plant: Record,
-    advance_velocity: Real,
-    shaft_speed: Real,
-    pitch_ratio: Real,
-    submergence: Real,
+    plant: Record, advance_velocity: Real, shaft_speed: Real, pitch_ratio: Real, submergence: Real,
     ventilation: Real,
-) -> PropellerLoad:
+) -> PropellerLoad:  # fmt: skip
     """Return thrust and torque of one propeller (thesis eqs. 2-3 and 2-4), with optional losses.
 
-    Args:
-        plant: ship record.
-        advance_velocity: v_a [m/s].
-        shaft_speed: omega [rad/s].
-        pitch_ratio: P/D [-].
-        submergence: depth of the propeller's centre below the surface [m].
-        ventilation: degree of ventilation, 0 (none) to 1 (full).
+    v_a is in m/s, omega in rad/s, the depth of the propeller's centre in m; the degree of ventilation is
+    0 (none) to 1 (full).
 
     The polynomials cover rotation ahead only. Astern their coefficients are used with n |n|, so thrust
     and torque change sign with the shaft speed (four-quadrant curves cover both directions). Astern
     loads are multiplied by ``astern_load_fraction``, because blade sections made for one direction load
     less in the other.
 
-    Roughness uses the ITTC-1978 scale corrections with the added blade drag Delta C_D:
-    Delta KT = -0.3 (P/D) (c Z / D) Delta C_D and Delta KQ = 0.25 (c Z / D) Delta C_D.
+    Roughness uses the ITTC-1978 scale corrections with the added blade drag Delta C_D: Delta KT = -0.3
+    (P/D) (c Z / D) Delta C_D and Delta KQ = 0.25 (c Z / D) Delta C_D.
     """
     n = shaft_speed * REVOLUTIONS_PER_RADIAN
     n2 = n * n if n.real >= 0.0 else -n * n
     if plant.propeller_model == FOUR_QUADRANT:
-        kt_n2, kq_n2 = four_quadrant_coefficients(
-            plant.four_quadrant,
-            plant.four_quadrant_pitch,
-            advance_velocity / plant.diameter,
-            n,
-            pitch_ratio,
-        )
+        velocity = advance_velocity / plant.diameter
+        kt_n2, kq_n2 = _in_any_quadrant(plant, velocity, n, pitch_ratio)
     else:
-        j = clip(
-            advance_ratio(advance_velocity, shaft_speed, plant.diameter),
-            plant.advance_ratio_min,
-            plant.advance_ratio_max,
-        )
+        j = advance_ratio(advance_velocity, shaft_speed, plant.diameter)
+        j = clip(j, plant.advance_ratio_min, plant.advance_ratio_max)
         kt_n2 = thrust_coefficient(plant, j, pitch_ratio) * n2
         kq_n2 = torque_coefficient(plant, j, pitch_ratio) * n2
     if plant.propeller_roughness != 0.0:

@@ -46,21 +46,13 @@ PLANT = _plant_dtype()
 
 
 def record_of(
-    sections: Iterable[Section],
-    prime_mover: int,
-    terms: Iterable[Term] = (),
+    sections: Iterable[Section], prime_mover: int, terms: Iterable[Term] = (),
     signals: Sequence[str] = (),
-) -> Any:
+) -> Any:  # fmt: skip
     """Return the record of a ship: one element of dtype :data:`PLANT`.
 
-    Args:
-        sections: sections of the ship.
-        prime_mover: code of the kind of prime mover.
-        terms: terms of the ship.
-        signals: names of the external signals, in their order.
-
-    Raises:
-        TermError: too many terms, or a term that uses another signal.
+    ``prime_mover`` is the code of its kind, ``signals`` are the names of the external signals in their
+    order. Too many terms, or a term that uses another signal, raise a TermError.
     """
     record = np.zeros(1, PLANT)[0]
     for section in sections:

@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..core.compiled import Record, compiled
 from ..core.files import FileError, SizeError, check_size, reason_of, refuse_special
 from ..core.tables import LayoutError, read_sheet, read_text_table
 from .columns import BOUNDS, TIME, drive_column
@@ -20,15 +19,6 @@ from .ship import Ship
 
 WATER = ("propeller_submergence_m", "inflow_velocity_m_s")
 """Columns of the water, which act if a recording has them."""
-
-
-@compiled
-def _fill_inflow(
-    plant: Record, ship_speed: NDArray[np.float64], inflow: NDArray[np.float64]
-) -> None:
-    """Fill ``inflow`` with the advance velocity [m/s] in the wake at each ship speed [m/s]."""
-    for k in range(len(ship_speed)):
-        inflow[k] = wake_inflow(plant, water_speed(plant, ship_speed[k]))
 
 
 class RecordedInputs:
@@ -63,17 +53,15 @@ class RecordedInputs:
         self._speed = np.zeros(self.rows)
         if self._met is not None and ship.moves:
             if "ship_speed_m_s" not in table:
-                raise RecordingError(
-                    "inflow_velocity_m_s needs the column ship_speed_m_s, because the hull moves"
-                )
+                needed = "needs the column ship_speed_m_s, because the hull moves"
+                raise RecordingError(f"{WATER[1]} {needed}")
             self._speed = self._column("ship_speed_m_s")
 
     def _column(self, name: str, count: int | None = None) -> NDArray[np.float64]:
         """Return the first ``count`` values of a column, by default all of them."""
         if name not in self.table:
-            raise RecordingError(
-                f"column {name!r} is missing; the recording has: {', '.join(self.table)}"
-            )
+            known = ", ".join(self.table)
+            raise RecordingError(f"column {name!r} is missing; the recording has: {known}")
         values = np.asarray(self.table[name], dtype=np.float64)[:count]
         if not np.isfinite(values).all():
             row = int(np.argmin(np.isfinite(values)))
@@ -81,17 +69,10 @@ class RecordedInputs:
         return values
 
     def inflow_rows(self, plant: Any) -> NDArray[np.float64]:
-        """Return the inflow disturbance u_x [m/s] at the rows that reproduces the measured inflow.
-
-        It is 0 if no inflow was measured.
-
-        Args:
-            plant: ship record.
-        """
+        """Return the disturbance u_x [m/s] at the rows that reproduces the measured inflow, or 0."""
         if self._met is None:
             return np.zeros(self.rows)
-        nominal = np.empty(self.rows)
-        _fill_inflow(plant, self._speed, nominal)
+        nominal = wake_inflow(plant, water_speed(plant, self._speed))
         return np.asarray(self._met - nominal)
 
 
@@ -133,10 +114,8 @@ def read_recording(
 def read_table(path: Path, layout: Mapping[str, object] = MappingProxyType({})) -> pd.DataFrame:
     """Return the raw table of a text file, a spreadsheet or a Parquet file.
 
-    Args:
-        path: path of the file.
-        layout: known properties of a text file, as in :class:`shaftline.core.tables.Layout`; the others
-            are guessed.
+    ``layout`` holds known properties of a text file, as in :class:`shaftline.core.tables.Layout`; the
+    others are guessed.
 
     Raises:
         RecordingError: the file cannot be read, or the reader of its format is not installed.
@@ -170,11 +149,8 @@ def convert_numbers(
 ) -> pd.DataFrame:
     """Return a copy whose known columns are finite floats.
 
-    Args:
-        path: path of the file, for messages.
-        table: table as read.
-        required: columns that must be present.
-        signals: units of further known columns, by name.
+    The path is for messages; ``required`` columns must be present; ``signals`` are units of further
+    known columns.
 
     Raises:
         RecordingError: a required column is missing, there are fewer than two rows, or a value is not a
@@ -197,20 +173,17 @@ def convert_numbers(
         if bad.any():
             row = int(np.argmax(bad))
             given = table[column].iloc[row]
+            shown = repr(given) if isinstance(given, str) else given
             raise RecordingError(
-                f"{path}: {column}, row {row + 1}: {repr(given) if isinstance(given, str) else given} "
-                f"is not a finite number ({bad.sum()} of {len(table)} rows; unit {units[column]})"
+                f"{path}: {column}, row {row + 1}: {shown} is not a finite number ({bad.sum()} of "
+                f"{len(table)} rows; unit {units[column]})"
             )
         table[column] = numbers
     return table
 
 
 def check_bounds(path: Path, table: pd.DataFrame) -> None:
-    """Refuse values outside the physical bounds of their columns.
-
-    Raises:
-        RecordingError: a value outside the :data:`BOUNDS` of its column.
-    """
+    """Refuse a value outside the physical :data:`BOUNDS` of its column with a RecordingError."""
     for column in (c for c in table.columns if c in BOUNDS):
         low, high, unit = BOUNDS[column]
         outside = ~table[column].between(low, high).to_numpy()

@@ -88,9 +88,8 @@ class Replay(RecordedInputs):
         self.rudder_rows = np.zeros(self.rows)
         if ship.turns and helm in table:
             self.rudder_rows = self._column(helm)
-        self.rudder = (self._interpolate if line or self.helm_measured else self._hold)(
-            self.rudder_rows
-        )
+        follow = self._interpolate if line or self.helm_measured else self._hold
+        self.rudder = follow(self.rudder_rows)
         if not ship.turns_freely:  # The drive leads the shaft from each measured speed to the next.
             ends = self.dt * np.arange(1.0, len(self.drive) + 1.0)
             self.drive = np.interp(ends, self.time_s, self.drive_rows)
@@ -114,11 +113,7 @@ class Replay(RecordedInputs):
         return np.ascontiguousarray(np.interp(middles, self.time_s, rows))
 
     def with_holds(self, moves: NDArray[np.bool_]) -> Replay:
-        """Return a replay whose commands are held constant from some rows to their next ones.
-
-        Args:
-            moves: whether the commands are held from a row on, shape (rows - 1,).
-        """
+        """Return a replay whose commands are held from the marked rows, shape (rows - 1,), on."""
         other = copy.copy(self)
         steps = np.repeat(moves, self.per_row)
         other.drive = np.where(steps, self._hold(self.drive_rows), self.drive)
@@ -142,10 +137,7 @@ class Replay(RecordedInputs):
             first["pitch_ratio"] = self.ship.propeller.pitch_ratio_max
         if len(first) < len(_START):
             try:
-                signals = {n: float(self._column(n, 1)[0]) for n in self.ship.external_signals}
-                state = equilibrium(
-                    self.ship, float(self.drive[0]), float(self.pitch[0]), signals=signals
-                ).state
+                state = self._steady_state()
             except ValueError as error:
                 missing = [column for column in _START if column not in first]
                 raise RecordingError(
@@ -155,6 +147,12 @@ class Replay(RecordedInputs):
             first = dict(zip(_START, steady, strict=True)) | first
         pitch, shaft, speed = (first[column] for column in _START)
         return pitch, shaft, speed
+
+    def _steady_state(self) -> State:
+        """Return the equilibrium at the inputs of the first row."""
+        signals = {n: float(self._column(n, 1)[0]) for n in self.ship.external_signals}
+        first = float(self.drive[0]), float(self.pitch[0])
+        return equilibrium(self.ship, *first, signals=signals).state
 
     def _first_beside(self, count: int) -> dict[str, float]:
         """Return the initial shaft angle and, for a ship with sway and yaw, their initial values."""
@@ -194,9 +192,8 @@ class Replay(RecordedInputs):
     def first_state(self, start: tuple[float, ...] | None = None, plant: Any = None) -> State:
         """Return the state at the first row, with lags not yet settled.
 
-        Args:
-            start: measured values; ``self.start`` by default.
-            plant: ship record; the gain of its speed sensor is removed from a measured shaft speed.
+        ``start`` holds the measured values (``self.start`` by default). The gain of the ship record's
+        speed sensor is removed from a measured shaft speed.
         """
         pitch, shaft, speed, *turning = map(float, self.start if start is None else start)
         shifts = dict(zip(PLANAR_STATES, turning, strict=False))
@@ -234,10 +231,8 @@ class Replay(RecordedInputs):
         if self.helm_measured:
             plant = plant.copy()
             plant["rudder_lag"] = 0.0
-        state = np.zeros(1, STATE)
-        state[0] = tuple(
-            settle_lags(plant, self.first_state(start, plant), self.first_inputs(inflow))
-        )
+        first = settle_lags(plant, self.first_state(start, plant), self.first_inputs(inflow))
+        state = np.array([tuple(first)], STATE)
         steps = len(self.drive)
         if len(getattr(_own, "samples", ())) <= steps:
             _own.samples = np.zeros(steps + 1, SAMPLE)
@@ -299,6 +294,5 @@ def simulate_recording(
         if c not in columns and (c in ALWAYS_SIMULATED or c in TURNING_COLUMNS or c in recording)
     }
     if every_signal:
-        all_signals = {c: samples[signal] for c, signal in signal_columns(ship).items()}
-        columns = all_signals | columns
+        columns = {c: samples[signal] for c, signal in signal_columns(ship).items()} | columns
     return pd.DataFrame(columns)

@@ -24,69 +24,42 @@ class Rudder(Section):
 
     needs = "turns"
 
-    area_m2: float = parameter(
-        "A_R, total area; 0: no rudder", "m2", record="rudder_area", ge=0, le=500, default=0.0
-    )
+    # fmt: off
+    area_m2: float = parameter("A_R, total area; 0: no rudder", "m2", record="rudder_area", ge=0, le=500,
+        default=0.0)
     normal_force_slope: float = parameter(
         "f_alpha: normal force coefficient / sine of the angle of attack", "1/rad",
-        record="rudder_slope", required=WITH, gt=0, le=2.0 * math.pi, default=1.0,
-    )  # fmt: skip
-    position_m: float = parameter(
-        "x_R, forward of midship", "m", record="rudder_position", required=WITH, ge=-250, le=250,
-        default=0.0,
-    )  # fmt: skip
+        record="rudder_slope", required=WITH, gt=0, le=2.0 * math.pi, default=1.0)
+    position_m: float = parameter("x_R, forward of midship", "m", record="rudder_position",
+        required=WITH, ge=-250, le=250, default=0.0)
     yaw_lever_m: float = parameter(
         "l_R: lever of the yaw's cross flow at the rudder, forward of midship", "m",
-        record="rudder_yaw_lever", required=WITH, ge=-500, le=500, default=0.0,
-    )  # fmt: skip
-    profile_drag: float = effect(
-        0.0, "drag coefficient at no angle of attack", record="rudder_drag", ge=0, le=0.1
-    )
-    steering_deduction: float = effect(
-        0.0, "t_R: share of the rudder's drag that the hull compensates",
-        record="steering_deduction", ge=-0.5, lt=1,
-    )  # fmt: skip
-    hull_force_share: float = effect(
-        0.0, "a_H: side force on the hull / side force of the rudder", record="rudder_hull_share",
-        ge=-0.5, le=2,
-    )  # fmt: skip
-    hull_force_position_m: float = parameter(
-        "x_H: position of that side force, forward of midship", "m", record="rudder_hull_position",
-        ge=-250, le=250, default=0.0,
-    )  # fmt: skip
-    wake_ratio: float = effect(
-        1.0, "epsilon: (1 - w) at the rudder / (1 - w) at the propeller", record="rudder_wake_ratio",
-        gt=0, le=3,
-    )  # fmt: skip
-    race_gain: float = effect(
-        0.0, "kappa: share of the speed increase in the race at the rudder", record="race_gain", ge=0,
-        le=2,
-    )  # fmt: skip
-    race_share: float = effect(
-        1.0, "eta: share of the rudder inside the race", record="race_share", ge=0, le=1
-    )
-    straightening_port: float = effect(
-        1.0, "gamma_R for cross flow from port", record="straightening_port", ge=0, le=2
-    )
-    straightening_starboard: float = effect(
-        1.0, "gamma_R for cross flow from starboard", record="straightening_starboard", ge=0, le=2
-    )
-    angle_max_rad: float = parameter(
-        "end stop, to either side", "rad", record="rudder_max", gt=0, le=1.6,
-        default=math.radians(35.0),
-    )  # fmt: skip
-    time_constant_s: float = effect(
-        0.0,
-        "time constant of the steering gear; 0: no lag",
-        "s",
-        record="rudder_lag",
-        lag=True,
-        ge=0,
-        le=100,
-    )
-    rate_limit_rad_s: float = effect(
-        INF, "rate limit of the steering gear", "rad/s", record="rudder_rate_limit", gt=0
-    )
+        record="rudder_yaw_lever", required=WITH, ge=-500, le=500, default=0.0)
+    profile_drag: float = effect(0.0, "drag coefficient at no angle of attack", record="rudder_drag",
+        ge=0, le=0.1)
+    steering_deduction: float = effect(0.0, "t_R: share of the rudder's drag that the hull compensates",
+        record="steering_deduction", ge=-0.5, lt=1)
+    hull_force_share: float = effect(0.0, "a_H: side force on the hull / side force of the rudder",
+        record="rudder_hull_share", ge=-0.5, le=2)
+    hull_force_position_m: float = parameter("x_H: position of that side force, forward of midship", "m",
+        record="rudder_hull_position", ge=-250, le=250, default=0.0)
+    wake_ratio: float = effect(1.0, "epsilon: (1 - w) at the rudder / (1 - w) at the propeller",
+        record="rudder_wake_ratio", gt=0, le=3)
+    race_gain: float = effect(0.0, "kappa: share of the speed increase in the race at the rudder",
+        record="race_gain", ge=0, le=2)
+    race_share: float = effect(1.0, "eta: share of the rudder inside the race", record="race_share",
+        ge=0, le=1)
+    straightening_port: float = effect(1.0, "gamma_R for cross flow from port",
+        record="straightening_port", ge=0, le=2)
+    straightening_starboard: float = effect(1.0, "gamma_R for cross flow from starboard",
+        record="straightening_starboard", ge=0, le=2)
+    angle_max_rad: float = parameter("end stop, to either side", "rad", record="rudder_max", gt=0,
+        le=1.6, default=math.radians(35.0))
+    time_constant_s: float = effect(0.0, "time constant of the steering gear; 0: no lag", "s",
+        record="rudder_lag", lag=True, ge=0, le=100)
+    rate_limit_rad_s: float = effect(INF, "rate limit of the steering gear", "rad/s",
+        record="rudder_rate_limit", gt=0)
+    # fmt: on
 
     @model_validator(mode="after")
     def _complete(self) -> Rudder:
@@ -120,13 +93,9 @@ def rudder_rate(plant: Record, command: Real, angle: Real) -> Real:
 def race_inflow(plant: Record, inflow: Real, thrust: Real) -> Real:
     """Return the speed u_R [m/s] at the rudder behind a working propeller (eq. 25).
 
-    Momentum theory gives the speed in the race from the thrust. So it is also valid at rest and astern,
-    unlike a formula in the advance ratio; a propeller that brakes or pushes astern reduces the flow.
-
-    Args:
-        plant: ship record.
-        inflow: speed of the inflow at the propeller [m/s].
-        thrust: T of one propeller [N].
+    Momentum theory gives the speed in the race from the inflow [m/s] and the thrust [N] of one
+    propeller. So it is also valid at rest and astern, unlike a formula in the advance ratio; a propeller
+    that brakes or pushes astern reduces the flow.
     """
     # Compare the complex value as a whole: it is not 0 if a derivative with respect to it is computed.
     if plant.race_gain == 0.0:
@@ -148,13 +117,8 @@ def rudder_forces(
 ) -> tuple[Real, Real, Real]:
     """Return X [N], Y [N] and N [N m] of the rudder and its interaction with the hull (eqs. 15 to 19).
 
-    Args:
-        plant: ship record.
-        angle: delta [rad].
-        inflow: speed of the inflow at the propeller [m/s].
-        thrust: T of one propeller [N].
-        across: v through the water [m/s].
-        yaw_rate: r [rad/s].
+    delta is in rad, the inflow at the propeller and v through the water in m/s, the thrust of one
+    propeller in N, r in rad/s.
     """
     along = race_inflow(plant, inflow, thrust)
     cross_flow = across + plant.rudder_yaw_lever * yaw_rate

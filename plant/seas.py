@@ -48,14 +48,7 @@ class Sea(BaseModel):
 
 @compiled
 def spectral_density(frequency: float, hs_m: float, tp_s: float, gamma: float) -> float:
-    """Return the JONSWAP spectral density S(omega) [m2 s/rad] (DNV-RP-C205, section 3.5.5).
-
-    Args:
-        frequency: omega [rad/s], positive.
-        hs_m: significant wave height [m].
-        tp_s: peak period [s].
-        gamma: peak enhancement [-].
-    """
+    """Return the JONSWAP density [m2 s/rad] at omega > 0 [rad/s] (DNV-RP-C205, section 3.5.5)."""
     peak = 2.0 * math.pi / tp_s
     ratio = frequency / peak
     fourth = (ratio * ratio) * (ratio * ratio)
@@ -67,12 +60,7 @@ def spectral_density(frequency: float, hs_m: float, tp_s: float, gamma: float) -
 
 
 def jonswap(frequency: NDArray[np.float64], sea: Sea) -> NDArray[np.float64]:
-    """Return the density [m2 s/rad] of :func:`spectral_density` at each frequency.
-
-    Args:
-        frequency: omega [rad/s], positive, any shape.
-        sea: Hs, Tp and gamma.
-    """
+    """Return the :func:`spectral_density` [m2 s/rad] at frequencies > 0 [rad/s] of any shape."""
     density = [spectral_density(w, sea.hs_m, sea.tp_s, sea.gamma) for w in np.ravel(frequency)]
     return np.reshape(density, np.shape(frequency))
 

@@ -16,86 +16,59 @@ UNLESS_HELD = "unless the drive holds its speed"
 class Transmission(Section):
     """Gearbox, shaft inertias on either side of the shaft torque meter, friction."""
 
-    gear_ratio: float = parameter(
-        "engine speed / shaft speed", record="gear_ratio", needs=FREE, required=UNLESS_HELD,
-        gt=0, le=100, default=1.0,
-    )  # fmt: skip
-    efficiency: float = parameter(
-        "efficiency eta_trm of the transmission", record="transmission_efficiency",
-        needs=FREE, required=UNLESS_HELD, gt=0.3, le=1, default=1.0,
-    )  # fmt: skip
+    # fmt: off
+    gear_ratio: float = parameter("engine speed / shaft speed", record="gear_ratio", needs=FREE,
+        required=UNLESS_HELD, gt=0, le=100, default=1.0)
+    efficiency: float = parameter("efficiency eta_trm of the transmission",
+        record="transmission_efficiency", needs=FREE, required=UNLESS_HELD, gt=0.3, le=1, default=1.0)
     inertia_engine_side_kg_m2: float = parameter(
-        "I_L, inertia of the engine side, at the propeller shaft", "kg m2",
-        record="inertia_engine_side", needs=FREE, required=UNLESS_HELD, gt=0, le=1e9, default=0.0,
-    )  # fmt: skip
-    inertia_propeller_side_kg_m2: float = parameter(
-        "I_R, inertia of the propeller side", "kg m2", record="inertia_propeller_side",
-        required=UNLESS_HELD, ge=0, le=1e9, default=0.0,
-    )  # fmt: skip
+        "I_L, inertia of the engine side, at the propeller shaft", "kg m2", record="inertia_engine_side",
+        needs=FREE, required=UNLESS_HELD, gt=0, le=1e9, default=0.0)
+    inertia_propeller_side_kg_m2: float = parameter("I_R, inertia of the propeller side", "kg m2",
+        record="inertia_propeller_side", required=UNLESS_HELD, ge=0, le=1e9, default=0.0)
     stiction_speed_rad_s: float = parameter(
         "speed below which Coulomb friction sticks: the friction is M tanh(omega / this); raised to "
-        "M dt / I if it is lower", "rad/s",
-        record="stiction_speed", gt=0, le=10, default=0.05,
-    )  # fmt: skip
-    coulomb_friction_engine_side_N_m: float = effect(
-        0.0, "Coulomb friction before the torque meter, at the propeller shaft", "N m",
-        record="coulomb_engine_side", needs=FREE, ge=0, le=1e7,
-    )  # fmt: skip
-    viscous_friction_engine_side_N_m_s_rad: float = effect(
-        0.0, "viscous friction before the torque meter", "N m s/rad", record="viscous_engine_side",
-        needs=FREE, ge=0, le=1e7,
-    )  # fmt: skip
-    coulomb_asymmetry_fraction: float = effect(
-        0.0, "a: Coulomb friction before the torque meter is (1 + a) of its value ahead, (1 - a) astern",
-        record="coulomb_asymmetry", needs=FREE, ge=-1, le=1,
-    )  # fmt: skip
-    viscous_asymmetry_fraction: float = effect(
-        0.0, "a: viscous friction before the torque meter is (1 + a) of its value ahead, (1 - a) astern",
-        record="viscous_asymmetry", needs=FREE, ge=-1, le=1,
-    )  # fmt: skip
-    load_friction_fraction: float = effect(
-        0.0, "friction of gears and bearings before the torque meter that grows with their load: "
-        "Coulomb friction / load torque", record="load_friction", needs=FREE, ge=0, le=0.9,
-    )  # fmt: skip
-    arctangent_friction_engine_side_N_m: float = effect(
-        0.0, "k of the friction k atan(s omega) before the torque meter", "N m",
-        record="arctangent_friction", needs=FREE, ge=0, le=1e7,
-    )  # fmt: skip
-    arctangent_friction_slope_s_rad: float = parameter(
-        "s of the friction k atan(s omega)",
-        "s/rad",
-        record="arctangent_slope",
-        needs=FREE,
-        gt=0,
-        le=1e4,
-        default=1.0,
-    )
-    coulomb_friction_propeller_side_N_m: float = effect(
-        0.0, "Coulomb friction behind the torque meter", "N m", record="coulomb_propeller_side",
-        ge=0, le=1e7,
-    )  # fmt: skip
-    viscous_friction_propeller_side_N_m_s_rad: float = effect(
-        0.0, "viscous friction behind the torque meter", "N m s/rad", record="viscous_propeller_side",
-        ge=0, le=1e7,
-    )  # fmt: skip
-    quadratic_drag_N_m_s2_rad2: float = effect(
-        0.0, "c of the drag c omega |omega| behind the torque meter", "N m s2/rad2",
-        record="quadratic_drag", ge=0, le=1e7,
-    )  # fmt: skip
+        "M dt / I if it is lower", "rad/s", record="stiction_speed", gt=0, le=10, default=0.05)
+    coulomb_friction_engine_side_N_m: float = effect(0.0,
+        "Coulomb friction before the torque meter, at the propeller shaft", "N m",
+        record="coulomb_engine_side", needs=FREE, ge=0, le=1e7)
+    viscous_friction_engine_side_N_m_s_rad: float = effect(0.0,
+        "viscous friction before the torque meter", "N m s/rad", record="viscous_engine_side",
+        needs=FREE, ge=0, le=1e7)
+    coulomb_asymmetry_fraction: float = effect(0.0,
+        "a: Coulomb friction before the torque meter is (1 + a) of its value ahead, (1 - a) astern",
+        record="coulomb_asymmetry", needs=FREE, ge=-1, le=1)
+    viscous_asymmetry_fraction: float = effect(0.0,
+        "a: viscous friction before the torque meter is (1 + a) of its value ahead, (1 - a) astern",
+        record="viscous_asymmetry", needs=FREE, ge=-1, le=1)
+    load_friction_fraction: float = effect(0.0,
+        "friction of gears and bearings before the torque meter that grows with their load: "
+        "Coulomb friction / load torque", record="load_friction", needs=FREE, ge=0, le=0.9)
+    arctangent_friction_engine_side_N_m: float = effect(0.0,
+        "k of the friction k atan(s omega) before the torque meter", "N m", record="arctangent_friction",
+        needs=FREE, ge=0, le=1e7)
+    arctangent_friction_slope_s_rad: float = parameter("s of the friction k atan(s omega)", "s/rad",
+        record="arctangent_slope", needs=FREE, gt=0, le=1e4, default=1.0)
+    coulomb_friction_propeller_side_N_m: float = effect(0.0, "Coulomb friction behind the torque meter",
+        "N m", record="coulomb_propeller_side", ge=0, le=1e7)
+    viscous_friction_propeller_side_N_m_s_rad: float = effect(0.0,
+        "viscous friction behind the torque meter", "N m s/rad", record="viscous_propeller_side", ge=0,
+        le=1e7)
+    quadratic_drag_N_m_s2_rad2: float = effect(0.0,
+        "c of the drag c omega |omega| behind the torque meter", "N m s2/rad2", record="quadratic_drag",
+        ge=0, le=1e7)
+    # fmt: on
 
 
 @compiled
 def friction_torque(plant: Record, coulomb: Real, viscous: Real, shaft_speed: Real) -> Real:
-    """Return the Coulomb and viscous friction [N m] that oppose the rotation.
+    """Return the Coulomb and viscous friction [N m] that oppose the rotation at omega [rad/s].
 
-    Args:
-        plant: ship record, for ``stiction_speed`` [rad/s].
-        coulomb: torque independent of speed [N m]. tanh(omega / stiction_speed) replaces the sign, so
-            that a shaft can start from rest; above 20 times that speed the two are equal to the last
-            bit. The speed is raised to ``coulomb dt / I`` if it is lower, the speed that this friction
-            removes within a time step: below it the integration would chatter about standstill.
-        viscous: torque per shaft speed [N m s/rad].
-        shaft_speed: omega [rad/s].
+    ``coulomb`` [N m] is independent of speed, ``viscous`` is per speed [N m s/rad]. tanh(omega /
+    stiction_speed) replaces the sign, so that a shaft can start from rest; above 20 times that speed the
+    two are equal to the last bit. The speed is raised to ``coulomb dt / I`` if it is lower, the speed
+    that this friction removes within a time step: below it the integration would chatter about
+    standstill.
     """
     if coulomb == 0.0 and viscous == 0.0:
         return 0.0
@@ -132,13 +105,9 @@ def arctangent_friction(plant: Record, shaft_speed: Real) -> Real:
 def load_friction(plant: Record, load: Real, shaft_speed: Real) -> Real:
     """Return the friction [N m] of gears and bearings in proportion to the torque that they carry.
 
-    Torque-dependent friction of drive trains, as in the extended models of Duclusaud et al. 2025
-    (arXiv 2410.08650): ``load_friction |load|`` against the rotation.
-
-    Args:
-        plant: ship record.
-        load: torque behind the torque meter, without inertia [N m].
-        shaft_speed: omega [rad/s].
+    Torque-dependent friction of drive trains, as in the extended models of Duclusaud et al. 2025 (arXiv
+    2410.08650): ``load_friction |load|`` against the rotation, with the torque [N m] behind the torque
+    meter without inertia.
     """
     size = load if load.real >= 0.0 else -load
     return friction_torque(plant, plant.load_friction * size, 0.0, shaft_speed)

@@ -30,13 +30,11 @@ from .keys import (
     MissingKeyError,
     Section,
     ShipParameter,
-    allowed_range,
+    declared,
     info_of,
-    needs_of,
     place_of,
     require,
-    required_when,
-    unit_of,
+    unit_and_range,
 )
 from .manoeuvring import WITH as MANOEUVRING
 from .manoeuvring import Manoeuvring, planar_inertia
@@ -69,16 +67,7 @@ def type_tag(section: type[BaseModel]) -> str:
 
 
 def validate_tables(model: type[Model], tree: dict[str, Any], source: str) -> Model:
-    """Return a validated ship from its tables.
-
-    Args:
-        model: class of the ship.
-        tree: tables as read from the file.
-        source: file or ship, named in errors.
-
-    Raises:
-        ShipError: one line for each error.
-    """
+    """Return a validated ship from its tables; a ShipError names the source and every error."""
     try:
         return model.model_validate(tree)
     except ValidationError as error:
@@ -91,19 +80,11 @@ def _error_line(model: type[BaseModel], item: dict[str, Any]) -> str:
     tags = {type_tag(kind) for kind in union_members(model.model_fields["prime_mover"].annotation)}
     path = [str(part) for part in item["loc"] if part not in tags]
     key = ".".join(path) or "ship"
-    table = model.model_fields.get(path[0]) if path else None  # Two sections may have the same key.
-    info = next(
-        (
-            section.model_fields[path[-1]]
-            for section in (union_members(table.annotation) if table else ())
-            if path[-1] in getattr(section, "model_fields", {})
-        ),
-        None,
-    )
-    allowed = ""
-    if info is not None:
-        allowed = f" (unit {unit_of(info)}; allowed: {allowed_range(info)})"
-    kind = item["type"]
+    allowed, kind = "", item["type"]
+    for section in _kinds(model, path[0]) if path else ():  # Two sections may have the same key.
+        if path[-1] in getattr(section, "model_fields", {}):
+            allowed = unit_and_range(section.model_fields[path[-1]])
+            break
     if kind.startswith("union_tag"):
         given = item["ctx"].get("tag")
         what = "is missing" if given is None else f"= {given!r} is unknown"
@@ -113,18 +94,22 @@ def _error_line(model: type[BaseModel], item: dict[str, Any]) -> str:
     if kind == "extra_forbidden":
         return f"{key} is not a known key{_suggestion(model, key)}"
     if kind == "value_error":
-        section = ".".join(str(part) for part in item["loc"] if part not in tags)
         error = item["ctx"]["error"]
         joint = "." if isinstance(error, MissingKeyError) else ": "
-        return f"{section}{joint}{error}" if section else str(error)
+        return f"{key}{joint}{error}" if path else str(error)
     return f"{key} = {item.get('input')!r}: {item['msg'].lower()}{allowed}"
+
+
+def _kinds(model: type[BaseModel], section: str) -> tuple[Any, ...]:
+    """Return the kinds of a section; none if it is unknown."""
+    table = model.model_fields.get(section)
+    return union_members(table.annotation) if table else ()
 
 
 def _suggestion(model: type[BaseModel], key: str) -> str:
     """Return the known key that is most similar to an unknown one, as the end of a message."""
     section, _, name = key.rpartition(".")
-    table = model.model_fields.get(section)
-    kinds = union_members(table.annotation) if table else (model,)
+    kinds = _kinds(model, section) or (model,)
     known = [k for kind in kinds for k in getattr(kind, "model_fields", {})]
     similar = difflib.get_close_matches(name, known, n=1)
     if similar:
@@ -133,11 +118,7 @@ def _suggestion(model: type[BaseModel], key: str) -> str:
 
 
 def check_terms(ship: Ship) -> None:
-    """Refuse terms that use a signal or a location which the ship does not have.
-
-    Raises:
-        ValueError: names the term and its error.
-    """
+    """Refuse terms that use a signal or a location which the ship does not have, with a ValueError."""
     ids = [term.id for term in ship.term]
     if twice := [name for name in ids if ids.count(name) > 1]:
         raise ValueError(f"term {twice[0]!r} is defined twice; give each term an id of its own")
@@ -154,38 +135,26 @@ def check_terms(ship: Ship) -> None:
                 f"term {term.id!r}: {unknown[0]!r} is unknown; known: {', '.join(known)}; declare a "
                 "signal from outside the ship, with its unit, under [signals]"
             )
-        for where, kind in _locations_without_effect(ship, term):
-            raise ValueError(
-                f"term {term.id!r} has no effect: acts_on = {where!r} on {kind}; remove the term"
-            )
-
-
-def _locations_without_effect(ship: Ship, term: Term) -> list[tuple[str, str]]:
-    """Return the locations at which a term has no effect, with the kind of ship that explains it."""
-    places = [place for place, _ in term.expressions]
-    held = "a shaft whose speed is held"
-    straight = "a ship without a manoeuvring.length_m"
-    found = [(p, held) for p in places if p in ("drive", "drive_torque") and not ship.turns_freely]
-    turning = ("side_force", "yaw_moment")
-    return found + [(p, straight) for p in places if p in turning and not ship.turns]
+        for acts, places, kind in (
+            (ship.turns_freely, ("drive", "drive_torque"), "a shaft whose speed is held"),
+            (ship.turns, ("side_force", "yaw_moment"), "a ship without a manoeuvring.length_m"),
+        ):
+            for where in (place for place, _ in term.expressions if place in places and not acts):
+                raise ValueError(
+                    f"term {term.id!r} has no effect: acts_on = {where!r} on {kind}; remove the term"
+                )
 
 
 def check_fluid(ship: Ship) -> None:
-    """Refuse effects of water or of a free surface on a ship in another fluid.
-
-    Raises:
-        ValueError: names the key, the density and the remedy.
-    """
+    """Refuse effects of water or of a free surface in another fluid; a ValueError names the remedy."""
     density = f"water.density_kg_m3 = {ship.water.density_kg_m3:g} kg/m3"
     if not ship.in_liquid and ship.moves:
         raise ValueError(
             f"{density} is a gas, in which no hull floats (water has about 1000 kg/m3). For a propeller "
             "in air set hull.fixed = true and give the airspeed as inflow_velocity_m_s"
         )
-    ventilation = ship.ventilation
-    if not ship.in_liquid and any(
-        (ventilation.thrust_loss, ventilation.torque_loss, ventilation.surface_loss)
-    ):
+    air = ship.ventilation
+    if not ship.in_liquid and any((air.thrust_loss, air.torque_loss, air.surface_loss)):
         raise ValueError(
             f"ventilation draws air into a liquid, but {density} is a gas: remove [ventilation]"
         )
@@ -199,15 +168,7 @@ def check_fluid(ship: Ship) -> None:
 
 
 def refuse_waves(ship: Ship, sea: Any) -> None:
-    """Refuse waves around a ship in a gas.
-
-    Args:
-        ship: ship to be simulated.
-        sea: SEA record, or None for calm water.
-
-    Raises:
-        ValueError: names the density.
-    """
+    """Refuse waves (a SEA record; None is calm water) around a ship in a gas, with a ValueError."""
     if sea is not None and not ship.in_liquid:
         raise ValueError(
             f"{ship.name}: waves require a liquid, but water.density_kg_m3 = "
@@ -216,11 +177,7 @@ def refuse_waves(ship: Ship, sea: Any) -> None:
 
 
 def check_turning(ship: Ship) -> None:
-    """Refuse inconsistent manoeuvring data: rudder, fixed hull, mass, inertia in sway and yaw.
-
-    Raises:
-        ValueError: names the key.
-    """
+    """Refuse inconsistent rudder, hull, mass or inertia in sway and yaw; a ValueError names the key."""
     if ship.rudder.area_m2 > 0.0 and not ship.turns:
         raise ValueError(
             "rudder.area_m2 has no effect without a manoeuvring.length_m: give the [manoeuvring] section"
@@ -278,10 +235,8 @@ class Ship(Section):
     sensors: Sensors = Sensors()
     integration: Integration = Integration()
     tolerances: Tolerances = Tolerances()
-    signals: dict[Name, str] = Field(
-        default={}, max_length=MAX_SIGNALS,
-        description="external signals that terms use, each with its unit",
-    )  # fmt: skip
+    signals: dict[Name, str] = Field(default={}, max_length=MAX_SIGNALS,
+        description="external signals that terms use, each with its unit")  # fmt: skip
     term: Annotated[tuple[Term, ...], Field(strict=False, max_length=MAX_TERMS)] = ()
 
     def __hash__(self) -> int:
@@ -306,10 +261,9 @@ class Ship(Section):
         if self.has_propeller:
             require(self.water, ("density_kg_m3",), "with a propeller", "water.")
         if self.turns_freely:
-            keys = [
-                k for k, i in Transmission.model_fields.items() if required_when(i) == UNLESS_HELD
-            ]
-            require(self.transmission, tuple(keys), UNLESS_HELD, "transmission.")
+            fields = Transmission.model_fields.items()
+            keys = tuple(k for k, info in fields if declared(info, "required") == UNLESS_HELD)
+            require(self.transmission, keys, UNLESS_HELD, "transmission.")
         check_turning(self)
         check_time_constants(self)
         return self
@@ -320,10 +274,7 @@ class Ship(Section):
         return self.integration.time_step_s
 
     def with_values(self, values: dict[str, Any]) -> Ship:
-        """Return a copy with other values, validated like a file.
-
-        Args:
-            values: new values by dotted key, for example ``{"transmission.gear_ratio": 7.0}``.
+        """Return a copy with other values, by dotted key, validated like a file.
 
         Raises:
             ShipError: unknown key, or value out of range.
@@ -333,7 +284,9 @@ class Ship(Section):
             *path, key = dotted.split(".")
             section = tree
             if path[:1] == ["term"]:
-                section, path, key = self._term(tree, dotted)["parameters"], [key], "value"
+                self.parameter(dotted)  # raises an error if the key is unknown
+                own: Any = next(term for term in tree["term"] if term["id"] == path[1])
+                section, path, key = own["parameters"], [key], "value"
             for part in path:
                 section = section.setdefault(part, {})
                 if not isinstance(section, dict):
@@ -342,12 +295,6 @@ class Ship(Section):
                     )
             section[key] = value
         return validate_tables(type(self), tree, self.name)
-
-    def _term(self, tree: dict[str, Any], dotted: str) -> dict[str, Any]:
-        """Return the table of the term that a dotted key names, in the tables of this ship."""
-        self.parameter(dotted)
-        own: dict[str, Any] = next(t for t in tree["term"] if t["id"] == dotted.split(".")[1])
-        return own
 
     def record(self) -> Any:
         """Return the kernels' record of this ship: one element of dtype ``PLANT``, a copy to change."""
@@ -390,10 +337,7 @@ class Ship(Section):
 
     @property
     def has_line_shaft(self) -> bool:
-        """Whether friction behind the shaft torque meter is identifiable apart from that of the drive.
-
-        It is not on a motor.
-        """
+        """Whether friction behind the torque meter is identifiable apart from a drive's: on no motor."""
         return self.drive_balance != "motor"
 
     @property
@@ -436,27 +380,18 @@ class Ship(Section):
 
     @property
     def shaft_speeds(self) -> tuple[float, float]:
-        """Lowest and highest running speed of a diesel's propeller shaft [rad/s].
-
-        Raises:
-            ShipError: the ship has no diesel.
-        """
+        """Lowest and highest speed of a diesel's shaft [rad/s]; another drive raises a ShipError."""
         mover = self.diesel
         scale = math.pi / 30.0 / self.transmission.gear_ratio
         return mover.speed_min_rpm * scale, mover.speed_max_rpm * scale
 
     @property
     def diesel(self) -> Diesel:
-        """The diesel engine.
-
-        Raises:
-            ShipError: the ship has another prime mover.
-        """
+        """The diesel engine; another prime mover raises a ShipError."""
         mover = self.prime_mover
         if not isinstance(mover, Diesel):
-            raise ShipError(
-                f"{self.name}: this needs a diesel engine, not prime_mover.type = {mover.type!r}"
-            )
+            given = f"not prime_mover.type = {mover.type!r}"
+            raise ShipError(f"{self.name}: this needs a diesel engine, {given}")
         return mover
 
     def has_key(self, dotted: str) -> bool:
@@ -468,10 +403,7 @@ class Ship(Section):
         return True
 
     def parameter(self, dotted: str) -> ShipParameter:
-        """Return the parameter at a dotted key: value, unit, range and location in the record.
-
-        Args:
-            dotted: ``section.key``, or ``term.ID.PARAMETER`` of a term.
+        """Return the parameter at ``section.key``, or ``term.ID.PARAMETER`` of a term.
 
         Raises:
             ShipError: unknown key, a key without a single value in the ship record, or a parameter
@@ -483,10 +415,9 @@ class Ship(Section):
         table = getattr(self, section, None) if section in type(self).model_fields else None
         fields = type(table).model_fields if isinstance(table, Section) else {}
         if table is None or key not in fields:
-            raise ShipError(
-                f"{self.name}: {dotted} is not a known key{_suggestion(type(self), dotted)}"
-            )
-        for need in f"{table.needs} {needs_of(fields[key])}".split():
+            suggestion = _suggestion(type(self), dotted)
+            raise ShipError(f"{self.name}: {dotted} is not a known key{suggestion}")
+        for need in f"{table.needs} {declared(fields[key], 'needs', '')}".split():
             if not getattr(self, need):
                 raise ShipError(f"{dotted} has no effect: {self.name} {MISSING_PROPERTIES[need]}")
         location = place_of(fields[key])
@@ -517,10 +448,7 @@ class Ship(Section):
         return validate_tables(type(self), tree | more, self.name)
 
     def with_signals(self, units: Mapping[str, str]) -> Ship:
-        """Return a copy that declares external signals for its terms.
-
-        Args:
-            units: unit of each signal, by name.
+        """Return a copy that declares external signals for its terms, by name with their units.
 
         Raises:
             ShipError: a name is in use already, or there are more signals than a ship may have.
@@ -531,22 +459,18 @@ class Ship(Section):
     @property
     def external_signals(self) -> tuple[str, ...]:
         """External signals that the terms of this ship use, sorted."""
-        return tuple(
-            sorted({name for term in self.term for name in self.external_signals_of(term)})
-        )
+        used = {name for term in self.term for name in self.external_signals_of(term)}
+        return tuple(sorted(used))
 
     def external_signals_of(self, term: Term) -> tuple[str, ...]:
         """Return the external signals that a term uses on this ship."""
         return tuple(n for n in term.external_signals if not (self.turns and n in TURNING_SIGNALS))
 
     def external_rows(self, given: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
-        """Return external signals along a time base, as the kernels take them.
+        """Return external signals, shape (n, MAX_SIGNALS); one row if no signal is given.
 
         Args:
             given: values of each signal, shape (n,), by name.
-
-        Returns:
-            Shape (n, MAX_SIGNALS), or one row if no signal is given.
 
         Raises:
             ShipError: a term uses a signal that is not given.

@@ -18,30 +18,34 @@ from pydantic.fields import FieldInfo
 
 from ..core.files import FileError, parse_toml, read_text, write_text
 from .keys import (
-    MISSING_PROPERTIES,
     Section,
     allowed_range,
+    declared,
     default_of,
     info_of,
-    needs_of,
     place_of,
-    required_when,
     unit_of,
 )
 from .ship import Ship, ShipError, type_tag, union_members, validate_tables
 from .tolerances import Tolerances, keys_of_tolerance
 
+_FOLDER = resources.files("shaftline.plant")
+
+
+def _toml_names(folder: str) -> list[str]:
+    files = _FOLDER.joinpath(folder).iterdir()
+    return sorted(file.name[:-5] for file in files if file.name.endswith(".toml"))
+
 
 def ship_names() -> list[str]:
     """Return the names of the ships that come with the package."""
-    folder = resources.files("shaftline.plant").joinpath("ships")
-    return sorted(f.name[:-5] for f in folder.iterdir() if f.name.endswith(".toml"))
+    return _toml_names("ships")
 
 
 @functools.lru_cache(maxsize=64)
 def _load_preset(name: str) -> Ship:
-    file = resources.files("shaftline.plant").joinpath(f"ships/{name}.toml")
-    return _parse_ship(file.read_text(encoding="utf-8"), f"{name}.toml")
+    text = _FOLDER.joinpath(f"ships/{name}.toml").read_text(encoding="utf-8")
+    return _parse_ship(text, f"{name}.toml")
 
 
 def load_ship(ship: str | Path | Ship) -> Ship:
@@ -142,15 +146,9 @@ def _rows(path: str, kind: type[BaseModel], tag: str) -> list[tuple[str, str, st
             continue
         label = f"{path}.{key}" + (tag if key != "type" else "")
         names = [str(a) for a in get_args(field.annotation) if isinstance(a, str)]
-        rows.append(
-            (
-                label,
-                unit_of(field),
-                ", ".join(names) or _kind_of_value(field) or allowed_range(field),
-                default_of(field),
-                field.description or "",
-            )
-        )
+        allowed = ", ".join(names) or _kind_of_value(field) or allowed_range(field)
+        about = field.description or ""
+        rows.append((label, unit_of(field), allowed, default_of(field), about))
     return rows
 
 
@@ -172,44 +170,27 @@ _FOOT = """\
 
 def template_names() -> list[str]:
     """Return the names of the templates."""
-    files = resources.files("shaftline.plant").joinpath("templates").iterdir()
-    return sorted(f.name[:-5] for f in files if f.name.endswith(".toml"))
+    return _toml_names("templates")
 
 
 def template(name: str) -> Ship:
-    """Return a template as a ship.
-
-    Raises:
-        ShipError: unknown name.
-    """
-    if name not in template_names():
-        raise ShipError(
-            f"unknown template {name!r}; known templates: {', '.join(template_names())}"
-        )
-    file = resources.files("shaftline.plant").joinpath(f"templates/{name}.toml")
-    tree = tomllib.loads(file.read_text(encoding="utf-8"))
+    """Return a template as a ship; an unknown name raises a ShipError."""
+    known = template_names()
+    if name not in known:
+        raise ShipError(f"unknown template {name!r}; known templates: {', '.join(known)}")
+    text = _FOLDER.joinpath(f"templates/{name}.toml").read_text(encoding="utf-8")
+    tree = tomllib.loads(text)
     if "preset" in tree:  # The template has the values of a ship of the package.
         return load_ship(tree["preset"])
     return validate_tables(Ship, tree, f"{name}.toml")
 
 
 def template_text(name: str, ship_name: str | None = None) -> str:
-    """Return a template as the text of a commented ship file.
-
-    Args:
-        name: name of the template.
-        ship_name: name of the ship in the file; by default that of the template.
-
-    Raises:
-        ShipError: unknown template.
-    """
+    """Return a template as the text of a commented ship file, with the template's name by default."""
     ship = template(name)
     head = _HEAD.format(description=ship.description, template=name)
-    lines = [
-        f"name = {_value(ship_name or ship.name)}",
-        f"description = {_value(ship.description)}",
-    ]
-    parts = [head + "\n".join(lines) + "\n"]
+    head += f"name = {_value(ship_name or ship.name)}\ndescription = {_value(ship.description)}\n"
+    parts = [head]
     given = ship.model_dump(exclude_unset=True)
     for key in type(ship).model_fields:
         section = getattr(ship, key)
@@ -240,20 +221,14 @@ def _section(ship: Ship, path: str, section: Section, given: dict[str, Any] | No
 
 def _is_applicable(ship: Ship, section: Section, info: FieldInfo) -> bool:
     """Return whether an absent key may be given on this ship and would have an effect."""
-    if info.is_required() or _is_table(info):
+    if info.is_required() or _sections(info):
         return False
     if isinstance(section, Tolerances):
         return any(ship.has_key(key) for key in keys_of_tolerance(info))
-    needs = f"{section.needs} {needs_of(info)}".split()
+    needs = f"{section.needs} {declared(info, 'needs', '')}".split()
     has_value = place_of(info) is not None or isinstance(info.default, float)
-    properties = [n for n in needs if n in MISSING_PROPERTIES]
-    return has_value and not required_when(info) and all(getattr(ship, n) for n in properties)
-
-
-def _is_table(info: FieldInfo) -> bool:
-    return any(
-        isinstance(k, type) and issubclass(k, BaseModel) for k in union_members(info.annotation)
-    )
+    optional = has_value and not declared(info, "required")
+    return optional and all(getattr(ship, need) for need in needs)
 
 
 def _line(key: str, value: Any, info: FieldInfo) -> str:

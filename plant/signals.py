@@ -36,8 +36,7 @@ SIGNALS = (
            "speed of the propeller shaft"),
     Signal("shaft_torque", "M_m", "N m", -1e8, 1e8, "truth", "true_shaft_torque_N_m",
            "torque at the shaft torque meter, between I_L and I_R"),
-    Signal("ship_speed", "v_s", "m/s", -40, 40, "truth", "true_ship_speed_m_s",
-           "speed over ground"),
+    Signal("ship_speed", "v_s", "m/s", -40, 40, "truth", "true_ship_speed_m_s", "speed over ground"),
     Signal("measured_shaft_speed", "omega", "rad/s", -1e4, 1e4, "sensor", "shaft_speed_rad_s",
            "measurement of the shaft speed sensor"),
     Signal("measured_pitch_ratio", "P/D", "-", -2.6, 2.6, "sensor", "pitch_ratio",
@@ -54,15 +53,13 @@ SIGNALS = (
            "shaft_acceleration_rad_s2", "acceleration of the propeller shaft"),
     Signal("advance_velocity", "v_a", "m/s", -200, 200, "truth", "advance_velocity_m_s",
            "axial speed of the fluid through the propeller disc"),
-    Signal("thrust", "T", "N", -1e8, 1e8, "truth", "true_thrust_N",
-           "thrust of one propeller"),
+    Signal("thrust", "T", "N", -1e8, 1e8, "truth", "true_thrust_N", "thrust of one propeller"),
     Signal("propeller_torque", "M_p", "N m", -1e8, 1e8, "truth", "propeller_torque_N_m",
            "torque of the propeller"),
     Signal("brake_torque", "M_b", "N m", -1e8, 1e8, "truth", "brake_torque_N_m",
            "torque of the prime mover"),
     Signal("resistance", "R", "N", -1e9, 1e9, "truth", "resistance_N", "resistance of the hull"),
-    Signal("motor_current", "i_a", "A", -1e5, 1e5, "truth", "true_motor_current_A",
-           "armature current"),
+    Signal("motor_current", "i_a", "A", -1e5, 1e5, "truth", "true_motor_current_A", "armature current"),
     Signal("shaft_power", "P_s", "W", -1e9, 1e9, "sensor", "shaft_power_W",
            "measured shaft torque times measured shaft speed"),
     Signal("electric_power", "P_el", "W", -1e9, 1e9, "sensor", "electric_power_W",
@@ -70,8 +67,7 @@ SIGNALS = (
     Signal("submergence", "h", "m", -30, 60, "truth", "propeller_submergence_m",
            "depth of the propeller's centre below the surface"),
     Signal("ventilation", "alpha", "-", 0, 1, "truth", "ventilation", "degree of ventilation"),
-    Signal("position", "x", "m", -math.inf, math.inf, "truth", "position_m",
-           "distance along the track"),
+    Signal("position", "x", "m", -math.inf, math.inf, "truth", "position_m", "distance along the track"),
     Signal("shaft_angle", "theta", "rad", -math.inf, math.inf, "sensor", "shaft_angle_rad",
            "angle turned by the propeller shaft, not reset after a turn"),
     Signal("rudder_command", "delta_d", "rad", -1.6, 1.6, "demand", "rudder_command_rad",
@@ -144,11 +140,7 @@ RECORDED_SIGNALS = (
 
 
 def get_signal(name: str) -> Signal:
-    """Return a signal by name.
-
-    Raises:
-        KeyError: unknown name.
-    """
+    """Return a signal by name; an unknown name raises a KeyError."""
     return {signal.name: signal for signal in (*SIGNALS, *CONTROL_SIGNALS)}[name]
 
 

@@ -25,17 +25,9 @@ from .waves import calm_sea
 
 @compiled
 def write_sample(
-    plant: Record,
-    sample: Record,
-    time: float,
-    drive: float,
-    pitch_command: float,
-    rudder_command: float,
-    state: State,
-    memory: Record,
-    speed_log: float,
-    outputs: Outputs,
-) -> None:
+    plant: Record, sample: Record, time: float, drive: float, pitch_command: float,
+    rudder_command: float, state: State, memory: Record, speed_log: float, outputs: Outputs,
+) -> None:  # fmt: skip
     """Fill a SAMPLE record: the commands over a step, and the state and outputs at its start."""
     sample.time = time
     sample.drive = drive
@@ -73,58 +65,33 @@ def write_sample(
 
 @compiled
 def trajectory(
-    plant: Record,
-    state: Record,
-    memory: Record,
-    sea: Record,
-    drive: NDArray[np.float64],
-    pitch_command: NDArray[np.float64],
-    rudder_command: NDArray[np.float64],
-    inflow: NDArray[np.float64],
-    elevation: NDArray[np.float64],
-    resistance_factor: NDArray[np.float64],
-    signals: NDArray[np.float64],
-    dt: float,
-    samples: Any,
-) -> None:
+    plant: Record, state: Record, memory: Record, sea: Record, drive: NDArray[np.float64],
+    pitch_command: NDArray[np.float64], rudder_command: NDArray[np.float64],
+    inflow: NDArray[np.float64], elevation: NDArray[np.float64],
+    resistance_factor: NDArray[np.float64], signals: NDArray[np.float64], dt: float, samples: Any,
+) -> None:  # fmt: skip
     """Simulate one ship record and keep all samples: :func:`simulate` without its checks.
 
-    Args:
-        plant: PLANT record; :meth:`shaftline.plant.Ship.parameter` returns the field of a key.
-        state: STATE record with the initial state; holds the final state afterwards.
-        memory: MEMORY record, filled from the initial state.
-        sea: SEA record, changed in place.
-        drive: drive command of each step [mm | V | N m], shape (n,).
-        pitch_command: commanded P/D of each step [-], shape (n,).
-        rudder_command: commanded rudder angle of each step [rad], shape (n,).
-        inflow: u_x [m/s] at starts and middles of the steps and at the last end, shape (2 n + 1,).
-        elevation: elevation of the surface above the propeller [m], at the same instants.
-        resistance_factor: d_c1 [-], at the same instants.
-        signals: external signals at the same instants, shape (2 n + 1, MAX_SIGNALS); or one row that is
-            constant.
-        dt: time step [s].
-        samples: SAMPLE array of shape (n + 1,), filled.
+    STATE, MEMORY and SEA records are changed in place; the state holds the initial and afterwards the
+    final state. Commands of each step have shape (n,): drive [mm | V | N m], P/D [-], rudder angle
+    [rad]. At starts and middles of the steps and at the last end, shape (2 n + 1,): u_x [m/s], elevation
+    of the surface above the propeller [m], d_c1 [-], and the external signals, shape (2 n + 1,
+    MAX_SIGNALS) or one row that is constant. ``samples`` is a SAMPLE array of shape (n + 1,), filled at
+    intervals ``dt`` [s].
     """
+    steps = len(drive)
     begin = Disturbance(inflow[0], elevation[0], resistance_factor[0], external_at(signals, 0))
     prepare(plant, state, memory, sea, drive[0], begin, dt)
-    steps = len(drive)
     for k in range(steps):
         a, b, c = 2 * k, 2 * k + 1, 2 * k + 2
         now = get_state(state)
         log = memory.speed_log
         outputs = step(
-            plant,
-            state,
-            memory,
-            sea,
-            drive[k],
-            pitch_command[k],
-            rudder_command[k],
+            plant, state, memory, sea, drive[k], pitch_command[k], rudder_command[k],
             Disturbance(inflow[a], elevation[a], resistance_factor[a], external_at(signals, a)),
             Disturbance(inflow[b], elevation[b], resistance_factor[b], external_at(signals, b)),
-            Disturbance(inflow[c], elevation[c], resistance_factor[c], external_at(signals, c)),
-            dt,
-        )
+            Disturbance(inflow[c], elevation[c], resistance_factor[c], external_at(signals, c)), dt,
+        )  # fmt: skip
         write_sample(
             plant, samples[k], k * dt, drive[k], pitch_command[k], rudder_command[k], now, memory,
             log, outputs,
@@ -137,17 +104,9 @@ def trajectory(
         plant, state, memory, sea, pitch_command[last], rudder_command[last], finish, dt
     )
     write_sample(
-        plant,
-        samples[steps],
-        steps * dt,
-        drive[last],
-        pitch_command[last],
-        rudder_command[last],
-        get_state(state),
-        memory,
-        memory.speed_log,
-        outputs,
-    )
+        plant, samples[steps], steps * dt, drive[last], pitch_command[last], rudder_command[last],
+        get_state(state), memory, memory.speed_log, outputs,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -156,15 +115,6 @@ class Schedule:
 
     Commands are constant over each step; disturbances are continuous.
 
-    Args:
-        drive: fuel rack [mm], voltage [V], torque [N m] or held speed [rad/s].
-        pitch_command: P/D [-].
-        inflow: disturbance u_x of the advance velocity, in addition to the sea [m/s].
-        resistance_factor: d_c1 [-].
-        elevation: elevation of the surface above the propeller, in addition to the sea [m].
-        signals: external signals of the ship's terms by name, in the units of the ship file.
-        rudder_command: angle [rad]; a positive angle turns to starboard.
-
     >>> import numpy as np
     >>> from shaftline.plant import Schedule
     >>> schedule = Schedule(drive=lambda t: np.where(t < 60.0, 20.0, 24.0), pitch_command=1.2)
@@ -172,13 +122,15 @@ class Schedule:
     [20.0, 24.0]
     """
 
-    drive: Any
-    pitch_command: Any
-    inflow: Any = 0.0
-    resistance_factor: Any = 1.0
-    elevation: Any = 0.0
-    signals: Mapping[str, Any] = field(default_factory=dict)
-    rudder_command: Any = 0.0
+    drive: Any  # fuel rack [mm], voltage [V], torque [N m] or held speed [rad/s]
+    pitch_command: Any  # P/D [-]
+    inflow: Any = 0.0  # disturbance u_x of the advance velocity, in addition to the sea [m/s]
+    resistance_factor: Any = 1.0  # d_c1 [-]
+    elevation: Any = 0.0  # of the surface above the propeller, in addition to the sea [m]
+    signals: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # external, by name, as in the ship file
+    rudder_command: Any = 0.0  # angle [rad]; a positive angle turns to starboard
 
 
 def _values_at(value: Any, times: NDArray[np.float64], name: str) -> NDArray[np.float64]:
@@ -192,22 +144,16 @@ def _values_at(value: Any, times: NDArray[np.float64], name: str) -> NDArray[np.
             "np.where(t < 60.0, a, b) instead of 'a if t < 60.0 else b'"
         ) from None
     if not np.all(np.isfinite(array)):
-        raise ValueError(
-            f"{name} contains a value that is not finite; check it for NaN or infinity"
-        )
+        check = "check it for NaN or infinity"
+        raise ValueError(f"{name} contains a value that is not finite; {check}")
     # Copy the array: Numba would compile the kernel again for read-only arrays.
     return np.array(array, order="C")
 
 
 def simulate(
-    ship: Ship,
-    schedule: Schedule,
-    duration_s: float,
-    *,
-    initial: State,
-    sea: Any = None,
+    ship: Ship, schedule: Schedule, duration_s: float, *, initial: State, sea: Any = None,
     dt: float | None = None,
-) -> NDArray[Any]:
+) -> NDArray[Any]:  # fmt: skip
     """Simulate one ship and keep all samples.
 
     Args:
@@ -260,20 +206,15 @@ def simulate(
         raise ValueError(f"the initial state contains a value that is not finite: {initial}")
     samples = np.zeros(steps + 1, SAMPLE)
     trajectory(
-        ship.record(),
-        state[0],
-        np.zeros(1, MEMORY)[0],
-        calm_sea() if sea is None else sea.copy(),
+        ship.record(), state[0], np.zeros(1, MEMORY)[0], calm_sea() if sea is None else sea.copy(),
         _values_at(schedule.drive, grid, "drive"),
         _values_at(schedule.pitch_command, grid, "pitch_command"),
         _values_at(schedule.rudder_command, grid, "rudder_command"),
         _values_at(schedule.inflow, half_grid, "inflow"),
         _values_at(schedule.elevation, half_grid, "elevation"),
         _values_at(schedule.resistance_factor, half_grid, "resistance_factor"),
-        ship.external_rows(signals),
-        dt,
-        samples,
-    )
+        ship.external_rows(signals), dt, samples,
+    )  # fmt: skip
     refuse_divergence(ship, samples)
     warn_of_departures(ship, samples)
     return samples

@@ -6,12 +6,12 @@ initial state and the linear model follow from the declaration.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import numpy as np
 
-from ..core.compiled import Real, Record, compiled, generate_kernel
+from ..core.compiled import Real, Record, compiled, generate_kernel, generate_tuple_kernel
 from .expressions import NO_SIGNALS
 from .ventilation import can_ventilate
 
@@ -23,6 +23,7 @@ class PresentIf(NamedTuple):
 
 
 TURNS = PresentIf(lambda plant: plant["turns"] != 0)
+UNUSED = PresentIf(lambda plant: False)
 
 
 class Lag(NamedTuple):
@@ -36,21 +37,18 @@ class Lag(NamedTuple):
 class State(NamedTuple):
     """Continuous states of the plant. States of absent effects stay at 0."""
 
-    pitch_ratio: Annotated[
-        Real, PresentIf(lambda plant: plant["pitch_ratio_min"] < plant["pitch_ratio_max"])
-    ]  # of the pitch actuator [-]
+    # of the pitch actuator [-]
+    pitch_ratio: Annotated[Real, PresentIf(lambda p: p["pitch_ratio_min"] < p["pitch_ratio_max"])]
     shaft_speed: Annotated[Real, PresentIf(lambda plant: plant["speed_held"] == 0)]  # omega [rad/s]
-    ship_speed: Annotated[
-        Real, PresentIf(lambda plant: plant["hull_fixed"] == 0)
-    ]  # over ground [m/s]
+    ship_speed: Annotated[Real, PresentIf(lambda p: p["hull_fixed"] == 0)]  # over ground [m/s]
     # Only the phase of the waves depends on the position.
-    position: Annotated[Real, PresentIf(lambda plant: False)] = 0.0  # along the track [m]
+    position: Annotated[Real, UNUSED] = 0.0  # along the track [m]
     brake_torque: Annotated[Real, Lag("engine_lag")] = 0.0  # of a diesel with a lag [N m]
     inflow: Annotated[Real, Lag("inflow_lag")] = 0.0  # advance velocity behind its lag [m/s]
     ventilation: Annotated[Real, PresentIf(can_ventilate)] = 0.0  # degree of ventilation [-]
     motor_current: Annotated[Real, Lag("armature_inductance")] = 0.0  # with inductance [A]
     # No rate depends on the shaft angle; recordings may contain it in place of the speed.
-    shaft_angle: Annotated[Real, PresentIf(lambda plant: False)] = 0.0  # turned by the shaft [rad]
+    shaft_angle: Annotated[Real, UNUSED] = 0.0  # turned by the shaft [rad]
     # Charge air and warmth of a diesel that limit its torque, relative to those at rated power.
     charge: Annotated[Real, Lag("charge_lag", 1e-3, after=True)] = 0.0  # [-]
     warmth: Annotated[Real, Lag("warmth_lag", 1e-3, after=True)] = 0.0  # [-]
@@ -58,7 +56,7 @@ class State(NamedTuple):
     sway_speed: Annotated[Real, TURNS] = 0.0  # to starboard, over ground [m/s]
     yaw_rate: Annotated[Real, TURNS] = 0.0  # to starboard [rad/s]
     heading: Annotated[Real, TURNS] = 0.0  # to starboard of the initial course [rad]
-    cross_track: Annotated[Real, PresentIf(lambda plant: False)] = 0.0  # to starboard of it [m]
+    cross_track: Annotated[Real, UNUSED] = 0.0  # to starboard of it [m]
     rudder_angle: Annotated[Real, Lag("rudder_lag")] = 0.0  # positive turns to starboard [rad]
     # States of terms, in the order of the terms.
     term_1: Annotated[Real, PresentIf(lambda plant: plant["term_states"] > 0)] = 0.0
@@ -66,16 +64,8 @@ class State(NamedTuple):
     term_3: Annotated[Real, PresentIf(lambda plant: plant["term_states"] > 2)] = 0.0
 
 
-def _declared() -> dict[str, PresentIf | Lag]:
-    hints = get_type_hints(State, include_extras=True)
-    marks = {}
-    for name in State._fields:
-        own = getattr(hints[name], "__metadata__", ())
-        marks[name] = own[0] if own else PresentIf(lambda plant: True)
-    return marks
-
-
-_DECLARED = _declared()
+_HINTS: dict[str, Any] = get_type_hints(State, include_extras=True)
+_DECLARED: dict[str, PresentIf | Lag] = {n: hint.__metadata__[0] for n, hint in _HINTS.items()}
 
 LAGS = {name: mark.field for name, mark in _DECLARED.items() if isinstance(mark, Lag)}
 """States with a lag, and the field of the ship record that holds its time constant."""
@@ -102,96 +92,60 @@ STATE = np.dtype([(name, np.float64) for name in State._fields], align=True)
 
 _MOTION = ("pitch_ratio", "shaft_speed", "ship_speed")
 
-motion_state: Callable[[Real, Real, Real], State] = generate_kernel(
-    """
-def motion_state(pitch_ratio, shaft_speed, ship_speed):
-    return State(
-        {field},
-    )
-""",
+
+def _state_kernel(signature: str, entry: str, fields: Iterable[str] = State._fields) -> Any:
+    return generate_tuple_kernel(signature, "State", entry, fields, globals())
+
+
+motion_state: Callable[[Real, Real, Real], State] = _state_kernel(
+    "motion_state(pitch_ratio, shaft_speed, ship_speed)", "{field}",
     [name if name in _MOTION else "0.0" for name in State._fields],
-    globals(),
-)
+)  # fmt: skip
 """Return the state of pitch, shaft and hull alone. Kernels cannot use the defaults of a tuple."""
 
-with_motion: Callable[[State, Real, Real, Real], State] = generate_kernel(
-    """
-def with_motion(state, pitch_ratio, shaft_speed, ship_speed):
-    return State(
-        {field},
-    )
-""",
+with_motion: Callable[[State, Real, Real, Real], State] = _state_kernel(
+    "with_motion(state, pitch_ratio, shaft_speed, ship_speed)", "{field}",
     [name if name in _MOTION else f"state.{name}" for name in State._fields],
-    globals(),
-)
+)  # fmt: skip
 """Return a state with other values of pitch ratio, shaft speed and ship speed."""
 
-shift_state: Callable[[State, State, Real], State] = generate_kernel(
-    """
-def moved(state, rate, h):
-    return State(
-        state.{field} + h * rate.{field},
-    )
-""",
-    State._fields,
-    globals(),
+shift_state: Callable[[State, State, Real], State] = _state_kernel(
+    "shift_state(state, rate, h)", "state.{field} + h * rate.{field}"
 )
 """Return the state after ``h`` [s] at a rate: :math:`x + h \\dot x`."""
 
-get_state: Callable[[Record], State] = generate_kernel(
-    """
-def get_state(record):
-    return State(
-        record.{field},
-    )
-""",
-    State._fields,
-    globals(),
-)
+get_state: Callable[[Record], State] = _state_kernel("get_state(record)", "record.{field}")
 """Return the state in a STATE record."""
 
 set_state: Callable[[Record, State], None] = generate_kernel(
-    """
-def set_state(record, state):
-    record.{field} = state.{field}
-""",
-    State._fields,
-    globals(),
+    "def set_state(record, state):\n    record.{field} = state.{field}", State._fields, globals()
 )
 """Write a state into a STATE record."""
 
-
 directional_rate: Callable[[State, State], Real] = generate_kernel(
-    """
-def along(rate, direction):
-    return (
-        + rate.{field} * direction.{field}
-    )
-""",
-    State._fields,
-    globals(),
-)
+    "def along(rate, direction):\n    return (\n+ rate.{field} * direction.{field}\n)",
+    State._fields, globals(),
+)  # fmt: skip
 """Return the component of a rate along a direction: the sum of their products."""
 
-TERM_STATES = tuple(
-    State(*(1.0 if name == own else 0.0 for name in State._fields))
-    for own in State._fields
-    if own.startswith("term_")
-)
+
+def _unit_state(own: str) -> State:
+    return State(*(float(name == own) for name in State._fields))
+
+
+TERM_STATES = tuple(_unit_state(name) for name in State._fields if name.startswith("term_"))
 """Unit directions of the states of terms."""
 
-VENTILATION_DIRECTION = State(*(1.0 if name == "ventilation" else 0.0 for name in State._fields))
+VENTILATION_DIRECTION = _unit_state("ventilation")
 """Unit direction of the degree of ventilation."""
 
 LAGGING, WAITING = (
-    State(
-        *(
-            mark.probe if isinstance(mark, Lag) and mark.after == after else 0.0
-            for mark in _DECLARED.values()
-        )
-    )
+    State(*(
+        mark.probe if isinstance(mark, Lag) and mark.after == after else 0.0
+        for mark in _DECLARED.values()
+    ))
     for after in (False, True)
-)
+)  # fmt: skip
 """Probe steps of the lag states, 0 for all other states: lags that depend on no other lag, and lags that
 follow the state of another one."""
 
@@ -203,15 +157,9 @@ def _root(x: float, rate: float, rate_beside: float, probe: float) -> float:
     return x - probe * rate / slope if probe > 0.0 and slope != 0.0 else x
 
 
-zero_lag_rates: Callable[[State, State, State, State], State] = generate_kernel(
-    """
-def zero_lag_rates(state, rate, rate_beside, probe):
-    return State(
-        _root(state.{field}, rate.{field}, rate_beside.{field}, probe.{field}),
-    )
-""",
-    State._fields,
-    globals(),
+zero_lag_rates: Callable[[State, State, State, State], State] = _state_kernel(
+    "zero_lag_rates(state, rate, rate_beside, probe)",
+    "_root(state.{field}, rate.{field}, rate_beside.{field}, probe.{field})",
 )
 """Return the state with some lag states at rest, from the rates here and at ``state + probe``."""
 

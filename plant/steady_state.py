@@ -24,14 +24,9 @@ class Equilibrium(NamedTuple):
 
 
 def equilibrium(
-    ship: Ship,
-    drive: float,
-    pitch_ratio: float,
-    *,
-    inflow: float = 0.0,
-    resistance_factor: float = 1.0,
-    signals: Mapping[str, float] = MappingProxyType({}),
-) -> Equilibrium:
+    ship: Ship, drive: float, pitch_ratio: float, *, inflow: float = 0.0,
+    resistance_factor: float = 1.0, signals: Mapping[str, float] = MappingProxyType({}),
+) -> Equilibrium:  # fmt: skip
     """Return the steady state at constant commands.
 
     Args:
@@ -84,9 +79,8 @@ def equilibrium(
         return [shaft, rate.ship_speed * float(plant["mass"]) / max(outputs.resistance, 1.0)]
 
     for start in _starts(ship, drive):
-        solution = scipy.optimize.root(
-            residual, start if moving else start[:1], method="hybr", tol=1e-13
-        )
+        unknown = start if moving else start[:1]
+        solution = scipy.optimize.root(residual, unknown, method="hybr", tol=1e-13)
         if np.max(np.abs(residual(solution.x))) < 1e-9 and solution.x[0] > 1e-3:
             turns = float(solution.x[0]) if ship.turns_freely else float(drive)
             state = complete(turns, float(solution.x[1]) if moving else 0.0)
@@ -104,12 +98,10 @@ def _check_rest(ship: Ship, plant: Any, state: State, inputs: Inputs, blade: flo
     with_state = [term for term in ship.term if term.state is not None]
     for term, direction in zip(with_state, TERM_STATES, strict=False):
         here = directional_rate(state, direction)
-        rates = [
-            directional_rate(
-                evaluate(plant, shift_state(state, direction, by), inputs, blade)[0], direction
-            )
-            for by in (-1e-6 * max(1.0, abs(here)), 1e-6 * max(1.0, abs(here)))
-        ]
+        near = 1e-6 * max(1.0, abs(here))
+        beside = (shift_state(state, direction, by) for by in (-near, near))
+        both = (evaluate(plant, one, inputs, blade)[0] for one in beside)
+        rates = [directional_rate(rate, direction) for rate in both]
         if rates[0] * rates[1] > 0.0:
             raise ValueError(
                 f"{ship.name}: no steady state: at a shaft speed of {state.shaft_speed:.4g} rad/s and a "
@@ -131,6 +123,4 @@ def _starts(ship: Ship, drive: float) -> list[list[float]]:
     shares = (0.7, 0.4, 1.0, 0.2, 0.1)
     # The first list suits large slow propellers; the second is 70 % of the pitch speed of P/D 1.
     pitch_speed = 0.7 * float(plant["diameter"]) / (2.0 * math.pi)
-    return [[top * share, top * share * 0.8] for share in shares] + [
-        [top * share, top * share * pitch_speed] for share in shares
-    ]
+    return [[top * s, top * s * speed] for speed in (0.8, pitch_speed) for s in shares]

@@ -16,32 +16,20 @@ from .steady_state import Equilibrium
 class Nomoto(NamedTuple):
     """Nomoto's model T dr/dt + r = K delta (Nomoto et al. 1957), in ship lengths at the present speed.
 
-    Args:
-        gain: K, rate of turn [rad per ship length] / rudder angle [rad].
-        time: T = T1 + T2 - T3 [ship lengths].
-        poles: poles of sway and yaw [per ship length]; the ship is course-stable if both are negative.
-        zero: zero of the rate of turn over the rudder angle [per ship length].
+    The ship is course-stable if both poles are negative.
     """
 
-    gain: float
-    time: float
-    poles: tuple[complex, complex]
-    zero: float
+    gain: float  # K, rate of turn [rad per ship length] / rudder angle [rad]
+    time: float  # T = T1 + T2 - T3 [ship lengths]
+    poles: tuple[complex, complex]  # of sway and yaw [per ship length]
+    zero: float  # of the rate of turn over the rudder angle [per ship length]
 
 
 def sway_yaw_model(ship: Ship, point: Equilibrium) -> control.StateSpace:
-    """Return the linear model of sway speed and rate of turn with the rudder angle as input.
+    """Return the linear model of sway speed [m/s] and rate of turn [rad/s] by the rudder angle [rad].
 
-    Args:
-        ship: ship with sway and yaw.
-        point: steady straight course, from :func:`shaftline.plant.equilibrium`.
-
-    Returns:
-        States and outputs are sway speed [m/s] and yaw rate [rad/s]; the input is the rudder angle
-        [rad].
-
-    Raises:
-        ShipError: the ship has no sway and yaw, or no rudder.
+    The point is a steady straight course, from :func:`shaftline.plant.equilibrium`. A ship without sway
+    and yaw, or without a rudder, raises a ShipError.
     """
     require_steering(ship)
     prompt = ship.with_values({"rudder.time_constant_s": 0.0, "rudder.rate_limit_rad_s": np.inf})

@@ -19,18 +19,14 @@ from .memory import begin_step, end_step, read_instruments, settle_memory
 from .ship import Ship
 from .signals import SAMPLE, SIGNALS
 from .state import Inputs, Outputs, State, get_state, set_state, shift_state
-from .waves import SYNC_STEPS, WaveMotion, pass_half_step, synchronise, wave_motion
-
-_BEYOND = 1e3
-"""Factor on the range of a signal in the registry beyond which a simulation has diverged."""
+from .waves import SYNC_STEPS, pass_half_step, synchronise, wave_motion
 
 _LIMITS = np.array(
-    [
-        math.inf if signal.source == "demand" else _BEYOND * max(abs(signal.low), abs(signal.high))
-        for signal in SIGNALS
-    ]
+    [math.inf if s.source == "demand" else 1e3 * max(abs(s.low), abs(s.high)) for s in SIGNALS]
 )
-"""Bounds of the samples. Commands have none: the user gives them, in the unit of the drive."""
+"""Bounds of the samples, 1000 times the range of a signal in the registry.
+
+Commands have none: the user gives them, in the unit of the drive."""
 
 
 class DivergenceError(ValueError):
@@ -40,12 +36,8 @@ class DivergenceError(ValueError):
 def refuse_divergence(ship: Ship, samples: NDArray[Any]) -> None:
     """Refuse samples with a value that is not finite or far beyond the range of its signal.
 
-    Args:
-        ship: simulated ship, for the message.
-        samples: SAMPLE array of shape (n,), contiguous.
-
-    Raises:
-        DivergenceError: names the signal, its value and the time.
+    The SAMPLE array has shape (n,) and is contiguous; the DivergenceError names the signal, its value
+    and the time.
     """
     values = samples.view(np.float64).reshape(-1, len(SAMPLE.names or ()))
     good = np.abs(values) <= _LIMITS  # also false for NaN
@@ -76,45 +68,23 @@ UNDISTURBED = Disturbance(0.0, 0.0, 1.0)
 
 @compiled
 def _inputs(
-    drive: float,
-    pitch_command: float,
-    rudder_command: float,
-    sea: Record,
-    disturbance: Disturbance,
-    wave: WaveMotion,
-    episode: float,
-    time: float,
-    drive_rate: float,
-) -> Inputs:
+    drive: float, pitch_command: float, rudder_command: float, sea: Record,
+    disturbance: Disturbance, episode: float, time: float, drive_rate: float,
+) -> Inputs:  # fmt: skip
+    wave = wave_motion(sea)
     return Inputs(
-        drive,
-        pitch_command,
-        disturbance.inflow + wave.inflow,
-        wave.inflow_slope,
-        wave.place,
-        sea.along,
-        sea.across,
-        disturbance.elevation + wave.elevation,
-        disturbance.resistance_factor * episode,
-        time,
-        drive_rate,
-        wave.head_sea,
-        rudder_command,
-        wave.elevation_slope,
-        disturbance.outside,
-    )
+        drive, pitch_command, disturbance.inflow + wave.inflow, wave.inflow_slope, wave.place,
+        sea.along, sea.across, disturbance.elevation + wave.elevation,
+        disturbance.resistance_factor * episode, time, drive_rate, wave.head_sea, rudder_command,
+        wave.elevation_slope, disturbance.outside,
+    )  # fmt: skip
 
 
 @compiled
 def runge_kutta(
-    plant: Record,
-    state: State,
-    k1: State,
-    middle: Inputs,
-    end: Inputs,
-    blade_before: float,
+    plant: Record, state: State, k1: State, middle: Inputs, end: Inputs, blade_before: float,
     dt: float,
-) -> State:
+) -> State:  # fmt: skip
     """Return the state after a fourth-order Runge-Kutta step of ``dt`` [s], given its first slope."""
     k2, _ = evaluate(plant, shift_state(state, k1, 0.5 * dt), middle, blade_before)
     k3, _ = evaluate(plant, shift_state(state, k2, 0.5 * dt), middle, blade_before)
@@ -127,33 +97,15 @@ def runge_kutta(
 
 @compiled
 def step(
-    plant: Record,
-    state: Record,
-    memory: Record,
-    sea: Record,
-    drive: float,
-    pitch_command: float,
-    rudder_command: float,
-    start: Disturbance,
-    middle: Disturbance,
-    end: Disturbance,
-    dt: float,
-) -> Outputs:
-    """Advance one ship by one time step; state, memory and sea are changed in place.
+    plant: Record, state: Record, memory: Record, sea: Record, drive: float, pitch_command: float,
+    rudder_command: float, start: Disturbance, middle: Disturbance, end: Disturbance, dt: float,
+) -> Outputs:  # fmt: skip
+    """Advance one ship by one time step [s]; state, memory and sea are changed in place.
 
-    Args:
-        plant: PLANT record.
-        state: STATE record.
-        memory: MEMORY record.
-        sea: SEA record; its field is computed anew every ``SYNC_STEPS`` steps.
-        drive: command to the prime mover [mm | V | N m], constant over the step; a held shaft speed
-            [rad/s] changes linearly and reaches the command at the end of the step.
-        pitch_command: commanded P/D [-], constant over the step.
-        rudder_command: commanded rudder angle [rad], constant over the step.
-        start: disturbance at the start of the step, in addition to the sea.
-        middle: disturbance at the middle of the step.
-        end: disturbance at the end of the step.
-        dt: time step [s].
+    The commands are constant over the step: drive [mm | V | N m], P/D [-], rudder angle [rad]. A held
+    shaft speed [rad/s] changes linearly and reaches its command at the end of the step. ``start``,
+    ``middle`` and ``end`` are disturbances in addition to the sea, whose field is computed anew every
+    ``SYNC_STEPS`` steps.
 
     Returns:
         The outputs at the start of the step under the new commands; the memory holds the measurements at
@@ -165,29 +117,19 @@ def step(
     episode = episode_factor(plant, time, dt)
     if sea.present != 0 and memory.cursor % SYNC_STEPS == 0:
         synchronise(sea, time, now, 0.5 * dt)
-    wave = wave_motion(sea)
-    begins, middles = memory.rack_start, memory.rack_middle
-    speed_rate = 0.0
+    begins, middles, speed_rate = memory.rack_start, memory.rack_middle, 0.0
     if plant.speed_held != 0:
         begins = now.shaft_speed
         middles = 0.5 * (begins + delivered)
         speed_rate = (delivered - begins) / dt
-    first = _inputs(
-        begins, pitch_command, rudder_command, sea, start, wave, episode, time, speed_rate
-    )
+    pitch, rudder, half = pitch_command, rudder_command, time + 0.5 * dt
+    first = _inputs(begins, pitch, rudder, sea, start, episode, time, speed_rate)
     if sea.present != 0:
         pass_half_step(sea)
-        wave = wave_motion(sea)
-    second = _inputs(
-        middles, pitch_command, rudder_command, sea, middle, wave, episode, time + 0.5 * dt,
-        speed_rate,
-    )  # fmt: skip
+    second = _inputs(middles, pitch, rudder, sea, middle, episode, half, speed_rate)
     if sea.present != 0:
         pass_half_step(sea)
-        wave = wave_motion(sea)
-    third = _inputs(
-        delivered, pitch_command, rudder_command, sea, end, wave, episode, time + dt, speed_rate
-    )
+    third = _inputs(delivered, pitch, rudder, sea, end, episode, time + dt, speed_rate)
     blade = memory.blade_pitch
     rate, outputs = evaluate(plant, now, first, blade)
     read_instruments(plant, memory, now.shaft_speed, outputs, dt)
@@ -201,22 +143,14 @@ def step(
 
 @compiled
 def observe(
-    plant: Record,
-    state: Record,
-    memory: Record,
-    sea: Record,
-    pitch_command: float,
-    rudder_command: float,
-    disturbance: Disturbance,
-    dt: float,
-) -> Outputs:
+    plant: Record, state: Record, memory: Record, sea: Record, pitch_command: float,
+    rudder_command: float, disturbance: Disturbance, dt: float,
+) -> Outputs:  # fmt: skip
     """Return the outputs at the present instant under the last drive input, and update measurements."""
-    now = get_state(state)
-    wave = wave_motion(sea)
-    time = memory.cursor * dt
+    now, time = get_state(state), memory.cursor * dt
     episode = episode_factor(plant, time, dt)
     inputs = _inputs(
-        memory.rack, pitch_command, rudder_command, sea, disturbance, wave, episode, time, 0.0
+        memory.rack, pitch_command, rudder_command, sea, disturbance, episode, time, 0.0
     )
     _, outputs = evaluate(plant, now, inputs, memory.blade_pitch)
     read_instruments(plant, memory, now.shaft_speed, outputs, dt)
@@ -225,25 +159,17 @@ def observe(
 
 @compiled
 def prepare(
-    plant: Record,
-    state: Record,
-    memory: Record,
-    sea: Record,
-    drive: float,
-    disturbance: Disturbance,
-    dt: float,
-) -> None:
+    plant: Record, state: Record, memory: Record, sea: Record, drive: float,
+    disturbance: Disturbance, dt: float,
+) -> None:  # fmt: skip
     """Prepare a simulation at time 0: synchronise the sea and settle the memory on the initial state."""
     now = get_state(state)
     if sea.present != 0:
         synchronise(sea, 0.0, now, 0.5 * dt)
-    wave = wave_motion(sea)
     episode = episode_factor(plant, 0.0, dt)
-    initial_drive = drive
     if plant.speed_held != 0:
-        initial_drive = now.shaft_speed
-    inputs = _inputs(
-        initial_drive, now.pitch_ratio, now.rudder_angle, sea, disturbance, wave, episode, 0.0, 0.0
-    )
-    _, outputs = evaluate(plant, now, inputs, now.pitch_ratio)
-    settle_memory(plant, memory, now, outputs, initial_drive, dt)
+        drive = now.shaft_speed
+    pitch = now.pitch_ratio
+    inputs = _inputs(drive, pitch, now.rudder_angle, sea, disturbance, episode, 0.0, 0.0)
+    _, outputs = evaluate(plant, now, inputs, pitch)
+    settle_memory(plant, memory, now, outputs, drive, dt)

@@ -136,25 +136,21 @@ class TermParameter(FileModel):
 
 
 Name: TypeAlias = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=40)]
-Place: TypeAlias = Literal[
-    "drive", "inflow_velocity", "thrust", "drive_torque", "load_torque", "resistance", "pitch_rate",
-    "side_force", "yaw_moment",
-]  # fmt: skip
+Place: TypeAlias = Literal["drive", "inflow_velocity", "thrust", "drive_torque", "load_torque",
+                           "resistance", "pitch_rate", "side_force", "yaw_moment"]  # fmt: skip
 Expression: TypeAlias = Annotated[str, Field(max_length=1000)]
 
 
 class Term(Section):
     """A term; see the module for the format."""
 
-    id: Annotated[
-        str,
-        Field(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$", max_length=60, description="name of the term"),
-    ]
+    id: str = Field(
+        pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$", max_length=60, description="name of the term"
+    )
     acts_on: Place = Field(description="location in the model: quantity to which the term is added")
     expression: Expression = Field(description="expression in signals and parameters")
-    also: dict[Place, Expression] = Field(
-        default={}, description="expressions for further locations, by location"
-    )
+    also: dict[Place, Expression] = Field(default={},
+        description="expressions for further locations, by location")  # fmt: skip
     state: Name | None = Field(default=None, description="name of a dynamic state of the term")
     rate: Expression | None = Field(default=None, description="rate of the state [per s]")
     parameters: dict[Name, TermParameter] = Field(default_factory=dict, strict=False)
@@ -195,22 +191,14 @@ class Term(Section):
         They include :data:`TURNING_SIGNALS`, which a ship with sway and yaw has itself.
         """
         own = {*self.parameters, *_ITS_OWN, *FUNCTIONS, self.state}
-        names: dict[str, None] = {}
-        for _, expression in self.expressions:
-            for name in names_in(expression):
-                if name not in own:
-                    names[name] = None
-        return tuple(names)
+        names = (name for _, expression in self.expressions for name in names_in(expression))
+        return tuple(dict.fromkeys(name for name in names if name not in own))
 
     def programs(self, signals: Sequence[str], state: int = 0) -> Programs:
-        """Return the programs of the term's expressions.
+        """Return the programs of the term's expressions; a TermError says why an expression is invalid.
 
-        Args:
-            signals: external signals of the ship, in their order.
-            state: index of the term's state among those of the ship's terms.
-
-        Raises:
-            TermError: an expression is invalid.
+        ``signals`` are the ship's external signals in their order, ``state`` is the index of the term's
+        state among those of the ship's terms.
         """
         literals: list[float] = []
         programs = []
@@ -227,9 +215,8 @@ class Term(Section):
                         f"{expression!r}: {name} is not known yet where {where} is computed; use "
                         "another signal"
                     )
-            programs.append(
-                (place, parse_expression(expression, list(self.parameters), names, literals))
-            )
+            program = parse_expression(expression, list(self.parameters), names, literals)
+            programs.append((place, program))
         return Programs(tuple(programs), tuple(literals))
 
 
@@ -250,19 +237,13 @@ RECORD_FIELDS = (
 
 
 def add_term(record: Any, term: Term, signals: Sequence[str] = ()) -> int:
-    """Add a term to a ship record and return its index.
+    """Add a term to a ship record, which is changed in place, and return its index.
 
-    Args:
-        record: ship record, changed in place.
-        term: the term.
-        signals: external signals of the ship, in their order.
-
-    Raises:
-        TermError: the record is full, or the term uses a signal that the ship does not declare.
+    ``signals`` are the ship's external signals in their order. A full record, or a term that uses
+    another signal, raises a TermError.
     """
-    slot, first, state = (
-        int(record[name]) for name in ("term_count", "term_programs", "term_states")
-    )
+    names = ("term_count", "term_programs", "term_states")
+    slot, first, state = (int(record[name]) for name in names)
     if slot >= MAX_TERMS:
         raise TermError(f"{term.id}: a ship may have at most {MAX_TERMS} terms")
     if term.state is not None and state >= MAX_STATES:
@@ -270,9 +251,8 @@ def add_term(record: Any, term: Term, signals: Sequence[str] = ()) -> int:
     programs = term.programs(signals, state)
     end = first + len(programs.by_place)
     if end > MAX_PROGRAMS:
-        raise TermError(
-            f"{term.id}: the terms of a ship may have at most {MAX_PROGRAMS} expressions"
-        )
+        most = f"the terms of a ship may have at most {MAX_PROGRAMS} expressions"
+        raise TermError(f"{term.id}: {most}")
     record["term_count"], record["term_programs"] = slot + 1, end
     record["term_states"] = state + (term.state is not None)
     for row, (place, program) in enumerate(programs.by_place, first):

@@ -12,7 +12,7 @@ from __future__ import annotations
 import functools
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -53,18 +53,14 @@ _OF_THE_SHAFT = ("transmission", "prime_mover", "propeller")
 
 
 def time_constants(ship: Ship) -> dict[str, float]:
-    """Return the time constants [s] of a ship that the time step has to resolve, by name.
-
-    Args:
-        ship: the ship.
-    """
+    """Return the time constants [s] of a ship that the time step has to resolve, by name."""
     found: dict[str, float] = {}
     for name in type(ship).model_fields:
         section = getattr(ship, name)
         if isinstance(section, Section) and all(getattr(ship, n) for n in section.needs.split()):
             found |= {f"{name}.{key}": value for key, value in section.time_constants.items()}
-    shaft = _shaft_time_constant(ship)
-    if math.isfinite(shaft):
+    slope = _damping(ship)
+    if ship.turns_freely and slope > 0.0 and math.isfinite(shaft := _inertia(ship) / slope):
         found[SHAFT] = shaft
     if ship.turns and ship.moves:
         turning = (ship.hull, ship.manoeuvring, ship.water.density_kg_m3)
@@ -87,18 +83,11 @@ def _rate_of_sway_and_yaw(hull: Hull, manoeuvring: Manoeuvring, density: float) 
         _, side, moment = hull_forces(plant, speed, across, yaw_rate)
         return planar_acceleration(plant, speed, across, yaw_rate, 0.0, 0.0, side, moment)[1:]
 
-    slopes = [
-        np.subtract(rates(*by), rates(*-by)) / (2.0 * by.sum()) for by in small
-    ]  # d(rates)/d(state), a row a state
+    # d(rates)/d(state), a row for each state
+    slopes = [np.subtract(rates(*by), rates(*-by)) / (2.0 * by.sum()) for by in small]
     if not np.isfinite(slopes).all():
         return sys.float_info.max
     return max(float(np.abs(np.linalg.eigvals(slopes).real).max()), 1e-12)
-
-
-def _shaft_time_constant(ship: Ship) -> float:
-    """Return inertia / damping of the shaft [s]; infinite without damping."""
-    slope = _damping(ship)
-    return _inertia(ship) / slope if ship.turns_freely and slope > 0.0 else math.inf
 
 
 def _inertia(ship: Ship) -> float:
@@ -110,12 +99,9 @@ def _inertia(ship: Ship) -> float:
 
 
 def _resolved(spare: Callable[[float], float], value: float, bound: float) -> float:
-    """Return how far a parameter may change towards a bound, which may be infinite.
+    """Return how far a parameter may change from its value towards a bound, which may be infinite.
 
-    Args:
-        spare: function of the parameter, at least 0 if the time step resolves the time constant.
-        value: value of the parameter.
-        bound: bound of its range.
+    ``spare`` is a function of the parameter, at least 0 if the time step resolves the time constant.
     """
     end = math.copysign(min(abs(bound), 1e12), bound)
     if spare(end) >= 0.0 or spare(value) < 0.0:
@@ -125,10 +111,7 @@ def _resolved(spare: Callable[[float], float], value: float, bound: float) -> fl
 
 
 def _spare_inertia(ship: Ship, key: str) -> Callable[[float], float]:
-    """Return the shaft's inertia minus time step times damping [kg m2], as a function of a parameter.
-
-    It is linear in frictions and inertias.
-    """
+    """Return the shaft's inertia minus time step times damping [kg m2], by the value of a parameter."""
     section, _, name = key.partition(".")
     table = getattr(ship, section)
 
@@ -144,14 +127,9 @@ def _spare_inertia(ship: Ship, key: str) -> Callable[[float], float]:
 
 @functools.lru_cache(maxsize=1024)
 def _turning_range(
-    hull: Hull,
-    manoeuvring: Manoeuvring,
-    density: float,
-    step: float,
-    name: str,
-    low: float,
+    hull: Hull, manoeuvring: Manoeuvring, density: float, step: float, name: str, low: float,
     high: float,
-) -> tuple[float, float]:
+) -> tuple[float, float]:  # fmt: skip
     """Return the range of a manoeuvring parameter in which a step [s] resolves sway and yaw."""
 
     def spare(at: float) -> float:
@@ -177,11 +155,7 @@ def _damping(ship: Ship) -> float:
 
 
 def check_time_constants(ship: Ship) -> None:
-    """Refuse a time constant, or a term's state, that is faster than the ship's time step.
-
-    Raises:
-        ValueError: names the key, its value and the limit.
-    """
+    """Refuse a time constant or a term's state that is faster than the time step, with a ValueError."""
     step = ship.time_step_s
     for name, value in time_constants(ship).items():
         if value < step * (1.0 - _ROUNDING):
@@ -202,48 +176,34 @@ def check_time_constants(ship: Ship) -> None:
 
 
 def _surroundings(ship: Ship) -> tuple[tuple[str, ...], tuple[tuple[float, ...], ...]]:
-    """Return a ship's external signals, and the conditions at which terms' rates are evaluated."""
-    return tuple(sorted(ship.signals)), tuple(_conditions(ship))
+    """Return a ship's external signals, and the conditions at which terms' rates are evaluated.
 
-
-def _conditions(ship: Ship) -> Iterator[tuple[float, ...]]:
-    """Yield the conditions at which terms' rates are evaluated: at rest, at half and at full speed."""
-    depth = ship.propeller.depth_m
-    yield tuple(
-        InputSignals(*np.zeros(len(InputSignals._fields)).tolist())._replace(submergence=depth)
-    )
+    The conditions are at rest, at half and at full speed.
+    """
+    plant = np.zeros(1, PLANT)[0]
+    ship.prime_mover.fill(plant)
     top = ship.prime_mover.idle_speed_rad_s / ship.transmission.gear_ratio
     if ship.has_diesel:
         top = ship.shaft_speeds[1]
-    pitch = ship.propeller.pitch_ratio_max
-    speed = _CRUISE_M_S if ship.moves else 0.0
-    for share in (0.5, 1.0):
-        yield InputSignals(
+    pitch, speed = ship.propeller.pitch_ratio_max, _CRUISE_M_S if ship.moves else 0.0
+    rest = InputSignals(*(0.0 for _ in InputSignals._fields))
+    rest = rest._replace(submergence=ship.propeller.depth_m)
+    moving = (
+        rest._replace(
             shaft_speed=share * top, ship_speed=2.0 * share * speed, pitch_ratio=pitch,
-            pitch_command=pitch, drive=share * _top_demand(ship),
+            pitch_command=pitch, drive=share * float(plant["drive_max"]),
             advance_velocity=2.0 * share * speed * (1.0 - ship.hull.wake_fraction),
-            submergence=depth, time=0.0, sway_speed=0.0, yaw_rate=0.0, heading=0.0,
-            rudder_angle=0.0, shaft_angle=0.0,
-        )  # fmt: skip
-
-
-def _top_demand(ship: Ship) -> float:
-    plant = np.zeros(1, PLANT)[0]
-    ship.prime_mover.fill(plant)
-    return float(plant["drive_max"])
+        )
+        for share in (0.5, 1.0)
+    )  # fmt: skip
+    return tuple(sorted(ship.signals)), (rest, *moving)
 
 
 @functools.lru_cache(maxsize=256)
 def _fastest_rate(
     term: Term, signals: tuple[str, ...], conditions: tuple[tuple[float, ...], ...]
 ) -> float:
-    """Return the largest |d rate / d state| [1/s] of a term, at state 0 and at zero rate.
-
-    Args:
-        term: term with a state.
-        signals: external signals of the ship, in their order.
-        conditions: conditions, each with the values of :class:`InputSignals`.
-    """
+    """Return the largest |d rate / d state| [1/s] of a term, at state 0 and at zero rate."""
     plant = np.zeros(1, PLANT)[0]
     add_term(plant, term, signals)
 
@@ -281,14 +241,7 @@ def _rest(rate: Any) -> float:
 
 
 def resolved_term_range(ship: Ship, term: Term, name: str, info: KeyInfo) -> KeyInfo:
-    """Return the range of a term's parameter in which the ship's time step resolves the term's state.
-
-    Args:
-        ship: ship with the term.
-        term: the term.
-        name: name of the parameter.
-        info: range that the term allows.
-    """
+    """Return the range of a term's parameter in which the ship's time step resolves the term's state."""
     if term.rate is None or name not in names_in(term.rate):
         return info
     step, around = ship.time_step_s, _surroundings(ship)
@@ -298,13 +251,9 @@ def resolved_term_range(ship: Ship, term: Term, name: str, info: KeyInfo) -> Key
 
 @functools.lru_cache(maxsize=256)
 def _slowed(
-    term: Term,
-    name: str,
-    bound: float,
-    step: float,
-    signals: tuple[str, ...],
+    term: Term, name: str, bound: float, step: float, signals: tuple[str, ...],
     conditions: tuple[tuple[float, ...], ...],
-) -> float:
+) -> float:  # fmt: skip
     """Return how far a term's parameter may change towards a bound while a step resolves its state."""
     value = term.parameters[name].value
 
@@ -319,14 +268,7 @@ def _slowed(
 
 
 def resolved_range(ship: Ship, key: str, value: float, info: KeyInfo) -> KeyInfo:
-    """Return the range of a parameter in which the ship's time step resolves its time constants.
-
-    Args:
-        ship: the ship.
-        key: dotted key of the parameter.
-        value: value of the parameter on this ship.
-        info: range that the key allows.
-    """
+    """Return the range of a parameter in which the ship's time step resolves its time constants."""
     section, _, name = key.partition(".")
     table, step = getattr(ship, section), ship.time_step_s
     if section in _OF_THE_SHAFT and ship.turns_freely:

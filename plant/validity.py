@@ -21,23 +21,14 @@ ROUNDING = 1e-9
 
 
 class Validity(NamedTuple):
-    """Range in which a model is valid.
+    """Range in which a model is valid; ``values`` and ``limits`` are functions of the ship record."""
 
-    Args:
-        quantity: the quantity that must lie in the range, as a noun phrase.
-        unit: SI unit.
-        values: function of the ship record and the SAMPLE array that returns the quantity of each
-            sample; NaN where the model is not in use.
-        limits: function of the ship record that returns the lowest and the highest valid value;
-            infinite if there is no limit.
-        beyond: what the simulation assumes outside the range, as a clause.
-    """
-
-    quantity: str
-    unit: str
+    quantity: str  # the quantity that must lie in the range, as a noun phrase
+    unit: str  # SI unit
+    # Quantity of each sample of a SAMPLE array; NaN where the model is not in use.
     values: Callable[[Any, NDArray[Any]], NDArray[np.float64]]
-    limits: Callable[[Any], tuple[float, float]]
-    beyond: str
+    limits: Callable[[Any], tuple[float, float]]  # lowest and highest valid value; may be infinite
+    beyond: str  # what the simulation assumes outside the range, as a clause
 
 
 class ValidityWarning(UserWarning):
@@ -62,17 +53,13 @@ class Departure(NamedTuple):
             allowed = f"at least {low:.4g}"
         elif not np.isfinite(low):
             allowed = f"at most {high:.4g}"
+        # The residual creep of a shaft at rest is printed as 0.
+        least, most = (value if abs(value) > 1e-9 else 0.0 for value in self.reached)
         return (
-            f"{self.row.quantity} left its range of validity ({allowed}{unit}) at "
-            f"{self.first_s:.4g} s: it spans {_shown(self.reached[0])} to "
-            f"{_shown(self.reached[1])}{unit} and is outside for {100.0 * self.share:.3g} % of the "
-            f"run; {self.row.beyond}"
+            f"{self.row.quantity} left its range of validity ({allowed}{unit}) at {self.first_s:.4g} s: "
+            f"it spans {least:.4g} to {most:.4g}{unit} and is outside for {100.0 * self.share:.3g} % of "
+            f"the run; {self.row.beyond}"
         )
-
-
-def _shown(value: float) -> str:
-    """Return a number with four digits; the residual creep of a shaft at rest is printed as 0."""
-    return f"{value if abs(value) > 1e-9 else 0.0:.4g}"
 
 
 def departures(ship: Ship, samples: NDArray[Any]) -> list[Departure]:
@@ -103,11 +90,6 @@ def departures(ship: Ship, samples: NDArray[Any]) -> list[Departure]:
 
 
 def warn_of_departures(ship: Ship, samples: NDArray[Any]) -> None:
-    """Emit one :class:`ValidityWarning` for each range of validity that a simulation leaves.
-
-    Args:
-        ship: simulated ship.
-        samples: SAMPLE array.
-    """
+    """Emit a :class:`ValidityWarning` for each range of validity that a SAMPLE array leaves."""
     for departure in departures(ship, samples):
         warnings.warn(f"{ship.name}: {departure}", ValidityWarning, stacklevel=3)

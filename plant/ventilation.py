@@ -65,9 +65,8 @@ HEAD_ROUNDING, LOSS_ROUNDING, BETA_ROUNDING = 0.2, 0.3, 0.05
 SURFACE_TORQUE_POWER = 0.8
 """Power m of KQ/KQ0 = (KT/KT0)^m where blades near the surface lose thrust [-]."""
 
-_STEEPNESS = (
-    8.0 / 7.0
-)  # K; the slope of s over a is 2.5 in the middle, so there are two stable states
+_STEEPNESS = 8.0 / 7.0
+"""K; the slope of s over a is 2.5 in the middle, so there are two stable states."""
 
 
 @compiled
@@ -96,40 +95,27 @@ class Ventilation(Section):
 
     needs = "has_propeller in_liquid"
 
-    thrust_loss: float = effect(
-        0.0, "share of thrust lost by ventilation", record="ventilation_thrust_loss", ge=0, le=0.95
-    )
-    torque_loss: float = effect(
-        0.0, "share of torque lost by ventilation", record="ventilation_torque_loss", ge=0, le=0.95
-    )
-    surface_loss: float = effect(
-        0.0, "share of the loss of disc area near the surface that is applied",
-        record="ventilation_surface_loss", ge=0, le=1,
-    )  # fmt: skip
+    # fmt: off
+    thrust_loss: float = effect(0.0, "share of thrust lost by ventilation",
+        record="ventilation_thrust_loss", ge=0, le=0.95)
+    torque_loss: float = effect(0.0, "share of torque lost by ventilation",
+        record="ventilation_torque_loss", ge=0, le=0.95)
+    surface_loss: float = effect(0.0, "share of the loss of disc area near the surface that is applied",
+        record="ventilation_surface_loss", ge=0, le=1)
     static_head_share: float = parameter(
         "share of the static head that loads ventilated blades; with 0 the losses are constant shares",
-        record="ventilation_static_head", ge=0, le=1, default=1.0,
-    )  # fmt: skip
-    onset_submergence: float = parameter(
-        "h/R at inception without load", record="ventilation_onset_submergence", ge=-1, le=5,
-        default=0.0,
-    )  # fmt: skip
-    suction_gain: float = parameter(
-        "increase of h/R at inception per suction head H/R", record="ventilation_suction_gain",
-        ge=0, le=5, default=0.5,
-    )  # fmt: skip
-    hysteresis: float = parameter(
-        "h/R at washout minus h/R at inception", record="ventilation_hysteresis", ge=0.05, le=3,
-        default=0.3,
-    )  # fmt: skip
-    growth_time_s: float = parameter(
-        "time constant of growth", "s", record="ventilation_growth_time", ge=0.05, le=20,
-        default=0.5, lag=True,
-    )  # fmt: skip
-    washout_time_s: float = parameter(
-        "time constant of washout", "s", record="ventilation_washout_time", ge=0.05, le=60,
-        default=1.5, lag=True,
-    )  # fmt: skip
+        record="ventilation_static_head", ge=0, le=1, default=1.0)
+    onset_submergence: float = parameter("h/R at inception without load",
+        record="ventilation_onset_submergence", ge=-1, le=5, default=0.0)
+    suction_gain: float = parameter("increase of h/R at inception per suction head H/R",
+        record="ventilation_suction_gain", ge=0, le=5, default=0.5)
+    hysteresis: float = parameter("h/R at washout minus h/R at inception",
+        record="ventilation_hysteresis", ge=0.05, le=3, default=0.3)
+    growth_time_s: float = parameter("time constant of growth", "s", record="ventilation_growth_time",
+        ge=0.05, le=20, default=0.5, lag=True)
+    washout_time_s: float = parameter("time constant of washout", "s", record="ventilation_washout_time",
+        ge=0.05, le=60, default=1.5, lag=True)
+    # fmt: on
 
 
 @compiled
@@ -162,13 +148,10 @@ def relative_submergence(plant: Record, submergence: Real) -> Real:
 
 @compiled
 def suction_head(plant: Record, thrust_coefficient: Real, shaft_speed: Real) -> Real:
-    """Return the suction head H/R [-] of the loaded disc.
+    """Return the suction head H/R [-] of the loaded disc at omega [rad/s].
 
-    Args:
-        plant: ship record.
-        thrust_coefficient: KT [-] without ventilation, positive if the thrust points in the direction of
-            rotation: a propeller that is driven by the flow draws no air.
-        shaft_speed: omega [rad/s].
+    KT [-] without ventilation is positive if the thrust points in the direction of rotation: a propeller
+    that is driven by the flow draws no air.
     """
     n = shaft_speed * REVOLUTIONS_PER_RADIAN
     return 8.0 / (math.pi * GRAVITY) * plant.diameter * thrust_coefficient * n * n
@@ -176,13 +159,7 @@ def suction_head(plant: Record, thrust_coefficient: Real, shaft_speed: Real) -> 
 
 @compiled
 def lost_suction(plant: Record, relative: Real, suction: Real) -> Real:
-    """Return phi, the share [0, 1] of the blades' suction that the static head cannot replace.
-
-    Args:
-        plant: ship record.
-        relative: h/R [-].
-        suction: H/R [-].
-    """
+    """Return phi, the share [0, 1] of the suction H/R that the static head h/R cannot replace."""
     if plant.ventilation_static_head == 0.0:
         return 1.0 + 0.0 * relative
     area = plant.ventilation_static_head * plant.expanded_area_ratio
@@ -195,11 +172,7 @@ def lost_suction(plant: Record, relative: Real, suction: Real) -> Real:
 
 @compiled
 def surface_factor(relative: Real) -> Real:
-    """Return beta [-]: thrust near the surface / thrust in deep water, without ventilation.
-
-    Args:
-        relative: h/R [-].
-    """
+    """Return beta [-] at h/R: thrust near the surface / thrust in deep water, without ventilation."""
     near = _rounded(1.0 - 0.769 * relative, HEAD_ROUNDING)
     if near.real <= 0.0:
         return 1.0 + 0.0 * relative
@@ -208,19 +181,9 @@ def surface_factor(relative: Real) -> Real:
 
 @compiled
 def ventilation_rate(plant: Record, degree: Real, relative: Real, suction: Real) -> Real:
-    """Return d(degree)/dt [1/s], equation 1 of this module.
-
-    Args:
-        plant: ship record.
-        degree: degree of ventilation, 0 to 1.
-        relative: h/R [-].
-        suction: H/R [-].
-    """
-    middle = (
-        plant.ventilation_onset_submergence
-        + plant.ventilation_suction_gain * suction
-        + 0.5 * plant.ventilation_hysteresis
-    )
+    """Return the rate [1/s] of the degree of ventilation at h/R and H/R, equation 1 of this module."""
+    middle = plant.ventilation_onset_submergence + plant.ventilation_suction_gain * suction
+    middle = middle + 0.5 * plant.ventilation_hysteresis
     shift = plant.ventilation_hysteresis * (1.0 / _REACH)
     apart = (middle - relative) / shift + degree - 0.5
     share = _smooth_step(0.5 + _STEEPNESS * apart)

@@ -21,17 +21,9 @@ _INITIAL_SAMPLES = 4096  # length of the first sample buffer
 
 @compiled
 def _run(
-    plant: Record,
-    state: Record,
-    memory: Record,
-    sea: Record,
-    drive: float,
-    pitch_command: float,
-    rudder_command: float,
-    acting: Disturbance,
-    dt: float,
-    samples: Any,
-) -> None:
+    plant: Record, state: Record, memory: Record, sea: Record, drive: float, pitch_command: float,
+    rudder_command: float, acting: Disturbance, dt: float, samples: Any,
+) -> None:  # fmt: skip
     for k in range(len(samples)):
         now, log, time = get_state(state), memory.speed_log, memory.cursor * dt
         outputs = step(
@@ -86,13 +78,9 @@ class Voyage:
         return self._samples[: self._steps]
 
     def run(
-        self,
-        drive: float,
-        pitch_command: float,
-        rudder_command: float = 0.0,
-        steps: int = 1,
+        self, drive: float, pitch_command: float, rudder_command: float = 0.0, steps: int = 1,
         acting: Disturbance = UNDISTURBED,
-    ) -> State:
+    ) -> State:  # fmt: skip
         """Simulate some time steps with constant commands.
 
         Args:

@@ -32,9 +32,7 @@ from .surroundings import GRAVITY
 COMPONENTS = 64
 SYNC_STEPS = 10
 """Number of time steps between two synchronisations of the field with time and position."""
-_POINTS = (
-    2 * SYNC_STEPS + 2
-)  # points of the path: every half step, both ends, and one to make them even
+_POINTS = 2 * SYNC_STEPS + 2  # of the path: every half step, both ends, and one to make them even
 
 _BAND_EDGES = np.geomspace(0.55, 4.5, COMPONENTS + 1)  # relative to the peak frequency
 _LANES = (COMPONENTS,)
@@ -118,15 +116,9 @@ def fill_sea(
 ) -> None:  # fmt: skip
     """Fill a calm sea record with one realisation of a JONSWAP sea; a height of 0 leaves it calm.
 
-    Args:
-        sea: SEA record of :func:`calm_sea`, changed in place.
-        hs_m: significant wave height [m].
-        tp_s: peak period [s].
-        gamma: peak enhancement [-].
-        heading_deg: direction of wave travel relative to the ship's initial course [deg].
-        depth_m: depth of the propeller's centre [m].
-        shares: random numbers uniform in [0, 1), shape (128,): the components' positions within their
-            frequency bands, then their phases in turns.
+    The arguments are those of :func:`realise`, with the heading relative to the initial course [deg].
+    ``shares`` are random numbers uniform in [0, 1), shape (128,): the components' positions within their
+    frequency bands, then their phases in turns.
     """
     if hs_m == 0.0:
         return
@@ -275,12 +267,8 @@ def inflow_ahead(
 ) -> None:
     """Compute the future inflow [m/s] of a ship with constant speed and heading, as :func:`wave_field`.
 
-    Args:
-        sea: SEA record; the path of its last synchronisation is kept.
-        time_s: present time [s].
-        state: present state of the ship.
-        interval_s: interval between two entries of ``found`` [s].
-        found: filled with the inflow, the present one first.
+    ``found`` is filled with the inflow at intervals [s], the present one first. The path of the record's
+    last synchronisation is kept.
     """
     found[:] = 0.0
     if sea.present == 0:
@@ -315,11 +303,8 @@ def pass_half_step(sea: Record) -> None:
 def synchronise(sea: Record, time: float, state: State, half_step: float) -> None:
     """Compute the field for the next ``SYNC_STEPS`` steps of a ship with constant velocity.
 
-    Args:
-        sea: SEA record, changed in place.
-        time: [s].
-        state: state of the ship; its heading is used until the next synchronisation.
-        half_step: half of the plant's time step [s].
+    The heading of the state is used until the next synchronisation; ``half_step`` is half of the plant's
+    time step [s].
     """
     north, east = over_ground(state)
     place, speed = _place(sea, state.position, state.cross_track), _place(sea, north, east)

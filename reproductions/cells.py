@@ -22,19 +22,18 @@ import pandas as pd
 
 from shaftline.display.tables import write_csv
 
-_FILE_ROUNDING = 1e-9
-"""Relative rounding of numbers in a file of cells."""
+_FILE_ROUNDING = 1e-9  # relative rounding of numbers in a file of cells
+
+
+HALF_DIGIT = "half a unit of the last printed digit"  # basis of a cell's interval
 
 
 class Kind(StrEnum):
     """What our model knew of a printed number."""
 
-    INPUT = "input"
-    """The model was given the number."""
-    CALIBRATED = "calibrated"
-    """A parameter was fitted to the number or to its table."""
-    FREE = "free"
-    """The model predicts the number."""
+    INPUT = "input"  # it was given the number
+    CALIBRATED = "calibrated"  # a parameter was fitted to the number or to its table
+    FREE = "free"  # it predicts the number
 
 
 class Verdict(StrEnum):
@@ -52,19 +51,15 @@ class Reason:
     The cause explains the cell only where ``ours + shift`` meets the print. A shift must come out of a
     calculation that does not use the cell's own difference.
 
-    Args:
-        text: the cause, with the formula and the numbers of the calculation.
-        shift: what the cause adds to our number [unit of the cell].
-        within: distance of ``ours + shift`` from the printed number that still counts; the cell's own
-            interval if not given. At most half of the shift: a cause must explain most of a difference.
-
     Raises:
         ValueError: a shift that is not finite or zero, or a distance above half of the shift.
     """
 
-    text: str
-    shift: float
+    text: str  # the cause, with the formula and the numbers of the calculation
+    shift: float  # what the cause adds to our number [unit of the cell]
     within: float | None = None
+    """Distance of ``ours + shift`` from the printed number that still counts; by default the cell's
+    interval. At most half of the shift: a cause must explain most of a difference."""
 
     def __post_init__(self) -> None:
         """Check the fields."""
@@ -82,35 +77,22 @@ class Reason:
 class Cell:
     """One printed number beside ours.
 
-    Args:
-        table: the table, figure or section of the source.
-        row: row of the table, or the quantity with its unit.
-        column: column of the table; empty if the table has one.
-        ours: our number.
-        low: least number that counts as met.
-        high: largest number that counts as met.
-        basis: where the interval comes from: the printed digits, a stated error, propagated rounding.
-        kind: what our model knew of the number.
-        printed: the printed number; NaN where the print has words only.
-        words: what the print says where it has no number.
-        reason: calculated cause of a difference; ignored where the cell is met.
-
     Raises:
         ValueError: no table, row or basis; a printed number outside of its own interval; no print at
             all; a reason with a distance but no printed number.
     """
 
-    table: str
-    row: str
-    column: str
+    table: str  # the table, figure or section of the source
+    row: str  # row of the table, or the quantity with its unit
+    column: str  # empty if the table has one
     ours: float
-    low: float
-    high: float
-    basis: str
+    low: float  # least number that counts as met
+    high: float  # largest number that counts as met
+    basis: str  # of the interval: printed digits, a stated error, propagated rounding
     kind: Kind = Kind.FREE
-    printed: float = math.nan
-    words: str = ""
-    reason: Reason | None = None
+    printed: float = math.nan  # NaN where the print has words only
+    words: str = ""  # of the print
+    reason: Reason | None = None  # ignored where the cell is met
 
     def __post_init__(self) -> None:
         """Check the fields."""
@@ -141,11 +123,12 @@ class Cell:
             return Verdict.MET
         if self.reason is not None:
             moved, within = self.ours + self.reason.shift, self.reason.within
-            if within is None:
-                shown = self.low <= moved <= self.high
-            else:
-                shown = abs(moved - self.printed) <= within
-            if shown:
+            near = (
+                self.low <= moved <= self.high
+                if within is None
+                else abs(moved - self.printed) <= within
+            )
+            if near:
                 return Verdict.EXPLAINED
         return Verdict.UNEXPLAINED
 
@@ -155,25 +138,24 @@ class Cell:
         return self.words or f"{self.printed:.6g}"
 
 
-def number(
-    table: str,
-    row: str,
-    column: str,
-    ours: float,
-    printed: float,
-    tolerance: float,
-    basis: str,
-    kind: Kind = Kind.FREE,
-    reason: Reason | None = None,
-) -> Cell:
+def number(table: str, row: str, column: str, ours: float, printed: float, tolerance: float,
+           basis: str, kind: Kind = Kind.FREE, reason: Reason | None = None) -> Cell:  # fmt: skip
     """Return the cell of a printed number with a symmetric tolerance."""
     low, high = printed - tolerance, printed + tolerance
     return Cell(table, row, column, float(ours), low, high, basis, kind, printed, "", reason)
 
 
-def half_digit(text: str, decimals: int | None = None) -> float:
-    r"""Return half a unit of the last printed digit.
+def printed_number(table: str, row: str, column: str, ours: float, text: str, kind: Kind = Kind.FREE,
+                   more: float = 0.0, basis: str = HALF_DIGIT,
+                   reason: Reason | None = None) -> Cell:  # fmt: skip
+    """Return the cell of a number as printed, met within half of its last digit and ``more``."""
+    return number(
+        table, row, column, ours, float(text), half_digit(text) + more, basis, kind, reason
+    )
 
+
+def half_digit(text: str, decimals: int | None = None) -> float:
+    """Return half a unit of the last printed digit.
 
     Raises:
         ValueError: the text is no number.
@@ -182,7 +164,7 @@ def half_digit(text: str, decimals: int | None = None) -> float:
     if not found:
         raise ValueError(f"{text!r} is no printed number, such as -0.46 or 1.4e13")
     digits = len(found[1] or "") if decimals is None else decimals
-    return 0.5 * 10.0 ** (int(found[2] or 0) - digits) * (1.0 + 1e-9)
+    return 0.5 * 10.0 ** (int(found[2] or 0) - digits) * (1.0 + _FILE_ROUNDING)
 
 
 def counts(cells: Iterable[Cell]) -> pd.DataFrame:
@@ -215,15 +197,11 @@ def write(folder: Path, name: str, cells: Iterable[Cell]) -> None:
 
 def read(path: Path) -> list[Cell]:
     """Return the cells of a file that :func:`write` wrote."""
-    frame = pd.read_csv(path, keep_default_na=False, na_values={
-        name: [""] for name in ("printed", "ours", "low", "high", "shift", "within")
-    })  # fmt: skip
+    empty = {name: [""] for name in ("printed", "ours", "low", "high", "shift", "within")}
     found = []
-    for line in frame.itertuples():
-        reason = None
-        if line.reason:
-            within = None if math.isnan(line.within) else line.within
-            reason = Reason(line.reason, line.shift, within)
+    for line in pd.read_csv(path, keep_default_na=False, na_values=empty).itertuples():
+        within = None if math.isnan(line.within) else line.within
+        reason = Reason(line.reason, line.shift, within) if line.reason else None
         found.append(
             Cell(line.table, line.row, str(line.column), line.ours, line.low, line.high, line.basis,
                  Kind(line.kind), line.printed, line.words, reason)

@@ -23,27 +23,23 @@ from shaftline.agents.evaluation.episodes import Setting, load_controller, run_e
 from shaftline.agents.learning.training import train
 from shaftline.agents.learning.tuning import tune
 from shaftline.core.sweep import SweepError, sweep
-from shaftline.display.figures import PALETTE, new_figure, save
-from shaftline.display.tables import write_table
+from shaftline.display.figures import PALETTE
 from shaftline.envs import DEFAULTS
 from shaftline.mismatch import catalogue, diagnose
 from shaftline.plant import load_ship
 from shaftline.plant.ship_files import write_ship
 from shaftline.validation.cases import Case, conceal, draw_case
 from shaftline.validation.equivalents import comparable
-from shaftline.validation.reality.effects import EFFECTS, FRIGATE
 from shaftline.validation.recording import simulate_case_with_sizes
+from shaftline.validation.simulator.effects import EFFECTS, FRIGATE
 
-from .pages import fill_template, make_parser, print_dot
+from .pages import make_parser, print_dot
 from .policies.trainings import FROM_NOTHING, from_nothing
+from .writing import Line, Panel, draw, write_results
 
 TASK, FILE = "speed-keeping", "frigate"
-SEED, SHIPS = 3400, 10
-"""Seed and number of the true ships."""
-
-SIZES = (0.4, 0.8)
-"""Sizes of the effects over their largest plausible size."""
-
+SEED, SHIPS = 3400, 10  # seed and number of the true ships
+SIZES = (0.4, 0.8)  # sizes of the effects over their largest plausible size
 FIRST_SEED, EPISODES = 900_000, 48
 """Episodes of the evaluation; no training and no search draws their seeds."""
 
@@ -59,9 +55,7 @@ WIDTHS = {
 }
 """Relative half widths of the domain randomisation: resistance, propeller torque, inertia."""
 
-LEARNED = ("tuned va-pitch", "PPO")
-"""Controllers that are tuned or trained on a ship."""
-
+LEARNED = ("tuned va-pitch", "PPO")  # controllers that are tuned or trained on a ship
 KINDS = ("combinator", "va-pitch", *LEARNED)
 """Controllers; the first two are computed from a ship file."""
 
@@ -70,33 +64,24 @@ RANDOMISED = "randomised"
 
 
 class Truth(NamedTuple):
-    """A true ship.
-
-    Args:
-        name: name of the ship.
-        case: validation case of its recording.
-        sizes: sizes of its effects in the independent simulator, by key of the effect.
-    """
+    """A true ship."""
 
     name: str
-    case: Case
-    sizes: dict[str, float]
+    case: Case  # validation case of its recording
+    sizes: dict[str, float]  # of its effects in the independent simulator, by key of the effect
 
 
 def key_of(effect: str, names: list[str]) -> str | None:
-    """Return the key of a ship file for an effect of the independent simulator; None if there is none.
+    """Return the key of a ship file for an effect ``ID/BALANCE``; None if there is none.
 
-    Args:
-        effect: as ``ID/BALANCE``.
-        names: names that a report may give to its parameter.
+    ``names`` are those that a report may give to its parameter.
     """
-    name, _, balance = effect.partition("/")
-    for one in catalogue():
-        if (one.id, one.balance) == (name, balance):
-            for parameter in one.parameters:
-                if parameter.key.rpartition(".")[2] in names:
-                    return str(parameter.key)
-    return None
+    keys = (
+        str(parameter.key)
+        for one in catalogue() if f"{one.id}/{one.balance}" == effect
+        for parameter in one.parameters if parameter.key.rpartition(".")[2] in names
+    )  # fmt: skip
+    return next(keys, None)
 
 
 def draw_truths() -> list[Truth]:
@@ -106,33 +91,24 @@ def draw_truths() -> list[Truth]:
     environment cannot have them.
     """
     rng = np.random.default_rng(SEED)
-    known = [
-        one for one in EFFECTS if one.ship == FRIGATE and one.window is None and comparable(one)
-    ]
+    known = [e for e in EFFECTS if e.ship == FRIGATE and e.window is None and comparable(e)]
     order = [known[k] for k in rng.permutation(len(known))][: 2 * SHIPS]
-    frigates = (
-        case
-        for index in itertools.count()
-        if (case := draw_case(SEED, index)).ship == FRIGATE and case.kind == "two"
-    )
+    cases = (draw_case(SEED, index) for index in itertools.count())
+    frigates = (case for case in cases if case.ship == FRIGATE and case.kind == "two")
     truths = []
     for k, case in enumerate(itertools.islice(frigates, SHIPS)):
         two = order[2 * k : 2 * k + 2]
         effects = tuple(conceal(one, 1.0, rng) for one in two)
         sizes = {one.key: float(rng.uniform(*SIZES)) * one.most for one in two}
-        known_case = replace(
-            case, effects=effects, programme=PROGRAMME, seconds=SECONDS, strength="strong"
-        )
-        truths.append(Truth(f"ship-{k + 1:02d}", known_case, sizes))
+        given: dict[str, Any] = {"programme": PROGRAMME, "seconds": SECONDS, "strength": "strong"}
+        truths.append(Truth(f"ship-{k + 1:02d}", replace(case, effects=effects, **given), sizes))
     return truths
 
 
 def prepare(cell: tuple[Truth, Path]) -> dict[str, Any]:
     """Record and diagnose a true ship; write the true and the corrected ship file.
 
-    Returns:
-        Changed keys of the true ship, the same keys of the corrected ship, the verdict and the
-        identified effects, as JSON allows.
+    Return changed keys of both ships, verdict and identified effects, as JSON allows.
     """
     truth, folder = cell
     place = folder / truth.name
@@ -140,9 +116,8 @@ def prepare(cell: tuple[Truth, Path]) -> dict[str, Any]:
     reality = simulate_case_with_sizes(truth.case, truth.sizes)
     recording = place / "recording.csv"
     reality.recording.to_csv(recording, index=False)
-    found = diagnose(load_ship(FILE), recording)
-    file = load_ship(FILE)
-    values = {}
+    file, values = load_ship(FILE), {}
+    found = diagnose(file, recording)
     for effect, one in reality.truth["equivalents"].items():
         key = key_of(effect, one["names"])
         if key is None:
@@ -150,17 +125,13 @@ def prepare(cell: tuple[Truth, Path]) -> dict[str, Any]:
         values[key] = float(one["value"])
     write_ship(file.with_values(values), place / "true.toml")
     write_ship(found.corrected, place / "corrected.toml")
+    corrected = {key: float(found.corrected.parameter(key).value) for key in values}
     return {
-        "true": values,
-        "corrected": {key: _finite(found.corrected.parameter(key).value) for key in values},
-        "verdict": str(found.verdict),
+        "true": values, "verdict": str(found.verdict),
+        # An infinite value is an absent limit, for which JSON has no number.
+        "corrected": {k: value if np.isfinite(value) else None for k, value in corrected.items()},
         "named": [one.effect.id for one in found.findings],
-    }
-
-
-def _finite(value: float) -> float | None:
-    """Return a value as JSON allows: None for an infinite one, which is an absent limit."""
-    return float(value) if np.isfinite(value) else None
+    }  # fmt: skip
 
 
 def ship_of(made_for: str, folder: Path) -> str:
@@ -189,57 +160,56 @@ def evaluate(cell: tuple[str, str, str, Path]) -> dict[str, Any]:
     own = load_ship(ship_of(made_for, folder))
     controller = load_controller(text, own, DEFAULTS.control_interval_s)
     true = str(folder / name / "true.toml")
-    setting = Setting(
-        "judged", TASK, "task", DEFAULTS.observer, EPISODES, true, first_seed=FIRST_SEED
-    )
-    kpis, _ = run_episodes(setting, controller, threads=1)
+    kind = ("judged", TASK, "task", DEFAULTS.observer, EPISODES, true)
+    kpis, _ = run_episodes(Setting(*kind, first_seed=FIRST_SEED), controller, threads=1)
     return {column: kpis[column].tolist() for column in ("reward", *_SHOWN)}
 
 
 _SHOWN = ("fuel_kg_nmi", "speed_error_rms_m_s", "overload_s")
 
 
+def _designs(kind: str) -> tuple[str, ...]:
+    """Return the ships for which a controller is designed."""
+    return (*MADE_FOR, RANDOMISED) if kind == "PPO" else MADE_FOR
+
+
 def run(
     folder: Path, kinds: Sequence[str], jobs: int | None
 ) -> tuple[dict[str, Any], pd.DataFrame]:
-    """Compute all results that are missing in a folder.
-
-    Args:
-        folder: folder of intermediate results.
-        kinds: controllers of :data:`KINDS`.
-        jobs: number of processes.
-
-    Returns:
-        The diagnoses by ship, and a row for each controller on each true ship.
-    """
+    """Compute what is missing in a folder; return diagnoses by ship, and a row for each evaluation."""
     truths = {one.name: one for one in draw_truths()}
-    ships = sweep(
-        prepare, {n: (t, folder) for n, t in truths.items()}, folder, jobs=jobs, tick=print_dot
-    )
-    own = [f"{name}/{made}" for name in truths for made in MADE_FOR[1:]]
+    common: dict[str, Any] = {"jobs": jobs, "tick": print_dot}
+    ships = sweep(prepare, {n: (t, folder) for n, t in truths.items()}, folder, **common)
+
+    def place(made: str, name: str) -> str:
+        return f"{name}/{made}" if made in MADE_FOR[1:] else made
+
+    judged = list(itertools.product(truths, kinds))
+    learned = {
+        f"learned_{kind}_{place(made, name)}".replace("/", "-").replace(" ", "-"):
+            (kind, place(made, name), folder)
+        for name, kind in judged if kind in LEARNED for made in _designs(kind)
+    }  # fmt: skip
+    texts = sweep(tune_or_train, learned, folder, **common)
+    made_by = {learned[key][:2]: found["controller"] for key, found in texts.items()}
     cells = {
-        f"learned_{kind}_{made}".replace("/", "-").replace(" ", "-"): (kind, made, folder)
-        for kind in kinds
-        if kind in LEARNED
-        for made in ("file", *([RANDOMISED] if kind == "PPO" else []), *own)
-    }
-    texts = sweep(tune_or_train, cells, folder, jobs=jobs, tick=print_dot)
-    made_by = {(kind, made): texts[key]["controller"] for key, (kind, made, _) in cells.items()}
-    to_judge: dict[str, tuple[str, str, str, Path]] = {}
-    keys = []
-    for name, kind in itertools.product(truths, kinds):
-        for made in (*MADE_FOR, *([RANDOMISED] if kind == "PPO" else [])):
-            place = made if made in ("file", RANDOMISED) else f"{name}/{made}"
-            key = f"judged_{kind}_{made}_{name}".replace(" ", "-")
-            to_judge[key] = (made_by.get((kind, place), kind), place, name, folder)
-            keys.append((name, kind, made))
-    found = sweep(evaluate, to_judge, folder, jobs=jobs, tick=print_dot)
+        (name, kind, made): (made_by.get((kind, where), kind), where, name, folder)
+        for name, kind in judged for made in _designs(kind) for where in [place(made, name)]
+    }  # fmt: skip
+    keys = {f"judged_{c[1]}_{c[2]}_{c[0]}".replace(" ", "-"): c for c in cells}
+    found = sweep(evaluate, {key: cells[cell] for key, cell in keys.items()}, folder, **common)
     rows = [
-        {"ship": name, "controller": kind, "made for": made}
+        dict(zip(("ship", "controller", "made for"), keys[key], strict=True))
         | {column: float(np.mean(values)) for column, values in one.items()}
-        for (name, kind, made), one in zip(keys, found.values(), strict=True)
+        for key, one in found.items()
     ]
     return ships, pd.DataFrame(rows)
+
+
+def _wide(table: pd.DataFrame, kind: str) -> pd.DataFrame:
+    """Return the returns of a controller, a row for each true ship and a column for each design."""
+    own = table[table["controller"] == kind]
+    return own.pivot(index="ship", columns="made for", values="reward")
 
 
 def recovered_share(table: pd.DataFrame, kind: str) -> dict[str, Any]:
@@ -247,9 +217,7 @@ def recovered_share(table: pd.DataFrame, kind: str) -> dict[str, Any]:
 
     The share is that of the sums over the ships; its interval resamples the ships.
     """
-    wide = table[table["controller"] == kind].pivot(
-        index="ship", columns="made for", values="reward"
-    )
+    wide = _wide(table, kind)
     lost = (wide["true"] - wide["file"]).to_numpy()
     back = (wide["corrected"] - wide["file"]).to_numpy()
     rng = np.random.default_rng(0)
@@ -261,17 +229,13 @@ def recovered_share(table: pd.DataFrame, kind: str) -> dict[str, Any]:
     return {
         "controller": kind,
         **{made: float(wide[made].mean()) for made in wide.columns},
-        "lost": float(lost.mean()),
-        "recovered": float(back.mean()),
+        "lost": float(lost.mean()), "recovered": float(back.mean()),
         "share": float(back.sum() / lost.sum()) if lost.sum() > 0.0 else np.nan,
-        "share_low": float(low),
-        "share_high": float(high),
-    }
+        "share_low": float(low), "share_high": float(high),
+    }  # fmt: skip
 
 
 _RESAMPLED = 2000
-NAME = "diagnosed-ships"
-COMMAND = "python -m reproductions diagnosed_ships --out docs/results"
 
 
 def write(folder: Path, ships: Mapping[str, Any], table: pd.DataFrame) -> Path:
@@ -279,60 +243,45 @@ def write(folder: Path, ships: Mapping[str, Any], table: pd.DataFrame) -> Path:
     kinds = list(table["controller"].unique())
     rows = pd.DataFrame([recovered_share(table, kind) for kind in kinds])
     shown = pd.DataFrame({"controller": rows["controller"]})
-    randomised = [RANDOMISED] if RANDOMISED in rows else []
-    for made in (*MADE_FOR, *randomised, "lost", "recovered"):
-        shown[made] = ["–" if np.isnan(x) else f"{x:.1f}" for x in rows[made]]
+    for made in (*MADE_FOR, RANDOMISED, "lost", "recovered"):
+        if made in rows:
+            shown[made] = ["–" if np.isnan(x) else f"{x:.1f}" for x in rows[made]]
+    percent = 100.0 * rows[["share", "share_low", "share_high"]]
     shown["share recovered"] = [
-        f"{100.0 * r['share']:.0f} % ({100.0 * r['share_low']:.0f} to {100.0 * r['share_high']:.0f})"
-        for _, r in rows.iterrows()
+        f"{share:.0f} % ({low:.0f} to {high:.0f})" for share, low, high in percent.to_numpy()
     ]
     found = pd.DataFrame(
-        [
-            (
-                name,
-                "; ".join(f"{key} = {value:.3g}" for key, value in one["true"].items()),
-                "; ".join(
-                    "none" if value is None else f"{value:.3g}"
-                    for value in one["corrected"].values()
-                ),
-                one["verdict"],
-                ", ".join(one["named"]),
-            )
-            for name, one in ships.items()
-        ],
-        columns=["ship", "true ship", "corrected ship", "verdict", "identified effects"],
-    )
-    each = table.assign(what=table["controller"] + ", " + table["made for"]).pivot(
-        index="ship", columns="what", values="reward"
-    )
-    order = [f"{kind}, {made}" for kind in kinds for made in MADE_FOR]
-    save(figure_of(table), folder / "figures" / f"{NAME}.png")
-    text = fill_template(
-        Path(__file__).with_name("diagnosed_ships.md"), file=FILE, minutes=SECONDS / 60.0,
-        task=TASK, episodes=EPISODES, first=FIRST_SEED, rounds=ROUNDS, ppo="PPO" in kinds,
-        recipe=FROM_NOTHING, steps=STEPS, widths=WIDTHS, shares=shown, ships=found,
-        each=each[order].round(1).reset_index(),
+        {"ship": name,
+         "true ship": "; ".join(f"{key} = {value:.3g}" for key, value in one["true"].items()),
+         "corrected ship":
+             "; ".join("none" if v is None else f"{v:.3g}" for v in one["corrected"].values()),
+         "verdict": one["verdict"], "identified effects": ", ".join(one["named"])}
+        for name, one in ships.items()
     )  # fmt: skip
-    write_table(folder, NAME, "Value of a diagnosis for controller design", COMMAND, table, text)
-    return folder / f"{NAME}.md"
+    each = pd.concat({kind: _wide(table, kind)[list(MADE_FOR)] for kind in kinds}, axis=1)
+    each.columns = [", ".join(column) for column in each.columns]
+    return write_results(
+        __file__, folder, "Value of a diagnosis for controller design", table, {"": figure_of(table)},
+        file=FILE, minutes=SECONDS / 60.0, task=TASK, episodes=EPISODES, first=FIRST_SEED,
+        rounds=ROUNDS, ppo="PPO" in kinds, recipe=FROM_NOTHING, steps=STEPS, widths=WIDTHS,
+        shares=shown, ships=found, each=each.round(1).reset_index(),
+    )  # fmt: skip
 
 
 def figure_of(table: pd.DataFrame) -> Figure:
     """Draw the returns by the ship of the design, a panel for each controller."""
     kinds = list(table["controller"].unique())
-    figure, axes = new_figure(1, len(kinds), (3.0 * len(kinds), 3.4))
-    for axis, kind in zip(axes.flat, kinds, strict=True):
-        wide = table[table["controller"] == kind].pivot(
-            index="ship", columns="made for", values="reward"
-        )
-        for k, (_, row) in enumerate(wide.iterrows()):
-            values, colour = [row[made] for made in MADE_FOR], PALETTE[k % len(PALETTE)]
-            axis.plot(range(3), values, marker="o", ms=3, lw=0.8, color=colour)
-        axis.plot(range(3), [wide[made].mean() for made in MADE_FOR], color="black", lw=2.2)
-        axis.set_xticks(range(3), MADE_FOR)
-        axis.set_title(kind, fontsize=9, loc="left")
-        axis.tick_params(labelsize=8)
-    axes.flat[0].set_ylabel("return on the true ship", fontsize=9)
+    panels = []
+    for kind in kinds:
+        wide = _wide(table, kind)[list(MADE_FOR)]
+        lines = [
+            Line(MADE_FOR, row, "", PALETTE[k % len(PALETTE)], "o-", 0.8)
+            for k, row in enumerate(wide.to_numpy())
+        ]
+        lines.append(Line(MADE_FOR, wide.mean(), "", "black", width=2.2))
+        panels.append(Panel(lines, {"title": kind}))
+    figure = draw(panels, (3.0 * len(kinds), 3.4), len(kinds))
+    figure.axes[0].set_ylabel("return on the true ship")
     return figure
 
 
@@ -349,7 +298,8 @@ def main(arguments: list[str] | None = None) -> None:
         ships, table = run(options.kept, options.controllers, options.jobs)
     except SweepError as error:
         parser.exit(1, f"{error}\n")
-    print(f"\npage: {write(options.out, ships, table)}")
+    print()
+    write(options.out, ships, table)
 
 
 if __name__ == "__main__":

@@ -17,19 +17,14 @@ import numpy as np
 import pandas as pd
 import scipy
 
-from shaftline.baselines.loop_shaping import (
-    COURSE_LOOP,
-    TAYLOR,
-    TAYLOR_GEAR,
-    heading_plant,
-    shape_controller,
-)
-from shaftline.display.tables import write_table
+from shaftline.baselines import loop_shaping
+from shaftline.baselines.loop_shaping import TAYLOR
 from shaftline.plant import load_ship
 from shaftline.plant.loops import Loop
 from shaftline.plant.open_water import open_water
 
-from .pages import fill_template, fill_text, make_parser
+from .ferry.experiment import printed_levers
+from .pages import fill_text, make_parser, write_page
 from .side_by_side import published
 from .thesis import observer_transfers, printed_plant, sensitivity
 from .thesis.poles import printed_line
@@ -44,6 +39,8 @@ SOURCES = {
     "optimiser": "the CPP optimiser on a ferry",
     "anti-spin": "Pivano et al. 2008, four-quadrant thrust control and anti-spin",
 }
+
+TEXTS = ("where", "printed", "shown", "used")
 
 Values = dict[str, Any]
 
@@ -62,29 +59,21 @@ class Erratum(NamedTuple):
     remark: bool = False
 
 
-def _pairs_that_fit(changes: pd.Series, deviation: float) -> list[str]:
-    """Return pairs of changes that give the printed standard deviation with both signs changed."""
-    nonzero = changes.index[changes != 0.0]
-    return [
-        " and ".join(pair)
-        for pair in itertools.combinations(nonzero, 2)
-        if abs(changes.where(~changes.index.isin(pair), -changes).std() - deviation) < 0.005
-    ]
-
-
 def _signs() -> list[Values]:
     table, rows = published("advance_velocity_thesis_sensitivity"), []
     for row, column in sensitivity.find_sign_misprints(table):
         cells = table.loc[row]
         changes = cells.iloc[1:7].astype(float)
-        pairs = _pairs_that_fit(changes, float(cells["sd"]))
+        pairs = [
+            " and ".join(pair)
+            for pair in itertools.combinations(changes.index[changes != 0.0], 2)
+            if abs(changes.where(~changes.index.isin(pair), -changes).std() - cells["sd"]) < 0.005
+        ]
         rows.append(
-            {
-                "row": row, "column": column, "cells": cells, "changes": changes,
-                "turned": changes.where(changes.index != column, -changes),
-                "listed": ", ".join(f"{value:+.2f}" for value in changes),
-                "others": f"; so would {', or '.join(pairs)} together" if pairs else "",
-            }
+            {"row": row, "column": column, "cells": cells, "changes": changes,
+             "turned": changes.where(changes.index != column, -changes),
+             "listed": ", ".join(f"{value:+.2f}" for value in changes),
+             "others": f"; so would {', or '.join(pairs)} together" if pairs else ""}
         )  # fmt: skip
     return rows
 
@@ -134,14 +123,12 @@ def _two_slopes() -> Values:
     record = load_ship("frigate").record()
     behind = float(record["inertia_propeller_side"])
     inertia = behind + float(record["inertia_engine_side"])
-    engine = float(
+    slope = (
         record["torque_per_speed"] * record["gear_ratio"] ** 2 * record["transmission_efficiency"]
     )
-    engine /= inertia
-    lines = published("advance_velocity_thesis_poles_zeros_gains").loc[["3-13"]]
-    texts = lines.set_index("working_point_or_source")["zeros_rad_s"]
+    engine = float(slope) / inertia
     numbers = {
-        point: (observer_transfers.parse_number(texts[point]), printed_line("2-10", point).zeros[0])
+        point: tuple(printed_line(table, point).zeros[0] for table in ("3-13", "2-10"))
         for point in printed_plant.POINTS
     }
     ratios = {p: (engine - observer) / (engine - plant) for p, (observer, plant) in numbers.items()}
@@ -178,16 +165,20 @@ class _PointC(NamedTuple):
 
 
 def _at_point_c(column: str) -> _PointC:
-    one = published("tito_neri_identified_parameters")[column]
+    one = (
+        published("tito_neri_identified_parameters")[column]
+        .drop("unit", errors="ignore")
+        .astype(float)
+    )
     point = published("tito_neri_operating_points").loc["C"]
     current, speed = float(point["motor_current_A"]), float(point["motor_speed_rad_s"])
-    torque, drop = float(one["K_e"]) * current, float(one["R_a"]) * current
-    efficiency = 1.0 - float(one["M_f"]) / torque
+    torque, drop = one["K_e"] * current, one["R_a"] * current
+    efficiency = 1.0 - one["M_f"] / torque
     return _PointC(
         efficiency,
-        float(one["I_p"]) * speed / torque,
-        1.0 + float(one["K_e"]) * speed / (2.0 * efficiency * drop),
-        float(one["L_a"]) / float(one["R_a"]),
+        one["I_p"] * speed / torque,
+        1.0 + one["K_e"] * speed / (2.0 * efficiency * drop),
+        one["L_a"] / one["R_a"],
         float(point["motor_voltage_V"]) / drop,
     )
 
@@ -215,20 +206,18 @@ def _block_coefficient(draught_ft: float) -> float:
     return 314_410.0 * LONG_TON / (WATER * length * beam * draught_ft * FOOT)
 
 
-def _lift_slope(factor: float) -> float:
-    """Return the lift slope of a rudder of aspect ratio 1.538 [1/rad] (eq. 3.30)."""
-    ratio = 1.538
-    return 1.0 / (
-        1.0 / (factor * math.pi) + 1.0 / (math.pi * ratio) + 1.0 / (2.0 * math.pi * ratio**2)
-    )
+def _lift_slope(factor: float, ratio: float = 1.538) -> float:
+    """Return the lift slope of a rudder of an aspect ratio [1/rad] (eq. 3.30)."""
+    terms = factor * math.pi, math.pi * ratio, 2.0 * math.pi * ratio**2
+    return 1.0 / sum(1.0 / term for term in terms)
 
 
 def _steering() -> Values:
     middle = 4.0 * math.sqrt(60.0)  # 2 zeta w_n with w_n = sqrt(60) and zeta = 2
     roots = np.roots([1.0, 0.0, 60.0 + middle, 60.0])
     length, speed = 466.0 * FOOT, 22.0 * KNOT
-    own = heading_plant(TAYLOR, TAYLOR_GEAR)
-    loop = Loop.from_plant(own.system, shape_controller(COURSE_LOOP, own))
+    own = loop_shaping.heading_plant(TAYLOR, loop_shaping.TAYLOR_GEAR)
+    loop = Loop.from_plant(own.system, loop_shaping.shape_controller(loop_shaping.COURSE_LOOP, own))
     return {
         "middle": middle, "rightmost": roots[np.argmax(roots.real)], "length": length, "speed": speed,
         "seconds": length / speed, "crossover": loop.margins().crossover, "gain": TAYLOR.gain,
@@ -239,9 +228,7 @@ def _steering() -> Values:
 
 
 def _optimiser() -> Values:
-    tables = published("cpp_ferry_tables")
-    held = tables.loc["optimal"].set_index("condition")
-    plain = tables.loc["combinator"].set_index("condition")
+    held, plain = printed_levers("optimal"), printed_levers("combinator")
     off = held["sfoc_g_kwh_before"] - plain["sfoc_g_kwh_before"]
     return {
         "held": held, "plain": plain, "differ": ", ".join(f"{value:+.1f}" for value in off),
@@ -250,9 +237,8 @@ def _optimiser() -> Values:
 
 
 def _anti_spin() -> Values:
-    return {
-        "ratio": 0.151 / 0.123, "with_it": 0.151 * 290.0 / 79.2, "without": 0.123 * 378.0 / 89.1
-    }  # fmt: skip
+    with_it, without = 0.151 * 290.0 / 79.2, 0.123 * 378.0 / 89.1
+    return {"ratio": 0.151 / 0.123, "with_it": with_it, "without": without}
 
 
 def errata() -> list[Erratum]:
@@ -263,38 +249,25 @@ def errata() -> list[Erratum]:
         "drive-train": [_drive_train()], "steering": [_steering()], "optimiser": [_optimiser()],
         "anti-spin": [_anti_spin()],
     }  # fmt: skip
-    texts = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-    return [
-        Erratum(
-            source=entry["source"],
-            remark=entry.get("remark", False),
-            **{
-                key: fill_text(entry[key], **one).replace("\n", " ")
-                for key in ("where", "printed", "shown", "used")
-            },
-        )
-        for entry in texts["erratum"]
-        for one in values[entry["values"]]
-    ]
+    found = []
+    for entry in tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))[
+        "erratum"
+    ]:
+        for one in values[entry["values"]]:
+            texts = {name: fill_text(entry[name], **one).replace("\n", " ") for name in TEXTS}
+            found.append(Erratum(entry["source"], **texts, remark=entry.get("remark", False)))
+    return found
 
 
 def main() -> None:
     """Write the page."""
     folder = make_parser("errata", __doc__, "out/errata").parse_args().out
     table = pd.DataFrame(errata())
-    shown = table[~table["remark"]].drop(columns="remark")
-    body = fill_template(
-        Path(__file__).with_suffix(".md"),
-        parts={
-            name: shown[shown["source"] == key].drop(columns="source")
-            for key, name in SOURCES.items()
-            if (shown["source"] == key).any()
-        },
-        remarks=table[table["remark"]].drop(columns="remark"),
-    )
-    write_table(folder, "errata", TITLE, "python -m reproductions errata", table, body)
+    parts = {
+        SOURCES[key]: own.drop(columns=["source", "remark"])
+        for key, own in table[~table["remark"]].groupby("source", sort=False)
+    }
+    remarks = table[table["remark"]].drop(columns="remark")
+    template = Path(__file__).with_suffix(".md")
+    write_page(folder, "errata", TITLE, "errata", table, template, parts=parts, remarks=remarks)
     print(table.to_string(index=False))
-
-
-if __name__ == "__main__":
-    main()

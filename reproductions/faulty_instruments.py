@@ -17,21 +17,19 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from shaftline.core.sweep import digest_of, source_digest, sweep
-from shaftline.display.tables import write_table
 from shaftline.mismatch import Options, diagnose
 from shaftline.plant import RecordingError, load_ship
 from shaftline.validation.cases import draw_case
-from shaftline.validation.reality.effects import FRIGATE
 from shaftline.validation.recording import simulate_case
 from shaftline.validation.scoring import score
+from shaftline.validation.simulator.effects import FRIGATE
 
-from .pages import fill_template, make_parser
+from .pages import make_parser
+from .writing import write_results
 
 CHANNELS = ("shaft_speed_rad_s", "shaft_torque_N_m", "ship_speed_m_s", "pitch_ratio")
 NULLS, SINGLES = 3, 5
-SEED = 4300
-"""Seed of the recordings; no threshold was chosen on them."""
-
+SEED = 4300  # seed of the recordings; no threshold was chosen on them
 Values = NDArray[np.float64]
 
 
@@ -77,11 +75,6 @@ class Cell(NamedTuple):
     fault: str
     channel: str
 
-    @property
-    def name(self) -> str:
-        """Name of the kept result."""
-        return digest_of(repr(self))
-
 
 def diagnose_fault(cell: Cell) -> dict[str, Any]:
     """Diagnose a recording with a fault; return a row of the table."""
@@ -105,30 +98,23 @@ def diagnose_fault(cell: Cell) -> dict[str, Any]:
 
 def _cells() -> Iterator[Cell]:
     """Yield null cases and cases with one concealed effect, each with every fault on every channel."""
-
-    def of_kind(begin: str) -> Iterator[int]:
-        for index in count():
-            case = draw_case(SEED, index)
-            if case.ship == FRIGATE and case.kind.startswith(begin):
-                yield index
-
-    for index in [*islice(of_kind("null"), NULLS), *islice(of_kind("single"), SINGLES)]:
-        yield Cell(index, SOUND, CHANNELS[0])
-        for fault in list(FAULTS)[1:]:
-            for channel in CHANNELS:
-                yield Cell(index, fault, channel)
+    for begin, most in (("null", NULLS), ("single", SINGLES)):
+        cases = ((index, draw_case(SEED, index)) for index in count())
+        fits = (k for k, case in cases if case.ship == FRIGATE and case.kind.startswith(begin))
+        for index in islice(fits, most):
+            yield Cell(index, SOUND, CHANNELS[0])
+            yield from (Cell(index, f, channel) for f in [*FAULTS][1:] for channel in CHANNELS)
 
 
 def _count(rows: pd.DataFrame) -> dict[str, int]:
     """Return the number of diagnoses by outcome."""
-    alone = ~rows["said"].str.contains(r" \+ ")
-    outcomes = {
-        "refused": rows["outcome"] == "refused",
-        "nothing missing": rows["outcome"] == "nothing-missing",
-        "right": rows["outcome"].isin(["named", "class"]) & alone,
-        "no known physics": rows["outcome"] == "unexplained",
+    outcome, alone = rows["outcome"], ~rows["said"].str.contains(r" \+ ")
+    counts = {
+        "refused": int((outcome == "refused").sum()),
+        "nothing missing": int((outcome == "nothing-missing").sum()),
+        "right": int((outcome.isin(["named", "class"]) & alone).sum()),
+        "no known physics": int((outcome == "unexplained").sum()),
     }
-    counts = {name: int(of.sum()) for name, of in outcomes.items()}
     return counts | {"wrong name": len(rows) - sum(counts.values())}
 
 
@@ -145,26 +131,22 @@ def outcome_table(rows: pd.DataFrame) -> pd.DataFrame:
 
 def main(arguments: list[str] | None = None) -> None:
     """Diagnose, and write ``faulty-instruments.md`` and its table."""
-    name, command = "faulty-instruments", "python -m reproductions faulty_instruments"
-    parser = make_parser(
-        "faulty_instruments", __doc__, f"out/{name}", kept=f"out/{name}/cells", jobs=2
-    )
+    folder = "out/faulty-instruments"
+    parser = make_parser("faulty_instruments", __doc__, folder, kept=f"{folder}/cells", jobs=2)
     parser.add_argument("--before", type=Path, help="table of an earlier release for comparison")
     options = parser.parse_args(arguments)
     source = source_digest("core", "plant", "mismatch", "validation")[:8]
-    cells = {f"{cell.name}-{source}": cell for cell in _cells()}
+    cells = {f"{digest_of(repr(cell))}-{source}": cell for cell in _cells()}
     found = sweep(diagnose_fault, cells, options.kept, jobs=options.jobs)
     rows = pd.DataFrame([found[name] for name in cells])
-    before, command = None, f"{command} --out docs/results"
+    before, more = None, ""
     if options.before is not None:
         before = outcome_table(pd.read_csv(options.before, na_filter=False))
-        command += f" --before {options.before}"
-    body = fill_template(
-        Path(__file__).with_name("faulty_instruments.md"), null_cases=NULLS, singles=SINGLES, seed=SEED,
-        table=outcome_table(rows), before=before,
+        more = f"--before {options.before}"
+    write_results(
+        __file__, options.out, "Diagnosis with failing sensors", rows, {}, more, null_cases=NULLS,
+        singles=SINGLES, seed=SEED, table=outcome_table(rows), before=before,
     )  # fmt: skip
-    write_table(options.out, name, "Diagnosis with failing sensors", command, rows, body)
-    print(f"page: {options.out / f'{name}.md'}")
 
 
 if __name__ == "__main__":

@@ -6,35 +6,23 @@ that contain this value. No ship is simulated.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import scipy
 from numpy.typing import NDArray
 
-from shaftline.agents.evaluation.statistics import (
-    LEAST_SEEDS,
-    estimate_with_interval,
-    interquartile_mean,
-    mean_with_interval,
-    relative_change,
-)
-from shaftline.display.tables import write_table
+from shaftline.agents.evaluation import statistics
 
-from .pages import fill_template, make_parser
+from .pages import make_parser
+from .writing import write_results
 
-COUNTS = (4, 5, 6, 8, 10, 20, 60)
-"""Numbers of episodes of a controller."""
-
-TRAININGS = ((2, 24), (3, 24), (5, 60), (10, 60))
-"""Numbers of trainings and episodes of a recipe."""
-
-SHARES = (0.0, 0.1, 1.0, 10.0)
-"""Variance of the mean by trainings over that by episodes."""
-
+COUNTS = (4, 5, 6, 8, 10, 20, 60)  # numbers of episodes of a controller
+TRAININGS = ((2, 24), (3, 24), (5, 60), (10, 60))  # numbers of trainings and episodes of a recipe
+SHARES = (0.0, 0.1, 1.0, 10.0)  # variance of the mean by trainings over that by episodes
 _LARGE = 1_000_000
 _SEED = 20_261
 
@@ -56,17 +44,15 @@ DISTRIBUTIONS: dict[str, Draw] = {
 
 
 def coverage_by_episodes(repeats: int) -> Iterator[dict[str, object]]:
-    """Yield the coverage for the interquartile mean by distribution and sample size.
-
-    Args:
-        repeats: number of samples for each row.
-    """
-    for (name, draw), count in ((pair, n) for pair in DISTRIBUTIONS.items() for n in COUNTS):
+    """Yield the coverage for the interquartile mean by distribution and sample size."""
+    for (name, draw), count in itertools.product(DISTRIBUTIONS.items(), COUNTS):
         rng = np.random.default_rng([_SEED, count])
-        truth = float(interquartile_mean(draw(rng, (_LARGE,))))
+        truth = float(statistics.interquartile_mean(draw(rng, (_LARGE,))))
         samples = draw(rng, (repeats, count))
-        spread = float(np.std(interquartile_mean(samples)))
-        ends = np.array([estimate_with_interval(row, seed)[1:] for seed, row in enumerate(samples)])
+        spread = float(np.std(statistics.interquartile_mean(samples)))
+        ends = np.array(
+            [statistics.estimate_with_interval(row, seed)[1:] for seed, row in enumerate(samples)]
+        )
         plain = np.array([_percentile(row, seed) for seed, row in enumerate(samples)])
         oracle = 2.0 * float(scipy.stats.norm.ppf(0.975)) * spread
         yield {
@@ -78,18 +64,14 @@ def coverage_by_episodes(repeats: int) -> Iterator[dict[str, object]]:
 
 def _percentile(row: NDArray[np.float64], seed: int) -> tuple[float, float]:
     rng = np.random.default_rng(seed)
-    drawn = interquartile_mean(row[rng.integers(len(row), size=(1000, len(row)))])
+    drawn = statistics.interquartile_mean(row[rng.integers(len(row), size=(1000, len(row)))])
     low, high = np.percentile(drawn, [2.5, 97.5])
     return float(low), float(high)
 
 
 def coverage_by_trainings(repeats: int) -> Iterator[dict[str, object]]:
-    """Yield the coverage for means over trainings and episodes by size and share of variance.
-
-    Args:
-        repeats: number of samples for each row.
-    """
-    for (runs, episodes), share in ((size, part) for size in TRAININGS for part in SHARES):
+    """Yield the coverage for means over trainings and episodes by size and share of variance."""
+    for (runs, episodes), share in itertools.product(TRAININGS, SHARES):
         rng = np.random.default_rng([_SEED, runs, episodes])
         between = math.sqrt(share * runs / episodes)
         means, changes = [], []
@@ -98,8 +80,8 @@ def coverage_by_trainings(repeats: int) -> Iterator[dict[str, object]]:
             own = sea + rng.normal(0.0, 1.0 / 3.0, episodes)
             run = rng.normal(0.0, between * math.hypot(1.0 / 3.0, 1.0 / 3.0), (runs, 1))
             table = 2.0 + own + run + rng.normal(0.0, 0.1, (runs, episodes))
-            means.append(mean_with_interval(table)[1:])
-            changes.append(relative_change(table, 2.0 + sea)[1:])
+            means.append(statistics.mean_with_interval(table)[1:])
+            changes.append(statistics.relative_change(table, 2.0 + sea)[1:])
         yield {
             "trainings": runs, "episodes": episodes, "variance": share,
             "mean": _share(np.array(means), 3.0), "change": _share(np.array(changes), 0.0),
@@ -119,15 +101,10 @@ def main(arguments: list[str] | None = None) -> None:
         parser.error("--repeats must be at least 20")
     episodes = pd.DataFrame(coverage_by_episodes(options.repeats))
     trainings = pd.DataFrame(coverage_by_trainings(options.repeats))
-    body = fill_template(
-        Path(__file__).with_name("intervals.md"), repeats=options.repeats, least=LEAST_SEEDS,
-        error=100.0 * math.sqrt(0.95 * 0.05 / options.repeats), episodes=episodes,
-        trainings=trainings,
-    )  # fmt: skip
-    write_table(
-        options.out, "intervals", "Coverage of the intervals of evaluations",
-        "python -m reproductions intervals --out docs/results",
-        pd.concat([episodes, trainings]), body,
+    write_results(
+        __file__, options.out, "Coverage of the intervals of evaluations",
+        pd.concat([episodes, trainings]), repeats=options.repeats, least=statistics.LEAST_SEEDS,
+        error=100.0 * math.sqrt(0.95 * 0.05 / options.repeats), episodes=episodes, trainings=trainings,
     )  # fmt: skip
 
 

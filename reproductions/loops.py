@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
-from shaftline.baselines import (
-    controller_loop,
-    controller_names,
-    helmsman_loop,
-    helmsman_names,
-    make_controller,
-    make_helmsman,
-)
-from shaftline.display.tables import write_table
+from shaftline import baselines
 from shaftline.plant import load_ship
 from shaftline.plant.loops import Loop
 
-from .pages import fill_template, make_parser
+from .pages import make_parser
+from .writing import write_results
 
 INTERVAL_S = 0.5
 DRIVEN = (("frigate", (5.0, 8.0)), ("frigate-at-sea", (5.0, 8.0)))
@@ -27,51 +20,46 @@ DRIVEN = (("frigate", (5.0, 8.0)), ("frigate-at-sea", (5.0, 8.0)))
 STEERED = (("ddg-51-surrogate", 11.318), ("esso-osaka", 3.6))
 """Ships with course controllers, and their speed [m/s]."""
 
-TITLE = "Stability margins of the controllers"
-
 
 def compute_margins() -> pd.DataFrame:
     """Return a row for each loop."""
     rows = []
     for name, speeds in DRIVEN:
         ship = load_ship(name)
-        for text in controller_names():
-            controller = make_controller(text, ship, INTERVAL_S)
+        for text in baselines.controller_names():
+            controller = baselines.make_controller(text, ship, INTERVAL_S)
             for speed in speeds:
                 try:
-                    loop = controller_loop(controller, speed)
+                    loop = baselines.controller_loop(controller, speed)
                 except ValueError as error:
                     if "cannot be linearised" not in str(error):
                         raise
                     continue
-                rows.append((name, speed, text, "drive", *_numbers(loop)))
+                rows.append(_row(name, speed, text, "drive", loop))
     for name, speed in STEERED:
-        for text in helmsman_names():
-            loop = helmsman_loop(make_helmsman(text, load_ship(name), INTERVAL_S, speed))
-            rows.append((name, speed, text, "rudder_command", *_numbers(loop)))
-    return pd.DataFrame(
-        rows,
-        columns=[
-            "ship", "speed [m/s]", "controller", "opened at", "gain margin [dB]", "phase margin [deg]",
-            "dead time [s]", "largest |S|", "crossover [rad/s]", "overshoot [%]", "settled after [s]",
-        ],
-    )  # fmt: skip
+        for text in baselines.helmsman_names():
+            helmsman = baselines.make_helmsman(text, load_ship(name), INTERVAL_S, speed)
+            loop = baselines.helmsman_loop(helmsman)
+            rows.append(_row(name, speed, text, "rudder_command", loop))
+    return pd.DataFrame(rows)
 
 
-def _numbers(loop: Loop) -> tuple[float, ...]:
+def _row(ship: str, speed: float, controller: str, opened: str, loop: Loop) -> dict[str, Any]:
     margins, step = loop.margins(), loop.step_measures()
-    return (
-        margins.gain_margin_dB, margins.phase_margin_deg, margins.delay_margin,
-        margins.peak_sensitivity, margins.crossover, step.overshoot_percent, step.settling,
-    )  # fmt: skip
+    return {
+        "ship": ship, "speed [m/s]": speed, "controller": controller, "opened at": opened,
+        "gain margin [dB]": margins.gain_margin_dB, "phase margin [deg]": margins.phase_margin_deg,
+        "dead time [s]": margins.delay_margin, "largest |S|": margins.peak_sensitivity,
+        "crossover [rad/s]": margins.crossover, "overshoot [%]": step.overshoot_percent,
+        "settled after [s]": step.settling,
+    }  # fmt: skip
 
 
 def main() -> None:
     """Compute the margins, and write ``loops.md`` and its table."""
     folder = make_parser("loops", __doc__, "out/loops").parse_args().out
     table = compute_margins()
-    body = fill_template(Path(__file__).with_name("loops.md"), table=table)
-    write_table(folder, "loops", TITLE, "python -m reproductions loops", table, body)
+    write_results(__file__, folder, "Stability margins of the controllers", table, table=table)
     print(table.to_string(index=False))
 
 

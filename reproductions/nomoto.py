@@ -8,8 +8,8 @@ fixed pivot point, v = -x_0 r.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -19,21 +19,17 @@ from numpy.typing import NDArray
 from shaftline.core.compiled import compiled
 from shaftline.plant.columns import HEADING, RUDDER, SWAY_SPEED, TIME, YAW_RATE
 
-SPEED = "ship_speed_m_s"
-CHANNELS = (YAW_RATE, HEADING, SWAY_SPEED, SPEED)
-"""Compared channels, in the order of the tables."""
+from .writing import Panel, against_measured, rms
 
+SPEED = "ship_speed_m_s"
+CHANNELS = (YAW_RATE, HEADING, SWAY_SPEED, SPEED)  # compared channels, in the order of the tables
 TITLES = {
-    YAW_RATE: "rate of turn, deg/s",
-    HEADING: "heading, deg",
-    SWAY_SPEED: "sway, m/s",
+    YAW_RATE: "rate of turn, deg/s", HEADING: "heading, deg", SWAY_SPEED: "sway, m/s",
     SPEED: "speed ahead, m/s",
-}
+}  # fmt: skip
 """Titles of the channels in tables."""
 
-LEAST_SPEED = 0.05
-"""Lower limit of U over the highest speed of a recording."""
-
+LEAST_SPEED = 0.05  # lower limit of U over the highest speed of a recording
 Floats = NDArray[np.float64]
 
 
@@ -78,50 +74,33 @@ def fit_response(tables: Iterable[pd.DataFrame], length_m: float) -> Response:
     """
     known = list(tables)
 
+    rates, sway = (np.concatenate([t[c] for t in known]) for c in (YAW_RATE, SWAY_SPEED))
+
     def residuals(point: Floats) -> Floats:
         numbers = np.array([point[0], np.exp(point[1]), point[2]])
-        parts = [_rates(t, length_m, numbers) - t[YAW_RATE].to_numpy() for t in known]
-        return np.concatenate(parts)
+        return np.asarray(np.concatenate([_rates(t, length_m, numbers) for t in known]) - rates)
 
-    best = scipy.optimize.least_squares(
-        residuals, [1.0, 0.0, 0.0], x_scale=[0.3, 0.3, 0.03], loss="linear"
-    )
+    best = scipy.optimize.least_squares(residuals, [1.0, 0.0, 0.0], x_scale=[0.3, 0.3, 0.03])
     gain, time, neutral = float(best.x[0]), float(np.exp(best.x[1])), float(best.x[2])
-    rates = np.concatenate([t[YAW_RATE] for t in known])
-    sway = np.concatenate([t[SWAY_SPEED] for t in known])
     return Response(gain, time, neutral, -float(rates @ sway / (rates @ rates)) / length_m)
 
 
 def simulate_response(response: Response, table: pd.DataFrame, length_m: float) -> pd.DataFrame:
     """Return rate of turn, heading and sway by the rudder, speed and first row of a recording."""
-    numbers = np.array(response[:3])
-    rate = _rates(table, length_m, numbers)
+    rate = _rates(table, length_m, np.array(response[:3]))
     step = float(table[TIME].diff().mean())
-    turned = np.concatenate([[0.0], np.cumsum(0.5 * step * (rate[1:] + rate[:-1]))])
+    turned = scipy.integrate.cumulative_trapezoid(rate, dx=step, initial=0)
     return pd.DataFrame(
-        {
-            TIME: table[TIME].to_numpy(),
-            YAW_RATE: rate,
-            HEADING: float(table[HEADING].iloc[0]) + turned,
-            SWAY_SPEED: -response.pivot * length_m * rate,
-        }
-    )
-
-
-def rms(difference: Any) -> float:
-    """Return the root mean square of a difference."""
-    return float(np.sqrt(np.mean(np.square(np.asarray(difference)))))
+        {TIME: table[TIME].to_numpy(), YAW_RATE: rate,
+         HEADING: float(table[HEADING].iloc[0]) + turned,
+         SWAY_SPEED: -response.pivot * length_m * rate}
+    )  # fmt: skip
 
 
 def run_errors(
     simulate: Callable[[pd.DataFrame], pd.DataFrame], tables: Mapping[str, pd.DataFrame]
 ) -> pd.DataFrame:
-    """Return the rms error of each simulated channel, a row for each run.
-
-    Args:
-        simulate: free-running simulation of a run from its first row.
-        tables: measured runs with canonical columns.
-    """
+    """Return the rms error of each channel of free-running simulations, a row for each run."""
     rows = {}
     for name, table in tables.items():
         simulated = simulate(table)
@@ -136,7 +115,7 @@ def response_errors(
     return run_errors(lambda table: simulate_response(response, table, length_m), tables)
 
 
-def mean_errors(errors: pd.DataFrame, names: tuple[str, ...]) -> pd.Series:
+def mean_errors(errors: pd.DataFrame, names: Sequence[str]) -> pd.Series:
     """Return the root mean square over runs, equally weighted."""
     return np.sqrt((errors.loc[list(names)] ** 2).mean())
 
@@ -149,19 +128,10 @@ def format_error(channel: str, value: float, heading_digits: int) -> str:
 
 
 def errors_table(
-    errors: Mapping[str, pd.DataFrame],
-    groups: Mapping[str, tuple[str, ...]],
-    titles: Mapping[str, str],
-    heading_digits: int,
-) -> pd.DataFrame:
-    """Return the errors as text, a row for each model and group of runs.
-
-    Args:
-        errors: rms errors by name of the model, a row for each run.
-        groups: names of runs by name of the group.
-        titles: titles of the channels.
-        heading_digits: digits of the heading.
-    """
+    errors: Mapping[str, pd.DataFrame], groups: Mapping[str, Sequence[str]],
+    titles: Mapping[str, str], heading_digits: int,
+) -> pd.DataFrame:  # fmt: skip
+    """Return the errors as text, a row for each model and group of runs, a column for each title."""
     rows = []
     for what, own in errors.items():
         for group, names in groups.items():
@@ -172,3 +142,16 @@ def errors_table(
             }
             rows.append({"ship": what, "runs": group, **shown})
     return pd.DataFrame(rows)
+
+
+def channel_panel(
+    table: pd.DataFrame, simulated: Mapping[str, pd.DataFrame], channel: str, title: str, legend: int = 0
+) -> Panel:  # fmt: skip
+    """Return the panel of a channel, measured and simulated; Nomoto's model is dotted."""
+    factor = np.degrees(1.0) if channel == YAW_RATE else 1.0
+    values = {what: factor * own[channel] for what, own in simulated.items()}
+    lines = [
+        line._replace(style=":") if line.label == "Nomoto" else line
+        for line in against_measured(table[TIME], factor * table[channel], values)
+    ]
+    return Panel(lines, {"title": title, "ylabel": TITLES[channel]}, legend)

@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+import pandas as pd
+from matplotlib.axes import Axes
 
-from shaftline.display.tables import markdown
+from shaftline.display.tables import markdown, write_table
 
 _ENVIRONMENT = jinja2.Environment(
     undefined=jinja2.StrictUndefined, autoescape=False, trim_blocks=True, lstrip_blocks=True
@@ -23,12 +25,8 @@ def fill_template(template: Path, **fields: Any) -> str:
     Templates are Jinja2 with two more filters: ``{{ frame|table(3) }}`` writes a data frame as a table
     with three digits, ``{{ value|fmt(".2f") }}`` formats a number.
 
-    Args:
-        template: file of the template.
-        fields: values by name; a field that the template uses and that is not given is an error.
-
     Raises:
-        jinja2.UndefinedError: a field is not given.
+        jinja2.UndefinedError: a field that the template uses is not given.
     """
     return fill_text(template.read_text(encoding="utf-8"), **fields)
 
@@ -38,23 +36,38 @@ def fill_text(text: str, /, **fields: Any) -> str:
     return _ENVIRONMENT.from_string(text).render(fields).strip()
 
 
-def make_parser(
-    name: str,
-    description: str | None,
-    out: str,
-    *,
-    recordings: str = "",
-    kept: str = "",
-    jobs: int | bool | None = False,
-) -> argparse.ArgumentParser:
+def write_page(folder: Path, name: str, title: str, command: str, table: pd.DataFrame,
+               template: Path, **fields: Any) -> None:  # fmt: skip
+    """Fill a template, and write ``NAME.md`` with its table ``NAME.csv`` into a folder.
+
+    ``command`` follows ``python -m reproductions`` in the line that says how the page is made.
+    """
+    made_by = f"python -m reproductions {command}"
+    write_table(folder, name, title, made_by, table, fill_template(template, **fields))
+
+
+def label_axis(axis: Axes, x: str = "", y: str = "", title: str = "", size: float = 8.0,
+               ticks: float | None = 8.0, legend: float = 0.0) -> None:  # fmt: skip
+    """Write labels [points] and title of an axis; ``legend`` is the size of its legend, 0 for none."""
+    axis.set_xlabel(x, fontsize=size)
+    axis.set_ylabel(y, fontsize=size)
+    axis.set_title(title, fontsize=9)
+    if ticks:
+        axis.tick_params(labelsize=ticks)
+    if legend:
+        axis.legend(fontsize=legend, frameon=False)
+
+
+def make_parser(name: str, description: str | None, out: str, *, recordings: str = "", kept: str = "",
+                jobs: int | bool | None = False) -> argparse.ArgumentParser:  # fmt: skip
     """Return the parser of a command with the shared options.
 
     Args:
         name: name of the reproduction.
         description: docstring of the module; its first line is shown.
         out: default folder of ``--out``.
-        recordings: help text of ``--recordings``; empty where the command reads no recordings.
-        kept: default folder of ``--kept``; empty where no intermediate results are kept.
+        recordings: help text of ``--recordings``; empty leaves the option out.
+        kept: default folder of ``--kept``; empty leaves the option out.
         jobs: default of ``--jobs`` (None is one process for each core); False leaves the option out.
     """
     parser = argparse.ArgumentParser(

@@ -42,14 +42,13 @@ def augmented_filter(tick: Tick) -> Page:
     for row in found.falls.to_dict("records"):
         of = numbers.setdefault(f"falling body, beta {row['beta']:g}, {row['readings']}", {})
         of[str(row["quantity"])] = float(row["median"])
-    return Page(
+    drawn = {"augmented-filter": filter_page.figure(found)}
+    cells, body, shown = (
         filter_page.cells_of(found),
         filter_page.body(found),
-        {"augmented-filter": filter_page.figure(found)},
-        numbers,
-        found.falls,
         filter_page.fall_table(found),
     )
+    return Page(cells, body, drawn, numbers, found.falls, shown)
 
 
 STUDIES: dict[str, Study] = {

@@ -6,63 +6,44 @@ Run ``python -m reproductions rigs --recordings FOLDER --out docs/results``; tak
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from shaftline.core.files import parse_toml, read_text, write_text
+from shaftline.core.files import parse_toml, read_text
 from shaftline.display.tables import write_csv
 from shaftline.mismatch import Diagnosis, Options, diagnose
 from shaftline.mismatch.recordings.joint import Recorded
 from shaftline.plant import Ship, load_ship
 
 from .emps import runs as emps
-from .pages import fill_template, make_parser
+from .pages import make_parser
 from .rov_thruster import runs as rov
+from .writing import rms, write_results
 
 
-@dataclass(frozen=True)
-class Given:
-    """Input of a diagnosis.
+class Given(NamedTuple):
+    """Input of a diagnosis."""
 
-    Args:
-        ship: ship of the file.
-        fitted: fitted recordings.
-        unseen: held-out recordings.
-        columns: column map; None where the columns are canonical.
-    """
-
-    ship: Ship
+    ship: Ship  # of the file
     fitted: list[Recorded]
-    unseen: list[Recorded]
-    columns: Path | None = None
+    unseen: list[Recorded]  # held-out recordings
+    columns: Path | None = None  # column map; None where the columns are canonical
 
 
-@dataclass(frozen=True)
-class Rig:
-    """A rig and what is known of it.
+class Rig(NamedTuple):
+    """A rig and what is known of it."""
 
-    Args:
-        title: name in a few words.
-        folder: folder below that of all recordings.
-        load: function that loads the input of a diagnosis.
-        missing: physics that the file lacks, by its owners or independent fits.
-        bound: rms error of independent fits on the held-out runs in ``unit``, or words.
-        unit: unit of the error.
-        scale: factor from the unit of the channel to ``unit``.
-        trap: misleading result.
-    """
-
-    title: str
-    folder: str
+    title: str  # name in a few words
+    folder: str  # below that of all recordings
     load: Callable[[Path], Given]
-    missing: str
-    bound: str
-    unit: str
-    scale: float
-    trap: str
+    missing: str  # physics that the file lacks, by its owners or independent fits
+    bound: str  # rms error of independent fits on the held-out runs in `unit`, or words
+    unit: str  # of the error
+    scale: float  # factor from the unit of the channel to `unit`
+    trap: str  # misleading result
 
 
 def _generator(folder: Path) -> Given:
@@ -88,27 +69,22 @@ def _pendulum(folder: Path) -> Given:
 
 def _positioning(folder: Path) -> Given:
     """Load the positioning system without friction or offset in its file; its mass is a guess."""
-    runs = emps.load_runs(folder)
     none = dict.fromkeys((emps.COULOMB, emps.VISCOUS, emps.OFFSET), 0.0)
-    tables = [
-        table.iloc[::5].reset_index(drop=True) for table in (runs.estimation, runs.validation)
-    ]
-    return Given(emps.rig().with_values(none), [tables[0]], [tables[1]])
+    fitted, held = (table.iloc[::5].reset_index(drop=True) for table in emps.load_runs(folder))
+    return Given(emps.rig().with_values(none), [fitted], [held])
 
 
 def _thruster(folder: Path) -> Given:
     """Load the ROV thruster: two controllers are fitted; the third is held out with its reversals."""
     columns = ["time_s", "motor_voltage_V", rov.SPEED]
-    runs = {key: table[columns] for key, table in rov.load_runs(folder).items()}
-    unseen = "2statekf1"
-    fitted = [
-        part
-        for (controller, _), table in runs.items()
-        if controller != unseen
-        for part in rov.without_reversals(table)
-    ]
-    held = [table for (controller, _), table in runs.items() if controller == unseen]
-    return Given(load_ship("rov-thruster"), list(fitted), list(held))
+    fitted: list[Recorded] = []
+    held: list[Recorded] = []
+    for (controller, _), run in rov.load_runs(folder).items():
+        if controller == "2statekf1":
+            held.append(run[columns])
+        else:
+            fitted += rov.without_reversals(run[columns])
+    return Given(load_ship("rov-thruster"), fitted, held)
 
 
 def _propeller(folder: Path) -> Given:
@@ -121,20 +97,15 @@ def _propeller(folder: Path) -> Given:
     tree["propeller"] |= {"thrust_coefficient": 0.104, "torque_coefficient": 0.0173}
     tree["prime_mover"]["speed_max_rad_s"] = 1400.0
     tree["transmission"]["inertia_propeller_side_kg_m2"] = 1e-5
-    tables = []
-    for name in ("windtunnel", "flight"):
-        table = pd.read_csv(folder / f"{name}_10Hz.csv")
-        tables.append(
-            pd.DataFrame(
-                {
-                    "time_s": table["t_s"],
-                    "shaft_speed_rad_s": table["rpm"] * np.pi / 30.0,
-                    "inflow_velocity_m_s": table["airspeed_mps"],
-                    "electric_power_W": table["elec_power_W"],
-                }
-            )
-        )
-    return Given(Ship.model_validate(tree), tables[:1], tables[1:])
+    names = {"t_s": "time_s", "rpm": "shaft_speed_rad_s", "airspeed_mps": "inflow_velocity_m_s",
+             "elec_power_W": "electric_power_W"}  # fmt: skip
+    tunnel, flight = (
+        pd.read_csv(folder / f"{name}_10Hz.csv")[[*names]].rename(columns=names)
+        for name in ("windtunnel", "flight")
+    )
+    for table in (tunnel, flight):
+        table["shaft_speed_rad_s"] *= np.pi / 30.0
+    return Given(Ship.model_validate(tree), [tunnel], [flight])
 
 
 RIGS = (
@@ -166,10 +137,8 @@ def errors(found: Diagnosis) -> tuple[float, float]:
     for start, end in found.held_out:
         rows |= (found.time_s >= start - 1e-9) & (found.time_s < end - 1e-9)
     channel = next(iter(found.measured))
-    before, after = (
-        float(np.sqrt(np.mean((found.measured[channel] - run[channel])[rows] ** 2)))
-        for run in (found.before, found.after)
-    )
+    measured = found.measured[channel]
+    before, after = (rms((measured - run[channel])[rows]) for run in (found.before, found.after))
     return before, after
 
 
@@ -188,42 +157,35 @@ def describe_findings(found: Diagnosis) -> str:
 def diagnose_rig(rig: Rig, folder: Path) -> dict[str, object]:
     """Diagnose a rig by either search; return a row of the table."""
     given = rig.load(folder / rig.folder)
-    found = {
-        quick: diagnose(
-            given.ship, *given.fitted, hold_out=given.unseen,
-            options=Options(columns=given.columns, quick=quick),
-        )
+    quick, full = (
+        diagnose(given.ship, *given.fitted, hold_out=given.unseen,
+                 options=Options(columns=given.columns, quick=quick))
         for quick in (True, False)
-    }  # fmt: skip
-    before, after = errors(found[False])
-    moved = [f"{n.key} {n.file:.3g} to {n.value:.3g}" for n in found[False].parameters]
+    )  # fmt: skip
+    before, after = errors(full)
+    moved = [f"{n.key} {n.file:.3g} to {n.value:.3g}" for n in full.parameters]
     return {
-        "rig": rig.title,
-        "missing": rig.missing,
-        "verdict": found[False].verdict,
-        "named": describe_findings(found[False]),
-        "parameters": "; ".join(moved) or "none",
-        "unit": rig.unit,
-        "file": rig.scale * before,
-        "quick": rig.scale * errors(found[True])[1],
-        "full": rig.scale * after,
-        "bound": rig.bound,
-        "quick_named": describe_findings(found[True]),
-        "quick_verdict": found[True].verdict,
+        "rig": rig.title, "missing": rig.missing, "verdict": full.verdict,
+        "named": describe_findings(full), "parameters": "; ".join(moved) or "none", "unit": rig.unit,
+        "file": rig.scale * before, "quick": rig.scale * errors(quick)[1], "full": rig.scale * after,
+        "bound": rig.bound, "quick_named": describe_findings(quick), "quick_verdict": quick.verdict,
         "trap": rig.trap,
-    }
+    }  # fmt: skip
 
 
-def body(table: pd.DataFrame) -> str:
-    """Return the page below its title."""
+def write(folder: Path, table: pd.DataFrame) -> Path:
+    """Write ``rigs.md`` and ``rigs.csv``."""
     named = table[["rig", "missing", "verdict", "named", "parameters"]]
     first = table[["rig", "quick_verdict", "quick_named"]]
-    return fill_template(
-        Path(__file__).with_name("rigs.md"), rigs=RIGS,
+    page = write_results(
+        __file__, folder, "Real rigs: effects and parameters together", table, {},
+        "--recordings FOLDER", rigs=RIGS,
         errors=table[["rig", "unit", "file", "quick", "full", "bound"]],
         named=named.rename(columns={"named": "identified"}),
         first=first.rename(columns={"quick_verdict": "verdict", "quick_named": "identified"}),
     )  # fmt: skip
+    write_csv(folder, "rigs", table, digits=4)
+    return page
 
 
 def main() -> None:
@@ -237,12 +199,7 @@ def main() -> None:
         print(f"{rig.title} ...", flush=True)
         rows.append(diagnose_rig(rig, options.recordings))
         print(f"  {rows[-1]['verdict']}: {rows[-1]['named']}", flush=True)
-    table = pd.DataFrame(rows)
-    write_csv(options.out, "rigs", table, digits=4)
-    title, command = "Real rigs: effects and parameters together", "python -m reproductions rigs"
-    head = f"# {title}\n\nMade by `{command} --recordings FOLDER --out docs/results`.\n\n"
-    write_text(options.out / "rigs.md", f"{head}{body(table)}\n")
-    print(f"page: {options.out / 'rigs.md'}")
+    write(options.out, pd.DataFrame(rows))
 
 
 if __name__ == "__main__":

@@ -5,46 +5,41 @@ from __future__ import annotations
 import functools
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from importlib import resources
-from importlib.resources.abc import Traversable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pandas as pd
 
+from shaftline import plant
 from shaftline.display.tables import markdown
 
 from .cells import Cell, Kind, Reason, Verdict, counts, number
+from .pages import fill_template
 from .unexplained import known_cells
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Tick = Callable[[], None]
-"""Called once for each part of the work that is done."""
-
+Tick = Callable[[], None]  # called once for each part of the work that is done
 Judged = tuple[Kind, float, str]
 """Kind of a cell, half the width of its tolerance, and where the tolerance comes from."""
 
 
 @functools.cache
 def published(name: str) -> pd.DataFrame:
-    """Return a published table that ships with the package, indexed by its first column."""
-    with _table(name).open() as file:
-        return pd.read_csv(file, index_col=0)
+    """Return a published table, of the reproductions or the package, indexed by its first column."""
+    return pd.read_csv(_file(name), index_col=0)
 
 
 @functools.cache
 def published_text(name: str) -> pd.DataFrame:
     """Return a published table as printed: every number as text, with its trailing zeros."""
-    with _table(name).open() as file:
-        return pd.read_csv(file, index_col=0, dtype=str, keep_default_na=False)
+    return pd.read_csv(_file(name), index_col=0, dtype=str, keep_default_na=False)
 
 
-def _table(name: str) -> Traversable:
-    """Return the file of a published table, of the reproductions or of the package."""
-    own = resources.files("reproductions").joinpath(f"data/{name}.csv")
-    packaged = resources.files("shaftline.plant").joinpath(f"data/{name}.csv")
-    return own if own.is_file() else packaged
+def _file(name: str) -> Path:
+    own = Path(__file__).parent / f"data/{name}.csv"
+    return own if own.is_file() else Path(plant.__file__).parent / f"data/{name}.csv"
 
 
 def compare(
@@ -55,18 +50,15 @@ def compare(
     reasons: Mapping[tuple[str, str], Reason] | None = None,
 ) -> list[Cell]:
     """Return one cell for each number that is printed and that we have."""
-    reasons = reasons or {}
     found = []
     for row in (row for row in ours.index if row in theirs.index):
         for column in (column for column in ours.columns if column in theirs.columns):
             text = str(theirs.loc[row, column]).strip()
-            if not text:
-                continue
-            kind, tolerance, basis = judge(str(row), str(column), text)
-            found.append(
-                number(table, str(row), str(column), float(ours.loc[row, column]), float(text),
-                       tolerance, basis, kind, reasons.get((row, column)))
-            )  # fmt: skip
+            if text:
+                kind, tolerance, basis = judge(str(row), str(column), text)
+                mine, reason = float(ours.loc[row, column]), (reasons or {}).get((row, column))
+                found.append(number(table, str(row), str(column), mine, float(text), tolerance, basis,
+                                    kind, reason))  # fmt: skip
     return found
 
 
@@ -86,8 +78,7 @@ def side_by_side(ours: pd.DataFrame, cells: Iterable[Cell], digits: int = 2) -> 
     return pd.DataFrame(lines, columns=["", *ours.columns])
 
 
-NAMED_CELLS = 8
-"""Largest number of cells that a list item names; it counts more cells by table."""
+NAMED_CELLS = 8  # largest number of cells that a list item names; it counts more cells by table
 
 
 def _group_by_text(cells: Iterable[tuple[Cell, str]]) -> str:
@@ -106,21 +97,15 @@ def _group_by_text(cells: Iterable[tuple[Cell, str]]) -> str:
 
 def reasons_text(cells: Iterable[Cell]) -> str:
     """Return the calculated reasons as list items, each once, with the cells that it explains."""
-    return _group_by_text(
-        (cell, cell.reason.text)
-        for cell in cells
-        if cell.verdict is Verdict.EXPLAINED and cell.reason is not None
-    )
+    explained = [cell for cell in cells if cell.verdict is Verdict.EXPLAINED]
+    return _group_by_text((cell, cell.reason.text) for cell in explained if cell.reason)
 
 
 def unexplained_text(study: str, cells: Iterable[Cell]) -> str:
     """Return the unexplained cells as list items, grouped by what was tried."""
     notes = known_cells(study)
-    return _group_by_text(
-        (cell, notes.get(cell.key) or "nothing was tried")
-        for cell in cells
-        if cell.verdict is Verdict.UNEXPLAINED
-    )
+    open_ = [cell for cell in cells if cell.verdict is Verdict.UNEXPLAINED]
+    return _group_by_text((cell, notes.get(cell.key) or "nothing was tried") for cell in open_)
 
 
 def verdicts(study: str, cells: Iterable[Cell]) -> str:
@@ -181,3 +166,11 @@ def numbers_by_row(frame: pd.DataFrame) -> dict[str, dict[str, float]]:
         str(row): {str(c): float(v) for c, v in values.items() if pd.notna(v)}
         for row, values in frame.iterrows()
     }
+
+
+def page_of_table(ours: pd.DataFrame, cells: Sequence[Cell], figures: dict[str, Figure], dpi: int,
+                  template: Path, digits: int = 2, **fields: Any) -> Page:  # fmt: skip
+    """Return the page of one printed table; its template gets the comparison as ``shown``."""
+    shown = side_by_side(ours, cells, digits)
+    body = fill_template(template, shown=shown, **fields)
+    return Page(cells, body, figures, numbers_by_row(ours), ours.reset_index(), shown, dpi)

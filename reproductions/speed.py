@@ -7,7 +7,7 @@ more reliable than the rates.
 from __future__ import annotations
 
 import argparse
-import time
+import timeit
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -37,17 +37,9 @@ from .pages import fill_template
 
 @compiled
 def simulate_batch(
-    plants: Any,
-    states: Any,
-    memories: Any,
-    seas: Any,
-    observers: Any,
-    estimates: Any,
-    drive: NDArray[np.float64],
-    pitch_command: NDArray[np.float64],
-    steps: int,
-    dt: float,
-) -> None:
+    plants: Any, states: Any, memories: Any, seas: Any, observers: Any, estimates: Any,
+    drive: NDArray[np.float64], pitch_command: NDArray[np.float64], steps: int, dt: float,
+) -> None:  # fmt: skip
     """Simulate a batch of ships with held commands; observers are updated at every step.
 
     Args:
@@ -72,12 +64,9 @@ def simulate_batch(
             )  # fmt: skip
             if len(observers) > 0:
                 reading = Measurement(
-                    shaft_speed,
-                    memories[i].shaft_torque,
-                    memories[i].pitch_ratio,
-                    outputs.shaft_acceleration,
-                    outputs.advance_velocity,
-                )
+                    shaft_speed, memories[i].shaft_torque, memories[i].pitch_ratio,
+                    outputs.shaft_acceleration, outputs.advance_velocity,
+                )  # fmt: skip
                 update(observers[i], estimates[i], reading)
 
 
@@ -88,45 +77,32 @@ MANY = 1024
 def best_rate(work: Callable[[], object], count: int, repeats: int = REPEATS) -> float:
     """Return the rate of the fastest of several repeats [1/s]."""
     work()
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - start)
-    return count / min(times)
+    return count / min(timeit.repeat(work, number=1, repeat=repeats))
 
 
-class Benchmark:
-    """A batch of frigates at the working point of the load cases, in a turn if they manoeuvre."""
-
-    def __init__(
-        self, ships: int, sea: str | None, observer: str | None = None, vessel: str = "frigate"
-    ) -> None:
-        frigate = load_ship(vessel)
-        self.dt = frigate.time_step_s
-        self.plants = np.full(ships, frigate.record(), PLANT)
-        self.states = np.zeros(ships, STATE)
-        self.states[:] = tuple(equilibrium(frigate, 22.0, 1.4).state)
-        if frigate.turns:
-            self.states["sway_speed"], self.states["yaw_rate"] = -0.5, 0.01
-        self.memories = np.zeros(ships, MEMORY)
-        self.seas = np.zeros(ships, SEA)
-        waves = get_sea(sea) if sea else None
-        for i in range(ships):
-            if waves:
-                self.seas[i] = realise(waves, frigate.propeller.depth_m, seed=i)
-            prepare(self.plants[i], self.states[i], self.memories[i], self.seas[i],
-                    22.0, UNDISTURBED, self.dt)  # fmt: skip
-        self.drive, self.pitch = np.full(ships, 22.0), np.full(ships, 1.3)
-        self.observers = np.zeros(ships if observer else 0, OBSERVER)
-        self.estimates = np.zeros(len(self.observers), ESTIMATE)
-        if observer:
-            self.observers[:] = get_observer(observer).discretise(frigate, self.dt)
-
-    def run(self, steps: int = STEPS) -> None:
-        """Simulate some steps of all ships."""
-        simulate_batch(self.plants, self.states, self.memories, self.seas, self.observers,
-             self.estimates, self.drive, self.pitch, steps, self.dt)  # fmt: skip
+def _plant_rate(
+    ships: int, sea: str | None = None, observer: str | None = None, vessel: str = "frigate",
+    steps: int = STEPS, repeats: int = REPEATS,
+) -> float:  # fmt: skip
+    """Return the steps per second of a batch at the working point of the load cases, or in a turn."""
+    frigate = load_ship(vessel)
+    dt = frigate.time_step_s
+    plants, seas = np.full(ships, frigate.record(), PLANT), np.zeros(ships, SEA)
+    states, memories = np.zeros(ships, STATE), np.zeros(ships, MEMORY)
+    states[:] = tuple(equilibrium(frigate, 22.0, 1.4).state)
+    if frigate.turns:
+        states["sway_speed"], states["yaw_rate"] = -0.5, 0.01
+    waves = get_sea(sea) if sea else None
+    for i in range(ships):
+        if waves:
+            seas[i] = realise(waves, frigate.propeller.depth_m, seed=i)
+        prepare(plants[i], states[i], memories[i], seas[i], 22.0, UNDISTURBED, dt)
+    observers = np.zeros(ships if observer else 0, OBSERVER)
+    if observer:
+        observers[:] = get_observer(observer).discretise(frigate, dt)
+    batch = plants, states, memories, seas, observers, np.zeros(len(observers), ESTIMATE)
+    commands = np.full(ships, 22.0), np.full(ships, 1.3)
+    return best_rate(lambda: simulate_batch(*batch, *commands, steps, dt), ships * steps, repeats)
 
 
 def _solve_ivp_rate(sea: str | None) -> float:
@@ -142,43 +118,24 @@ def _solve_ivp_rate(sea: str | None) -> float:
         return np.array(evaluate(plant, state, Inputs(22.0, 1.3, inflow), 1.4)[0])
 
     def work() -> object:
-        return scipy.integrate.solve_ivp(
-            rate, (0.0, 20.0), np.array(start), rtol=1e-6, max_step=0.05 * 10
-        )
+        span = (0.0, 20.0)
+        return scipy.integrate.solve_ivp(rate, span, np.array(start), rtol=1e-6, max_step=0.5)
 
     return best_rate(work, round(20.0 / frigate.time_step_s), repeats=3)
 
 
-def _cart_pole_rate() -> float:
-    """Return the steps per second of Gymnasium's CartPole-v1 with random actions."""
-    environment = gymnasium.make("CartPole-v1")
+def _single_rate(environment: gymnasium.Env[Any, Any], action: Callable[[], Any], count: int,
+                 repeats: int = REPEATS) -> float:  # fmt: skip
+    """Return the steps per second of one environment."""
     environment.reset(seed=0)
-    environment.action_space.seed(0)
 
     def work() -> None:
-        for _ in range(5000):
-            _, _, terminated, truncated, _ = environment.step(environment.action_space.sample())
+        for _ in range(count):
+            _, _, terminated, truncated, _ = environment.step(action())
             if terminated or truncated:
                 environment.reset()
 
-    return best_rate(work, 5000, repeats=5)
-
-
-def _environment_rate(n: int) -> float:
-    """Return control intervals per second with waves, sensor noise and the default observer."""
-    if n == 1:
-        actions = np.random.default_rng(0).uniform(-0.2, 0.6, (1, 2)).astype(np.float32)
-        single = FrigateEnv()
-        single.reset(seed=0)
-
-        def one() -> None:
-            for _ in range(500):
-                _, _, terminated, truncated, _ = single.step(actions[0])
-                if terminated or truncated:
-                    single.reset()
-
-        return best_rate(one, 500)
-    return _vector_rate(FrigateVectorEnv(n))
+    return best_rate(work, count, repeats)
 
 
 def _vector_rate(many: FrigateVectorEnv) -> float:
@@ -200,20 +157,25 @@ def _tensor_rates() -> list[tuple[str, float]]:
     many = FrigateVectorEnv(MANY)
     seen, _ = many.reset(seed=0)
     many.close()
+    label = f"observations of {MANY} as a torch tensor"
     return [
-        (f"observations of {MANY} as a torch tensor, shared memory",
-         best_rate(lambda: torch.from_numpy(seen), MANY, 2000)),
-        (f"observations of {MANY} as a torch tensor, copied",
-         best_rate(lambda: torch.tensor(seen), MANY, 2000)),
-    ]  # fmt: skip
+        (f"{label}, shared memory", best_rate(lambda: torch.from_numpy(seen), MANY, 2000)),
+        (f"{label}, copied", best_rate(lambda: torch.tensor(seen), MANY, 2000)),
+    ]
 
 
-def _cart_pole_vector_rate() -> float:
-    """Return the steps per second of Gymnasium's vectorised CartPole-v1."""
+def _cart_pole_rates() -> list[tuple[str, float]]:
+    """Return the steps per second of Gymnasium's CartPole-v1, vectorised and alone, random actions."""
     many = gymnasium.make_vec("CartPole-v1", MANY, vectorization_mode="vector_entry_point")
     many.reset(seed=0)
     actions = many.action_space.sample()
-    return best_rate(lambda: many.step(actions), MANY, 60)
+    one = gymnasium.make("CartPole-v1")
+    one.action_space.seed(0)
+    return [
+        (f"Gymnasium CartPole-v1, {MANY} in its vector form",
+         best_rate(lambda: many.step(actions), MANY, 60)),
+        ("Gymnasium CartPole-v1, one environment", _single_rate(one, one.action_space.sample, 5000, 5)),
+    ]  # fmt: skip
 
 
 def measure() -> list[tuple[str, float]]:
@@ -226,27 +188,26 @@ def measure() -> list[tuple[str, float]]:
         ("waves and an extended Kalman filter", "thesis", "random-walk-kalman"),
     ):
         for size, kind in ((BATCH, f"batch of {BATCH}"), (1, "one ship")):
-            benchmark = Benchmark(size, sea, observer)
-            rows.append((f"plant, {label}, {kind}", best_rate(benchmark.run, size * STEPS)))
+            rows.append((f"plant, {label}, {kind}", _plant_rate(size, sea, observer)))
     for vessel in ("frigate-at-sea", "frigate-turning"):
-        benchmark = Benchmark(BATCH, None, vessel=vessel)
         label = f"plant of {vessel}, calm water, batch of {BATCH}"
-        rows.append((label, best_rate(benchmark.run, BATCH * STEPS)))
-    alone = Benchmark(1, None)
-    rows.append(("plant, calm water, one step a call", best_rate(lambda: alone.run(1), 1, 2000)))
-    rows.append(("solve_ivp on the same equations, calm water", _solve_ivp_rate(None)))
-    rows.append(("solve_ivp on the same equations, waves", _solve_ivp_rate("thesis")))
-    rows.append(("environment Frigate-v0, one, a step is 10 plant steps", _environment_rate(1)))
-    rows.append((f"environment Frigate-v0, {MANY} on all cores", _environment_rate(MANY)))
-    for name, many in (
-        ("Frigate-v0, rough-sea", FrigateVectorEnv(MANY, task="rough-sea")),
-        ("Steering-v0, course-keeping", SteeringVectorEnv(MANY, task="course-keeping")),
-    ):
-        rows.append((f"environment {name}, {MANY} on all cores", _vector_rate(many)))
-    rows += _tensor_rates()
-    rows.append((f"Gymnasium CartPole-v1, {MANY} in its vector form", _cart_pole_vector_rate()))
-    rows.append(("Gymnasium CartPole-v1, one environment", _cart_pole_rate()))
-    return rows
+        rows.append((label, _plant_rate(BATCH, vessel=vessel)))
+    action = np.random.default_rng(0).uniform(-0.2, 0.6, 2).astype(np.float32)
+    on_all = f"{MANY} on all cores"
+    turning = SteeringVectorEnv(MANY, task="course-keeping")
+    return [
+        *rows,
+        ("plant, calm water, one step a call", _plant_rate(1, steps=1, repeats=2000)),
+        ("solve_ivp on the same equations, calm water", _solve_ivp_rate(None)),
+        ("solve_ivp on the same equations, waves", _solve_ivp_rate("thesis")),
+        ("environment Frigate-v0, one, a step is 10 plant steps",
+         _single_rate(FrigateEnv(), lambda: action, 500)),
+        (f"environment Frigate-v0, {on_all}", _vector_rate(FrigateVectorEnv(MANY))),
+        (f"environment Frigate-v0, rough-sea, {on_all}",
+         _vector_rate(FrigateVectorEnv(MANY, task="rough-sea"))),
+        (f"environment Steering-v0, course-keeping, {on_all}", _vector_rate(turning)),
+        *_tensor_rates(), *_cart_pole_rates(),
+    ]  # fmt: skip
 
 
 def main() -> None:
@@ -254,18 +215,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--out", type=Path, help="Markdown file for the table")
     out = parser.parse_args().out
-    rows = measure()
-    cart_pole = rows[-1][1]
-    frame = pd.DataFrame(
-        [(label, f"{rate:,.0f}", f"{rate / cart_pole:.1f}") for label, rate in rows],
-        columns=["program", "steps/s", "per CartPole step"],
-    )
+    frame = pd.DataFrame(measure(), columns=["program", "rate"])
+    shares = frame["rate"] / frame["rate"].iloc[-1]
+    frame["steps/s"] = frame.pop("rate").map("{:,.0f}".format)
+    frame["per CartPole step"] = shares.map("{:.1f}".format)
     text = fill_template(Path(__file__).with_name("speed.md"), table=frame)
     print(text)
     if out is not None:
-        write_text(
-            out, f"# Steps per second\n\nMade by `python -m reproductions speed`.\n\n{text}\n"
-        )
+        head = "# Steps per second\n\nMade by `python -m reproductions speed`.\n\n"
+        write_text(out, f"{head}{text}\n")
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable
-from importlib import resources
 from pathlib import Path
 
 import pandas as pd
@@ -24,18 +23,16 @@ COLUMNS = ["table", "row", "column", "note"]
 Key = tuple[str, str, str]
 
 
-def _notes(file: Path) -> dict[Key, str]:
-    frame = pd.read_csv(file, dtype=str, keep_default_na=False)
-    return {(line.table, line.row, line.column): line.note for line in frame.itertuples()}
+FOLDER = Path(__file__).parent / "data" / "unexplained"
 
 
 def known_cells(study: str) -> dict[Key, str]:
     """Return the listed cells of a study, (table, row, column), with what was tried."""
-    source = resources.files("reproductions").joinpath(f"data/unexplained/{study}.csv")
-    if not source.is_file():
+    file = FOLDER / f"{study}.csv"
+    if not file.is_file():
         return {}
-    with resources.as_file(source) as file:
-        return _notes(file)
+    frame = pd.read_csv(file, dtype=str, keep_default_na=False)
+    return {(line.table, line.row, line.column): line.note for line in frame.itertuples()}
 
 
 def unexplained_cells(cells: Iterable[Cell]) -> list[Cell]:
@@ -58,19 +55,17 @@ def outdated_keys(study: str, cells: Iterable[Cell]) -> list[Key]:
 def main() -> None:
     """Write the lists again from the cells of the result pages."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "results", type=Path, help="Folder of the result pages, with cells/NAME.csv."
-    )
+    help_text = "Folder of the result pages, with cells/NAME.csv."
+    parser.add_argument("results", type=Path, help=help_text)
     parser.add_argument("--study", action="append", help="Only this study; may be repeated.")
     options = parser.parse_args()
-    folder = Path(__file__).parent / "data" / "unexplained"
     for file in sorted((options.results / "cells").glob("*.csv")):
         if options.study and file.stem not in options.study:
             continue
         notes = known_cells(file.stem)
         cells = unexplained_cells(cell_files.read(file))
         rows = [(*cell.key, notes.get(cell.key, "")) for cell in cells]
-        write_csv(folder, file.stem, pd.DataFrame(rows, columns=COLUMNS))
+        write_csv(FOLDER, file.stem, pd.DataFrame(rows, columns=COLUMNS))
         print(f"{file.stem}: {len(rows)} unexplained")
 
 

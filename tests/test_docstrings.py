@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-DOORS = ("plant", "observers", "baselines", "envs", "agents", "mismatch")
+DOORS = ("plant", "observers", "baselines", "envs", "agents", "mismatch", "performance")
 
 
 def exported() -> Iterator[tuple[str, Any]]:

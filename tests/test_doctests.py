@@ -11,7 +11,7 @@ import pytest
 
 import shaftline
 
-PUBLIC = ("plant", "observers", "baselines", "envs", "agents", "mismatch")
+PUBLIC = ("plant", "observers", "baselines", "envs", "agents", "mismatch", "performance")
 LEAST = 10
 
 

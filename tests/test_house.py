@@ -22,6 +22,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "envs": {"core", "plant", "observers", "baselines"},
     "agents": {"core", "plant", "observers", "baselines", "envs", "display"},
     "mismatch": {"core", "plant", "observers", "display"},
+    "performance": {"core", "plant", "display"},
     "validation": {"core", "plant", "observers", "mismatch", "display"},
 }  # fmt: skip
 MAY_IMPORT["cli"] = {*MAY_IMPORT}

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
-from .reality.bench import CALM_PROGRAMME, PROGRAMMES
-from .reality.effects import BENCH, BY_KEY, CONFOUNDED, EFFECTS, FRIGATE, UNKNOWN, TrueEffect
-from .reality.instruments import DULL, LIVELY
-from .reality.numbers import Parameters
+from .simulator.bench import CALM_PROGRAMME, PROGRAMMES
+from .simulator.effects import BENCH, BY_KEY, CONFOUNDED, EFFECTS, FRIGATE, UNKNOWN, TrueEffect
+from .simulator.instruments import DULL, LIVELY
+from .simulator.parameters import Parameters
 from .variants import PLAIN, vary_case
 
 BLOCK = (
@@ -31,6 +31,12 @@ TOLERANCES = {
     FRIGATE: {"resistance": 0.01, "inertia_front": 0.01, "inertia_back": 0.01, "map_rack": 0.005},
     BENCH: {"inertia": 0.01, "kq": 0.005, "ohm": 0.005},
 }
+NOISE = {
+    FRIGATE: {"encoder_noise": (0.005, 0.02), "gauge_noise": (500.0, 1500.0),
+              "pitch_noise": (0.001, 0.003), "log_noise": (0.02, 0.06)},
+    BENCH: {"encoder_noise": (0.03, 0.15), "current_noise": (0.01, 0.05)},
+}  # fmt: skip
+"""Range of the standard deviation of each instrument's noise."""
 
 
 @dataclass(frozen=True)
@@ -70,9 +76,7 @@ class Case:
     factors: Parameters  # true parameters over those of the ship file
     columns: tuple[str, ...]  # recorded optional columns
     variant: str = PLAIN
-    off: Parameters = field(
-        default_factory=dict
-    )  # factors of the true ship on a file that is not right
+    off: Parameters = field(default_factory=dict)  # true parameters over those of a biased file
     missing: str = ""  # column that is not recorded
     healthy_programme: str = ""  # programme of the recording of a reference period, if there is one
     healthy_seed: int = 0
@@ -99,13 +103,7 @@ def case_kind(seed: int, index: int) -> tuple[str, int]:
 
 
 def conceal(effect: TrueEffect, ratio: float, rng: Generator) -> Concealed:
-    """Draw sign and shape of an effect.
-
-    Args:
-        effect: entry of the table.
-        ratio: wanted strength [-].
-        rng: random generator.
-    """
+    """Draw sign and shape of an effect with a wanted strength [-]."""
     shape = {name: float(rng.uniform(*limits)) for name, limits in effect.shape.items()}
     sign = -1.0 if effect.signs and rng.random() < 0.5 else 1.0
     return Concealed(effect.key, ratio, sign, shape)
@@ -115,37 +113,25 @@ def _two(seed: int, number: int) -> list[TrueEffect]:
     ours = tuple(effect for effect in EFFECTS if effect.ship == FRIGATE)
     first = _turn(seed, "first", ours, number)
     others = tuple(
-        effect
-        for effect in ours
-        if effect.balance != first.balance
-        and effect.family != first.family
-        and set(effect.programmes) & set(first.programmes)
-    )
+        e for e in ours
+        if e.balance != first.balance and e.family != first.family
+        and set(e.programmes) & set(first.programmes)
+    )  # fmt: skip
     return [first, _turn(seed, "second", others, number)]
 
 
 def _effects(seed: int, kind: str, number: int) -> list[TrueEffect]:
-    if kind in ("single", "ablated"):
-        return [_turn(seed, kind, EFFECTS, number)]
-    if kind == "unknown":
-        return [_turn(seed, kind, UNKNOWN, number)]
-    if kind == "confounded":
-        return [BY_KEY[_turn(seed, kind, CONFOUNDED, number)]]
-    return _two(seed, number) if kind == "two" else []
+    if kind == "two":
+        return _two(seed, number)
+    confounded = tuple(BY_KEY[key] for key in CONFOUNDED)
+    table = {"single": EFFECTS, "ablated": EFFECTS, "unknown": UNKNOWN, "confounded": confounded}
+    return [_turn(seed, kind, table[kind], number)] if kind in table else []
 
 
 def _instruments(ship: str, rng: Generator) -> Parameters:
     rounding = float(rng.random() < 0.3)
-    if ship == BENCH:
-        drawn = {"encoder_noise": rng.uniform(0.03, 0.15), "current_noise": rng.uniform(0.01, 0.05)}
-    else:
-        drawn = {
-            "encoder_noise": rng.uniform(0.005, 0.02),
-            "gauge_noise": rng.uniform(500.0, 1500.0),
-            "pitch_noise": rng.uniform(0.001, 0.003),
-            "log_noise": rng.uniform(0.02, 0.06),
-        }
-    return {name: float(value) for name, value in drawn.items()} | {"rounding": rounding}
+    drawn = {name: float(rng.uniform(*ends)) for name, ends in NOISE[ship].items()}
+    return drawn | {"rounding": rounding}
 
 
 def _factors(ship: str, always: bool, rng: Generator) -> Parameters:
@@ -169,13 +155,7 @@ def _programme(kind: str, ship: str, effects: list[TrueEffect], rng: Generator) 
 
 
 def draw_case(seed: int, index: int, variant: str = PLAIN) -> Case:
-    """Draw one case; the same seed, index and variant always give the same case.
-
-    Args:
-        seed: seed of the validation.
-        index: index of the case.
-        variant: one of :data:`.variants.VARIANTS`.
-    """
+    """Draw a case; the same seed, index and variant always give the same case."""
     case = _plain(seed, index)
     return case if variant == PLAIN else vary_case(case, variant)
 
@@ -190,9 +170,7 @@ def _plain(seed: int, index: int) -> Case:
     if kind in ("two", "unknown", "confounded", "ablated"):
         strengths = ("medium", "strong")
     strength = _turn(seed, f"strength {kind}", strengths, number) if effects else "none"
-    concealed = tuple(
-        conceal(effect, float(rng.uniform(*STRENGTHS[strength])), rng) for effect in effects
-    )
+    concealed = tuple(conceal(e, float(rng.uniform(*STRENGTHS[strength])), rng) for e in effects)
     airy = any(effect.waves for effect in effects)
     wavy = kind == "null-waves" or airy or (kind != "null-calm" and rng.random() < 0.5)
     wavy &= ship == FRIGATE
@@ -202,24 +180,16 @@ def _plain(seed: int, index: int) -> Case:
     if airy or (wavy and rng.random() < 0.5):
         columns.append("propeller_submergence_m")
     return Case(
-        seed=seed,
-        index=index,
-        kind=kind,
-        ship=ship,
-        strength=strength,
-        effects=concealed,
+        seed=seed, index=index, kind=kind, ship=ship, strength=strength, effects=concealed,
         exclude=(effects[0].id,) if kind == "ablated" else (),
         programme=_programme(kind, ship, effects, rng),
-        programme_seed=int(rng.integers(2**31)),
-        noise_seed=int(rng.integers(2**31)),
-        seconds=float(rng.integers(6, 13) * (50.0 if ship == BENCH else 100.0)),
-        period=0.1,
+        programme_seed=int(rng.integers(2**31)), noise_seed=int(rng.integers(2**31)),
+        seconds=float(rng.integers(6, 13) * (50.0 if ship == BENCH else 100.0)), period=0.1,
         wave_height=height if wavy else 0.0,
         wave_period=float(4.3 * height**0.5 + rng.uniform(0.0, 2.5)),
         instruments=_instruments(ship, rng),
-        factors=_factors(ship, kind == "null-wrong-number", rng),
-        columns=tuple(columns),
-    )
+        factors=_factors(ship, kind == "null-wrong-number", rng), columns=tuple(columns),
+    )  # fmt: skip
 
 
 def truth_of(case: Case, sizes: dict[str, float], ratios: dict[str, float], notes: Any) -> Any:

@@ -13,7 +13,9 @@ Run ``python -m shaftline.validation.coverage --out FOLDER``.
 from __future__ import annotations
 
 import argparse
+import itertools
 import tempfile
+from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,11 +29,11 @@ from ..display.tables import markdown, write_table
 from ..mismatch import identify
 from ..plant import Ship, load_ship
 from .cases import Case, draw_case
-from .reality.bench import CALM_PROGRAMME
-from .reality.effects import BENCH, FRIGATE
-from .reality.instruments import DULL
-from .reality.numbers import Parameters
 from .recording import simulate_case
+from .simulator.bench import CALM_PROGRAMME
+from .simulator.effects import BENCH, FRIGATE
+from .simulator.instruments import DULL
+from .simulator.parameters import Parameters
 from .variants import file_parameters, file_text
 
 MOST_BIAS = 0.15
@@ -53,14 +55,11 @@ KEYS = {
 
 CHOICES = {
     FRIGATE: (
-        ("resistance", "inertia_front", "inertia_back", "map_rack"),
-        ("resistance", "map_rack"),
-        ("inertia_front", "inertia_back"),
-        ("resistance",),
-        ("inertia_front", "map_rack"),
+        ("resistance", "inertia_front", "inertia_back", "map_rack"), ("resistance", "map_rack"),
+        ("inertia_front", "inertia_back"), ("resistance",), ("inertia_front", "map_rack"),
     ),
     BENCH: (("inertia", "kq", "ohm"), ("kq", "ohm", "constant"), ("inertia",), ("inertia", "kq")),
-}
+}  # fmt: skip
 """Choices of free parameters, by ship."""
 
 TOLERANCE_OF_KEY = {
@@ -69,10 +68,8 @@ TOLERANCE_OF_KEY = {
         "rotative": "torque_curve", "inertia_front": "inertia", "inertia_back": "inertia",
         "map_rack": "torque_per_rack", "pitch_time": "pitch_time_constant",
     },
-    BENCH: {
-        "inertia": "inertia", "kq": "torque_curve", "ohm": "armature_resistance",
-        "constant": "motor_constant",
-    },
+    BENCH: {"inertia": "inertia", "kq": "torque_curve", "ohm": "armature_resistance",
+            "constant": "motor_constant"},
 }  # fmt: skip
 """Relative tolerances of the ship file by the simulator's name of the parameter."""
 
@@ -87,8 +84,7 @@ def water_of(case: Case) -> str:
 
 def ship_of(case: Case) -> Ship:
     """Return the ship of a case with the values of its file."""
-    text = file_text(case)
-    if text is None:
+    if (text := file_text(case)) is None:
         return load_ship(case.ship)
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "ship.toml").write_text(text, encoding="utf-8")
@@ -120,16 +116,12 @@ def cases(count: int, seed: int) -> list[Case]:
 
 def _factors(case: Case) -> Parameters:
     """Return the true parameters as factors on those of the ship file."""
-    rng, ship, free = (
-        np.random.default_rng([case.seed, case.index, 77]),
-        ship_of(case),
-        free_parameters(case),
-    )
-    found = {
-        name: float(1.0 + getattr(ship.tolerances, own) * rng.standard_normal())
+    rng, tolerances = np.random.default_rng([case.seed, case.index, 77]), ship_of(case).tolerances
+    low, high = 1.0 - MOST_BIAS, 1.0 + MOST_BIAS
+    return {
+        name: float(1.0 + getattr(tolerances, own) * rng.standard_normal())
         for name, own in TOLERANCE_OF_KEY[case.ship].items()
-    }
-    return found | {name: float(rng.uniform(1.0 - MOST_BIAS, 1.0 + MOST_BIAS)) for name in free}
+    } | {name: float(rng.uniform(low, high)) for name in free_parameters(case)}
 
 
 def truth_of(case: Case, name: str) -> float:
@@ -142,10 +134,9 @@ def evaluate_case(case: Case) -> dict[str, Any]:
     """Return value, standard error, interval and truth of each free parameter of one recording."""
     names = free_parameters(case)
     about = {"water": water_of(case), "free": ", ".join(names), "programme": case.programme}
+    free = [KEYS[name] for name in names]
     try:
-        found = identify(
-            ship_of(case), simulate_case(case).recording, free=[KEYS[name] for name in names]
-        )
+        found = identify(ship_of(case), simulate_case(case).recording, free=free)
     except ValueError as error:  # a parameter is not identifiable
         return about | {"refused": str(error)}
     numbers = {
@@ -157,9 +148,8 @@ def evaluate_case(case: Case) -> dict[str, Any]:
 
 def share_interval(hits: int, of: int) -> tuple[float, float]:
     """Return the 95 % interval of a share (Clopper and Pearson 1934)."""
-    low = float(scipy.stats.beta.ppf(0.025, hits, of - hits + 1)) if hits else 0.0
-    high = float(scipy.stats.beta.ppf(0.975, hits + 1, of - hits)) if hits < of else 1.0
-    return low, high
+    ends = scipy.stats.binomtest(hits, of).proportion_ci(0.95, "exact")
+    return float(ends.low), float(ends.high)
 
 
 def coverage_row(own: np.ndarray) -> dict[str, Any]:
@@ -190,10 +180,10 @@ def coverage_row(own: np.ndarray) -> dict[str, Any]:
 
 def coverage(found: list[dict[str, Any]]) -> pd.DataFrame:
     """Return a row for each water and parameter, and one for all intervals together."""
-    kept: dict[tuple[str, str], list[list[float]]] = {}
+    kept: dict[tuple[str, str], list[list[float]]] = defaultdict(list)
     for one in found:
         for name, numbers in one["numbers"].items():
-            kept.setdefault((one["water"], name), []).append(numbers)
+            kept[one["water"], name].append(numbers)
     rows = [
         {"water": water, "parameter": KEYS[name]} | coverage_row(np.array(kept[water, name]))
         for water in WATERS
@@ -207,27 +197,25 @@ def coverage(found: list[dict[str, Any]]) -> pd.DataFrame:
 
 def by_choice(found: list[dict[str, Any]]) -> pd.DataFrame:
     """Return the coverage for each choice of free parameters."""
-    kept: dict[tuple[str, str], list[list[float]]] = {}
+    kept: dict[tuple[str, str], list[list[float]]] = defaultdict(list)
     for one in found:
-        kept.setdefault((one["water"], one["free"]), []).extend(one["numbers"].values())
-    return pd.DataFrame(
-        {"water": water, "free": free, "intervals": (row := coverage_row(np.array(own)))["intervals"],
-         "covered %": row["covered %"], "from %": row["from %"], "to %": row["to %"]}
+        kept[one["water"], one["free"]] += one["numbers"].values()
+    rows = [
+        {"water": water, "free": free} | coverage_row(np.array(own))
         for (water, free), own in sorted(kept.items())
-    )  # fmt: skip
+    ]
+    return pd.DataFrame(rows).iloc[:, :6]
 
 
 def study(folder: Path, work: Path, count: int, seed: int, jobs: int | None) -> pd.DataFrame:
     """Evaluate recordings, resumably, and write ``coverage.csv`` and ``coverage.md``."""
-    code = source_digest(
-        "core", "plant", "mismatch", "validation/reality", "validation/coverage.py"
-    )
+    own = ("validation/simulator", "validation/coverage.py")
+    code = source_digest("core", "plant", "mismatch", *own)
     cells = {f"{seed}-{case.index}-{code}": case for case in cases(count, seed)}
-    done = [0]
+    done = itertools.count(1)
 
     def tick() -> None:
-        done[0] += 1
-        print(f"{done[0]} of {len(cells)} recordings", flush=True)
+        print(f"{next(done)} of {len(cells)} recordings", flush=True)
 
     everything = list(sweep(evaluate_case, cells, work, jobs=jobs, tick=tick).values())
     found = [one for one in everything if "numbers" in one]

@@ -12,14 +12,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import scipy
-from numpy.typing import NDArray
 
-from .reality.effects import TrueEffect
-from .reality.motion import pitch_travel
-from .reality.numbers import NEUTRAL, Parameters
-from .reality.sail import current_over
+from .simulator.effects import TrueEffect
+from .simulator.motion import pitch_travel
+from .simulator.parameters import NEUTRAL, Floats, Parameters
+from .simulator.voyage import current_over
 
-Floats = NDArray[np.float64]
 CATALOGUE_SOLIDITY = 2.073  # c Z / (D EAR) of the B-series at 0.75 R, ITTC-78's roughness
 
 
@@ -116,89 +114,68 @@ def _speeds(table: pd.DataFrame) -> Floats:
     return np.asarray(table["shaft_speed_rad_s"].to_numpy())
 
 
+def _drag(n: Parameters, table: pd.DataFrame) -> float:
+    speeds = np.abs(_speeds(table))
+    return n["turning_drag"] * float(
+        np.sum(speeds ** (n["turning_power"] + 2.0)) / np.sum(speeds**4)
+    )
+
+
+def _bent(size: str, slope: str, column: str, middle: float, unit: float = 1.0) -> Form:
+    """Return the mean of a size that changes in proportion to a signal's distance from a middle."""
+    return lambda n, t: n[size] * float(np.mean(1.0 + n[slope] * (t[column] / unit - middle)))
+
+
+def _drift(n: Parameters, table: pd.DataFrame) -> float:
+    wave = np.sin(2.0 * math.pi * table["time_s"] / 1500.0)
+    return n["torque_zero"] * float(np.mean(1.0 + n["torque_zero_drift"] * wave))
+
+
 _FORMS: dict[str, tuple[tuple[str, ...], Form]] = {
     "engine-torque-lag/engine": (("lag_s",), lambda n, _: n["lag_time"]),
     "engine-dead-time/engine": (("dead_time_s",), lambda n, _: n["dead_time"]),
-    "rack-rate-limit/engine": (
-        ("rack_rate_limit_mm_s", "rate_limit_mm_s"),
-        lambda n, _: 1.0 / (n["rack_slowness"] * math.sqrt(n["rack_slowness_down"])),
-    ),
-    "engine-derating/engine": (
-        ("derating_fraction", "fraction"),
-        lambda n, t: n["derating"]
-        * float(np.mean(1.0 + n["derating_slope"] * (_speeds(t) / 10.0 - 1.0))),
-    ),
-    "coulomb-friction/engine": (
-        ("torque_N_m", "coulomb_friction_engine_side_N_m"),
-        lambda n, t: _dry(n["dry_front"], n, _speeds(t)),
-    ),
-    "viscous-friction/engine": (
-        ("viscous_friction_engine_side_N_m_s_rad", "torque_N_m_s_rad"),
-        lambda n, t: _wet(n["wet_front"], n, _speeds(t), 10.0),
-    ),
-    "coulomb-friction/propeller": (
-        ("torque_N_m", "coulomb_friction_propeller_side_N_m"),
-        lambda n, t: _dry(n["dry_back"], n, _speeds(t)),
-    ),
-    "viscous-friction/propeller": (
-        ("viscous_friction_propeller_side_N_m_s_rad", "torque_N_m_s_rad"),
-        lambda n, t: _wet(n["wet_back"], n, _speeds(t), 10.0),
-    ),
+    "rack-rate-limit/engine": (("rack_rate_limit_mm_s", "rate_limit_mm_s"),
+        lambda n, _: 1.0 / (n["rack_slowness"] * math.sqrt(n["rack_slowness_down"]))),
+    "engine-derating/engine": (("derating_fraction", "fraction"),
+        _bent("derating", "derating_slope", "shaft_speed_rad_s", 1.0, 10.0)),
+    "coulomb-friction/engine": (("torque_N_m", "coulomb_friction_engine_side_N_m"),
+        lambda n, t: _dry(n["dry_front"], n, _speeds(t))),
+    "viscous-friction/engine": (("viscous_friction_engine_side_N_m_s_rad", "torque_N_m_s_rad"),
+        lambda n, t: _wet(n["wet_front"], n, _speeds(t), 10.0)),
+    "coulomb-friction/propeller": (("torque_N_m", "coulomb_friction_propeller_side_N_m"),
+        lambda n, t: _dry(n["dry_back"], n, _speeds(t))),
+    "viscous-friction/propeller": (("viscous_friction_propeller_side_N_m_s_rad", "torque_N_m_s_rad"),
+        lambda n, t: _wet(n["wet_back"], n, _speeds(t), 10.0)),
     "propeller-roughness/propeller": (("roughness_drag",), _roughness),
     "entrained-water-inertia/propeller": (("entrained_inertia_kg_m2", "inertia_kg_m2"), _water),
-    "inflow-lag/propeller": (
-        ("inflow_lag_s", "lag_s"),
-        lambda n, t: float(np.mean(n["inflow_length"] / (0.5 + t["ship_speed_m_s"]))),
-    ),
+    "inflow-lag/propeller": (("inflow_lag_s", "lag_s"),
+        lambda n, t: float(np.mean(n["inflow_length"] / (0.5 + t["ship_speed_m_s"])))),
     "wake-speed-dependence/propeller": (("wake_slope_s_m",), _wake),
     "hull-fouling/hull": (("fouling_fraction", "fraction"), _fouling),
-    "resistance-episode/hull": (
-        ("resistance_fraction", "fraction", "gain", "factor"),
-        lambda n, _: n["episode_gain"],
-    ),
-    "current/hull": (
-        ("current_m_s",),
-        lambda n, t: float(current_over(n, t["time_s"].to_numpy()).mean()),
-    ),
+    "resistance-episode/hull": (("resistance_fraction", "fraction", "gain", "factor"),
+        lambda n, _: n["episode_gain"]),
+    "current/hull": (("current_m_s",),
+        lambda n, t: float(current_over(n, t["time_s"].to_numpy()).mean())),
     "pitch-dead-band/pitch-actuator": (("dead_band",), _pitch_fit("pitch_dead_band")),
     "pitch-backlash/pitch-actuator": (("backlash",), _pitch_fit("pitch_play")),
     "pitch-rate-limit/pitch-actuator": (("rate_limit_per_s",), _pitch_fit("pitch_slowness")),
-    "pitch-actuator-offset/pitch-actuator": (
-        ("offset", "pitch_actuator_offset"),
-        lambda n, t: n["pitch_shift"]
-        * float(np.mean(1.0 + n["pitch_shift_slope"] * (t["pitch_ratio_command"] - 1.1))),
-    ),
-    "pitch-sensor-offset/sensor": (
-        ("pitch_offset", "offset"),
-        lambda n, t: n["pitch_reading"]
-        * float(np.mean(1.0 + n["pitch_reading_slope"] * (t["pitch_ratio"] - 1.1))),
-    ),
-    "torque-sensor-bias/sensor": (
-        ("torque_bias_N_m", "bias_N_m"),
-        lambda n, t: n["torque_zero"] * float(np.mean(
-            1.0 + n["torque_zero_drift"] * np.sin(2.0 * math.pi * t["time_s"] / 1500.0))),
-    ),
+    "pitch-actuator-offset/pitch-actuator": (("offset", "pitch_actuator_offset"),
+        _bent("pitch_shift", "pitch_shift_slope", "pitch_ratio_command", 1.1)),
+    "pitch-sensor-offset/sensor": (("pitch_offset", "offset"),
+        _bent("pitch_reading", "pitch_reading_slope", "pitch_ratio", 1.1)),
+    "torque-sensor-bias/sensor": (("torque_bias_N_m", "bias_N_m"), _drift),
     "torque-sensor-gain/sensor": (("torque_gain", "gain"), _torque_gain),
     "torque-sensor-delay/sensor": (("torque_delay_s", "delay_s"), lambda n, _: n["torque_delay"]),
     "speed-log-lag/sensor": (("speed_log_lag_s", "lag_s"), lambda n, _: 0.5 * n["log_window"]),
-    "command-dead-zone/motor": (
-        ("dead_zone_V", "command_dead_zone_V"),
-        lambda n, _: n["command_gap"],
-    ),
-    "coulomb-friction/motor": (
-        ("torque_N_m",),
-        lambda n, t: n["rub"] + _dry(n["dry_front"], n, _speeds(t)),
-    ),
-    "viscous-friction/motor": (
-        ("torque_N_m_s_rad",),
-        lambda n, t: _wet(n["wet_front"], n, _speeds(t), 30.0),
-    ),
-    "quadratic-drag/motor": (
-        ("drag_N_m_s2_rad2", "torque_N_m_s2_rad2"),
-        lambda n, t: n["turning_drag"]
-        * float(np.sum(np.abs(_speeds(t)) ** (n["turning_power"] + 2.0)) / np.sum(_speeds(t) ** 4)),
-    ),
+    "command-dead-zone/motor": (("dead_zone_V", "command_dead_zone_V"),
+        lambda n, _: n["command_gap"]),
+    "coulomb-friction/motor": (("torque_N_m",),
+        lambda n, t: n["rub"] + _dry(n["dry_front"], n, _speeds(t))),
+    "viscous-friction/motor": (("torque_N_m_s_rad",),
+        lambda n, t: _wet(n["wet_front"], n, _speeds(t), 30.0)),
+    "quadratic-drag/motor": (("drag_N_m_s2_rad2", "torque_N_m_s2_rad2"), _drag),
 }  # fmt: skip
+"""Names that a report may give to the common parameter, and its value by the true form."""
 
 
 def comparable(effect: TrueEffect) -> bool:
@@ -207,12 +184,12 @@ def comparable(effect: TrueEffect) -> bool:
 
 
 def names_of(effect: TrueEffect) -> tuple[str, ...]:
-    """Return the names that a report may give to the common parameter of a :func:`comparable` effect."""
+    """Return the names of the common parameter of a :func:`comparable` effect in a report."""
     return _FORMS[effect.key][0]
 
 
 def equivalent(effect: TrueEffect, numbers: Parameters, measurements: pd.DataFrame) -> Any:
-    """Return the comparable parameter of the catalogue's form.
+    """Return the comparable parameter of the catalogue's form; None where there is none.
 
     Args:
         effect: concealed effect.
@@ -221,13 +198,12 @@ def equivalent(effect: TrueEffect, numbers: Parameters, measurements: pd.DataFra
 
     Returns:
         ``{"names": [...], "value": ..., "neutral": ...}``: names in a report, the first that of the ship
-        file's key, and the value without the effect; None where the forms have no common parameter.
+        file's key, the value with the effect, and the value without it.
     """
     if not comparable(effect) or numbers[effect.size] == NEUTRAL[effect.size]:
         return None
     names, form = _FORMS[effect.key]
-    neutral = {
-        "torque-sensor-gain/sensor": 1.0,
-        "coulomb-friction/motor": numbers["rub"],  # the ship file has some friction
-    }.get(effect.key, 0.0)
+    # The ship file of the thruster has some friction.
+    absent = {"torque-sensor-gain/sensor": 1.0, "coulomb-friction/motor": numbers["rub"]}
+    neutral = absent.get(effect.key, 0.0)
     return {"names": list(names), "value": float(form(numbers, measurements)), "neutral": neutral}

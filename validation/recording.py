@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from .cases import TOLERANCES, Case, Concealed, truth_of
 from .equivalents import equivalent
-from .reality.bench import run_bench, voltage_programme
-from .reality.effects import BENCH
-from .reality.governed import bench_orders, run_bench_governed, simulate_governed, simulate_held
-from .reality.instruments import add_instruments, voyage
-from .reality.motion import calm, head_sea
-from .reality.numbers import Parameters
-from .reality.sail import StalledError, simulate_voyage, varies_every_sample
+from .simulator.bench import run_bench, voltage_programme
+from .simulator.effects import BENCH
+from .simulator.governor import bench_orders, run_bench_governed, simulate_governed, simulate_held
+from .simulator.instruments import add_instruments, voyage
+from .simulator.motion import calm, head_sea
+from .simulator.parameters import Parameters
+from .simulator.voyage import StalledError, simulate_voyage, varies_every_sample
 from .variants import CLOSED_LOOP, LOGGED_S, calibrated_parameters, reference_case, true_parameters
 
 CHANNELS = (
@@ -51,18 +51,17 @@ class Scenario:
         self.case = case
         rng = np.random.default_rng(case.programme_seed)
         governed = case.variant == CLOSED_LOOP
-        self.nominal, self.true = (
-            calibrated_parameters(case),
-            true_parameters(case) | case.instruments,
-        )
+        self.nominal = calibrated_parameters(case)
+        self.true = true_parameters(case) | case.instruments
         self.waves = calm()
         if case.ship == BENCH:
             self.drive = voltage_programme(case.programme, case.seconds, case.period, rng)
             self.orders = bench_orders(self.drive)
         else:
-            drawn = voyage(case.programme, case.seconds, case.period, rng, governed)
-            self.drive, self.pitch = drawn
-            self.orders = drawn[0]
+            self.drive, self.pitch = voyage(
+                case.programme, case.seconds, case.period, rng, governed
+            )
+            self.orders = self.drive
         if case.wave_height > 0.0:
             depth = self.nominal["depth"]
             self.waves = head_sea(case.wave_height, case.wave_period, depth, case.programme_seed)
@@ -86,34 +85,25 @@ class Scenario:
     def logged(
         self, numbers: Parameters, noise_free: pd.DataFrame
     ) -> tuple[Scenario, pd.DataFrame]:
-        """Return the scenario of the recording, and the noisy measurements at its rows.
+        """Return a scenario with the commands of the recording, and noisy measurements at its rows.
 
         Args:
             numbers: parameters of the true ship with effects.
             noise_free: its noise-free measurements in this scenario.
-
-        Returns:
-            A scenario with the commands of the recording for other ships, and the measurements of this
-            ship at the recording's rows with noise.
         """
-        case = self.case
+        case, other = self.case, copy.copy(self)
         if case.variant == CLOSED_LOOP:
-            other = copy.copy(self)
             governed, other.drive = self._governed(numbers)
             return other, other.noisy(governed)
         finer = round(case.period / LOGGED_S.get(case.variant, case.period))
         if finer <= 1:
             return self, self.noisy(noise_free)
-        other = copy.copy(self)
-        other.case = replace(
-            case,
-            period=case.period / finer,
-            instruments={  # the same noise density
-                name: size * math.sqrt(finer) if name.endswith("_noise") else size
-                for name, size in self.true.items()
-                if name in case.instruments or name.endswith("_noise")
-            },
-        )
+        instruments = {  # the same noise density
+            name: size * math.sqrt(finer) if name.endswith("_noise") else size
+            for name, size in self.true.items()
+            if name in case.instruments or name.endswith("_noise")
+        }
+        other.case = replace(case, period=case.period / finer, instruments=instruments)
         rows = finer * (len(self.drive) - 1) + 1
         other.drive = np.repeat(self.drive, finer)[:rows]
         if case.ship != BENCH:
@@ -140,10 +130,7 @@ class Scenario:
         return add_instruments(truth, numbers, case.period, None)
 
     def noisy(self, readings: pd.DataFrame) -> pd.DataFrame:
-        """Return measurements with the case's noise, without the column that is not recorded.
-
-        The systematic errors of the instruments are already included.
-        """
+        """Add the case's noise to measurements, and drop the column that is not recorded."""
         plain = self.nominal | self.case.instruments
         noisy = add_instruments(readings, plain, self.case.period, self.case.noise_seed)
         return noisy.drop(columns=self.case.missing, errors="ignore")
@@ -161,26 +148,26 @@ class Scenario:
     @cached_property
     def calm_run(self) -> pd.DataFrame:
         """Noise-free simulation of the true ship without effects in calm water."""
-        wrong = any(
-            factor != 1.0 for factor in self.case.factors.values()
-        )  # deliberate errors of the file are corrected
-        return self.simulate(self.true, waves=False) if wrong else self.file_run
+        right = all(factor == 1.0 for factor in self.case.factors.values())
+        return self.file_run if right else self.simulate(self.true, waves=False)
 
     def compared(self, numbers: Parameters) -> pd.DataFrame:
-        """Return measurements that are comparable between ships: in calm water, or on a given track in
-        waves.
+        """Return measurements in calm water, or on a given track in waves.
 
         Otherwise ships of different speeds would meet different waves, which would hide the effect.
         """
-        if not any(one.effect.waves for one in self.case.effects):
+        if not self._needs_waves:
             return self.simulate(numbers, waves=False)
         track = {"track_speed": float(self.file_run["ship_speed_m_s"].mean())}
         return self.simulate(numbers | track, waves=True)
 
+    @property
+    def _needs_waves(self) -> bool:
+        return any(one.effect.waves for one in self.case.effects)
+
     @cached_property
     def _reference(self) -> pd.DataFrame:
-        airy = any(one.effect.waves for one in self.case.effects)
-        return self.compared(self.true) if airy else self.calm_run
+        return self.compared(self.true) if self._needs_waves else self.calm_run
 
     @cached_property
     def residual_rms(self) -> dict[str, float]:
@@ -208,9 +195,9 @@ class Scenario:
         """Return the strength of an effect from its :meth:`compared` measurements.
 
         Returns:
-            The rms of the part of the change that no bias of the parameters within tolerance can
-            imitate, relative to the rms residual without the change; the same of the whole change; the
-            most affected channel.
+            Rms of the part of the change that no bias of the parameters within tolerance can imitate,
+            relative to the rms residual without the change; that of the whole change; the most affected
+            channel.
         """
         change = self._stacked(noise_free, self._reference)
         raw = np.sqrt(np.mean(change**2, axis=1))
@@ -224,10 +211,9 @@ class Scenario:
         return float(beyond.max()), float(raw.max()), list(self.residual_rms)[int(beyond.argmax())]
 
     def find_size(self, concealed: Concealed) -> tuple[float, float, float, str]:
-        """Return the size at which an effect has its wanted strength, by secant steps on the logarithms.
+        """Return the size for the wanted strength of an effect, and the result of :meth:`strength`.
 
-        Returns:
-            Size, and the two strengths and the channel of :meth:`strength`.
+        The steps are those of the secant method on the logarithms.
         """
         effect, size = concealed.effect, concealed.effect.first
         low, high = 0.0, effect.most  # too weak, too strong
@@ -282,10 +268,10 @@ class _SizedEffects:
     scenario: Scenario
     noise_free: pd.DataFrame
     numbers: Parameters
-    sizes: dict[str, float]
-    beyond: dict[str, float]
-    ratios: dict[str, float]
-    channels: dict[str, str]
+    sizes: dict[str, float] = field(default_factory=dict)
+    beyond: dict[str, float] = field(default_factory=dict)
+    ratios: dict[str, float] = field(default_factory=dict)
+    channels: dict[str, str] = field(default_factory=dict)
 
 
 def simulate_case(case: Case) -> SimulatedCase:
@@ -293,14 +279,12 @@ def simulate_case(case: Case) -> SimulatedCase:
 
     The strength of an effect is the rms of its change of the most affected channel, less the part that
     parameters within their tolerances can imitate, relative to the rms difference between the recording
-    without effects and the ship file in calm water, with this programme and sea. If a programme cannot
-    show an effect, another one is drawn. The truth has the strength without tolerances as well
-    (``ratios``).
+    without effects and the ship file in calm water. If a programme cannot show an effect, another one is
+    drawn. The truth has the strength without tolerances as well (``ratios``).
     """
     for attempt in range(ATTEMPTS):
-        found = _conceal(
-            Scenario(replace(case, programme_seed=case.programme_seed + 7919 * attempt))
-        )
+        seed = case.programme_seed + 7919 * attempt
+        found = _conceal(Scenario(replace(case, programme_seed=seed)))
         if all(strength >= LEAST for strength in found.beyond.values()):
             break
     return _simulated_case(found)
@@ -322,17 +306,17 @@ def simulate_case_with_sizes(case: Case, sizes: Mapping[str, float]) -> Simulate
         numbers = with_effect(numbers, one, sizes[one.key])
     signed = {one.key: one.sign * sizes[one.key] for one in case.effects}
     noise_free = scenario.simulate(numbers, waves=True)
-    return _simulated_case(_SizedEffects(scenario, noise_free, numbers, signed, {}, {}, {}))
+    return _simulated_case(_SizedEffects(scenario, noise_free, numbers, signed))
 
 
 def _conceal(scenario: Scenario) -> _SizedEffects:
-    found = _SizedEffects(scenario, scenario.base, scenario.true, {}, {}, {}, {})
+    found = _SizedEffects(scenario, scenario.base, scenario.true)
     for one in scenario.case.effects:
         size, beyond, raw, channel = scenario.find_size(one)
-        found.numbers = with_effect(found.numbers, one, size)
-        found.sizes[one.key] = one.sign * size
         found.beyond[one.key], found.ratios[one.key] = beyond, raw
         found.channels[one.key] = channel
+        found.numbers = with_effect(found.numbers, one, size)
+        found.sizes[one.key] = one.sign * size
     if scenario.case.effects:
         found.noise_free = scenario.simulate(found.numbers, waves=True)
     return found
@@ -340,13 +324,12 @@ def _conceal(scenario: Scenario) -> _SizedEffects:
 
 def _simulated_case(found: _SizedEffects) -> SimulatedCase:
     scenario, case, noise_free = found.scenario, found.scenario.case, found.noise_free
+    effects, numbers = case.effects, found.numbers
     notes = {
         "channels": found.channels,
         "beyond_tolerances": found.beyond,
-        "windows": {c.key: _window(case, found.numbers, c) for c in case.effects},
-        "equivalents": {
-            c.key: equivalent(c.effect, found.numbers, noise_free) for c in case.effects
-        },
+        "windows": {c.key: _window(case, numbers, c) for c in effects},
+        "equivalents": {c.key: equivalent(c.effect, numbers, noise_free) for c in effects},
         "residual_rms": scenario.residual_rms,
     }
     aboard, readings = scenario.logged(found.numbers, noise_free)
@@ -355,21 +338,17 @@ def _simulated_case(found: _SizedEffects) -> SimulatedCase:
         without = aboard.simulate(scenario.true, waves=False)
     if aboard is not scenario or case.wave_height > 0.0:
         concealed = aboard.simulate(found.numbers, waves=False)
-    rows = aboard.kept_rows
-    healthy = reference_case(case)
+    rows, healthy = aboard.kept_rows, None
+    if (reference := reference_case(case)) is not None:
+        period = Scenario(reference)
+        healthy = _file(reference, period.noisy(period.base))
     return SimulatedCase(
         _file(case, readings[rows]),
         truth_of(case, found.sizes, found.ratios, notes),
-        without=without[rows].reset_index(drop=True),
-        concealed=concealed[rows].reset_index(drop=True),
-        healthy=None if healthy is None else _reference_period(healthy),
+        without[rows].reset_index(drop=True),
+        concealed[rows].reset_index(drop=True),
+        healthy,
     )
-
-
-def _reference_period(case: Case) -> pd.DataFrame:
-    """Return a recording without effects."""
-    scenario = Scenario(case)
-    return _file(case, scenario.noisy(scenario.base))
 
 
 def _file(case: Case, readings: pd.DataFrame) -> pd.DataFrame:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ import pandas as pd
 
 from ..core.files import read_json, write_atomically, write_json, write_text
 from ..display.tables import markdown
-from .cases import Case, draw_case, hash_truth
+from .cases import Case, hash_truth
 from .recording import SimulatedCase, simulate_case
 from .scoring import confusion, draw_confusion, score, table_of, tables_of
 from .variants import PLAIN, VARIANTS, file_text
@@ -50,9 +50,8 @@ def _report(name: str, diagnose: Diagnose, place: Path, ship: str, case: Case) -
     except Exception as error:  # any exception of the tool under test is a result
         report = {"verdict": "failed", "error": f"{type(error).__name__}: {error}"}
     # Values that are not finite count as absent.
-    finite: dict[str, Any] = json.loads(
-        json.dumps(report, default=str), parse_constant=lambda _: None
-    )
+    text = json.dumps(report, default=str)
+    finite: dict[str, Any] = json.loads(text, parse_constant=lambda _: None)
     finite["seconds_taken"] = time.perf_counter() - begin
     write_json(path, finite)
     return finite
@@ -64,23 +63,18 @@ def _lay_out(case: Case, simulated: SimulatedCase, place: Path) -> tuple[str, st
     if text is not None:
         ship = str(place / "ship.toml")
         write_text(place / "ship.toml", text)
-    if (healthy := simulated.healthy) is not None:
-        write_atomically(place / HEALTHY, lambda file: healthy.to_csv(file, index=False))
+    if simulated.healthy is not None:
+        write_atomically(place / HEALTHY, partial(simulated.healthy.to_csv, index=False))
     seal = hash_truth(simulated.truth)
     write_text(place / "sealed.sha256", seal + "\n")
-    write_atomically(
-        place / "recording.csv", lambda file: simulated.recording.to_csv(file, index=False)
-    )
+    recording = partial(simulated.recording.to_csv, index=False)
+    write_atomically(place / "recording.csv", recording)
     return ship, seal
 
 
 def run_case(
-    case: Case,
-    folder: Path,
-    diagnose: Diagnose,
-    beside: Mapping[str, Diagnose] | None = None,
-    announce: Callable[[Case, str], object] | None = None,
-) -> list[dict[str, Any]]:
+    case: Case, folder: Path, diagnose: Diagnose, beside: Mapping[str, Diagnose] | None = None,
+) -> list[dict[str, Any]]:  # fmt: skip
     """Simulate, seal, diagnose and score one case, or read the score of a finished case.
 
     Args:
@@ -88,7 +82,6 @@ def run_case(
         folder: folder of the validation.
         diagnose: tool under test.
         beside: other tools by name, run on the same recording.
-        announce: called with the case and its seal before any tool runs.
 
     Returns:
         One row of :func:`.scoring.score` for each tool.
@@ -102,14 +95,10 @@ def run_case(
         rows: list[dict[str, Any]] = read_json(done)
         return rows
     simulated = simulate_case(case)
-    before = place / "sealed.sha256"
-    if before.exists() and before.read_text(encoding="utf-8").strip() != hash_truth(
-        simulated.truth
-    ):
+    before, own = place / "sealed.sha256", hash_truth(simulated.truth)
+    if before.exists() and before.read_text(encoding="utf-8").strip() != own:
         raise RuntimeError(f"{place}: the truth differs from the sealed truth; remove the folder")
     ship, seal = _lay_out(case, simulated, place)
-    if announce is not None:
-        announce(case, seal)
     rows = []
     for name, tool in {TOOL: diagnose, **(beside or {})}.items():
         report = _report(name, tool, place, ship, case)
@@ -118,47 +107,6 @@ def run_case(
     write_json(place / "truth.json", simulated.truth)
     write_json(done, rows)
     return rows
-
-
-def verify(place: Path) -> bool:
-    """Return whether the truth of a finished case is the sealed truth."""
-    truth = read_json(place / "truth.json")
-    return (place / "sealed.sha256").read_text(encoding="utf-8").strip() == hash_truth(truth)
-
-
-def validate(
-    cases: int | Iterable[int],
-    seed: int,
-    folder: Path,
-    diagnose: Diagnose,
-    *,
-    variant: str = PLAIN,
-    beside: Mapping[str, Diagnose] | None = None,
-    announce: Callable[[Case, str], object] | None = None,
-    progress: Callable[[list[dict[str, Any]]], object] | None = None,
-) -> dict[str, pd.DataFrame]:
-    """Run a validation, one case after the other, and write its page.
-
-    Args:
-        cases: number of cases, or their indices.
-        seed: seed of the cases.
-        folder: folder for the cases and the page.
-        diagnose: tool under test.
-        variant: one of :data:`.variants.VARIANTS`.
-        beside: other tools by name.
-        announce: called with each case and its seal before any tool runs.
-        progress: called with the rows of each finished case.
-
-    Returns:
-        The tables of :func:`scores`.
-    """
-    for index in range(cases) if isinstance(cases, int) else cases:
-        rows = run_case(draw_case(seed, index, variant), folder, diagnose, beside, announce)
-        if progress is not None:
-            progress(rows)
-    tables = scores(folder)
-    write_page(tables, folder, variant=variant)
-    return tables
 
 
 def scores(folder: Path) -> dict[str, pd.DataFrame]:
@@ -171,19 +119,15 @@ def scores(folder: Path) -> dict[str, pd.DataFrame]:
     Raises:
         FileNotFoundError: the folder has no finished case.
     """
-    rows: list[dict[str, Any]] = []
-    for file in sorted(folder.glob("case-*/score.json")):
-        rows += read_json(file)
+    files = sorted(folder.glob("case-*/score.json"))
+    rows: list[dict[str, Any]] = [row for file in files for row in read_json(file)]
     if not rows:
         raise FileNotFoundError(f"{folder}: no finished case")
     return tables_of(table_of(rows))
 
 
 def write_page(
-    tables: dict[str, pd.DataFrame],
-    folder: Path,
-    command: str = "shaftline validate",
-    variant: str = PLAIN,
+    tables: dict[str, pd.DataFrame], folder: Path, command: str, variant: str = PLAIN
 ) -> Path:
     """Write ``validation.md``, its tables as ``validation-*.csv``, and the confusion matrix."""
     titles = {
@@ -197,17 +141,12 @@ def write_page(
     parts = ["# Validation on concealed effects", f"{count} cases, made by `{command}`.", PREFACE]
     if variant != PLAIN:
         parts.insert(2, f"Variant `{variant}`: {VARIANTS[variant]}.")
+    for name, table in tables.items():
+        text = partial(table.to_csv, index=False, float_format="%.6g")
+        write_atomically(folder / f"validation-{name}.csv", text)
     for name, title in titles.items():
         table = tables[name]
-        write_atomically(
-            folder / f"validation-{name}.csv",
-            partial(table.to_csv, index=False, float_format="%.6g"),
-        )
         parts += [f"## {title}", markdown(table, 3) if len(table) else "No such case."]
-    write_atomically(
-        folder / "validation-cases.csv",
-        partial(tables["cases"].to_csv, index=False, float_format="%.6g"),
-    )
     grid = confusion(tables["cases"], TOOL)
     if len(grid):
         draw_confusion(grid, folder / "validation-confusion.png")

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy
 
 from .. import display
 from .cases import KINDS, STRENGTHS
-from .reality.effects import BY_KEY, TrueEffect, families
 from .recording import CHANNELS, SimulatedCase, rms
+from .simulator.effects import BY_KEY, TrueEffect, families
 
 Row = dict[str, Any]
 NAMING = ("explained", "partly-explained")
@@ -55,8 +56,7 @@ def strength_class(strengths: dict[str, float]) -> str:
 def oracle_gains(simulated: SimulatedCase, held_out: list[list[float]]) -> dict[str, float]:
     """Return 1 - rms(recording - true ship) / rms(recording - true ship without its effects) by channel.
 
-    It is the gain of the true effect in its true form on the held-out data, simulated open loop from the
-    start of the recording in calm water without noise.
+    It is the gain of the true effect in its true form on the held-out data, in calm water without noise.
     """
     time = simulated.recording["time_s"].to_numpy()
     rows = np.zeros(len(time), dtype=bool)
@@ -165,11 +165,10 @@ def score(tool: str, report: Row, truth: Row, simulated: SimulatedCase) -> Row:
     outcome = _outcome(case["kind"], verdict, case["ship"], effects, concealed)
     location = report.get("location") or {}
     balances = list(location.get("balances") or [])
+    own = {b["verdict"] for b in (report.get("balances") or {}).values()}
     row: Row = {
         "tool": tool,
-        "index": case["index"],
-        "kind": case["kind"],
-        "ship": case["ship"],
+        **{key: case[key] for key in ("index", "kind", "ship")},
         "strength": strength_class(truth["beyond_tolerances"]),
         "programme": case["programme"],
         "waves": case["wave_height"] > 0.0,
@@ -180,16 +179,10 @@ def score(tool: str, report: Row, truth: Row, simulated: SimulatedCase) -> Row:
         "outcome": outcome,
         "named": " + ".join(effect["id"] for effect in effects) if naming else "",
         "first": effects[0]["id"] if effects and naming else verdict,
-        "wrong_and_sure": bool(
-            verdict == "explained"
-            and outcome in ("wrong name", "false alarm")
-            and not effects[0].get("equivalent_ids")
-        ),
-        "undecided": bool(
-            verdict == "unexplained"
-            and report.get("balances")
-            and all(b["verdict"] == "nothing-missing" for b in report["balances"].values())
-        ),
+        "wrong_and_sure": verdict == "explained"
+        and outcome in ("wrong name", "false alarm")
+        and not effects[0].get("equivalent_ids"),
+        "undecided": verdict == "unexplained" and bool(own) and own == {"nothing-missing"},
         "class_size": len(_names(effects[0])) if effects else 0,
         "found": _pairs(effects, true_ids),
         "error": report.get("error", ""),
@@ -222,75 +215,69 @@ GOOD_UNNAMED = ("unexplained", "class", "family")
 RIGHT = ("named", "class")
 
 
-def wilson(hits: int, count: int, z: float = 1.96) -> tuple[float, float]:
-    """Return Wilson's 95 % interval of a share."""
+def wilson(hits: int, count: int) -> tuple[float, float]:
+    """Return Wilson's interval of a share with z = 1.96."""
     if count == 0:
         return 0.0, 1.0
-    share = hits / count
-    centre = (share + z * z / (2 * count)) / (1 + z * z / count)
-    half = math.sqrt(share * (1 - share) / count + z * z / (4 * count * count))
-    half *= z / (1 + z * z / count)
-    return max(centre - half, 0.0), min(centre + half, 1.0)
+    level = 1.0 - 2.0 * scipy.stats.norm.sf(1.96)
+    ends = scipy.stats.binomtest(hits, count).proportion_ci(level, "wilson")
+    return float(ends.low), float(ends.high)
 
 
-def _share(tool: str, figure: str, hits: Any, target: str) -> dict[str, Any]:
+def _share(figure: str, hits: Any, target: str = "") -> Row:
     flags = pd.Series(hits).dropna().astype(bool)
     low, high = wilson(int(flags.sum()), len(flags))
-    value = float(flags.mean()) if len(flags) else float("nan")
-    return {"tool": tool, "figure": figure, "value": value, "low": low, "high": high,
-            "cases": len(flags), "target": target}  # fmt: skip
+    return {"figure": figure, "value": float(flags.mean()) if len(flags) else math.nan, "low": low,
+            "high": high, "cases": len(flags), "target": target}  # fmt: skip
 
 
-def _median(tool: str, figure: str, values: Any, target: str) -> dict[str, Any]:
+def _median(figure: str, values: Any, target: str) -> Row:
+    """Return the median with the quartiles as ``low`` and ``high``."""
     numbers = pd.to_numeric(pd.Series(values), errors="coerce").dropna()
-    low, high = (
-        numbers.quantile([0.25, 0.75]) if len(numbers) else (float("nan"), float("nan"))
-    )  # the quartiles
-    value = float(numbers.median()) if len(numbers) else float("nan")
-    return {"tool": tool, "figure": figure, "value": value, "low": float(low), "high": float(high),
-            "cases": len(numbers), "target": target}  # fmt: skip
+    low, middle, high = (float(numbers.quantile(share)) for share in (0.25, 0.5, 0.75))
+    return {"figure": figure, "value": middle, "low": low, "high": high, "cases": len(numbers),
+            "target": target}  # fmt: skip
 
 
 def summary(cases: pd.DataFrame) -> pd.DataFrame:
     """Return all figures with their targets; ``low`` and ``high`` of medians are quartiles."""
     rows = []
     for tool, own in cases.groupby("tool", sort=False):
-        name = str(tool)
         null = own[own["kind"].str.startswith("null")]
         one, two = own[own["kind"] == "single"], own[own["kind"] == "two"]
-        absent = own[own["kind"].isin(["unknown", "ablated"])]
-        for kind, part in [("all", null), *null.groupby("kind")]:
-            label = f"effects reported in null cases: {kind}"
-            alarms = part["outcome"] == "false alarm"
-            rows.append(_share(name, label, alarms, "at most 0.02" if kind == "all" else ""))
+        absent = own.loc[own["kind"].isin(["unknown", "ablated"]), "outcome"]
+        confounded = own.loc[own["kind"] == "confounded", "outcome"]
         unexplained = null["outcome"] == "unexplained"
-        rows += [
-            _share(name, "null cases called unexplained", unexplained, ""),
-            _share(name, "null cases called unexplained despite sufficient excitation",
-                   unexplained & ~null["undecided"].astype(bool), ""),
-            _share(name, "true id or its class first", one["outcome"].isin(RIGHT), "0.92"),
-            _share(name, "true id first", one["outcome"] == "named", ""),
-            _share(name, "balance right", one["balance_right"], "0.97"),
-            _share(name, "balance among those located", one["balance_among"], ""),
-            _median(name, "IoU of an episode's window", one["iou"], "0.8"),
-            _median(name, "parameter error, median", one["parameter_error"], "0.04"),
-            _share(name, "95 % interval covers", one["covered"], "0.90 to 0.98"),
-            _median(name, "hold-out gain over the oracle's, median", one["gain_fraction"], "0.9"),
-            _share(name, "effect absent from the catalogue: unexplained or its class",
-                   absent["outcome"].isin(GOOD_UNNAMED), "0.85"),
-            _share(name, "effect absent from the catalogue: unexplained",
-                   absent["outcome"] == "unexplained", ""),
-            _share(name, "effect absent from the catalogue: a wrong name",
-                   absent["outcome"] == "wrong name", ""),
-            _share(name, "two effects: both named", two["found"] == 2, "0.70"),
-            _share(name, "two effects: at least one named", two["found"] >= 1, ""),
-            _share(name, "insufficient excitation and confounded: not a wrong effect",
-                   ~own.loc[own["kind"] == "confounded", "outcome"].isin(["wrong name", "family"]),
-                   ""),
-            _share(name, "wrong confident name: explained, first name neither true nor of its "
-                   "class or family, none beside it", own["wrong_and_sure"], "at most 0.05"),
-            _median(name, "seconds a diagnosis", own["seconds"], "60"),
+        figures = [
+            _share(f"effects reported in null cases: {kind}", part["outcome"] == "false alarm",
+                   "at most 0.02" if kind == "all" else "")
+            for kind, part in [("all", null), *null.groupby("kind")]
         ]  # fmt: skip
+        figures += [
+            _share("null cases called unexplained", unexplained),
+            _share("null cases called unexplained despite sufficient excitation",
+                   unexplained & ~null["undecided"].astype(bool)),
+            _share("true id or its class first", one["outcome"].isin(RIGHT), "0.92"),
+            _share("true id first", one["outcome"] == "named"),
+            _share("balance right", one["balance_right"], "0.97"),
+            _share("balance among those located", one["balance_among"]),
+            _median("IoU of an episode's window", one["iou"], "0.8"),
+            _median("parameter error, median", one["parameter_error"], "0.04"),
+            _share("95 % interval covers", one["covered"], "0.90 to 0.98"),
+            _median("hold-out gain over the oracle's, median", one["gain_fraction"], "0.9"),
+            _share("effect absent from the catalogue: unexplained or its class",
+                   absent.isin(GOOD_UNNAMED), "0.85"),
+            _share("effect absent from the catalogue: unexplained", absent == "unexplained"),
+            _share("effect absent from the catalogue: a wrong name", absent == "wrong name"),
+            _share("two effects: both named", two["found"] == 2, "0.70"),
+            _share("two effects: at least one named", two["found"] >= 1),
+            _share("insufficient excitation and confounded: not a wrong effect",
+                   ~confounded.isin(["wrong name", "family"])),
+            _share("wrong confident name: explained, first name neither true nor of its class or "
+                   "family, none beside it", own["wrong_and_sure"], "at most 0.05"),
+            _median("seconds a diagnosis", own["seconds"], "60"),
+        ]  # fmt: skip
+        rows += [{"tool": str(tool)} | figure for figure in figures]
     return pd.DataFrame(rows)
 
 
@@ -301,27 +288,26 @@ def by_strength(cases: pd.DataFrame) -> pd.DataFrame:
     for tool in single["tool"].unique():
         for strength in STRENGTHS:
             part = single[(single["tool"] == tool) & (single["strength"] == strength)]
+            outcome = part["outcome"]
             if len(part):
                 rows.append({
                     "tool": tool, "strength": strength, "cases": len(part),
-                    "true id first": (part["outcome"] == "named").mean(),
-                    "id or class first": part["outcome"].isin(RIGHT).mean(),
+                    "true id first": (outcome == "named").mean(),
+                    "id or class first": outcome.isin(RIGHT).mean(),
                     "names in the class": part["class_size"].mean(),
                     "balance right": part["balance_right"].astype(float).mean(),
-                    "nothing missing": (part["outcome"] == "nothing-missing").mean(),
-                    "unexplained": (part["outcome"] == "unexplained").mean(),
-                    "wrong name": part["outcome"].isin(["wrong name", "family"]).mean(),
+                    "nothing missing": (outcome == "nothing-missing").mean(),
+                    "unexplained": (outcome == "unexplained").mean(),
+                    "wrong name": outcome.isin(["wrong name", "family"]).mean(),
                 })  # fmt: skip
     return pd.DataFrame(rows)
 
 
 def by_kind(cases: pd.DataFrame) -> pd.DataFrame:
     """Return the number of cases by kind and outcome."""
-    table = pd.crosstab([cases["tool"], cases["kind"]], cases["outcome"])
-    place = {kind: k for k, kind in enumerate(KINDS)}
-    table = table.reset_index()
+    table = pd.crosstab([cases["tool"], cases["kind"]], cases["outcome"]).reset_index()
     table.columns.name = None
-    order = table["kind"].map(place).fillna(len(KINDS))
+    order = table["kind"].map({kind: k for k, kind in enumerate(KINDS)}).fillna(len(KINDS))
     return table.assign(order=order).sort_values(["tool", "order"]).drop(columns="order")
 
 
@@ -344,9 +330,8 @@ def by_effect(cases: pd.DataFrame) -> pd.DataFrame:
 def by_parameter(cases: pd.DataFrame) -> pd.DataFrame:
     """Return parameter error and coverage by strength, for forms with a common parameter."""
     rows = []
-    single = cases[cases["kind"] == "single"].assign(
-        error=lambda t: pd.to_numeric(t["parameter_error"], errors="coerce")
-    )
+    single = cases[cases["kind"] == "single"]
+    single = single.assign(error=pd.to_numeric(single["parameter_error"], errors="coerce"))
     for (tool, strength), part in single.dropna(subset="error").groupby(["tool", "strength"]):
         rows.append({
             "tool": tool, "strength": strength, "cases": len(part),
@@ -365,23 +350,16 @@ def confusion(cases: pd.DataFrame, tool: str) -> pd.DataFrame:
 
 def tables_of(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Return all tables of a validation."""
-    return {
-        "cases": cases,
-        "summary": summary(cases),
-        "strength": by_strength(cases),
-        "kinds": by_kind(cases),
-        "effects": by_effect(cases),
-        "parameters": by_parameter(cases),
-    }
+    made = {"summary": summary, "strength": by_strength, "kinds": by_kind, "effects": by_effect,
+            "parameters": by_parameter}  # fmt: skip
+    return {"cases": cases} | {name: make(cases) for name, make in made.items()}
 
 
 def draw_confusion(grid: pd.DataFrame, path: Path) -> None:
     """Draw a confusion matrix: rows are true, columns are reported effects, as shares of each row."""
-    plain = [name for name in grid.columns if name in {row.split("/")[0] for row in grid.index}]
-    others = [name for name in grid.columns if name not in plain]
     order = sorted(grid.index)
     ids = list(dict.fromkeys(row.split("/")[0] for row in order))
-    columns = [name for name in ids if name in plain] + others
+    columns = [name for name in ids if name in grid] + [n for n in grid.columns if n not in ids]
     counts = grid.loc[order, columns].to_numpy(dtype=float)
     shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
     size = 3.5 + 0.32 * len(columns), 2.5 + 0.26 * len(order)

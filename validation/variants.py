@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import tomli_w
 
-from .reality.bench import PROGRAMMES, SHIP_FILE, bench_parameters
-from .reality.effects import BENCH, FRIGATE
-from .reality.instruments import LIVELY
-from .reality.numbers import Parameters, frigate_parameters, ship_file
+from .simulator.bench import PROGRAMMES, SHIP_FILE, bench_parameters
+from .simulator.effects import BENCH, FRIGATE
+from .simulator.instruments import LIVELY
+from .simulator.parameters import Parameters, frigate_parameters, ship_file
 
 if TYPE_CHECKING:
     from .cases import Case
@@ -53,10 +53,8 @@ LOGGED_S = {SLOW: 1.0, RAW: 0.01}
 """Sampling interval of the log [s] where it differs from the case's."""
 
 MISSING = {
-    "shaft_torque_N_m": "torque-sensor",
-    "ship_speed_m_s": "speed-log",
-    "pitch_ratio": "pitch-sensor",
-}
+    "shaft_torque_N_m": "torque-sensor", "ship_speed_m_s": "speed-log", "pitch_ratio": "pitch-sensor",
+}  # fmt: skip
 """Columns that may be missing, with the beginning of the ids of their instrument effects."""
 
 HEALTHY_S = {FRIGATE: 900.0, BENCH: 450.0}
@@ -64,12 +62,7 @@ HEALTHY_S = {FRIGATE: 900.0, BENCH: 450.0}
 
 
 def vary_case(case: Case, variant: str) -> Case:
-    """Return a case in another variant.
-
-    Args:
-        case: plain case.
-        variant: one of :data:`VARIANTS`.
-    """
+    """Return a plain case in another one of :data:`VARIANTS`."""
     rng = np.random.default_rng([case.seed, case.index, 21])
     more: dict[str, Any] = {}
     if variant == REALISTIC:
@@ -82,10 +75,8 @@ def vary_case(case: Case, variant: str) -> Case:
             "healthy_seed": int(rng.integers(2**31)),
         }
     elif variant == ONE_MISSING:
-        allowed = [
-            column for column, fault in MISSING.items()
-            if not any(one.effect.id.startswith(fault) for one in case.effects)
-        ]  # fmt: skip
+        ids = [one.effect.id for one in case.effects]
+        allowed = [c for c, fault in MISSING.items() if not any(i.startswith(fault) for i in ids)]
         missing = str(rng.choice(allowed))
         more = {"missing": "motor_current_A" if case.ship == BENCH else missing}
     return replace(case, variant=variant, **more)

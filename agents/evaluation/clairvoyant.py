@@ -64,12 +64,9 @@ class Plan(NamedTuple):
         1.9
     """
 
-    rewards: NDArray[np.float64]
-    """Reward of each control interval, shape (k,)."""
-    actions: NDArray[np.float32]
-    """Actions, shape (k, 2)."""
-    rounds: int
-    """Number of gradients that were computed."""
+    rewards: NDArray[np.float64]  # reward of each control interval, shape (k,)
+    actions: NDArray[np.float32]  # shape (k, 2)
+    rounds: int  # number of gradients that were computed
 
 
 class Clairvoyant:
@@ -90,7 +87,7 @@ class Clairvoyant:
         if quiet.max_episode_steps is None:
             raise ValueError("max_episode_steps = None: a plan needs an episode with an end")
         self._one = one = Batch(1, quiet)
-        self._length = quiet.max_episode_steps
+        self.intervals = quiet.max_episode_steps  # number of control intervals of the episode
         if not one.ship.has_variable_pitch:
             raise ValueError(f"{one.ship.name}: a plan needs a controllable pitch")
         one.reset(np.array([0]), [np_random(seed)[0]], one.begin(None))
@@ -113,11 +110,6 @@ class Clairvoyant:
     def interval_s(self) -> float:
         """Control interval [s]."""
         return self._one.interval_s
-
-    @property
-    def intervals(self) -> int:
-        """Number of control intervals of the episode."""
-        return self._length
 
     def simulate(
         self, commands: NDArray[np.float64], begin: Any = None
@@ -170,28 +162,25 @@ class Clairvoyant:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the derivatives of final state and reward of intervals by initial state and commands.
 
-        Returns:
-            Arrays of shapes (k, c, c + 2) and (k, c + 2), for c carried quantities.
+        The shapes are (k, c, c + 2) and (k, c + 2), for c carried quantities.
         """
-        n, count, beside = len(commands), len(self._carried), self._beside
-        width = 2 * (count + len(_COMMAND_STEPS))
+        n, beside = len(commands), self._beside
+        width = 2 * (len(self._carried) + len(_COMMAND_STEPS))
         rows = beside.environments[: n * width]
         for name in _CARRIED.names or ():
             rows[name] = np.repeat(before[name], width)
         given = np.repeat(commands, width, axis=0)
-        for j, ((record, field), scale) in enumerate(self._carried):
-            values = rows[record][field]
+        varied = [(rows[record][field], scale) for (record, field), scale in self._carried]
+        varied += [(given[:, j], scale) for j, scale in enumerate(_COMMAND_STEPS)]
+        for j, (values, scale) in enumerate(varied):
             values[2 * j :: width] += scale
             values[2 * j + 1 :: width] -= scale
-        for j, scale in enumerate(_COMMAND_STEPS):
-            given[2 * (count + j) :: width, j] += scale
-            given[2 * (count + j) + 1 :: width, j] -= scale
         pitch = rows["state"]["pitch_ratio"] + self._lag * given[:, 0]
         control_interval(
             rows, beside.commons, beside.gains, actions(self._plant, pitch, given[:, 1]),
             beside.steps, beside.dt, 0, len(rows),
         )  # fmt: skip
-        scales = 2.0 * np.array([scale for _, scale in self._carried] + list(_COMMAND_STEPS))
+        scales = 2.0 * np.array([scale for _, scale in varied])
 
         def slope(values: Any) -> NDArray[np.float64]:
             pairs = np.asarray(values, dtype=np.float64).reshape(n, width // 2, 2)
@@ -217,14 +206,11 @@ class Clairvoyant:
         for k in range(len(commands)):
             action, state = controller.predict(one.observation(), state, np.array([k == 0]))
             now = one.environments[0]
-            pitch = decode(
-                action[0, 0], self._plant["pitch_ratio_min"], self._plant["pitch_ratio_max"]
-            )
+            low, high = self._plant["pitch_ratio_min"], self._plant["pitch_ratio_max"]
+            pitch = decode(action[0, 0], low, high)
             rate = (pitch - float(now["state"]["pitch_ratio"])) / self._lag
-            commands[k] = (
-                rate,
-                decode(action[0, 1], self._plant["drive_min"], self._plant["drive_max"]),
-            )
+            rack = decode(action[0, 1], self._plant["drive_min"], self._plant["drive_max"])
+            commands[k] = rate, rack
             one.step(action)
         return np.clip(commands, self.low, self.high)
 

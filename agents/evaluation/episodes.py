@@ -73,9 +73,24 @@ class Setting:
     tuning: str | None = None
 
     @property
+    def model(self) -> Task:
+        """Task of the cell."""
+        return self.task_model or get_task(self.task)
+
+    @property
     def vessel(self) -> str:
         """Preset or path of the simulated ship."""
-        return self.ship or (self.task_model or get_task(self.task)).vessel
+        return self.ship or self.model.vessel
+
+    def environment(self, controller: Predictor) -> dict[str, Any]:
+        """Return the keywords of the environment of a controller."""
+        return {
+            "ship": self.vessel, "task": self.model, "sea": None if self.sea == "task" else self.sea,
+            "observer": self.observer, "sensor_noise": self.sensor_noise,
+            "max_episode_steps": max(round(self.episode_s / DEFAULTS.control_interval_s), 1),
+            "randomise": self.randomise, "tuning": self.tuning,
+            **getattr(controller, "interface", CLASSIC),
+        }  # fmt: skip
 
     @property
     def columns(self) -> dict[str, Any]:
@@ -100,11 +115,9 @@ class Setting:
 
 
 def run_episodes(
-    setting: Setting,
-    controller: Predictor,
-    first_seed: int | None = None,
+    setting: Setting, controller: Predictor, first_seed: int | None = None,
     threads: int | None = None,
-) -> tuple[pd.DataFrame, NDArray[np.float64]]:
+) -> tuple[pd.DataFrame, NDArray[np.float64]]:  # fmt: skip
     """Simulate one episode for each seed.
 
     Args:
@@ -128,21 +141,10 @@ def run_episodes(
         >>> len(kpis), trace.shape == (10, len(TRACE))
         (2, True)
     """
-    task = setting.task_model or get_task(setting.task)
-    env = environment_classes(task.steered).vector(
-        setting.seeds,
-        threads=threads,
-        ship=setting.vessel,
-        task=task,
-        sea=None if setting.sea == "task" else setting.sea,
-        observer=setting.observer,
-        sensor_noise=setting.sensor_noise,
-        max_episode_steps=max(round(setting.episode_s / DEFAULTS.control_interval_s), 1),
-        randomise=setting.randomise,
-        tuning=setting.tuning,
+    env = environment_classes(setting.model.steered).vector(
+        setting.seeds, threads=threads, **setting.environment(controller),
         autoreset_mode="NextStep",  # so that the last info belongs to the ended episode
-        **getattr(controller, "interface", CLASSIC),
-    )
+    )  # fmt: skip
     interval = env.batch.interval_s
     observation, _ = env.reset(seed=setting.first_seed if first_seed is None else first_seed)
     sums = EpisodeSums(setting.seeds, interval, env.batch.ship.transmission.gear_ratio)
@@ -217,9 +219,9 @@ def load_controller(
         parts = split_steering_name(text)
         name, _ = read_options(parts[-1])
         if (":" in name or name in controller_names()) and len(parts) <= 1 + steered:
-            if task is not None:
-                return controller_for(task, text, ship, interval_s, steered)
-            return make_controller(text, ship, interval_s)
+            if task is None:
+                return make_controller(text, ship, interval_s)
+            return controller_for(task, text, ship, interval_s, steered)
     if kind != _POLICY or not source:
         raise ControllerError(f"unknown controller {text!r}; known: {known_controllers()}")
     policy = load_policy(source, ship)
@@ -233,15 +235,11 @@ def load_controller(
 
 
 def label(text: str) -> str:
-    """Return the name of a controller in tables and cells.
+    """Return the name in tables and cells of a controller that :func:`load_controller` accepts.
 
-    The content of a file can change under the same name. The label of a policy therefore ends with eight
-    letters of a digest of its file and of the source code that runs it, the label of a user's controller
-    with eight letters of a digest of its source and its imports. Results of an earlier content are then
-    not reused.
-
-    Args:
-        text: text that :func:`load_controller` accepts.
+    The content of a file can change under the same name, and results of an earlier content must not be
+    reused. The label of a policy therefore ends with eight letters of a digest of its file and of the
+    source code that runs it, the label of a user's controller with those of its source and its imports.
 
     Examples:
         >>> label("combinator")

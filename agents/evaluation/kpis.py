@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -36,14 +37,10 @@ class EpisodeSums:
 
     def __init__(self, n: int, interval_s: float, gear_ratio: float) -> None:
         self.interval_s, self.gear_ratio = interval_s, gear_ratio
-        self.count, self.fuel, self.error, self.torque, self.square = np.zeros((5, n))
-        self.peak, self.travel, self.overload, self.overspeed = np.zeros((4, n))
-        self.fastest = np.zeros(n)
-        self.cavitation, self.ventilation, self.thrust, self.reward = np.zeros((4, n))
-        self.power, self.power_peak, self.distance, self.short = np.zeros((4, n))
+        self.total: dict[str, NDArray[np.float64]] = defaultdict(lambda: np.zeros(n))
+        self.highest: dict[str, NDArray[np.float64]] = defaultdict(lambda: np.zeros(n))
+        self.distance = np.zeros(n)
         self.failed = np.zeros(n, dtype=bool)
-        self.pitch_travel, self.outside, self.limit = np.zeros((3, n))
-        self.heading, self.track, self.rudder = np.zeros((3, n))
         self.pitch = np.full(n, np.nan)
         # Angles of attack by interval; nan after the end of an episode.
         self.attack: list[NDArray[np.float64]] = []
@@ -67,40 +64,40 @@ class EpisodeSums:
         """
         terms, interval = info["reward_terms"], self.interval_s
         self._follow(alive, info["ship_speed"], np.asarray(order))
-        torque = info["shaft_torque"] * 1e-3
+        torque, brake = info["shaft_torque"] * 1e-3, info["brake_torque"] * 1e-3
         power = info["brake_torque"] * info["shaft_speed"] * self.gear_ratio * 1e-3
-        self.count += alive
-        self.fuel += alive * terms["fuel_kg_s"] * interval
-        self.error += alive * (info["ship_speed"] - order) ** 2
-        self.short += alive * (order - info["ship_speed"])
-        self.torque += alive * torque
-        self.square += alive * torque**2
-        self.peak = np.where(alive, np.maximum(self.peak, torque), self.peak)
-        speed = info["shaft_speed"]
-        self.fastest = np.where(alive, np.maximum(self.fastest, speed), self.fastest)
-        self.travel += alive * terms["rack_travel_mm"]
-        self.overload += alive * (terms["overload"] > _BEYOND) * interval
-        self.limit += alive * (terms["near_limit"] > 1.0 - _BEYOND / NEAR_LIMIT) * interval
-        self.overspeed += alive * (terms["overspeed"] > 0.0) * interval
-        self.cavitation += alive * (terms["cavitation"] > 0.0) * interval
-        self.ventilation += alive * (info["ventilation"] > 0.5) * interval
-        self.thrust += alive * info["thrust"] * 1e-3
-        self.power += alive * power
-        self.power_peak = np.where(alive, np.maximum(self.power_peak, power), self.power_peak)
-        self.reward += alive * reward
+        moved = np.abs(info["blade_pitch"] - self.pitch)
+        self.pitch = info["blade_pitch"]
+        for name, value in {
+            "intervals": 1.0,
+            "fuel": terms["fuel_kg_s"] * interval,
+            "error": (info["ship_speed"] - order) ** 2,
+            "short": order - info["ship_speed"],
+            "torque": torque,
+            "square": torque**2,
+            "travel": terms["rack_travel_mm"],
+            "overload": (terms["overload"] > _BEYOND) * interval,
+            "limit": (terms["near_limit"] > 1.0 - _BEYOND / NEAR_LIMIT) * interval,
+            "overspeed": (terms["overspeed"] > 0.0) * interval,
+            "cavitation": (terms["cavitation"] > 0.0) * interval,
+            "ventilation": (info["ventilation"] > 0.5) * interval,
+            "thrust": info["thrust"] * 1e-3,
+            "power": power,
+            "reward": reward,
+            "heading": terms["heading_error_deg"] ** 2,
+            "track": terms["track_error_m"] ** 2,
+            "rudder": terms["rudder_rate_deg_s"] * interval,
+            "outside": (info["outside_bucket"] > 0.0) * interval,
+            "pitch_travel": np.where(np.isfinite(moved), moved, 0.0),
+        }.items():
+            self.total[name] += alive * value
+        for name, value in (("torque", torque), ("speed", info["shaft_speed"]), ("power", power)):
+            most = self.highest[name]
+            self.highest[name] = np.where(alive, np.maximum(most, value), most)
         self.distance = np.where(alive, info["position"], self.distance)
         self.failed |= np.logical_and(alive, info.get("_ended", False))
-        self.heading += alive * terms["heading_error_deg"] ** 2
-        self.track += alive * terms["track_error_m"] ** 2
-        self.rudder += alive * terms["rudder_rate_deg_s"] * interval
-        self.outside += alive * (info["outside_bucket"] > 0.0) * interval
-        moved = np.abs(info["blade_pitch"] - self.pitch)
-        self.pitch_travel += np.where(alive & np.isfinite(moved), moved, 0.0)
-        self.pitch = info["blade_pitch"]
         self.attack.append(np.where(alive, info["angle_of_attack"], np.nan))
-        fluctuating = np.array(
-            [torque, info["brake_torque"] * 1e-3, power, info["angle_of_attack"]]
-        )
+        fluctuating = np.array([torque, brake, power, info["angle_of_attack"]])
         if self.mean is None:
             self.mean = fluctuating.copy()
         self.mean += interval / MEAN_S * (fluctuating - self.mean)
@@ -121,6 +118,10 @@ class EpisodeSums:
         self.rising += alive & ~self.risen
         self.risen |= np.abs(order - speed) <= 0.1 * self.step
 
+    def per_interval(self, name: str) -> NDArray[np.float64]:
+        """Return the mean of a sum over the intervals of each episode."""
+        return np.asarray(self.total[name] / self.total["intervals"])
+
     def rms(self, name: str) -> NDArray[np.float64]:
         """Return the rms of one of :data:`FLUCTUATIONS` about its mean, in the unit of the signal.
 
@@ -128,113 +129,84 @@ class EpisodeSums:
         """
         k = FLUCTUATIONS.index(name)
         late = self.settled_deviation[k] / np.maximum(self.settled, 1.0)
-        return np.asarray(
-            np.sqrt(np.where(self.settled > 0.0, late, self.deviation[k] / self.count))
-        )
-
-    @property
-    def attack_99(self) -> NDArray[np.float64]:
-        """99th percentile of the angle of attack [deg]."""
-        return np.asarray(np.nanpercentile(self.attack, 99.0, axis=0))
+        whole = self.deviation[k] / self.total["intervals"]
+        return np.asarray(np.sqrt(np.where(self.settled > 0.0, late, whole)))
 
     @property
     def time(self) -> NDArray[np.float64]:
         """Length of each episode [s]."""
-        return self.count * self.interval_s
+        return np.asarray(self.total["intervals"] * self.interval_s)
 
     @property
     def torque_sd(self) -> NDArray[np.float64]:
         """Standard deviation of the shaft torque [kN m]."""
-        mean = self.torque / self.count
-        return np.sqrt(np.maximum(self.square / self.count - mean**2, 0.0))
+        return np.sqrt(
+            np.maximum(self.per_interval("square") - self.per_interval("torque") ** 2, 0.0)
+        )
 
     def kpis(self) -> pd.DataFrame:
         """Return the KPIs, one row for each seed."""
-        return pd.DataFrame({name: kpi.of(self) for name, kpi in _DECLARED.items()})
+        return pd.DataFrame({name: kpi(self) for name, (_, kpi) in _DECLARED.items()})
 
 
-class _Kpi(NamedTuple):
-    meaning: str
-    of: Callable[[EpisodeSums], Any]
+def _mean(name: str) -> Callable[[EpisodeSums], Any]:
+    return lambda s: s.per_interval(name)
 
 
-_DECLARED = {
-    "fuel_kg_nmi": _Kpi(
-        "fuel per nautical mile [kg]",
-        lambda s: s.fuel / np.maximum(s.distance, 1.0) * _NAUTICAL_MILE,
-    ),
-    "speed_error_rms_m_s": _Kpi(
-        "rms of ship speed less ordered speed [m/s]", lambda s: np.sqrt(s.error / s.count)
-    ),
-    "speed_mean_m_s": _Kpi("distance over time [m/s]", lambda s: s.distance / s.time),
-    "speed_short_m_s": _Kpi(
-        "mean of ordered speed less ship speed [m/s]", lambda s: s.short / s.count
-    ),
-    "torque_sd_kN_m": _Kpi("standard deviation of the shaft torque [kN m]", lambda s: s.torque_sd),
-    "torque_peak_kN_m": _Kpi("highest shaft torque [kN m]", lambda s: s.peak),
-    "rack_travel_mm_min": _Kpi(
-        "travel of the rack command [mm/min]", lambda s: s.travel / s.time * 60.0
-    ),
-    "overload_s": _Kpi(
-        "time more than 0.5 % beyond the engine's envelope [s]", lambda s: s.overload
-    ),
-    "limit_s": _Kpi(
-        "time within 0.5 % of the engine's envelope or beyond it [s]", lambda s: s.limit
-    ),
-    "shaft_speed_peak_rad_s": _Kpi("highest shaft speed [rad/s]", lambda s: s.fastest),
-    "overspeed_s": _Kpi("time beyond the engine's highest speed [s]", lambda s: s.overspeed),
-    "cavitation_s": _Kpi("time beyond Burrill's limit [s]", lambda s: s.cavitation),
-    "ventilation_s": _Kpi("time ventilating [s]", lambda s: s.ventilation),
-    "thrust_mean_kN": _Kpi("mean thrust of one propeller [kN]", lambda s: s.thrust / s.count),
-    "power_mean_kW": _Kpi("mean brake power of one engine [kW]", lambda s: s.power / s.count),
-    "power_peak_kW": _Kpi("highest brake power of one engine [kW]", lambda s: s.power_peak),
-    "wave_torque_kN_m": _Kpi(
-        "fluctuation of the shaft torque in waves: rms about its mean over 20 s, later than 60 s after "
-        "a new order [kN m]",
-        lambda s: s.rms("torque"),
-    ),
-    "wave_engine_torque_kN_m": _Kpi(
-        "fluctuation of one engine's torque in waves [kN m]", lambda s: s.rms("engine_torque")
-    ),
-    "wave_power_kW": _Kpi(
-        "fluctuation of one engine's power in waves [kW]", lambda s: s.rms("power")
-    ),
-    "wave_attack_deg": _Kpi(
-        "fluctuation of the effective angle of attack of the blades in waves [deg]",
-        lambda s: s.rms("attack"),
-    ),
-    "attack_99_deg": _Kpi(
-        "99th percentile of the effective angle of attack of the blades [deg]",
-        lambda s: s.attack_99,
-    ),
-    "outside_bucket_s": _Kpi("time outside the cavitation bucket [s]", lambda s: s.outside),
-    "pitch_travel_min": _Kpi(
-        "travel of the blades' P/D [1/min]", lambda s: s.pitch_travel / s.time * 60.0
-    ),
-    "rise_s": _Kpi(
-        "mean time from a new order until 90 % of its step is done, or the next order [s]",
-        lambda s: s.rising * s.interval_s / np.maximum(s.rises, 1.0),
-    ),
-    "heading_error_rms_deg": _Kpi(
-        "rms of heading less ordered heading, 0 without rudder control [deg]",
-        lambda s: np.sqrt(s.heading / s.count),
-    ),
-    "track_error_rms_m": _Kpi(
-        "rms of the distance from the ordered track, 0 without rudder control [m]",
-        lambda s: np.sqrt(s.track / s.count),
-    ),
-    "rudder_travel_deg_min": _Kpi(
-        "travel of the rudder [deg/min]", lambda s: s.rudder / s.time * 60.0
-    ),
-    "failed": _Kpi(
-        "share of episodes in which the engine stalled or tripped [-]",
-        lambda s: s.failed.astype(np.float64),
-    ),
-    "reward": _Kpi(
-        "sum of the rewards of the task, 0 where the episode failed; higher is better",
-        lambda s: np.where(s.failed, 0.0, s.reward),
-    ),
-}
+def _rms(name: str) -> Callable[[EpisodeSums], Any]:
+    return lambda s: np.sqrt(s.per_interval(name))
 
-KPIS = {name: kpi.meaning for name, kpi in _DECLARED.items()}
+
+def _sum(name: str) -> Callable[[EpisodeSums], Any]:
+    return lambda s: s.total[name]
+
+
+def _per_minute(name: str) -> Callable[[EpisodeSums], Any]:
+    return lambda s: s.total[name] / s.time * 60.0
+
+
+_DECLARED: dict[str, tuple[str, Callable[[EpisodeSums], Any]]] = {
+    "fuel_kg_nmi": ("fuel per nautical mile [kg]",
+        lambda s: s.total["fuel"] / np.maximum(s.distance, 1.0) * _NAUTICAL_MILE),
+    "speed_error_rms_m_s": ("rms of ship speed less ordered speed [m/s]", _rms("error")),
+    "speed_mean_m_s": ("distance over time [m/s]", lambda s: s.distance / s.time),
+    "speed_short_m_s": ("mean of ordered speed less ship speed [m/s]", _mean("short")),
+    "torque_sd_kN_m": ("standard deviation of the shaft torque [kN m]", lambda s: s.torque_sd),
+    "torque_peak_kN_m": ("highest shaft torque [kN m]", lambda s: s.highest["torque"]),
+    "rack_travel_mm_min": ("travel of the rack command [mm/min]", _per_minute("travel")),
+    "overload_s": ("time more than 0.5 % beyond the engine's envelope [s]", _sum("overload")),
+    "limit_s": ("time within 0.5 % of the engine's envelope or beyond it [s]", _sum("limit")),
+    "shaft_speed_peak_rad_s": ("highest shaft speed [rad/s]", lambda s: s.highest["speed"]),
+    "overspeed_s": ("time beyond the engine's highest speed [s]", _sum("overspeed")),
+    "cavitation_s": ("time beyond Burrill's limit [s]", _sum("cavitation")),
+    "ventilation_s": ("time ventilating [s]", _sum("ventilation")),
+    "thrust_mean_kN": ("mean thrust of one propeller [kN]", _mean("thrust")),
+    "power_mean_kW": ("mean brake power of one engine [kW]", _mean("power")),
+    "power_peak_kW": ("highest brake power of one engine [kW]", lambda s: s.highest["power"]),
+    "wave_torque_kN_m": ("fluctuation of the shaft torque in waves: rms about its mean over 20 s, "
+        "later than 60 s after a new order [kN m]", lambda s: s.rms("torque")),
+    "wave_engine_torque_kN_m": ("fluctuation of one engine's torque in waves [kN m]",
+        lambda s: s.rms("engine_torque")),
+    "wave_power_kW": ("fluctuation of one engine's power in waves [kW]", lambda s: s.rms("power")),
+    "wave_attack_deg": ("fluctuation of the effective angle of attack of the blades in waves [deg]",
+        lambda s: s.rms("attack")),
+    "attack_99_deg": ("99th percentile of the effective angle of attack of the blades [deg]",
+        lambda s: np.nanpercentile(s.attack, 99.0, axis=0)),
+    "outside_bucket_s": ("time outside the cavitation bucket [s]", _sum("outside")),
+    "pitch_travel_min": ("travel of the blades' P/D [1/min]", _per_minute("pitch_travel")),
+    "rise_s": ("mean time from a new order until 90 % of its step is done, or the next order [s]",
+        lambda s: s.rising * s.interval_s / np.maximum(s.rises, 1.0)),
+    "heading_error_rms_deg": ("rms of heading less ordered heading, 0 without rudder control [deg]",
+        _rms("heading")),
+    "track_error_rms_m": ("rms of the distance from the ordered track, 0 without rudder control [m]",
+        _rms("track")),
+    "rudder_travel_deg_min": ("travel of the rudder [deg/min]", _per_minute("rudder")),
+    "failed": ("share of episodes in which the engine stalled or tripped [-]",
+        lambda s: s.failed.astype(np.float64)),
+    "reward": ("sum of the rewards of the task, 0 where the episode failed; higher is better",
+        lambda s: np.where(s.failed, 0.0, s.total["reward"])),
+}  # fmt: skip
+"""Meaning and function of each KPI."""
+
+KPIS = {name: meaning for name, (meaning, _) in _DECLARED.items()}
 """Meaning and unit of each key performance indicator, by column."""

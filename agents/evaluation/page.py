@@ -17,11 +17,7 @@ _ALL = "any"
 def merge_equal_rows(table: pd.DataFrame) -> pd.DataFrame:
     """Merge rows of the same controller and sea whose figures agree to the last digit.
 
-    Args:
-        table: table from :func:`shaftline.agents.evaluation.sweeps.evaluate`.
-
-    Returns:
-        The same columns; ``observer`` lists the observers of the row, or is ``any``.
+    ``observer`` of the result lists the observers of a row, or is ``any``.
     """
     every = table["observer"].nunique()
     keys = ["controller", "sea", *KPIS]
@@ -35,10 +31,6 @@ def merge_equal_rows(table: pd.DataFrame) -> pd.DataFrame:
 
 def zero_columns(table: pd.DataFrame, columns: Sequence[str]) -> list[str]:
     """Return the columns that are 0 in every row.
-
-    Args:
-        table: table from :func:`shaftline.agents.evaluation.sweeps.evaluate`.
-        columns: columns to check.
 
     Examples:
         >>> table = pd.DataFrame({"failed": [0.0, 0.0], "reward": [1.0, 0.0]})

@@ -22,14 +22,12 @@ class Bound(NamedTuple):
         0.5
     """
 
-    combinator: float
-    """Mean return of the combinator over the evaluation episodes."""
-    tuned: float
-    """Mean return of the tuned controller over the same episodes."""
-    best: float
-    """Return of the tuned controller plus the gain of the best plan over it in the planned episodes."""
-    spread: float
-    """Mean difference between the best and the worst plan, over the controllers that start them."""
+    combinator: float  # mean return of the combinator over the evaluation episodes
+    tuned: float  # mean return of the tuned controller over the same episodes
+    best: (
+        float  # that of the tuned controller plus the gain of the best plan in the planned episodes
+    )
+    spread: float  # mean difference between the best and the worst plan of a controller
 
     def score(self, mean: float) -> float:
         """Return the score of a mean return per interval."""

@@ -28,10 +28,6 @@ _RESAMPLES = 1000
 def interquartile_mean(values: Any, axis: int = -1) -> Any:
     """Return the mean of the middle half (Agarwal et al. 2021) along an axis.
 
-    Args:
-        values: numbers.
-        axis: axis of the mean.
-
     Examples:
         >>> float(interquartile_mean([0.0, 1.0, 2.0, 100.0]))
         1.5
@@ -70,42 +66,26 @@ def estimate_with_interval(
     if np.ptp(sample) == 0.0:
         return middle, middle, middle
     found = scipy.stats.bootstrap(
-        (sample,),
-        statistic,
-        n_resamples=_RESAMPLES,
-        confidence_level=_LEVEL,
-        method="percentile",
-        rng=np.random.default_rng(seed),
-        vectorized=True,
-    ).confidence_interval
-    stretch = math.sqrt(count / (count - 1)) * _quantile(count - 1) / _quantile(math.inf)
-    return (
-        middle,
-        middle - stretch * (middle - float(found.low)),
-        middle + stretch * (float(found.high) - middle),
-    )
+        (sample,), statistic, n_resamples=_RESAMPLES, confidence_level=_LEVEL, method="percentile",
+        rng=np.random.default_rng(seed), vectorized=True,
+    ).confidence_interval  # fmt: skip
+    normal = float(scipy.stats.norm.ppf(0.5 * (1.0 + _LEVEL)))
+    stretch = math.sqrt(count / (count - 1)) * _quantile(count - 1) / normal
+    low, high = middle - float(found.low), float(found.high) - middle
+    return middle, middle - stretch * low, middle + stretch * high
 
 
 def _quantile(degrees: float) -> float:
-    """Return the two-sided 95 % quantile of Student's distribution; the normal one at infinity."""
-    tail = 0.5 * (1.0 + _LEVEL)
-    return float(
-        scipy.stats.norm.ppf(tail) if math.isinf(degrees) else scipy.stats.t.ppf(tail, degrees)
-    )
+    """Return the two-sided 95 % quantile of Student's distribution."""
+    return float(scipy.stats.t.ppf(0.5 * (1.0 + _LEVEL), degrees))
 
 
 def _half_width(table: NDArray[np.float64]) -> float:
-    """Return half the 95 % interval of the mean of a table with random rows and columns.
+    """Return half the 95 % interval of the mean of a table of trainings (rows) and episodes (columns).
 
-    Trainings (rows) and episodes (columns) are crossed: every training is evaluated in every episode.
-    The variance of the mean is (MS_rows + MS_columns - MS_rest) / (r e), with the degrees of freedom of
-    Satterthwaite (1946). A single row is a fixed controller, with random episodes only.
-
-    Args:
-        table: shape (r, e).
-
-    Returns:
-        Half the interval; nan with a single episode.
+    Every training is evaluated in every episode. The variance of the mean is (MS_rows + MS_columns -
+    MS_rest) / (r e), with the degrees of freedom of Satterthwaite (1946). A single row is a fixed
+    controller, with random episodes only. The result is nan with a single episode.
     """
     runs, episodes = table.shape
     if episodes < 2:

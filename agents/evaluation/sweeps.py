@@ -55,10 +55,7 @@ class Evaluation:
         ]
 
     def save(
-        self,
-        folder: str | Path,
-        title: str = "Evaluation",
-        columns: Sequence[str] = tuple(KPIS),
+        self, folder: str | Path, title: str = "Evaluation", columns: Sequence[str] = tuple(KPIS)
     ) -> None:
         """Write ``table.csv``, ``table.json`` and the page ``table.md`` to a folder.
 
@@ -76,18 +73,14 @@ class Evaluation:
 class Episodes(NamedTuple):
     """Stored result of a cell."""
 
-    kpis: pd.DataFrame
-    """KPIs with columns :data:`KPIS`, one row for each seed."""
-    trace: pd.DataFrame
-    """Trace of the first episode with columns :data:`TRACE`, to six digits."""
+    kpis: pd.DataFrame  # columns :data:`KPIS`, one row for each seed
+    trace: pd.DataFrame  # first episode with columns :data:`TRACE`, to six digits
 
 
 def evaluate(
-    settings: Sequence[Setting],
-    make: Callable[[Setting], Predictor],
-    folder: str | Path,
+    settings: Sequence[Setting], make: Callable[[Setting], Predictor], folder: str | Path,
     **spread: Any,
-) -> Evaluation:
+) -> Evaluation:  # fmt: skip
     """Simulate every setting and summarise the KPIs.
 
     Args:
@@ -107,15 +100,10 @@ def evaluate(
 
 
 def episodes(
-    settings: Sequence[Setting],
-    make: Callable[[Setting], Predictor],
-    folder: Path,
-    *,
-    jobs: int | None = None,
-    backend: str = "processes",
-    scheduler: str | None = None,
+    settings: Sequence[Setting], make: Callable[[Setting], Predictor], folder: Path, *,
+    jobs: int | None = None, backend: str = "processes", scheduler: str | None = None,
     tick: Callable[[], None] = lambda: None,
-) -> list[Episodes]:
+) -> list[Episodes]:  # fmt: skip
     """Simulate every setting; cells that the folder already contains are not simulated again.
 
     Args:
@@ -134,15 +122,12 @@ def episodes(
     """
     alone = backend == "processes" and (jobs == 1 or len(settings) == 1)
     work = functools.partial(_run_cell, make, None if alone else 1)
-    cells = {
-        f"{setting.name}_{version_of_cells(setting.vessel, setting.observer)}": setting
-        for setting in settings
-    }
+    cells = {f"{s.name}_{version_of_cells(s.vessel, s.observer)}": s for s in settings}
     found = sweep(
         work, cells, folder / "cells", jobs=jobs, backend=backend, scheduler=scheduler, tick=tick
     )
     return [
-        Episodes(pd.DataFrame(kept["kpis"]), pd.DataFrame(kept["trace"])) for kept in found.values()
+        Episodes(*(pd.DataFrame(kept[k]) for k in ("kpis", "trace"))) for kept in found.values()
     ]
 
 
@@ -151,22 +136,14 @@ def _run_cell(
 ) -> dict[str, Any]:
     """Return the stored form of a cell; one thread where other processes use the other cores."""
     kpis, trace = run_episodes(setting, make(setting), threads=threads)
-    return {
-        "setting": asdict(setting),
-        "kpis": kpis.to_dict(orient="list"),
-        "trace": {
-            name: [float(f"{value:.6g}") for value in column]
-            for name, column in zip(TRACE, trace.T, strict=True)
-        },
+    rounded = {
+        name: [float(f"{value:.6g}") for value in column]
+        for name, column in zip(TRACE, trace.T, strict=True)
     }
+    return {"setting": asdict(setting), "kpis": kpis.to_dict(orient="list"), "trace": rounded}
 
 
 def version_of_cells(ship: str, observer: str = "") -> str:
-    """Return eight letters that change with the ship, the source code and a user's own observer.
-
-    Args:
-        ship: preset or path.
-        observer: name; ``module:Class`` for a user's own observer.
-    """
+    """Return eight letters that change with the ship, the source code and a user's own observer."""
     source = source_digest("core", "plant", "observers", "baselines", "envs", "agents/evaluation")
     return digest_of(f"{source} {load_ship(ship)!r} {external_class_digest(observer, OBSERVERS)}")

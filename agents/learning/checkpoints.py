@@ -18,55 +18,41 @@ from ..policy.policy import Policy, load_policy
 
 
 class Checkpoints:
-    """Checkpoints of a training.
-
-    Args:
-        folder: folder of the training.
-    """
+    """Checkpoints of a training in its folder."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self._note = folder / "curve.json"
+        self.folder, self._note = folder, folder / "curve.json"
         self.evaluations: list[dict[str, float]] = []
         if self._note.is_file():
             self.evaluations = read_json(self._note)
 
     def _at(self, kind: str) -> Path:
-        return self.folder / "checkpoints" / f"{kind}-{len(self.evaluations):02d}"
+        return self.folder / "checkpoints" / f"{kind}-{len(self.evaluations):02d}.npz"
 
     @property
     def model(self) -> Path:
         """File of weights and optimiser state after the last evaluation."""
-        return self._at("model").with_suffix(".npz")
+        return self._at("model")
 
     @property
     def buffer(self) -> Path:
         """File of the replay buffer, where the algorithm has one."""
-        return self._at("buffer").with_suffix(".npz")
-
-    def _curve(self) -> dict[str, list[float]]:
-        return {key: [row[key] for row in self.evaluations] for key in self.evaluations[0]}
-
-    def add(self, row: dict[str, float]) -> None:
-        """Add an evaluation; it is stored by the next call of :meth:`keep`."""
-        self.evaluations.append(row)
+        return self._at("buffer")
 
     def keep(self, model: Any, policy: Policy) -> None:
         """Write the checkpoint, and then the curve, which marks the checkpoint as complete."""
         write_archive(self.model, pack_tree(_state(model)))
         if isinstance(model, OffPolicyAlgorithm):
             write_archive(self.buffer, pack_tree(_contents(model.replay_buffer)), compressed=False)
-        policy.curve = self._curve()
-        policy.save(self._at("policy").with_suffix(".npz"))
+        rows = self.evaluations
+        policy.curve = {key: [row[key] for row in rows] for key in rows[0]}
+        policy.save(self._at("policy"))
         write_json(self._note, self.evaluations)
         for old in set(self.buffer.parent.glob("buffer-*.npz")) - {self.buffer}:
             old.unlink()  # Only the last one is needed, and each takes hundreds of megabytes.
 
     def resume(self, model: Any) -> None:
-        """Set a new model to its state after the last evaluation.
-
-        Args:
-            model: model of stable-baselines3.
+        """Set a new model of stable-baselines3 to its state after the last evaluation.
 
         Raises:
             ArchiveError: a checkpoint is missing, damaged, or larger than one of this training can be.
@@ -76,9 +62,8 @@ class Checkpoints:
         model.num_timesteps, model._n_updates = state["num_timesteps"], state["n_updates"]
         if isinstance(model, OffPolicyAlgorithm):
             own: Any = model
-            if (
-                getattr(own, "log_ent_coef", None) is not None
-            ):  # learned, but not among the parameters
+            # This coefficient is learned, but not among the parameters.
+            if getattr(own, "log_ent_coef", None) is not None:
                 own.log_ent_coef.data.copy_(torch.as_tensor(state["log_ent_coef"]))
             replay: Any = model.replay_buffer
             size = sum(value.nbytes for value in _contents(replay).values() if _is_array(value))
@@ -87,9 +72,8 @@ class Checkpoints:
 
     def finish(self) -> Path:
         """Write the last policy as that of the training; choosing the best would bias its evaluation."""
-        policy = load_policy(self._at("policy").with_suffix(".npz"))
         path = self.folder / "policy.npz"
-        policy.save(path)
+        load_policy(self._at("policy")).save(path)
         return path
 
 
@@ -103,11 +87,9 @@ def _is_array(value: Any) -> bool:
 def _state(model: Any) -> dict[str, Any]:
     """Return all of a model that training changes, without its replay buffer."""
     return {
-        "parameters": model.get_parameters(),
-        "num_timesteps": model.num_timesteps,
-        "n_updates": model._n_updates,
-        "log_ent_coef": getattr(model, "log_ent_coef", None),
-    }
+        "parameters": model.get_parameters(), "num_timesteps": model.num_timesteps,
+        "n_updates": model._n_updates, "log_ent_coef": getattr(model, "log_ent_coef", None),
+    }  # fmt: skip
 
 
 def _contents(replay: Any) -> dict[str, Any]:

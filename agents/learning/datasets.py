@@ -21,9 +21,10 @@ from ...envs import DEFAULTS, get_task
 from ...envs.steering import environment_classes
 from ..policy.policy import Policy, PolicyError, load_policy, packaged_policies
 
-QUALITIES = ("expert", "medium", "random")
 RANDOM_SHARE = {"expert": 0.0, "medium": 0.5, "random": 1.0}
 """Share of the actions that are drawn uniformly, by quality."""
+
+QUALITIES = tuple(RANDOM_SHARE)
 
 FIRST_SEED = 1_000_000
 """First seed of the recorded episodes; training and evaluation use other seeds."""
@@ -32,15 +33,9 @@ _BYTES_A_STEP = 2000.0
 
 
 def record(
-    task: str,
-    quality: str,
-    episodes: int,
-    folder: str | Path,
-    *,
-    policy: Policy | None = None,
-    seed: int = 0,
-    tick: Callable[[int, int], None] = lambda done, total: None,
-) -> str:
+    task: str, quality: str, episodes: int, folder: str | Path, *, policy: Policy | None = None,
+    seed: int = 0, tick: Callable[[int, int], None] = lambda done, total: None,
+) -> str:  # fmt: skip
     """Record episodes of a task as a Minari data set, and return its id.
 
     Args:
@@ -79,26 +74,18 @@ def record(
     os.environ["MINARI_DATASETS_PATH"] = str(place.resolve())
     import minari  # It reads the environment variable when it is imported.
 
-    recorded = _record_episodes(
-        policy, RANDOM_SHARE[quality], episodes, FIRST_SEED + seed * episodes, seed, tick
-    )
-    env = gymnasium.make(
-        environment_classes(get_task(task).steered).id, task=task, ship=policy.about["ship_source"],
-        **policy.interface,
-    )  # fmt: skip
+    random_share, first = RANDOM_SHARE[quality], FIRST_SEED + seed * episodes
+    recorded = _record_episodes(policy, random_share, episodes, first, seed, tick)
+    kind, ship = environment_classes(get_task(task).steered).id, policy.about["ship_source"]
+    env = gymnasium.make(kind, task=task, ship=ship, **policy.interface)
     buffers = [minari.data_collector.EpisodeBuffer(id=k, **one) for k, one in enumerate(recorded)]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # It asks for an e-mail address and a link.
         minari.create_dataset_from_buffers(
-            name,
-            buffers,
-            env=env,
-            eval_env=env,
-            algorithm_name=f"packaged policy, {100 * RANDOM_SHARE[quality]:.0f} % of its actions random",
-            author={"shaftline"},
-            description=get_task(task).description,
-            requirements=["shaftline"],
-        )
+            name, buffers, env=env, eval_env=env, author={"shaftline"},
+            algorithm_name=f"packaged policy, {100 * random_share:.0f} % of its actions random",
+            description=get_task(task).description, requirements=["shaftline"],
+        )  # fmt: skip
     env.close()
     return name
 

@@ -26,6 +26,7 @@ from ...envs.settings import Settings
 from ...envs.steering import environment_classes
 from ...plant import Ship, load_ship
 from ..evaluation.clairvoyant import Clairvoyant
+from ..policy.policy import stack_frame
 from .recipe import Recipe, RecipeError, tuned_controller
 
 FIRST_SEED = 600_000
@@ -48,41 +49,30 @@ _TAIL = 100  # intervals whose mean reward extrapolates the reward beyond the ti
 
 
 class Demonstrations(NamedTuple):
-    """Observations, actions and returns of the control intervals of planned episodes.
+    """Observations, actions and returns of the control intervals of planned episodes."""
 
-    Args:
-        observations: policy inputs, stacked over ``frame_stack`` intervals, shape (n, width).
-        actions: actions with which the environment follows the plans, shape (n, 2).
-        returns: discounted sums of the later rewards, shape (n,).
-    """
-
-    observations: NDArray[np.float32]
-    actions: NDArray[np.float32]
-    returns: NDArray[np.float32]
+    observations: NDArray[np.float32]  # stacked over ``frame_stack`` intervals, shape (n, width)
+    actions: NDArray[np.float32]  # with which the environment follows the plans, shape (n, 2)
+    returns: NDArray[np.float32]  # discounted sums of the later rewards, shape (n,)
 
 
 def plan_cell(cell: tuple[Mapping[str, Any], str, int]) -> list[list[float]]:
     """Return the actions of one plan as nested lists, which JSON can store.
 
-    Args:
-        cell: keywords of the environment, controller whose commands initialise the plan, and seed of the
-            episode.
+    A cell has the keywords of the environment, the controller whose commands initialise the plan, and
+    the seed of the episode.
     """
     keywords, start, seed = cell
     settings = Settings.of(keywords)
     ship = get_task(settings.task).load_ship(settings.ship)
     controller = make_controller(start, ship, DEFAULTS.control_interval_s)
-    plan = Clairvoyant(settings, seed).plan(controller, GRADIENTS)
-    return [[float(value) for value in action] for action in plan.actions]
+    return list(Clairvoyant(settings, seed).plan(controller, GRADIENTS).actions.tolist())
 
 
 def make_plans(
-    recipe: Recipe,
-    ship: str,
-    folder: Path,
-    jobs: int | None = None,
+    recipe: Recipe, ship: str, folder: Path, jobs: int | None = None,
     tick: Callable[[], None] = lambda: None,
-) -> dict[int, NDArray[np.float32]]:
+) -> dict[int, NDArray[np.float32]]:  # fmt: skip
     """Optimise the plans that a recipe imitates, or read the plans that a folder already holds.
 
     Args:
@@ -100,18 +90,13 @@ def make_plans(
         SweepError: some plans failed; the message names them.
         ValueError: a file of the folder holds no plan of this recipe.
     """
-    keywords = {
-        key: value for key, value in _environment(recipe, ship).items() if key in _DECIDE_A_PLAN
-    }
+    environment = _environment(recipe, ship)
+    keywords = {key: value for key, value in environment.items() if key in _DECIDE_A_PLAN}
     start = tuned_controller(recipe.task)
-    content = repr(load_ship(ship))  # a ship file may change under the same path
-    version = digest_of(
-        f"{keywords | {'ship': content}} {start} {GRADIENTS} {source_digest(*_SOURCES)}"
-    )
-    cells = {
-        f"plan-{version}-{seed}": (keywords, start, seed)
-        for seed in range(FIRST_SEED, FIRST_SEED + recipe.plans)
-    }
+    content = keywords | {"ship": repr(load_ship(ship))}  # a ship file may change under its path
+    version = digest_of(f"{content} {start} {GRADIENTS} {source_digest(*_SOURCES)}")
+    seeds = range(FIRST_SEED, FIRST_SEED + recipe.plans)
+    cells = {f"plan-{version}-{seed}": (keywords, start, seed) for seed in seeds}
     found = sweep(plan_cell, cells, folder, jobs=jobs, tick=tick)
     intervals = Settings.of(keywords).max_episode_steps or 0
     return {
@@ -121,15 +106,7 @@ def make_plans(
 
 
 def check_plannable(recipe: Recipe, ship: Ship) -> None:
-    """Refuse plans for a ship with a fixed pitch.
-
-    Args:
-        recipe: recipe of the training.
-        ship: ship of the training.
-
-    Raises:
-        RecipeError: the recipe has plans and the pitch of the ship is fixed.
-    """
+    """Refuse plans for a ship with a fixed pitch by a RecipeError."""
     if recipe.plans and not ship.has_variable_pitch:
         raise RecipeError(
             f"plans = {recipe.plans}: a plan commands the pitch, which is fixed on {ship.name}; set "
@@ -159,31 +136,25 @@ def _environment(recipe: Recipe, ship: str) -> dict[str, Any]:
 def demonstrate(
     recipe: Recipe, ship: str, planned: Mapping[int, NDArray[np.float32]]
 ) -> Demonstrations:
-    """Simulate plans in the training environment and record observations, actions and returns.
+    """Simulate plans from :func:`make_plans` in the training environment, and record them.
 
     With a residual action mode an action is the difference from the base controller, clipped to its
     range.
-
-    Args:
-        recipe: recipe of the training.
-        ship: preset or path.
-        planned: actions of the plans by seed, from :func:`make_plans`.
     """
     gamma = float(recipe.hyperparameters.get("gamma", 0.99))
     env = environment_classes(get_task(recipe.task).steered).single(**_environment(recipe, ship))
-    observations: list[NDArray[np.float32]] = []
-    actions: list[NDArray[np.float32]] = []
+    observations, actions = [], []
     returns: list[float] = []
     for seed, commands in planned.items():
         seen, _ = env.reset(seed=seed)
-        stack = np.zeros((recipe.frame_stack, len(seen)), np.float32)
+        stack = np.zeros((1, recipe.frame_stack * len(seen)), np.float32)
         rewards: list[float] = []
         terminated = False
         for planned_action in commands:
             base = env.batch.base
             action = planned_action if base is None else base.towards(planned_action[None])[0]
-            stack = np.concatenate([stack[1:], seen[None]])
-            observations.append(stack.ravel())
+            stack = stack_frame(stack, seen[None])
+            observations.append(stack[0])
             actions.append(action)
             seen, reward, terminated, truncated, _ = env.step(action)
             rewards.append(float(reward))
@@ -196,19 +167,11 @@ def demonstrate(
             discounted.append(follows)
         returns += reversed(discounted)
     env.close()
-    return Demonstrations(
-        np.array(observations, np.float32),
-        np.array(actions, np.float32),
-        np.array(returns, np.float32),
-    )
+    return Demonstrations(*(np.array(one, np.float32) for one in (observations, actions, returns)))
 
 
 def imitate(model: Any, shown: Demonstrations) -> float:
-    """Fit the policy network and the value network of a PPO model to demonstrations.
-
-    Args:
-        model: PPO model of stable-baselines3; its networks are changed in place.
-        shown: demonstrations.
+    """Fit the policy network and the value network of a PPO model to demonstrations, in place.
 
     Returns:
         Mean squared error of the actions in the last pass over the demonstrations [-].

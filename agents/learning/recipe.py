@@ -16,12 +16,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import yaml
-from pydantic import (
-    Field,
-    ValidationError,
-    field_validator,
-    model_validator,
-)
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from ...core.files import FileError, check_size, read_text, reason_of
 from ...core.models import FileModel
@@ -76,14 +71,16 @@ class Recipe(FileModel):
         1, ge=1, le=MOST_FRAMES, description="number of the last observations in the policy input"
     )
     plans: int = Field(
-        default=0,
-        ge=0,
-        le=1000,
-        description="clairvoyant plans to imitate before reinforcement learning",
+        0, ge=0, le=1000, description="clairvoyant plans to imitate before reinforcement learning"
     )
     evaluations: int = Field(10, ge=1, description="evaluations, each followed by a checkpoint")
     env_kwargs: dict[str, Any] = Field(default_factory=dict)
     hyperparameters: dict[str, Any] = Field(default_factory=dict)
+
+    @property
+    def settings(self) -> Settings:
+        """Settings of the training environment."""
+        return Settings.of({"task": self.task} | self.env_kwargs)
 
     @field_validator("n_timesteps", mode="before")
     @classmethod
@@ -104,13 +101,11 @@ class Recipe(FileModel):
         for key, (low, high) in _RANGES.items():
             given = self.hyperparameters.get(key)
             if isinstance(given, str):
-                try:
-                    if key in _WHOLE:
-                        raise ValueError
-                    given = float(given.removeprefix("lin_"))  # YAML 1.1 reads 1e-3 as text.
-                except ValueError:
+                number = _number_of(given)
+                if number is None or key in _WHOLE:
                     also = "" if key in _WHOLE else ", or lin_NUMBER"
-                    raise ValueError(f"{key} = {given!r}: must be a number{also}") from None
+                    raise ValueError(f"{key} = {given!r}: must be a number{also}")
+                given = number
             if isinstance(given, int | float) and not low < given <= high:
                 raise ValueError(f"{key} = {given:g}: must be above {low:g} and at most {high:g}")
         rollout = float(self.hyperparameters.get("n_steps", 1)) * self.n_envs
@@ -138,7 +133,7 @@ class Recipe(FileModel):
             raise ValueError(
                 f"{said}a plan has no rudder command, which {self.task} needs; set plans: 0"
             )
-        env = Settings.of({"task": self.task} | self.env_kwargs)
+        env = self.settings
         mode, command = env.action_mode.partition(":")[0], env.drive_command
         if self.algorithm != "ppo" or mode == "increment" or command == "shaft-speed":
             raise ValueError(
@@ -160,6 +155,14 @@ class Recipe(FileModel):
         return self
 
 
+def _number_of(text: str) -> float | None:
+    """Return the number of ``NUMBER`` or ``lin_NUMBER``, because YAML 1.1 reads 1e-3 as text."""
+    try:
+        return float(text.removeprefix("lin_"))
+    except ValueError:
+        return None
+
+
 def _numbers_in(value: Any) -> list[float]:
     """Return the floating-point numbers that a value of a recipe contains at any depth."""
     if isinstance(value, Mapping):
@@ -176,18 +179,12 @@ def recipe_path(algorithm: str) -> Path:
         >>> recipe_path("ppo").name
         'ppo.yml'
     """
-    return Path(
-        str(resources.files("shaftline.agents.learning").joinpath("recipes", f"{algorithm}.yml"))
-    )
+    folder = resources.files("shaftline.agents.learning").joinpath("recipes")
+    return Path(str(folder.joinpath(f"{algorithm}.yml")))
 
 
 def tuned_controller(task: str) -> str:
-    """Return the tuned classic controller of a task, as ``NAME:option=number,...``.
-
-    It is the best controller that ``shaftline tune`` found for the task, on the seas of the training.
-
-    Args:
-        task: name of the task.
+    """Return the best controller that ``shaftline tune`` found for a task, ``NAME:option=number,...``.
 
     Raises:
         RecipeError: no tuned controller is known for the task.
@@ -242,17 +239,9 @@ def recipe_section(recipe: Recipe) -> dict[str, Any]:
 def build_recipe(
     section: Mapping[str, Any], algorithm: str, task: str, file: str, **changes: Any
 ) -> Recipe:
-    """Return a recipe from its section.
+    """Return a recipe from its section; ``file`` is named in messages.
 
-    Args:
-        section: keys and values.
-        algorithm: ``ppo``, ``sac`` or ``td3``.
-        task: name of the section.
-        file: name of the file, for messages.
-        changes: fields that replace those of the section, as in :func:`read_recipe`.
-
-    Raises:
-        RecipeError: an unknown key or a value out of range.
+    The other arguments and the errors are those of :func:`read_recipe`.
     """
     values = dict(section)
     own = {key: values.pop(key) for key in list(values) if key in Recipe.model_fields}
@@ -272,22 +261,21 @@ def build_recipe(
             get_observer(str(env["observer"]))
         except ObserverError as error:
             raise RecipeError(f"{file}: [{task}] env_kwargs.observer: {error}") from None
+    own = {"task": task} | own | {"algorithm": algorithm, "hyperparameters": values}
     try:
-        recipe = Recipe.model_validate(
-            {"task": task, **own, "algorithm": algorithm, "hyperparameters": values, **changes,
-             "env_kwargs": env}
-        )  # fmt: skip
+        recipe = Recipe.model_validate(own | changes | {"env_kwargs": env})
         get_task(recipe.task)
     except ValidationError as error:
-        # The message of a check of several keys names the keys itself.
-        said = "; ".join(
-            f"{'.'.join(map(str, e['loc']))} = {e['input']!r}: {e['msg']}"
-            if e["loc"]
-            else e["msg"].removeprefix("Value error, ")
-            for e in error.errors()
-        )
+        said = "; ".join(map(_said, error.errors()))
         raise RecipeError(f"{file}: [{task}] {said}") from None
     return recipe
+
+
+def _said(error: Any) -> str:
+    """Return an error as text; the message of a check of several keys names the keys itself."""
+    if not error["loc"]:
+        return str(error["msg"]).removeprefix("Value error, ")
+    return f"{'.'.join(map(str, error['loc']))} = {error['input']!r}: {error['msg']}"
 
 
 def _check_keys(file: str, task: str, algorithm: str, values: dict[str, Any]) -> None:

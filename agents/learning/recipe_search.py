@@ -51,37 +51,28 @@ class _GivenUpError(Exception):
 class Trial:
     """One proposal of the search."""
 
-    values: dict[str, Any]
-    """Values of the varied keys."""
-    rewards: list[float] = field(default_factory=list)
-    """Reward at each evaluation of its first training."""
-    reward: float | None = None
-    """Reward at the end, mean over its trainings; None if the trial was stopped."""
+    values: dict[str, Any]  # values of the varied keys
+    rewards: list[float] = field(default_factory=list)  # at the evaluations of its first training
+    reward: float | None = None  # at the end, mean over its trainings; None if it was stopped
 
 
 @dataclass(frozen=True)
 class RecipeSearch:
     """Result of a recipe search."""
 
-    trials: list[Trial]
-    """Trials; the first is the given recipe."""
-    best: int
-    """Index of the trial with the highest reward, which is biased upwards."""
-    fresh: dict[str, list[float]]
-    """Rewards of new trainings on unused seas: of the recipes ``given`` and ``found``."""
-    recipe: Path
-    """File of the best recipe for :func:`.recipe.read_recipe`."""
+    trials: list[Trial]  # the first is the given recipe
+    best: int  # index of the trial with the highest reward, which is biased upwards
+    fresh: dict[
+        str, list[float]
+    ]  # rewards of new trainings on unused seas: ``given`` and ``found``
+    recipe: Path  # file of the best recipe for :func:`.recipe.read_recipe`
 
 
 def distribution_of(key: str, text: str) -> Distribution:
     """Return the distribution of a hyperparameter from ``LOW:HIGH`` or ``A,B,C``.
 
-    Args:
-        key: key, for the message.
-        text: text as on the command line.
-
     Raises:
-        RecipeError: the text has neither form.
+        RecipeError: the text has neither form; the message names the key.
     """
     if "," in text:
         choices = [yaml.safe_load(_exponent(part)) for part in text.split(",")]
@@ -90,9 +81,8 @@ def distribution_of(key: str, text: str) -> Distribution:
     low, _, high = text.partition(":")
     try:
         ends = float(low), float(high)
-        whole = all(end.strip().lstrip("+-").isdigit() for end in (low, high))
         if np.isfinite(ends).all() and ends[0] < ends[1]:
-            if whole:
+            if _is_whole(low) and _is_whole(high):
                 return optuna.distributions.IntDistribution(int(low), int(high))
             log = ends[0] > 0.0 and ends[1] >= _WIDE * ends[0]
             return optuna.distributions.FloatDistribution(*ends, log=log)
@@ -101,10 +91,14 @@ def distribution_of(key: str, text: str) -> Distribution:
     raise RecipeError(f"{key} = {text!r}: must be LOW:HIGH with LOW below HIGH, or a list A,B,C")
 
 
+def _is_whole(text: str) -> bool:
+    return text.strip().lstrip("+-").isdigit()
+
+
 def _exponent(text: str) -> str:
     """Return a number as text that YAML 1.1 reads as a number; it reads 1e-3 as text."""
     try:
-        return text if text.strip().lstrip("+-").isdigit() else repr(float(text))
+        return text if _is_whole(text) else repr(float(text))
     except ValueError:
         return text
 
@@ -156,32 +150,18 @@ def _space(recipe: Recipe, vary: Mapping[str, str]) -> dict[str, Distribution]:
         if head in _FIXED or (head == "env_kwargs" and rest in _EASIER):
             why = _FIXED.get(head, "the easiest evaluation would win")
             raise RecipeError(f"{key}: cannot be searched for ({why})")
-        found = distribution_of(key, text)
-        ends = (
-            found.choices
-            if isinstance(found, optuna.distributions.CategoricalDistribution)
-            else (found.low, found.high)  # type: ignore[attr-defined]
-        )
+        space[key] = found = distribution_of(key, text)
+        ends = getattr(found, "choices", None) or (found.low, found.high)  # type: ignore[attr-defined]
         for end in ends:
             change_recipe(recipe, {key: end})
-        space[key] = found
     return space
 
 
 def search_recipe(
-    recipe: Recipe,
-    folder: Path,
-    *,
-    vary: Mapping[str, str] | None = None,
-    trials: int = 20,
-    seeds: int = 1,
-    fresh: int = 2,
-    seed: int = 0,
-    ship: str | None = None,
-    device: str = "auto",
-    threads: int | None = None,
-    tick: Tick = lambda done, total, said: None,
-) -> RecipeSearch:
+    recipe: Recipe, folder: Path, *, vary: Mapping[str, str] | None = None, trials: int = 20,
+    seeds: int = 1, fresh: int = 2, seed: int = 0, ship: str | None = None, device: str = "auto",
+    threads: int | None = None, tick: Tick = lambda done, total, said: None,
+) -> RecipeSearch:  # fmt: skip
     """Search the hyperparameters of a recipe, or resume an interrupted search.
 
     Args:
@@ -242,10 +222,9 @@ def search_recipe(
             for one in range(seeds):
                 watch = None if one else _watch(trial, asking, parts)
                 path = trained(tried, one, at, k * seeds + one, said, after_evaluation=watch)
-                evaluated = load_policy(path).curve["reward"][-parts:]  # without the imitation
-                curve = [float(reward) for reward in evaluated]
-                trial.rewards = trial.rewards if one else curve
-                rewards.append(curve[-1])
+                curve = load_policy(path).curve["reward"][-parts:]  # without the imitation
+                trial.rewards = trial.rewards if one else [float(reward) for reward in curve]
+                rewards.append(float(curve[-1]))
             trial.reward = float(np.mean(rewards))
         except _GivenUpError:
             pass
@@ -256,23 +235,22 @@ def search_recipe(
     best = max(range(count), key=lambda k: -np.inf if (r := done[k].reward) is None else r)
     found = change_recipe(recipe, done[best].values) if best else recipe
     write_text(folder / "recipe.yml", _as_file(found, done[best]))
-    compared: dict[str, list[float]] = {}
-    for name, tried, place in (("given", recipe, "given"), ("found", found, f"found-{best}")):
-        if name == "found" and not best:  # The given recipe is the best.
-            compared[name] = compared["given"]
-            continue
-        compared[name] = []
+
+    def compare(name: str, tried: Recipe, place: str, before: int) -> list[float]:
+        rewards = []
         for one in range(fresh):
-            before = count * seeds + one + (fresh if name == "found" else 0)
-            path = trained(
-                tried, FIRST_FRESH_SEED + one, folder / place, before, f"{name} on fresh seeds"
-            )
+            seed, said = FIRST_FRESH_SEED + one, f"{name} on fresh seeds"
+            path = trained(tried, seed, folder / place, before + one, said)
             kpis = evaluate_policy(load_policy(path), tried, vessel, threads, FIRST_FRESH_SEA)
-            compared[name].append(kpis["reward"])
+            rewards.append(kpis["reward"])
+        return rewards
+
+    as_given = compare("given", recipe, "given", count * seeds)
+    as_found = compare("found", found, f"found-{best}", count * seeds + fresh) if best else as_given
+    compared = {"given": as_given, "found": as_found}
     tick(total, total, _state_of(trials - 1, trials, done))
-    write_json(
-        note, plan | {"trials": [asdict(one) for one in done], "best": best, "fresh": compared}
-    )
+    rows = [asdict(one) for one in done]
+    write_json(note, plan | {"trials": rows, "best": best, "fresh": compared})
     return RecipeSearch(done, best, compared, folder / "recipe.yml")
 
 
@@ -300,24 +278,18 @@ def _watch(
 def _study(done: list[Trial], space: dict[str, Distribution], seed: int) -> optuna.Study:
     """Return a study that contains the finished trials; its next proposal depends on nothing else."""
     own = int(np.random.SeedSequence([seed, len(done)]).generate_state(1)[0])
-    study = optuna.create_study(
-        direction="maximize",
-        sampler=optuna.samplers.TPESampler(seed=own),
-        pruner=optuna.pruners.MedianPruner(n_startup_trials=4, n_warmup_steps=1),
-    )
+    sampler = optuna.samplers.TPESampler(seed=own)
+    pruner = optuna.pruners.MedianPruner(n_startup_trials=4, n_warmup_steps=1)
+    study = optuna.create_study(direction="maximize", sampler=sampler, pruner=pruner)
+    states = optuna.trial.TrialState
     for trial in done:
         try:
-            study.add_trial(
-                optuna.trial.create_trial(
-                    state=optuna.trial.TrialState.PRUNED
-                    if trial.reward is None
-                    else optuna.trial.TrialState.COMPLETE,
-                    value=trial.reward,
-                    params=trial.values,
-                    distributions=space,
-                    intermediate_values=dict(enumerate(trial.rewards)),
-                )
-            )
+            finished = optuna.trial.create_trial(
+                state=states.PRUNED if trial.reward is None else states.COMPLETE, value=trial.reward,
+                params=trial.values, distributions=space,
+                intermediate_values=dict(enumerate(trial.rewards)),
+            )  # fmt: skip
+            study.add_trial(finished)
         except ValueError:  # The given recipe can be outside the search space.
             continue
     return study

@@ -9,12 +9,14 @@ the last part is kept.
 from __future__ import annotations
 
 import hashlib
+import itertools
 import subprocess
 import time
 import warnings
 from collections.abc import Callable
 from contextlib import closing
 from copy import deepcopy
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -63,8 +65,7 @@ class LinearDecay:
     """Value that falls linearly to zero over the whole training."""
 
     def __init__(self, value: float) -> None:
-        self.value = value
-        self.remaining = 1.0
+        self.value, self.remaining = value, 1.0
 
     def __call__(self, _: float) -> float:
         """Return the value at the remaining share of the training."""
@@ -148,12 +149,7 @@ def build_model(
 ) -> tuple[Any, Any, list[LinearDecay]]:
     """Return an untrained model, its environments, and the values that fall during the training.
 
-    Args:
-        recipe: recipe of the training.
-        seed: seed of the weights.
-        ship: preset or path.
-        device: device of torch.
-        threads: number of threads of the environments.
+    ``ship`` is a preset or path; ``seed`` is that of the weights.
     """
     venv: Any = VecMonitor(
         _StaggeredFrigates(
@@ -194,28 +190,21 @@ def sources() -> str:
 
 def git_commit() -> str | None:
     """Return the hash of the checkout that contains this module; None without a checkout."""
-    here = Path(__file__).parent
+    command, here = ["git", "rev-parse", "HEAD"], Path(__file__).parent
     try:
-        found = subprocess.run(
-            ["git", "rev-parse", "HEAD"], cwd=here, capture_output=True, text=True, check=True,
-        )  # fmt: skip
+        return subprocess.check_output(
+            command, cwd=here, stderr=subprocess.DEVNULL, text=True
+        ).strip()
     except (OSError, subprocess.CalledProcessError):
         return None
-    return found.stdout.strip()
 
 
 def train(
-    recipe: Recipe,
-    seed: int,
-    folder: str | Path,
-    *,
-    ship: str | None = None,
-    device: str = "auto",
-    threads: int | None = None,
-    plan_folder: str | Path | None = None,
+    recipe: Recipe, seed: int, folder: str | Path, *, ship: str | None = None, device: str = "auto",
+    threads: int | None = None, plan_folder: str | Path | None = None,
     tick: Tick = lambda done, total, said: None,
     after_evaluation: Callable[[list[float]], None] | None = None,
-) -> Path:
+) -> Path:  # fmt: skip
     """Train a policy, or resume an interrupted training.
 
     Args:
@@ -265,13 +254,7 @@ def train(
     write_json(note, plan)  # The recipe has been accepted.
     if progress.evaluations:
         progress.resume(model)
-    formats = ["csv"]
-    try:
-        import tensorboard  # noqa: F401
-
-        formats.append("tensorboard")
-    except ImportError:
-        pass
+    formats = ["csv", "tensorboard"] if find_spec("tensorboard") else ["csv"]
     log = str(folder / "log")
     suffix = f"-{len(progress.evaluations):02d}"  # A resumed training keeps earlier logs.
     model.set_logger(Logger(log, [make_output_format(kind, log, suffix) for kind in formats]))
@@ -279,14 +262,11 @@ def train(
     watch = _Watch(recipe, falling, tick, said)
 
     def evaluate() -> None:
-        policy = Policy(
-            extract_network(model),
-            about_training(recipe, seed, ship, venv.get_attr("vector", [0])[0].batch),
-        )
+        about = about_training(recipe, seed, ship, venv.get_attr("vector", [0])[0].batch)
+        policy = Policy(extract_network(model), about)
         found = evaluate_policy(policy, recipe, ship, threads)
-        progress.add(
-            {"steps": model.num_timesteps, **found, "seconds": time.perf_counter() - begin}
-        )
+        seconds = time.perf_counter() - begin
+        progress.evaluations.append({"steps": model.num_timesteps, **found, "seconds": seconds})
         said[0] = f"reward {found['reward']:.1f}"
         progress.keep(model, policy)
         for name, value in found.items():
@@ -294,9 +274,8 @@ def train(
 
     with closing(venv), closing(model.logger):
         if recipe.plans and not progress.evaluations:
-            _imitate_plans(
-                model, recipe, ship, Path(plan_folder or folder / "plans"), threads, tick
-            )
+            plans = Path(plan_folder or folder / "plans")
+            _imitate_plans(model, recipe, ship, plans, threads, tick)
             evaluate()
         for part in range(len(progress.evaluations) - imitated, parts):
             part_seed = int(np.random.SeedSequence([seed, part]).generate_state(1)[0] % 2**31)
@@ -316,12 +295,10 @@ def _imitate_plans(
     model: Any, recipe: Recipe, ship: str, folder: Path, jobs: int | None, tick: Tick
 ) -> None:
     """Compute the plans of a recipe and fit the networks of a model to them."""
-    made = 0
+    made = itertools.count(1)
 
     def count() -> None:
-        nonlocal made
-        made += 1
-        tick(0, recipe.n_timesteps, f"{made} of {recipe.plans} plans")
+        tick(0, recipe.n_timesteps, f"{next(made)} of {recipe.plans} plans")
 
     planned = make_plans(recipe, ship, folder, jobs, count)
     tick(0, recipe.n_timesteps, "imitating the plans")
@@ -330,11 +307,7 @@ def _imitate_plans(
 
 
 def evaluation_schedule(recipe: Recipe) -> tuple[int, int]:
-    """Return the number of parts of a training, and the steps of each part: whole rollouts.
-
-    Args:
-        recipe: recipe of the training.
-    """
+    """Return the number of parts of a training, and the steps of each part: whole rollouts."""
     rollout = recipe.n_envs
     if recipe.algorithm == "ppo":
         rollout *= int(recipe.hyperparameters.get("n_steps", 2048))
@@ -343,23 +316,12 @@ def evaluation_schedule(recipe: Recipe) -> tuple[int, int]:
 
 
 def about_training(recipe: Recipe, seed: int, ship: str, batch: Batch) -> dict[str, Any]:
-    """Return the description of a policy for its file.
-
-    Args:
-        recipe: recipe of the training.
-        seed: seed of the training.
-        ship: preset or path.
-        batch: batch of the training environments.
-    """
+    """Return the description of a policy for its file; ``batch`` is that of the training."""
     return {
-        "layout": layout(batch),
-        "ship_source": ship,
-        "control_interval_s": batch.interval_s,
-        "recipe": recipe.model_dump(),
-        "seed": seed,
-        "commit": git_commit(),
+        "layout": layout(batch), "ship_source": ship, "control_interval_s": batch.interval_s,
+        "recipe": recipe.model_dump(), "seed": seed, "commit": git_commit(),
         "torch": torch.__version__.split("+")[0],
-    }
+    }  # fmt: skip
 
 
 def reference(recipe: Recipe, ship: str, threads: int | None = None) -> tuple[str, float]:
@@ -367,15 +329,9 @@ def reference(recipe: Recipe, ship: str, threads: int | None = None) -> tuple[st
 
     It is the base controller of a residual, and otherwise the tuned controller of the task, in the
     episodes of the evaluations.
-
-    Args:
-        recipe: recipe of the training.
-        ship: preset or path.
-        threads: number of threads of the environments.
     """
     task, interval = get_task(recipe.task), DEFAULTS.control_interval_s
-    mode = str(recipe.env_kwargs.get("action_mode", DEFAULTS.action_mode))
-    base = DEFAULTS.model_copy(update={"action_mode": mode}).base_controller
+    base = recipe.settings.base_controller
     name = base or tuned_controller(recipe.task)
     if task.steered and "+" not in name:
         name = f"{task.helmsman}+{name}"
@@ -387,20 +343,12 @@ def reference(recipe: Recipe, ship: str, threads: int | None = None) -> tuple[st
 
 
 def evaluate_policy(
-    policy: Predictor,
-    recipe: Recipe,
-    ship: str,
-    threads: int | None,
+    policy: Predictor, recipe: Recipe, ship: str, threads: int | None,
     first_sea: int = FIRST_EVALUATION_SEED,
-) -> dict[str, float]:
+) -> dict[str, float]:  # fmt: skip
     """Return interquartile means of KPIs over episodes of the task that training does not draw.
 
-    Args:
-        policy: the policy, or another controller.
-        recipe: recipe of its training.
-        ship: preset or path.
-        threads: number of threads of the environments.
-        first_sea: seed of the first episode.
+    ``first_sea`` is the seed of the first episode.
     """
     environment = {"sea": "task", "observer": DEFAULTS.observer} | {
         key: value for key, value in recipe.env_kwargs.items() if key not in INTERFACE

@@ -28,18 +28,13 @@ _DIGITS = 3  # significant digits of the constants
 
 
 class TuningResult(NamedTuple):
-    """Result of a tuning."""
+    """Result of a tuning; rewards are means over episodes of the same seas."""
 
-    controller: str
-    """Best controller with its options, as :func:`tune` accepts it."""
-    reward: float
-    """Mean reward over the episodes of the search, which is biased upwards."""
-    fresh: float
-    """Mean reward over as many unused episodes of the same seas."""
-    untuned: float
-    """Mean reward of the given controller over these unused episodes."""
-    candidates: int
-    """Number of candidates."""
+    controller: str  # best controller with its options, as :func:`tune` accepts it
+    reward: float  # reward in the episodes of the search, which is biased upwards
+    fresh: float  # reward in as many unused episodes
+    untuned: float  # reward of the given controller in these unused episodes
+    candidates: int  # number of candidates
 
 
 class _Part(NamedTuple):
@@ -78,19 +73,11 @@ def _free(
 
 
 def tune(
-    controller: str,
-    task: str,
-    *,
-    ranges: Mapping[str, tuple[float, float]] | None = None,
-    rounds: int = 40,
-    episodes: int = 24,
-    episode_s: float = EPISODE_S,
-    seed: int = 0,
-    observer: str = DEFAULTS.observer,
-    ship: str | None = None,
-    threads: int | None = None,
+    controller: str, task: str, *, ranges: Mapping[str, tuple[float, float]] | None = None,
+    rounds: int = 40, episodes: int = 24, episode_s: float = EPISODE_S, seed: int = 0,
+    observer: str = DEFAULTS.observer, ship: str | None = None, threads: int | None = None,
     tick: Callable[[int, int, str], None] = lambda done, total, said: None,
-) -> TuningResult:
+) -> TuningResult:  # fmt: skip
     """Tune the constants of a controller on a task.
 
     Args:
@@ -127,46 +114,26 @@ def tune(
     vessel = model.load_ship(ship)
     first = FIRST_SEED + 2 * seed * episodes
 
-    def simulate(text: str, seeds_from: int) -> float:
-        setting = Setting(
-            text, task, "task", observer, episodes, ship, episode_s, first_seed=seeds_from
-        )
+    def simulate(text: str, seed: int) -> float:
+        setting = Setting(text, task, "task", observer, episodes, ship, episode_s, first_seed=seed)
         made = controller_for(model, text, vessel, DEFAULTS.control_interval_s, model.steered)
         kpis, _ = run_episodes(setting, made, threads=threads)
         return float(kpis["reward"].mean())
 
     untuned = simulate(controller, first + episodes)  # This also checks the options.
-    found = _search(parts, free, lambda text: simulate(text, first), rounds, seed, tick)
-    return TuningResult(
-        found.text, found.reward, simulate(found.text, first + episodes), untuned, found.candidates
+    best, reward, count = _search(
+        parts, free, lambda text: simulate(text, first), rounds, seed, tick
     )
-
-
-class _SearchResult(NamedTuple):
-    """Best controller of a search."""
-
-    text: str  # the controller with its options
-    reward: float  # mean reward over the episodes of the search
-    candidates: int  # number of candidates
+    return TuningResult(best, reward, simulate(best, first + episodes), untuned, count)
 
 
 def _search(
-    parts: list[_Part],
-    free: Mapping[tuple[int, str], tuple[float, float]],
-    simulate: Callable[[str], float],
-    rounds: int,
-    seed: int,
-    tick: Callable[[int, int, str], None],
-) -> _SearchResult:
-    """Return the best controller of a search.
+    parts: list[_Part], free: Mapping[tuple[int, str], tuple[float, float]],
+    simulate: Callable[[str], float], rounds: int, seed: int, tick: Callable[[int, int, str], None],
+) -> tuple[str, float, int]:  # fmt: skip
+    """Return the best controller of a search, its reward, and the number of candidates.
 
-    Args:
-        parts: controllers with their fixed constants.
-        free: range of each free constant, by part and option.
-        simulate: function that returns the reward of a controller.
-        rounds: number of generations.
-        seed: seed of the search.
-        tick: progress function, as in :func:`tune`.
+    ``free`` has the range of each free constant, by part and option.
     """
 
     def text_of(point: NDArray[np.float64]) -> str:
@@ -176,16 +143,13 @@ def _search(
         return "+".join(_text_of(part.name, own) for part, own in zip(parts, options, strict=True))
 
     rng = np.random.default_rng(seed)
-    search = cma.CMAEvolutionStrategy(
-        np.full(len(free), 0.5),
-        _SPREAD,
-        {
-            "bounds": [0.0, 1.0], "maxiter": rounds, "verbose": -9, "seed": np.nan,
-            "randn": lambda *shape: rng.standard_normal(shape), "verb_log": 0,
-            # cma 4.5 fails if it limits the standard deviation of a single constant.
-            "maxstd_boundrange": 1.0 / 3.0 if len(free) > 1 else np.inf,
-        },
-    )  # fmt: skip
+    settings = {
+        "bounds": [0.0, 1.0], "maxiter": rounds, "verbose": -9, "seed": np.nan,
+        "randn": lambda *shape: rng.standard_normal(shape), "verb_log": 0,
+        # cma 4.5 fails if it limits the standard deviation of a single constant.
+        "maxstd_boundrange": 1.0 / 3.0 if len(free) > 1 else np.inf,
+    }  # fmt: skip
+    search = cma.CMAEvolutionStrategy(np.full(len(free), 0.5), _SPREAD, settings)
     best, most, candidates = "", -np.inf, 0
     for k in range(rounds):
         points = search.ask()
@@ -199,4 +163,4 @@ def _search(
         tick(k + 1, rounds, f"reward {most:.5g}")
         if search.stop():
             break
-    return _SearchResult(best, most, candidates)
+    return best, most, candidates

@@ -25,23 +25,19 @@ def card(name: str, policy: Policy, returns: Mapping[str, Mapping[str, float]], 
     """
     about = policy.about
     recipe, task = about["recipe"], get_task(about["recipe"]["task"])
+    results = [
+        {
+            "task": {"type": "reinforcement-learning", "name": recipe["task"]},
+            "dataset": {"type": "shaftline", "name": f"{recipe['task']}, {seas} seas"},
+            "metrics": [{"type": "mean_return", "value": round(value, 1)}],
+        }
+        for seas, value in returns["policy"].items()
+    ]
     head = {
         "library_name": "shaftline",
         "license": "mit",
         "tags": ["reinforcement-learning", "ship-propulsion", "gymnasium", recipe["algorithm"]],
-        "model-index": [
-            {
-                "name": f"shaftline-{name}",
-                "results": [
-                    {
-                        "task": {"type": "reinforcement-learning", "name": recipe["task"]},
-                        "dataset": {"type": "shaftline", "name": f"{recipe['task']}, {seas} seas"},
-                        "metrics": [{"type": "mean_return", "value": round(value, 1)}],
-                    }
-                    for seas, value in returns["policy"].items()
-                ],
-            }
-        ],
+        "model-index": [{"name": f"shaftline-{name}", "results": results}],
     }
     seas = list(returns["policy"])
     table = [
@@ -53,57 +49,49 @@ def card(name: str, policy: Policy, returns: Mapping[str, Mapping[str, float]], 
         for controller, row in returns.items()
     ]
     environment = environment_classes(task.steered).single.__name__
-    mode = str(policy.interface.get("action_mode"))
-    base = mode.partition(":")[2]
-    plans = recipe.get("plans", 0)
-    origin = []
-    if base:
-        origin.append(
-            f"It adds to the commands of a classic controller, `{base}`, so compare its return "
-            "with that of the controller."
+    origin = "It was trained from random weights, without a classic base controller."
+    parts = []
+    if policy.base_controller:
+        parts.append(
+            f"It adds to the commands of a classic controller, `{policy.base_controller}`, so compare "
+            "its return with that of the controller."
         )
-    if plans:
-        origin.append(
+    if plans := recipe.get("plans", 0):
+        parts.append(
             f"It imitated plans of {plans} episodes, optimised with known waves and resistance, before "
             "reinforcement learning."
         )
-    if not origin:
-        origin.append("It was trained from random weights, without a classic base controller.")
-    return "\n".join(
-        [
-            "---",
-            yaml.safe_dump(head, sort_keys=False).rstrip(),
-            "---",
-            f"# {name}",
-            "",
-            f"A policy of [shaftline](https://pypi.org/project/shaftline/) for the task "
-            f"`{recipe['task']}`: {task.description}. Ship: `{about['layout']['ship']}`; a command "
-            f"every {policy.interval_s:g} s. {' '.join(origin)}",
-            "",
-            f"{recipe['algorithm'].upper()} of stable-baselines3, "
-            + ", ".join(f"{key} {recipe[key]:,}" for key in _KEYS)
-            + f", seed {about['seed']}; the file contains the whole recipe.",
-            "",
-            "## Mean returns (at most 600)",
-            "",
-            *table,
-            "",
-            notes,
-            "",
-            "## Use",
-            "",
-            "```python",
-            "from shaftline.agents import load_policy",
-            f"from shaftline.envs import {environment}",
-            "",
-            f'policy = load_policy("{name}")',
-            f'env = {environment}(task="{recipe["task"]}", **policy.interface)',
-            "observation, info = env.reset(seed=1)",
-            "action, state = policy.predict(observation)",
-            "```",
-            "",
-            "It is valid for the ship, the seas and the instruments of its training only. It is made "
-            "for research on the simulated ship and has never been used on a real one.",
-            "",
-        ]
-    )
+    sizes = ", ".join(f"{key} {recipe[key]:,}" for key in _KEYS)
+    return f"""---
+{yaml.safe_dump(head, sort_keys=False).rstrip()}
+---
+# {name}
+
+A policy of [shaftline](https://pypi.org/project/shaftline/) for the task `{recipe["task"]}`: \
+{task.description}. Ship: `{about["layout"]["ship"]}`; a command every {policy.interval_s:g} s. \
+{" ".join(parts) or origin}
+
+{recipe["algorithm"].upper()} of stable-baselines3, {sizes}, seed {about["seed"]}; the file contains \
+the whole recipe.
+
+## Mean returns (at most 600)
+
+{chr(10).join(table)}
+
+{notes}
+
+## Use
+
+```python
+from shaftline.agents import load_policy
+from shaftline.envs import {environment}
+
+policy = load_policy("{name}")
+env = {environment}(task="{recipe["task"]}", **policy.interface)
+observation, info = env.reset(seed=1)
+action, state = policy.predict(observation)
+```
+
+It is valid for the ship, the seas and the instruments of its training only. It is made for research on \
+the simulated ship and has never been used on a real one.
+"""

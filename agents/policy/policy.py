@@ -46,14 +46,10 @@ def layout(batch: Batch) -> dict[str, Any]:
     ranges = ("pitch_ratio_min", "pitch_ratio_max", "drive_min", "drive_max", "gear_ratio",
               "engine_speed_min", "engine_speed_max")  # fmt: skip
     return {
-        "format": FORMAT,
-        "ship": batch.ship.name,
-        "ranges": {name: float(plant[name]) for name in ranges},
-        "observed": list(batch.observed),
-        "action_mode": batch.settings.action_mode,
-        "command": batch.command,
-        "actions": batch.actions,
-    }
+        "format": FORMAT, "ship": batch.ship.name,
+        "ranges": {name: float(plant[name]) for name in ranges}, "observed": list(batch.observed),
+        "action_mode": batch.settings.action_mode, "command": batch.command, "actions": batch.actions,
+    }  # fmt: skip
 
 
 def _differences(own: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
@@ -65,6 +61,11 @@ def _differences(own: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
         elif found != value:
             said.append(f"{key}: the policy has {found!r}, the environment {value!r}")
     return said
+
+
+def stack_frame(stack: NDArray[np.float32], frame: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return stacked observations, shape (n, frames o), with a new one, shape (n, o), at their end."""
+    return np.concatenate([stack[:, frame.shape[1] :], frame], axis=1)
 
 
 @dataclass(frozen=True)
@@ -141,44 +142,43 @@ class Policy:
 
     def __init__(
         self,
-        network: Network,
-        about: Mapping[str, Any],
-        ship: Ship | None = None,
+        network: Network, about: Mapping[str, Any], ship: Ship | None = None,
         curve: Mapping[str, list[float]] | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.network, self.about, self.curve = network, dict(about), dict(curve or {})
         task = get_task(about["recipe"]["task"])
         self.ship = task.load_ship(about["ship_source"]) if ship is None else ship
         self.interval_s = float(about["control_interval_s"])
         own = about.get("layout", {})
-        self.interface: dict[str, Any] = {
-            "normalised": True, **{key: own[key] for key in INTERFACE if key in own}
-        }  # fmt: skip
+        given = {key: own[key] for key in INTERFACE if key in own}
+        self.interface: dict[str, Any] = {"normalised": True} | given
         self.frames = int(about["recipe"].get("frame_stack", 1))
         if not 1 <= self.frames <= MOST_FRAMES:
             raise PolicyError(f"frame_stack = {self.frames}: must be from 1 to {MOST_FRAMES}")
-        settings = {
-            "ship": self.ship, "task": about["recipe"]["task"], "observer": "none",
-            "control_interval_s": self.interval_s,
-        }  # fmt: skip
-        batch = Batch(1, Settings.of(settings | self.interface), task.steered)
-        here = layout(batch)
-        if said := _differences(own, here):
+        batch = self.make_batch()
+        self.base_controller = batch.settings.base_controller
+        if said := _differences(own, layout(batch)):
             raise PolicyError("this policy does not match the environment: " + "; ".join(said))
         self._width = len(batch.observed)
-        if network.shape != (self.frames * self._width, batch.actions):
+        (inputs, outputs), wanted = network.shape, (self.frames * self._width, batch.actions)
+        if (inputs, outputs) != wanted:
             raise PolicyError(
-                f"the network has {network.shape[0]} inputs and {network.shape[1]} outputs; expected "
-                f"are {self.frames * self._width} and {batch.actions}"
+                f"the network has {inputs} inputs and {outputs} outputs; expected are {wanted[0]} and "
+                f"{wanted[1]}"
             )
 
+    def make_batch(self) -> Batch:
+        """Return one environment for which the policy is made, without an observer."""
+        task = self.about["recipe"]["task"]
+        settings = {
+            "ship": self.ship, "task": task, "observer": "none", "control_interval_s": self.interval_s,
+        }  # fmt: skip
+        return Batch(1, Settings.of(settings | self.interface), get_task(task).steered)
+
     def predict(
-        self,
-        observation: Any,
-        state: Any = None,
-        episode_start: Any = None,
+        self, observation: Any, state: Any = None, episode_start: Any = None,
         deterministic: bool = True,
-    ) -> tuple[NDArray[np.float32], Any]:
+    ) -> tuple[NDArray[np.float32], Any]:  # fmt: skip
         """Return actions for one observation or a batch of observations.
 
         Args:
@@ -201,9 +201,7 @@ class Policy:
                 f"environment with the keywords {self.interface}"
             )
         empty = np.zeros((len(table), self.frames * self._width), np.float32)
-        stack = resume_state(state, empty, episode_start)
-        stack[:, : -self._width] = stack[:, self._width :].copy()
-        stack[:, -self._width :] = table
+        stack = stack_frame(resume_state(state, empty, episode_start), table)
         action = self.network(stack)
         return action if np.ndim(observation) > 1 else action[0], stack
 
@@ -232,9 +230,7 @@ class Policy:
         n = self.network
         layers: dict[str, Any] = {f"weight_{i}": w for i, w in enumerate(n.weights)}
         layers |= {f"bias_{i}": b for i, b in enumerate(n.biases)}
-        about = self.about | {
-            "activation": n.activation, "squashed": n.squashed, "curve": self.curve,
-        }  # fmt: skip
+        about = self.to_dict() | {"activation": n.activation, "squashed": n.squashed}
         text = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
         write_archive(Path(path), {"about": text, **layers})
 

@@ -26,282 +26,30 @@ from ..simulate.joint_replay import JointReplay
 from .free_parameters import refuse_unidentifiable
 from .parameters import MethodResult
 
-DOUBT = 0.5
-"""Initial standard deviation of a parameter that is not 0, as a share of its value."""
+Array = NDArray[np.float64]
 
+DOUBT = 0.5  # initial standard deviation of a parameter that is not 0, as a share of its value
 LEAST_NOISE = 3e-4
 """Smallest standard deviation of an instrument's noise, as a share of the channel's size. Without noise,
 an extended filter takes its linearisation error for information and its estimates diverge."""
-
-FELT = 0.1
-"""Relative change of some channel if a parameter that is 0 changes by its initial standard deviation."""
-
-STATE_SPREAD = 0.05
-"""Initial standard deviation of each state, as a share of its size."""
-
+FELT = 0.1  # relative change of a channel by the initial deviation of a parameter that is 0
+STATE_SPREAD = 0.05  # initial standard deviation of each state, as a share of its size
 WALKS = (1e-3, 1e-2, 0.1, 0.5)
 """Square roots of the densities of process noise that are tried [1/s^0.5]: shares of a state's size, or
 m/s of the inflow."""
-
-WORTH = 20.0
-"""Least gain of a process noise in 2 log L."""
-
-MOST_TURNS = 12
-
-SAMPLE_ROWS = 6000
-"""Number of rows from which the process noise is estimated."""
-
+WORTH = 20.0  # least gain of a process noise in 2 log L
+MOST_TURNS = 12  # of the search for the process noise
+SAMPLE_ROWS = 6000  # number of rows from which the process noise is estimated
 FEWEST_ROWS = 20
-
-
-def estimate_noises(
-    replay: JointReplay,
-    free: Sequence[str],
-    spread: dict[str, float],
-    parameter_walk: dict[str, float],
-) -> Noises:
-    """Return the standard deviations of noise, initial states and initial parameters."""
-    ship = replay.ship
-    nominal = replay.simulate(ship.record())
-    fixed = () if ship.has_variable_pitch else ("pitch_ratio",)
-    readings = {
-        c: max(rms, LEAST_NOISE * size(nominal[MEASURED[c]]))
-        for c, rms in replay.noise_rms.items()
-        if c in CHANNELS and c not in fixed and rms > 0.0
-    }
-    if not readings:
-        raise ValueError(f"ekf: {ship.name}: no measured channel of the recordings moves")
-    states = {name: STATE_SPREAD * own for name, own in state_sizes(replay, free).items()}
-    for key in free:
-        if key not in spread:
-            value = parameter_slope(ship, key).value
-            spread[key] = (
-                DOUBT * abs(value) if value != 0.0 else smallest_change(replay, key, nominal)
-            )
-    return Noises(readings, states, spread, dict.fromkeys(states, 0.0), parameter_walk)
-
-
-def state_sizes(replay: JointReplay, free: Sequence[str]) -> dict[str, float]:
-    """Return the rms of each state of the ship along the recordings, by name.
-
-    The filter itself simulates them without measurements, so that all states are included.
-    """
-    ship = replay.ship
-    states = active_states(ship.record())
-    doubts = dict.fromkeys(free, 1.0)
-    alone = ShipFilter(
-        ship, free, parameter_spread=doubts, noise={}, state_spread=dict.fromkeys(states, 0.0)
-    )
-    followed = [alone.follow(run).estimates for run in replay.runs]
-    simulated = np.concatenate(followed)
-    return {name: size(simulated[:, i]) for i, name in enumerate(states)}
-
-
-def size(values: NDArray[np.float64]) -> float:
-    """Return the rms of a signal."""
-    return float(np.sqrt(np.mean(np.square(values))))
-
-
-def smallest_change(replay: JointReplay, key: str, nominal: Any) -> float:
-    """Return the value of a parameter that is 0 at which some channel changes by :data:`FELT`."""
-    number, before = parameter_slope(replay.ship, key), replay.simulated(nominal)
-    side = 1.0 if number.info.high > 0.0 else -1.0
-    reach = min(abs(number.info.high if side > 0.0 else number.info.low), 1e9)
-    step = reach
-    for _ in range(60):
-        record = replay.ship.record()
-        as_words(record)[number.words] += side * step * number.slopes
-        with np.errstate(over="ignore", invalid="ignore"):
-            after = replay.simulated(replay.simulate(record))
-            shares = [size(after[c] - b) / (size(b) or 1.0) for c, b in before.items()]
-        felt = float(np.max(shares))
-        if np.isfinite(felt) and felt <= FELT:
-            return min(step * FELT / felt, DOUBT * reach) if felt > 0.0 else DOUBT * step
-        step *= 0.3
-    return step
-
-
-def likeliest_process_noise(runs: FilterRuns, tick: Tick) -> dict[str, float]:
-    """Return the process noises with the largest likelihood of the measurements, by greedy search."""
-    sizes = {name: spread / STATE_SPREAD for name, spread in runs.noises.states.items()}
-    sizes[DISTURBANCE] = 1.0 if runs.replay.ship.moves else 0.0
-    sizes = {name: own for name, own in sizes.items() if own > 0.0}
-
-    def likelihood(walk: Mapping[str, float]) -> float:
-        own, total, rows = runs.filter(walk), 0.0, SAMPLE_ROWS
-        for run in runs.replay.runs:
-            if rows > FEWEST_ROWS:
-                total += own.follow(run, rows).likelihood
-            rows -= run.rows
-        return total if np.isfinite(total) else -np.inf
-
-    walk = dict.fromkeys(sizes, 0.0)
-    best = likelihood(walk)
-    for turn in range(MOST_TURNS):
-        tick("noise of the states", turn, MOST_TURNS)
-        # The noise of the inflow comes first, because waves would otherwise count as noise of a state.
-        names = [DISTURBANCE] if turn == 0 and DISTURBANCE in sizes else [*sizes]
-        trials = [
-            walk | {name: value}
-            for name in names
-            for value in (
-                (0.0, walk[name] / 2.0, 2.0 * walk[name])
-                if walk[name] > 0.0
-                else [share * sizes[name] for share in WALKS]
-            )
-        ]
-        scores = [likelihood(trial) for trial in trials]
-        if max(scores) > best + WORTH:
-            walk, best = trials[int(np.argmax(scores))], max(scores)
-        elif turn > 0:
-            break
-    return walk
-
-
-class Noises(NamedTuple):
-    """Standard deviations that the filter needs beforehand."""
-
-    readings: dict[str, float]  # rms by column
-    states: dict[str, float]  # at the start, by name
-    numbers: dict[str, float]  # at the start, by key
-    state_walk: dict[str, float]  # [unit/s^0.5]
-    parameter_walk: Mapping[str, float]
-
-
-class FilterRuns:
-    """Runs of the filter over the recordings, one after the other."""
-
-    def __init__(self, replay: JointReplay, keys: tuple[str, ...], noises: Noises) -> None:
-        self.replay, self.keys, self.noises = replay, keys, noises
-        self.start = np.array([parameter_slope(replay.ship, key).value for key in keys])
-
-    def filter(self, state_walk: Mapping[str, float], record: Any = None) -> ShipFilter:
-        """Return a filter without measurements yet."""
-        noises = self.noises
-        return ShipFilter(
-            self.replay.ship, self.keys, parameter_spread=noises.numbers, noise=noises.readings,
-            state_spread=noises.states, state_walk=state_walk, parameter_walk=noises.parameter_walk,
-            record=record,
-        )  # fmt: skip
-
-    def run(
-        self, values: NDArray[np.float64], record: Any = None
-    ) -> tuple[list[FilterResult], ShipFilter]:
-        """Run the filter over all recordings once, from these parameters."""
-        own = self.filter(self.noises.state_walk, record)
-        own.restart(values)
-        return [own.follow(run) for run in self.replay.runs], own
-
-
-COLOURED = 0.1
-"""Correlation of innovations, and deviation of their rms from 1, from which a remark is given."""
-
-CHANCE = 4.0
-"""Standard deviations of either by chance up to which no remark is given."""
-
-UNSETTLED = 3.5
-"""Standard deviations by which an estimate may change over the last quarter."""
-
-LITTLE = 0.3
-"""Largest standard error of an identifiable parameter, as a share of its initial value."""
-
-LAGS = 20
-"""Largest lag of the correlation of innovations [rows]."""
-
-SHOWN_ROWS = 2000
-
-
-def _join(runs: FilterRuns, followed: list[FilterResult]) -> tuple[Any, Any]:
-    """Return the estimates over all rows and their standard errors, each of shape (rows, parameters)."""
-    count = len(runs.keys)
-    values = np.concatenate([one.estimates[:, -count:] for one in followed])
-    return values, np.concatenate([one.standard_errors[:, -count:] for one in followed])
-
-
-def estimates_over_time(runs: FilterRuns, followed: list[FilterResult]) -> pd.DataFrame:
-    """Return a table of the estimates and their standard errors over time."""
-    values, errors = _join(runs, followed)
-    columns = {"time_s": runs.replay.time_s}
-    for i, key in enumerate(runs.keys):
-        columns |= {key: values[:, i], f"{key} se": errors[:, i]}
-    every = max(1, len(values) // SHOWN_ROWS)
-    return pd.DataFrame(columns).iloc[::every].reset_index(drop=True)
-
-
-def innovations(runs: FilterRuns, followed: list[FilterResult]) -> pd.DataFrame:
-    """Return a table of noise, rms of the innovations and their largest correlation by channel."""
-    rows = []
-    for c, (column, noise) in enumerate(runs.noises.readings.items()):
-        own = [one.innovations[len(one.innovations) // 20 :, c] for one in followed]
-        found = np.concatenate(own)
-        found = found[np.isfinite(found)]
-        correlations = [
-            float(np.mean(found[lag:] * found[:-lag]) / np.mean(found**2))
-            for lag in range(1, 1 + min(LAGS, len(found) // 4))
-        ]
-        worst = int(np.argmax(np.abs(correlations)))
-        rows.append(
-            {
-                "channel": column,
-                "noise": noise,
-                "rms": size(found),
-                "correlation": correlations[worst],
-                "lag_s": (1 + worst) * runs.replay.interval_s,
-                "rows": len(found),
-            }
-        )
-    return pd.DataFrame(rows)
-
-
-def whiteness_remarks(runs: FilterRuns, followed: list[FilterResult]) -> list[str]:
-    """Return remarks on channels with coloured innovations, for which standard errors may be wrong."""
-    return [
-        f"the innovations of {row.channel} are not white: their rms is {row.rms:.2g} times the expected "
-        f"one, and their correlation at a lag of {row.lag_s:.3g} s is {row.correlation:.2f}. Possible "
-        "causes are waves and missing physics; the standard errors may be wrong"
-        for row in innovations(runs, followed).itertuples()
-        if abs(row.rms - 1.0) > max(COLOURED, CHANCE / np.sqrt(2.0 * row.rows))
-        or abs(row.correlation) > max(COLOURED, CHANCE / np.sqrt(row.rows))
-    ]
-
-
-def convergence_remarks(runs: FilterRuns, followed: list[FilterResult]) -> list[str]:
-    """Return remarks on estimates that changed over the last quarter by more than their errors allow.
-
-    The change of the estimate of a constant between two times has the variance P(first) - P(second).
-    """
-    values, errors = _join(runs, followed)
-    then = 3 * len(values) // 4
-    allowed = np.sqrt(np.maximum(errors[then] ** 2 - errors[-1] ** 2, 1e-300))
-    moved = values[-1] - values[then]
-    return [
-        f"the estimate of {key} has not converged: it changed by {moved[i]:.3g} over the last quarter, "
-        f"{abs(moved[i]) / allowed[i]:.1f} times its expected standard deviation"
-        for i, key in enumerate(runs.keys)
-        if key not in runs.noises.parameter_walk and abs(moved[i]) > UNSETTLED * allowed[i]
-    ]
-
-
-def information_remarks(runs: FilterRuns, own: ShipFilter) -> list[str]:
-    """Return remarks on parameters about which the recordings contain little information."""
-    errors = np.sqrt(np.diag(own.covariance))
-    return [
-        f"the recordings contain little information about {key}: its standard error decreased only from "
-        f"{spread:.3g} to {error:.3g}"
-        for key, spread, error in zip(
-            runs.keys, (runs.noises.numbers[key] for key in runs.keys), errors, strict=True
-        )
-        if error > LITTLE * spread
-    ]
-
-
 MOST_PASSES = 6
-
-SETTLED = 0.1
-"""Change of the estimates from one pass to the next, in standard errors, below which no pass follows."""
-
-SLOPE_STEP = 1e-4
-"""Finite difference of a parameter, as a share of its initial standard deviation."""
+SETTLED = 0.1  # change of the estimates in standard errors below which no further pass follows
+SLOPE_STEP = 1e-4  # finite difference of a parameter, as a share of its initial standard deviation
+COLOURED = 0.1  # correlation of innovations, and deviation of their rms from 1, that give a remark
+CHANCE = 4.0  # standard deviations of either by chance up to which no remark is given
+UNSETTLED = 3.5  # standard deviations by which an estimate may change over the last quarter
+LITTLE = 0.3  # largest standard error of an identifiable parameter, as a share of its initial value
+LAGS = 20  # largest lag of the correlation of innovations [rows]
+SHOWN_ROWS = 2000
 
 
 def ekf(
@@ -342,10 +90,10 @@ def ekf(
         ShipError: a key that is no parameter with a derivative.
     """
     replay = JointReplay(ship, *tables)
-    noises = estimate_noises(replay, free, dict(spread or {}), dict(parameter_walk or {}))
-    runs = FilterRuns(replay, tuple(free), noises)
+    noises = _estimate_noises(replay, free, dict(spread or {}), dict(parameter_walk or {}))
+    runs = _FilterRuns(replay, tuple(free), noises)
     refuse_unidentifiable(free, _information(runs))
-    noises.state_walk.update(likeliest_process_noise(runs, tick))
+    noises.state_walk.update(_likeliest_process_noise(runs, tick))
     first, own = runs.run(runs.start)
     values, last = own.parameters, first
     for count in range(0 if parameter_walk else MOST_PASSES):
@@ -357,30 +105,180 @@ def ekf(
             break
     covariance = own.covariance + _tolerance_covariance(runs, values, tolerance, tick)
     _refuse_diverged(runs, first, covariance)
-    held = [
-        f"{key} is at the end of its range in the filter, and is not identified"
-        for key in own.at_bounds
-    ]
-    return MethodResult(
-        tuple(free), tuple(map(float, values)), covariance,
-        {"estimates": estimates_over_time(runs, first), "innovations": innovations(runs, last)},
-        (
-            *held, *convergence_remarks(runs, last), *information_remarks(runs, own),
-            *whiteness_remarks(runs, last),
-        ),
-    )  # fmt: skip
+    whiteness = _innovations(runs, last)
+    remarks = [
+        *(f"{k} is at the end of its range in the filter, and is not identified" for k in own.at_bounds),
+        *_convergence_remarks(runs, last),
+        *_information_remarks(runs, own),
+        *_whiteness_remarks(whiteness),
+    ]  # fmt: skip
+    kept = {"estimates": _estimates_over_time(runs, first), "innovations": whiteness}
+    return MethodResult(tuple(free), tuple(map(float, values)), covariance, kept, tuple(remarks))
 
 
-def _refuse_diverged(
-    runs: FilterRuns, followed: list[FilterResult], covariance: NDArray[np.float64]
-) -> None:
-    """Refuse estimates of a filter that has diverged.
+class _Noises(NamedTuple):
+    """Standard deviations that the filter needs beforehand."""
 
-    Raises:
-        ValueError: gives the time from which the estimates are not finite.
+    readings: dict[str, float]  # rms by column
+    states: dict[str, float]  # at the start, by name
+    numbers: dict[str, float]  # at the start, by key
+    state_walk: dict[str, float]  # [unit/s^0.5]
+    parameter_walk: Mapping[str, float]
+
+
+class _FilterRuns:
+    """Runs of the filter over the recordings, one after the other."""
+
+    def __init__(self, replay: JointReplay, keys: tuple[str, ...], noises: _Noises) -> None:
+        self.replay, self.keys, self.noises = replay, keys, noises
+        self.start = np.array([parameter_slope(replay.ship, key).value for key in keys])
+
+    def filter(self, state_walk: Mapping[str, float], record: Any = None) -> ShipFilter:
+        """Return a filter without measurements yet."""
+        noises = self.noises
+        return ShipFilter(
+            self.replay.ship, self.keys, parameter_spread=noises.numbers, noise=noises.readings,
+            state_spread=noises.states, state_walk=state_walk, parameter_walk=noises.parameter_walk,
+            record=record,
+        )  # fmt: skip
+
+    def run(self, values: Array, record: Any = None) -> tuple[list[FilterResult], ShipFilter]:
+        """Run the filter over all recordings once, from these parameters."""
+        own = self.filter(self.noises.state_walk, record)
+        own.restart(values)
+        return [own.follow(run) for run in self.replay.runs], own
+
+
+def _estimate_noises(
+    replay: JointReplay,
+    free: Sequence[str],
+    spread: dict[str, float],
+    parameter_walk: dict[str, float],
+) -> _Noises:
+    """Return the standard deviations of noise, initial states and initial parameters."""
+    ship = replay.ship
+    nominal = replay.simulate(ship.record())
+    fixed = () if ship.has_variable_pitch else ("pitch_ratio",)
+    readings = {
+        c: max(rms, LEAST_NOISE * _size(nominal[MEASURED[c]]))
+        for c, rms in replay.noise_rms.items()
+        if c in CHANNELS and c not in fixed and rms > 0.0
+    }
+    if not readings:
+        raise ValueError(f"ekf: {ship.name}: no measured channel of the recordings moves")
+    states = {name: STATE_SPREAD * own for name, own in state_sizes(replay, free).items()}
+    for key in (key for key in free if key not in spread):
+        value = parameter_slope(ship, key).value
+        spread[key] = DOUBT * abs(value) or smallest_change(replay, key, nominal)
+    return _Noises(readings, states, spread, dict.fromkeys(states, 0.0), parameter_walk)
+
+
+def state_sizes(replay: JointReplay, free: Sequence[str]) -> dict[str, float]:
+    """Return the rms of each state of the ship along the recordings, by name.
+
+    The filter itself simulates them without measurements, so that all states are included.
     """
-    estimates = np.concatenate([one.estimates for one in followed])
-    lost = ~np.isfinite(estimates).all(axis=1)
+    states = active_states(replay.ship.record())
+    still, doubts = dict.fromkeys(states, 0.0), dict.fromkeys(free, 1.0)
+    alone = ShipFilter(replay.ship, free, parameter_spread=doubts, noise={}, state_spread=still)
+    simulated = np.concatenate([alone.follow(run).estimates for run in replay.runs])
+    return {name: _size(simulated[:, i]) for i, name in enumerate(states)}
+
+
+def _size(values: Array) -> float:
+    """Return the rms of a signal."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def smallest_change(replay: JointReplay, key: str, nominal: Any) -> float:
+    """Return the value of a parameter that is 0 at which some channel changes by :data:`FELT`."""
+    info, before = parameter_slope(replay.ship, key).info, replay.simulated(nominal)
+    side = 1.0 if info.high > 0.0 else -1.0
+    step = reach = min(abs(info.high if side > 0.0 else info.low), 1e9)
+    for _ in range(60):
+        with np.errstate(over="ignore", invalid="ignore"):
+            after = _simulated_with(replay, key, side * step)
+            felt = float(
+                np.max([_size(after[c] - b) / (_size(b) or 1.0) for c, b in before.items()])
+            )
+        if np.isfinite(felt) and felt <= FELT:
+            return min(step * FELT / felt, DOUBT * reach) if felt > 0.0 else DOUBT * step
+        step *= 0.3
+    return step
+
+
+def _simulated_with(replay: JointReplay, key: str, change: float) -> dict[str, Array]:
+    """Return the simulated channels by column after a change of a parameter, in the key's unit."""
+    number, record = parameter_slope(replay.ship, key), replay.ship.record()
+    as_words(record)[number.words] += change * number.slopes
+    return replay.simulated(replay.simulate(record))
+
+
+def _likeliest_process_noise(runs: _FilterRuns, tick: Tick) -> dict[str, float]:
+    """Return the process noises with the largest likelihood of the measurements, by greedy search."""
+    sizes = {name: spread / STATE_SPREAD for name, spread in runs.noises.states.items()}
+    sizes[DISTURBANCE] = 1.0 if runs.replay.ship.moves else 0.0
+    sizes = {name: own for name, own in sizes.items() if own > 0.0}
+
+    def likelihood(walk: Mapping[str, float]) -> float:
+        own, total, rows = runs.filter(walk), 0.0, SAMPLE_ROWS
+        for run in runs.replay.runs:
+            if rows > FEWEST_ROWS:
+                total += own.follow(run, rows).likelihood
+            rows -= run.rows
+        return total if np.isfinite(total) else -np.inf
+
+    def trials_of(name: str) -> list[float]:
+        here = walk[name]
+        return [0.0, here / 2.0, 2.0 * here] if here > 0.0 else [w * sizes[name] for w in WALKS]
+
+    walk = dict.fromkeys(sizes, 0.0)
+    best = likelihood(walk)
+    for turn in range(MOST_TURNS):
+        tick("noise of the states", turn, MOST_TURNS)
+        # The noise of the inflow comes first, because waves would otherwise count as noise of a state.
+        names = [DISTURBANCE] if turn == 0 and DISTURBANCE in sizes else [*sizes]
+        trials = [walk | {name: value} for name in names for value in trials_of(name)]
+        scores = [likelihood(trial) for trial in trials]
+        if max(scores) > best + WORTH:
+            walk, best = trials[int(np.argmax(scores))], max(scores)
+        elif turn > 0:
+            break
+    return walk
+
+
+def _information(runs: _FilterRuns) -> Array:
+    """Return the information about the parameters at the file's values, in units of their spreads.
+
+    It comes from simulations, because an extended filter, which linearises anew at every row, gains
+    false information about combinations that are not identifiable (Huang et al. 2010).
+    """
+    slopes = []
+    for key in runs.keys:
+        ends = []
+        for side in (SLOPE_STEP, -SLOPE_STEP):
+            after = _simulated_with(runs.replay, key, side * runs.noises.numbers[key])
+            ends.append(np.concatenate([after[c] / r for c, r in runs.noises.readings.items()]))
+        slopes.append((ends[0] - ends[1]) / (2.0 * SLOPE_STEP))
+    found = np.array(slopes)
+    return np.asarray(found @ found.T)
+
+
+def _tolerance_covariance(runs: _FilterRuns, values: Array, tolerance: float, tick: Tick) -> Array:
+    """Return the covariance from the tolerances of the parameters that are not free."""
+    found = np.zeros((len(values), len(values)))
+    records = tolerance_records(runs.replay, tolerance, runs.keys)
+    moved = [record for record, start in records if start == NO_SHIFT]
+    for done, record in enumerate(moved):
+        tick("tolerances of the other numbers", done, len(moved))
+        _, own = runs.run(values, record)
+        found += np.outer(own.parameters - values, own.parameters - values)
+    return found
+
+
+def _refuse_diverged(runs: _FilterRuns, followed: list[FilterResult], covariance: Array) -> None:
+    """Refuse estimates that are not finite, with the time from which they are not."""
+    lost = ~np.isfinite(np.concatenate([one.estimates for one in followed])).all(axis=1)
     if lost.any() or not np.isfinite(covariance).all():
         when = f"from {runs.replay.time_s[int(np.argmax(lost))]:.4g} s on " if lost.any() else ""
         raise ValueError(
@@ -390,38 +288,75 @@ def _refuse_diverged(
         )
 
 
-def _information(runs: FilterRuns) -> NDArray[np.float64]:
-    """Return the information about the parameters at the file's values, in units of their spreads.
-
-    It comes from simulations, because an extended filter, which linearises anew at every row, gains
-    false information about combinations that are not identifiable (Huang et al. 2010).
-    """
-    replay, noises = runs.replay, runs.noises
-    slopes = []
-    for key in runs.keys:
-        number, ends = parameter_slope(replay.ship, key), []
-        for side in (SLOPE_STEP, -SLOPE_STEP):
-            record = replay.ship.record()
-            as_words(record)[number.words] += side * noises.numbers[key] * number.slopes
-            after = replay.simulated(replay.simulate(record))
-            ends.append(np.concatenate([after[c] / rms for c, rms in noises.readings.items()]))
-        slopes.append((ends[0] - ends[1]) / (2.0 * SLOPE_STEP))
-    found = np.array(slopes)
-    return np.asarray(found @ found.T)
+def _join(runs: _FilterRuns, followed: list[FilterResult]) -> tuple[Any, Any]:
+    """Return the estimates over all rows and their standard errors, each of shape (rows, parameters)."""
+    count = len(runs.keys)
+    values = np.concatenate([one.estimates[:, -count:] for one in followed])
+    return values, np.concatenate([one.standard_errors[:, -count:] for one in followed])
 
 
-def _tolerance_covariance(
-    runs: FilterRuns, values: NDArray[np.float64], tolerance: float, tick: Tick
-) -> NDArray[np.float64]:
-    """Return the covariance from the tolerances of the parameters that are not free."""
-    found = np.zeros((len(values), len(values)))
-    moved = [
-        record
-        for record, start in tolerance_records(runs.replay, tolerance, runs.keys)
-        if start == NO_SHIFT
+def _estimates_over_time(runs: _FilterRuns, followed: list[FilterResult]) -> pd.DataFrame:
+    """Return a table of the estimates and their standard errors over time."""
+    values, errors = _join(runs, followed)
+    columns = {"time_s": runs.replay.time_s}
+    for i, key in enumerate(runs.keys):
+        columns |= {key: values[:, i], f"{key} se": errors[:, i]}
+    every = max(1, len(values) // SHOWN_ROWS)
+    return pd.DataFrame(columns).iloc[::every].reset_index(drop=True)
+
+
+def _innovations(runs: _FilterRuns, followed: list[FilterResult]) -> pd.DataFrame:
+    """Return a table of noise, rms of the innovations and their largest correlation by channel."""
+    rows = []
+    for c, (column, noise) in enumerate(runs.noises.readings.items()):
+        own = [one.innovations[len(one.innovations) // 20 :, c] for one in followed]
+        found = np.concatenate(own)
+        found = found[np.isfinite(found)]
+        correlations = [
+            float(np.mean(found[lag:] * found[:-lag]) / np.mean(found**2))
+            for lag in range(1, 1 + min(LAGS, len(found) // 4))
+        ]
+        worst = int(np.argmax(np.abs(correlations)))
+        lag_s = (1 + worst) * runs.replay.interval_s
+        rows.append((column, noise, _size(found), correlations[worst], lag_s, len(found)))
+    return pd.DataFrame(rows, columns=["channel", "noise", "rms", "correlation", "lag_s", "rows"])
+
+
+def _whiteness_remarks(innovations: pd.DataFrame) -> list[str]:
+    """Return remarks on channels with coloured innovations, for which standard errors may be wrong."""
+    return [
+        f"the innovations of {row.channel} are not white: their rms is {row.rms:.2g} times the expected "
+        f"one, and their correlation at a lag of {row.lag_s:.3g} s is {row.correlation:.2f}. Possible "
+        "causes are waves and missing physics; the standard errors may be wrong"
+        for row in innovations.itertuples()
+        if abs(row.rms - 1.0) > max(COLOURED, CHANCE / np.sqrt(2.0 * row.rows))
+        or abs(row.correlation) > max(COLOURED, CHANCE / np.sqrt(row.rows))
     ]
-    for done, record in enumerate(moved):
-        tick("tolerances of the other numbers", done, len(moved))
-        _, own = runs.run(values, record)
-        found += np.outer(own.parameters - values, own.parameters - values)
-    return found
+
+
+def _convergence_remarks(runs: _FilterRuns, followed: list[FilterResult]) -> list[str]:
+    """Return remarks on estimates that changed over the last quarter by more than their errors allow.
+
+    The change of the estimate of a constant between two times has the variance P(first) - P(second).
+    """
+    values, errors = _join(runs, followed)
+    then = 3 * len(values) // 4
+    allowed = np.sqrt(np.maximum(errors[then] ** 2 - errors[-1] ** 2, 1e-300))
+    moved = values[-1] - values[then]
+    return [
+        f"the estimate of {key} has not converged: it changed by {moved[i]:.3g} over the last quarter, "
+        f"{abs(moved[i]) / allowed[i]:.1f} times its expected standard deviation"
+        for i, key in enumerate(runs.keys)
+        if key not in runs.noises.parameter_walk and abs(moved[i]) > UNSETTLED * allowed[i]
+    ]
+
+
+def _information_remarks(runs: _FilterRuns, own: ShipFilter) -> list[str]:
+    """Return remarks on parameters about which the recordings contain little information."""
+    errors, spreads = np.sqrt(np.diag(own.covariance)), runs.noises.numbers
+    return [
+        f"the recordings contain little information about {key}: its standard error decreased only from "
+        f"{spreads[key]:.3g} to {error:.3g}"
+        for key, error in zip(runs.keys, errors, strict=True)
+        if error > LITTLE * spreads[key]
+    ]

@@ -9,15 +9,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...plant.drives import DRIVES
 from ...plant.propeller import propeller_load
 from ...plant.shaft import shaft_inertia
 from ...plant.ship import Ship
+from .free_parameters import Free
 
 SIX = next(drive for drive in DRIVES if drive.demand.unit == "V").response_keys
 """Keys of the paper's six parameters, in the order of its Table 5."""
@@ -74,14 +73,9 @@ class DriveTrain:
         if start <= 0.0:
             raise ValueError(f"{voltage:g} V does not overcome a friction of {self.friction:g} N m")
         speed = 2.0 * start / (slope + math.sqrt(slope**2 + 4.0 * self.load * start))
-        return self.at_speed(speed)
-
-    def at_speed(self, motor_speed: float) -> WorkingPoint:
-        """Return the steady state ahead at a motor speed [rad/s]."""
-        torque = self.friction + (self.viscous + self.load * motor_speed) * motor_speed
+        torque = self.friction + (self.viscous + self.load * speed) * speed
         current = torque / self.constant
-        voltage = self.constant * motor_speed + self.resistance * current
-        return WorkingPoint(voltage, motor_speed, current)
+        return WorkingPoint(self.constant * speed + self.resistance * current, speed, current)
 
     def linear(self, point: WorkingPoint) -> LinearDrive:
         """Return the normalised linear model about a working point (eqs. 8 to 10).
@@ -93,9 +87,7 @@ class DriveTrain:
         torque = self.constant * point.current
         resistive = self.resistance * point.current
         linear = self.viscous * point.motor_speed
-        quadratic = (
-            torque - self.friction - linear
-        )  # eta_trm K_e i_0, from the friction as in eq. 10
+        quadratic = torque - self.friction - linear  # eta_trm K_e i_0, as in eq. 10
         return LinearDrive(
             electric_s=self.inductance / self.resistance,
             mechanical_s=self.inertia * point.motor_speed / torque,
@@ -144,11 +136,6 @@ class LinearDrive:
         return complex(fast), complex(self.c / (product * fast))
 
     @property
-    def poles_approximate(self) -> tuple[float, float]:
-        """Approximate poles where the armature is much faster than the shaft (eqs. A33 and A34)."""
-        return -1.0 / self.electric_s, -self.c / self.effective_s
-
-    @property
     def zero(self) -> float:
         """Zero z_1 [rad/s] of the current's response (eq. A35)."""
         return -1.0 / self.effective_s
@@ -163,47 +150,11 @@ class LinearDrive:
         """Steady gain from voltage to current, both relative [-] (eq. A37)."""
         return self.damping * self.speed_gain
 
-    def speed_response(self, frequency: Any) -> NDArray[np.complex128]:
-        """Return the frequency response of the speed [-] (eq. 13) at frequencies [rad/s]."""
-        return np.asarray(self.drive / self.damping / self._characteristic(frequency))
-
-    def current_response(self, frequency: Any) -> NDArray[np.complex128]:
-        """Return the frequency response of the current [-] (eq. 12) at frequencies [rad/s]."""
-        s = 1j * np.asarray(frequency, dtype=np.float64)
-        return np.asarray(
-            (self.effective_s * s + 1.0) * self.drive / self._characteristic(frequency)
-        )
-
-    def _characteristic(self, frequency: Any) -> Any:
-        s = 1j * np.asarray(frequency, dtype=np.float64)
-        total = self.electric_s + self.effective_s
-        return self.electric_s * self.effective_s * s * s + total * s + self.c
-
-    def speed_step(self, time: Any) -> NDArray[np.float64]:
-        """Return the speed after a unit step of the voltage [-], at times [s] (eq. A38)."""
-        fast, slow = self.poles
-        t = np.asarray(time, dtype=np.float64)
-        rising = 1.0 + (fast * np.exp(slow * t) - slow * np.exp(fast * t)) / (slow - fast)
-        return np.asarray(self.speed_gain * rising.real)
-
-    def current_step(self, time: Any) -> NDArray[np.float64]:
-        """Return the current after a unit step of the voltage [-], at times [s] (eq. A44)."""
-        fast, slow = self.poles
-        t = np.asarray(time, dtype=np.float64)
-        peak = self.drive / self.electric_s  # K_BP = U_0 / (L_a i_0)
-        band = peak * ((np.exp(slow * t) - np.exp(fast * t)) / (slow - fast)).real
-        return np.asarray(self.damping * self.speed_step(t) + band)
-
 
 def from_poles(
-    fast: float,
-    slow: float,
-    zero: float,
-    speed_gain: float,
-    current_gain: float,
-    point: WorkingPoint,
-    viscous: float = 0.0,
-) -> DriveTrain:
+    fast: float, slow: float, zero: float, speed_gain: float, current_gain: float,
+    point: WorkingPoint, viscous: float = 0.0,
+) -> DriveTrain:  # fmt: skip
     """Return the six parameters from poles, zero and gains of a Bode plot and the working point.
 
     The paper prints only the result of this closed form, Table 5's column IV. The equations follow from
@@ -243,11 +194,7 @@ def from_poles(
 
 
 def needs_drive_train(ship: Ship, method: str) -> None:
-    """Refuse a ship that is no direct-current motor with a propeller at bollard pull.
-
-    Raises:
-        ValueError: names the drive or the moving hull.
-    """
+    """Raise a ValueError for a ship that is no direct-current motor with a propeller at bollard pull."""
     if not ship.has_voltage:
         raise ValueError(
             f"{method}: {ship.name} needs a motor with a voltage and has a drive of type "
@@ -267,19 +214,14 @@ def torque_factor(ship: Ship) -> float:
 def drive_train(ship: Ship) -> DriveTrain:
     """Return the six parameters of a ship, referred to the motor's shaft.
 
-    Args:
-        ship: ship with a direct-current motor and a fixed hull.
-
     Raises:
-        ValueError: the ship has another drive or a moving hull.
+        ValueError: the ship has no direct-current motor, or a moving hull.
     """
     needs_drive_train(ship, "drive train")
-    line, plant = ship.transmission, ship.record()
+    line, screw, plant = ship.transmission, ship.propeller, ship.record()
     ratio, factor = line.gear_ratio, torque_factor(ship)
-    own = propeller_load(
-        plant, 0.0, 1.0, ship.propeller.pitch_ratio_max, ship.propeller.depth_m, 0.0
-    )
-    load = own.torque / ship.propeller.relative_rotative_efficiency
+    own = propeller_load(plant, 0.0, 1.0, screw.pitch_ratio_max, screw.depth_m, 0.0)
+    load = own.torque / screw.relative_rotative_efficiency
     friction = line.coulomb_friction_engine_side_N_m + line.coulomb_friction_propeller_side_N_m
     viscous = (
         line.viscous_friction_engine_side_N_m_s_rad + line.viscous_friction_propeller_side_N_m_s_rad
@@ -298,13 +240,8 @@ def drive_train(ship: Ship) -> DriveTrain:
 def keys_of(ship: Ship, train: DriveTrain) -> dict[str, float]:
     """Return the parameters of a drive train by keys of the ship file, referred to the propeller shaft.
 
-    Args:
-        ship: ship whose other parameters are used: inertia and friction on the propeller side of the
-            shaft torque meter, eta_R, viscous friction.
-        train: parameters at the motor.
-
-    Returns:
-        Values of :data:`SIX`; the last, KQ, only for a propeller with the model ``bollard``.
+    The ship gives inertia and friction on the propeller side of the shaft torque meter, eta_R and
+    viscous friction. The last key of :data:`SIX`, KQ, is given for a propeller ``bollard`` only.
     """
     now = drive_train(ship)
     line, ratio, factor = ship.transmission, ship.transmission.gear_ratio, torque_factor(ship)
@@ -316,12 +253,6 @@ def keys_of(ship: Ship, train: DriveTrain) -> dict[str, float]:
         FRICTION: line.coulomb_friction_engine_side_N_m + (train.friction - now.friction) * factor,
     }
     if ship.propeller.model == "bollard":
-        none, unit = (drive_train(_with_coefficient(ship, value)).load for value in (0.0, 1.0))
+        none, unit = (drive_train(Free(ship, [LOAD]).on([value])).load for value in (0.0, 1.0))
         values[LOAD] = (train.load - none) / (unit - none)
     return values
-
-
-def _with_coefficient(ship: Ship, value: float) -> Ship:
-    """Return the ship with another KQ [-], without a check of the time step."""
-    propeller = ship.propeller.model_copy(update={"torque_coefficient": value})
-    return ship.model_copy(update={"propeller": propeller})

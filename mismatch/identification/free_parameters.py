@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,15 +13,14 @@ from ...plant.keys import Section, ShipParameter, info_of
 from ...plant.ship import Ship, ShipError
 from ...plant.tolerances import TOLERANCE_OF_KEY
 
-AUTO = "auto"
-"""Value in place of keys: all uncertain parameters that the recording identifies."""
+Array = NDArray[np.float64]
+
+AUTO = "auto"  # value in place of keys: all uncertain parameters that the recording identifies
 
 RATIO = ("propeller.torque_coefficient", "propeller.relative_rotative_efficiency")
 """KQ and eta_R: only their ratio is identifiable from the shaft torque."""
 
-
 RESISTANCE = "hull.resistance_coefficient_N_s2_m2"
-
 DOUBTED = {*TOLERANCE_OF_KEY, "hull.thrust_deduction"}
 """Keys of uncertain parameters. Each has a tolerance except the thrust deduction, because only ratios of
 mass, resistance and 1 - t are identifiable from the hull balance."""
@@ -66,22 +65,20 @@ class Free:
         Raises:
             ShipError: a value out of range.
         """
-        return self.ship.with_values(dict(zip(self.keys, self._resolved(values), strict=True)))
+        return self.ship.with_values({n.key: value for n, value in self._resolved(values)})
 
-    def _resolved(self, values: Sequence[float]) -> list[float]:
-        """Return the values, with short time constants that the time step can resolve, or 0."""
-        found = []
+    def _resolved(self, values: Sequence[float]) -> Iterator[tuple[ShipParameter, float]]:
+        """Yield the values, with short time constants that the time step can resolve, or 0."""
         for number, value in zip(self.numbers, map(float, values), strict=True):
             short = 0.0 < value < number.info.gap
-            found.append(number.info.inside(value) if short else value)
-        return found
+            yield number, number.info.inside(value) if short else value
 
     def record(self, values: Sequence[float]) -> Any:
         """Return the ship's record with other values."""
         if not all(number.field for number in self.numbers):
             return self.at(values).record()
         plant = self.ship.record()
-        for number, value in zip(self.numbers, self._resolved(values), strict=True):
+        for number, value in self._resolved(values):
             number.write(plant, value)
         return plant
 
@@ -102,19 +99,17 @@ class Free:
         return ship
 
     @property
-    def scale(self) -> NDArray[np.float64]:
+    def scale(self) -> Array:
         """Scale of each parameter: its value, or 1e-3 of its unit if the value is 0."""
         return np.where(self.start != 0.0, np.abs(self.start), 1e-3)
 
     @property
-    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def bounds(self) -> tuple[Array, Array]:
         """Lowest and highest values of a search: those of a ship file, at most a factor of 50 away."""
-        sized = self.start != 0.0
+        sized, size = self.start != 0.0, np.abs(self.start)
         low, high = np.array([number.search_range for number in self.numbers]).T
-        wide = 50.0 * np.abs(self.start)
-        bottom = np.where((low >= 0.0) & sized, np.abs(self.start) / 50.0, -np.inf)
-        top = np.where(sized, np.maximum(wide, np.abs(self.start)), np.inf)
-        return np.maximum(low, bottom), np.minimum(high, top)
+        bottom = np.where((low >= 0.0) & sized, size / 50.0, -np.inf)
+        return np.maximum(low, bottom), np.minimum(high, np.where(sized, 50.0 * size, np.inf))
 
     def __contains__(self, key: str) -> bool:
         """Return whether a key is free."""
@@ -136,13 +131,9 @@ class Free:
 def usual_keys(ship: Ship, *, response: bool = False) -> tuple[str, ...]:
     """Return the keys of the parameters that a method estimates where the user gives none.
 
-    The ship's drive lists them. A hull that moves adds its resistance, and its mass for a frequency
-    response. Optional parameters that are 0 in the ship file are left out. The torque of a propeller
-    without a constant KQ is scaled by eta_R.
-
-    Args:
-        ship: nominal ship.
-        response: whether they are estimated from a frequency response instead of steady states.
+    The ship's drive lists them, for a frequency response or for steady states. A hull that moves adds
+    its resistance, and its mass for a frequency response. Optional parameters that are 0 in the ship
+    file are left out. The torque of a propeller without a constant KQ is scaled by eta_R.
     """
     drive = ship.prime_mover
     keys = [*(drive.response_keys if response else drive.steady_keys)]
@@ -151,24 +142,17 @@ def usual_keys(ship: Ship, *, response: bool = False) -> tuple[str, ...]:
         keys = [own for key in keys for own in (kept if key == RATIO[0] else [key])]
     if ship.moves:
         keys += ["hull.mass_kg", RESISTANCE] if response else [RESISTANCE]
-    return tuple(key for key in keys if not _is_absent(ship, key))
 
+    def is_absent(key: str) -> bool:
+        section, _, name = key.partition(".")
+        table = getattr(ship, section)
+        return bool(getattr(table, name) == 0.0 == type(table).model_fields[name].default)
 
-def _is_absent(ship: Ship, key: str) -> bool:
-    """Return whether a key is optional and 0 in the ship file."""
-    section, _, name = key.partition(".")
-    table = getattr(ship, section)
-    default: object = type(table).model_fields[name].default
-    return bool(getattr(table, name) == 0.0 == default)
+    return tuple(key for key in keys if not is_absent(key))
 
 
 def parse_free(ship: Ship, free: Sequence[str] | None, default: Sequence[str]) -> Free:
-    """Return the free parameters of a method that uses the shaft.
-
-    Args:
-        ship: nominal ship.
-        free: dotted keys; None for ``default``.
-        default: keys that the method estimates by default.
+    """Return the free parameters of a method that uses the shaft: the given keys, or the default ones.
 
     Raises:
         ValueError: as in :class:`Free`, or two keys of which only the ratio is identifiable.
@@ -210,11 +194,8 @@ def _numbers(ship: Ship) -> tuple[str, ...]:
     for section in type(ship).model_fields:
         table = getattr(ship, section)
         if isinstance(table, Section) and section != "tolerances":
-            found += [
-                f"{section}.{key}"
-                for key in type(table).model_fields
-                if isinstance(getattr(table, key), float)
-            ]
+            keys = [k for k in type(table).model_fields if isinstance(getattr(table, k), float)]
+            found += [f"{section}.{key}" for key in keys]
     return tuple(found)
 
 
@@ -238,8 +219,7 @@ parameters, a correlation of 0.9999."""
 INDISTINCT = 1e-5
 """Ratio of the smallest to the largest singular value below which parameters are not distinguishable."""
 
-LEAST_CERTAIN = 0.1
-"""Relative standard error above which a parameter counts as not identifiable."""
+LEAST_CERTAIN = 0.1  # relative standard error above which a parameter is not identifiable
 
 
 class UnidentifiableError(ValueError):
@@ -274,11 +254,8 @@ def _combined(others: Sequence[str]) -> str:
     return f"only its combination with {' and '.join(others)} is identifiable"
 
 
-def one_direction(information: NDArray[np.float64]) -> tuple[float, list[int]]:
-    """Return the combination of parameters with the least information.
-
-    Args:
-        information: Fisher information, shape (n, n).
+def one_direction(information: Array) -> tuple[float, list[int]]:
+    """Return the combination of parameters with the least Fisher information, shape (n, n).
 
     Returns:
         Its eigenvalue with each parameter scaled to 1, and the indices of its parameters.
@@ -289,12 +266,10 @@ def one_direction(information: NDArray[np.float64]) -> tuple[float, list[int]]:
     return float(values[0]), made_of
 
 
-def refuse_unidentifiable(keys: Sequence[str], information: NDArray[np.float64]) -> None:
+def refuse_unidentifiable(keys: Sequence[str], information: Array) -> None:
     """Refuse parameters that are not identifiable from such a recording of any length.
 
-    Args:
-        keys: keys of the parameters.
-        information: Fisher information of the parameters, and of other values after them.
+    The Fisher information may have other values after those of the parameters.
 
     Raises:
         UnidentifiableError: a parameter without influence on the measured channels, or several of which
@@ -309,14 +284,14 @@ def refuse_unidentifiable(keys: Sequence[str], information: NDArray[np.float64])
     value, made_of = one_direction(own)
     if value < ALIKE:
         names = [keys[i] for i in made_of]
-        raise UnidentifiableError(
+        message = (
             f"{' and '.join(names)} are not identifiable together: the recording determines only a "
-            "combination of them (ratio, product or sum); free one less",
-            names[::-1], keys,
-        )  # fmt: skip
+            "combination of them (ratio, product or sum); free one less"
+        )
+        raise UnidentifiableError(message, names[::-1], keys)
 
 
-def refuse_indistinct(keys: Sequence[str], jacobian: NDArray[np.float64], method: str) -> None:
+def refuse_indistinct(keys: Sequence[str], jacobian: Array, method: str) -> None:
     """Refuse parameters of which the recording determines only a sum, a ratio or a product.
 
     Args:
@@ -332,31 +307,21 @@ def refuse_indistinct(keys: Sequence[str], jacobian: NDArray[np.float64], method
     norms = np.linalg.norm(jacobian, axis=0)
     silent = [key for key, norm in zip(keys, norms, strict=True) if norm <= 1e-12 * norms.max()]
     if silent:
-        raise UnidentifiableError(
-            f"{method}: none of the compared values depends on {', '.join(silent)}",
-            silent[:1],
-            keys,
-        )
+        message = f"{method}: none of the compared values depends on {', '.join(silent)}"
+        raise UnidentifiableError(message, silent[:1], keys)
     _, sizes, directions = np.linalg.svd(jacobian / norms, full_matrices=True)
     if len(sizes) == len(keys) and sizes[-1] > INDISTINCT * sizes[0]:
         return
     together = np.abs(directions[-1])
     named = [key for key, part in zip(keys, together, strict=True) if part > 0.05 * together.max()]
-    raise UnidentifiableError(
-        f"{method}: the recording does not distinguish {', '.join(named)}; free one less",
-        named[::-1], keys,
-    )  # fmt: skip
+    message = f"{method}: the recording does not distinguish {', '.join(named)}; free one less"
+    raise UnidentifiableError(message, named[::-1], keys)
 
 
-def refuse_guesses(
-    keys: Sequence[str], values: Sequence[float], errors: NDArray[np.float64]
-) -> None:
+def refuse_guesses(keys: Sequence[str], values: Sequence[float], errors: Array) -> None:
     """Refuse the parameter with the largest relative standard error if it exceeds :data:`LEAST_CERTAIN`.
 
-    Args:
-        keys: keys of the parameters.
-        values: estimates, in the keys' units.
-        errors: standard errors, in the keys' units.
+    Estimates and standard errors are in the keys' units.
 
     Raises:
         UnidentifiableError: names the parameter.
@@ -364,19 +329,17 @@ def refuse_guesses(
     shares = np.abs(errors / np.where(np.array(values) == 0.0, 1e-300, values))
     worst = int(np.argmax(shares))
     if not shares[worst] <= LEAST_CERTAIN:
-        raise UnidentifiableError(
-            f"{keys[worst]} is not identifiable: its standard error would be {_percent(shares[worst])} "
-            "of its value",
-            [keys[worst]], keys,
-        )  # fmt: skip
+        message = f"{keys[worst]} is not identifiable: {_too_uncertain(shares[worst])}"
+        raise UnidentifiableError(message, [keys[worst]], keys)
 
 
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.2g} %" if share < 10.0 else "more than 1000 %"
+def _too_uncertain(share: float) -> str:
+    size = f"{100.0 * share:.2g} %" if share < 10.0 else "more than 1000 %"
+    return f"its standard error would be {size} of its value"
 
 
 def distinguishable(
-    keys: Sequence[str], values: Sequence[float], information: NDArray[np.float64]
+    keys: Sequence[str], values: Sequence[float], information: Array
 ) -> tuple[list[int], dict[str, str]]:
     """Return the parameters that a recording identifies well, by dropping the least certain ones.
 
@@ -388,13 +351,9 @@ def distinguishable(
     Returns:
         Indices of the parameters that remain, and the reasons for the others by key.
     """
-    left: dict[str, str] = {}
-    rest = []
-    for i, key in enumerate(keys):
-        if information[i, i] > 0.0:
-            rest.append(i)
-        else:
-            left[key] = "no measured channel depends on it here"
+    rest = [i for i in range(len(keys)) if information[i, i] > 0.0]
+    silent = [key for i, key in enumerate(keys) if i not in rest]
+    left = dict.fromkeys(silent, "no measured channel depends on it here")
     while rest:
         own = information[np.ix_(rest, rest)]
         eigenvalue, made_of = one_direction(own)
@@ -409,6 +368,6 @@ def distinguishable(
             worst = int(np.argmax(errors))
             if errors[worst] <= LEAST_CERTAIN:
                 break
-            why = f"its standard error would be {_percent(errors[worst])} of its value"
+            why = _too_uncertain(errors[worst])
         left[keys[rest.pop(worst)]] = why
     return rest, left

@@ -1,6 +1,4 @@
-"""Frequency range of parameters, and parameters that recordings identify (``--free auto``).
-
-Measured and modelled frequency responses, and the parameters that fit a measured response.
+"""Fit parameters to frequency responses, and find which parameters recordings identify, and up to where.
 
 A response is relative: the deviation of a channel over its mean, per deviation of the command over its
 mean (Vrijdag & Martelli 2021). The model is the linearised plant about the measured working point,
@@ -14,7 +12,7 @@ identifiable from a relative response.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -36,35 +34,23 @@ from .output_error import OutputError
 from .parameters import MethodResult
 from .steady import CURRENT, balances, blade_column, point_at
 
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
-def parameters_hertz(
-    balances: Balances, free: Free, values: Sequence[float], segments: Segments
-) -> float:
-    """Return the highest frequency with information about parameters.
+STILL = 1e-9  # relative standard deviation up to which only the last digits of a channel change
+AT_POINT = 1e-3
+"""Relative error of the balances at the working point: an excitation of 5 % shifts the means by half of
+this share of torque, voltage or force."""
+FORM = 2e-3  # relative error of the response of a linear model, besides its noise
 
-    Args:
-        balances: balances of the ship and the recordings.
-        free: the parameters.
-        values: their values.
-        segments: segments of the fitted data.
-
-    Returns:
-        Frequency [Hz]; infinite for a parameter without influence.
-    """
-    replay = balances.replay
-    moved = []
-    for i, value in enumerate(values):
-        there = [*values]
-        there[i] += 1e-3 * abs(value) or 1e-3
-        moved.append(there)
-    return max(
-        informative_frequencies(
-            replay,
-            replay.simulate_channels(free.record(values)),
-            (replay.simulate_channels(free.record(there)) for there in moved),
-            segments,
-        )
-    )
+SPEED = "shaft_speed_rad_s"
+OUTPUTS = {
+    SPEED: "shaft_speed",
+    CURRENT: "motor_current",
+    "shaft_torque_N_m": "shaft_torque",
+    "ship_speed_m_s": "ship_speed",
+}
+"""Columns whose response is used, with the output of the linear model for each."""
 
 
 def identifiable_keys(
@@ -82,14 +68,12 @@ def identifiable_keys(
     ship = balances.replay.ship
     free = Free(ship, doubtful(ship))
     fitter = Fitter(balances, bands_of(balances, train), free=free.keys)
-    search = OutputError(fitter, free)
     fit = fitter.evaluate_record(free.record(free.values))
-    columns = search.slopes(free.values, fit)
+    columns = OutputError(fitter, free).slopes(free.values, fit)
     # The noise is that which would remain if the parameters explained as much as they can.
     sizes = np.abs(np.array(free.values))[:, None, None]
     everything = Likelihood(fitter.bands, np.concatenate([columns * sizes, fitter.nuisance]))
-    weight = everything(fit.difference).weight
-    information = fitter.likelihood.information(weight, columns)
+    information = fitter.likelihood.information(everything(fit.difference).weight, columns)
     count = len(free.keys)
     # The tolerances of the other parameters reduce the information.
     own, crossed = information[:count, :count], information[:count, count:]
@@ -103,20 +87,21 @@ def identifiable_keys(
     return tuple(free.keys[i] for i in rest), left
 
 
-Complex = NDArray[np.complex128]
+def parameters_hertz(
+    balances: Balances, free: Free, values: Sequence[float], segments: Segments
+) -> float:
+    """Return the highest frequency with information about parameters at their values [Hz].
 
-STILL = 1e-9
-"""Relative standard deviation up to which only the last digits of a channel change."""
+    It is infinite for a parameter without influence. ``segments`` are those of the fitted data.
+    """
+    replay = balances.replay
 
-SPEED = "shaft_speed_rad_s"
+    def channels(there: Sequence[float]) -> Any:
+        return replay.simulate_channels(free.record(there))
 
-OUTPUTS = {
-    SPEED: "shaft_speed",
-    CURRENT: "motor_current",
-    "shaft_torque_N_m": "shaft_torque",
-    "ship_speed_m_s": "ship_speed",
-}
-"""Columns whose response is used, with the output of the linear model for each."""
+    steps = np.diag([1e-3 * abs(value) or 1e-3 for value in values])
+    moved = (channels(list(np.asarray(values) + step)) for step in steps)
+    return max(informative_frequencies(replay, channels(values), moved, segments))
 
 
 @dataclass(frozen=True)
@@ -135,11 +120,11 @@ class FrequencyResponse:
 
     demand: float
     means: dict[str, float]
-    frequency: NDArray[np.float64]
+    frequency: Array
     response: dict[str, Complex]
-    error: dict[str, NDArray[np.float64]]
+    error: dict[str, Array]
     interval_s: float
-    coherence: dict[str, NDArray[np.float64]]
+    coherence: dict[str, Array] = field(default_factory=dict)
 
     def table(self) -> pd.DataFrame:
         """Return frequency, gain, phase [deg], standard error and coherence of each channel."""
@@ -154,7 +139,194 @@ class FrequencyResponse:
         return pd.DataFrame(columns)
 
 
-def channels_of(ship: Ship, table: pd.DataFrame, method: str) -> dict[str, NDArray[np.float64]]:
+def fit_response(method: str, chosen: Free, measured: FrequencyResponse) -> MethodResult:
+    """Return the parameters that fit a frequency response, with their tables.
+
+    Raises:
+        ValueError: parameters that the response does not distinguish.
+    """
+    fitted = fit(chosen, measured, method)
+    ship = chosen.on(fitted.values)
+    answer = replace(measured, response=modelled_response(ship, measured), coherence={}).table()
+    model = answer[[name for name in answer if name.endswith(("_gain", "_phase_deg"))]]
+    tables = {
+        "frequency-response": pd.concat([measured.table(), model.add_suffix("_model")], axis=1),
+        "search": fitted.steps,
+    }
+    closed = closed_form(ship, measured)
+    if closed is not None:
+        rows = closed[1] | keys_of(ship, closed[0])
+        tables["closed-form"] = pd.DataFrame({"number": rows.keys(), "value": rows.values()})
+    remark = (
+        f"{len(measured.frequency)} frequencies from {measured.frequency[0]:.3g} to "
+        f"{measured.frequency[-1]:.3g} rad/s about {measured.demand:.4g} "
+        f"{ship.prime_mover.demand.unit}; the errors are {fitted.misfit:.2g} times the expected ones"
+    )
+    return MethodResult(
+        chosen.keys, tuple(map(float, fitted.values)), fitted.covariance, tables, (remark,)
+    )
+
+
+@dataclass(frozen=True)
+class ResponseFit:
+    """Parameters that fit a frequency response.
+
+    Args:
+        values: estimates, shape (n,).
+        covariance: covariance of the estimates, shape (n, n).
+        misfit: rms of the weighted errors [-]; 1 if they are noise.
+        steps: cost function by evaluation of the search.
+    """
+
+    values: Array
+    covariance: Array
+    misfit: float
+    steps: pd.DataFrame
+
+
+def fit(chosen: Free, measured: FrequencyResponse, method: str) -> ResponseFit:
+    """Fit parameters by least squares of the complex errors over all channels and of the balances.
+
+    The weights follow from the noise and from :data:`FORM`. Without a known noise all errors have equal
+    weights, as in the paper, and the residual gives the noise.
+
+    Raises:
+        ValueError: parameters that the response does not distinguish.
+    """
+    known = all(np.isfinite(error).all() for error in measured.error.values())
+    weights = {
+        column: 1.0 / np.hypot(measured.error[column], FORM * np.abs(values)) if known else 1.0
+        for column, values in measured.response.items()
+    }
+    point = pd.DataFrame([{drive_column(chosen.ship): measured.demand, **measured.means}])
+    outputs = working_point(chosen.ship, measured).outputs
+    sizes = {"motor": measured.demand, "shaft": outputs.brake_torque, "hull": outputs.resistance}
+    closing = AT_POINT * np.array([abs(float(sizes[b])) for b in balances(chosen.ship, point)])
+    costs: list[float] = []
+
+    def residual(values: Any) -> Array:
+        ship = chosen.on(values * chosen.scale)
+        answer = modelled_response(ship, measured)
+        errors = [weights[c] * (answer[c] - measured.response[c]) for c in answer]
+        parts = np.concatenate([part for error in errors for part in (error.real, error.imag)])
+        costs.append(float(np.sum(parts**2)))
+        left = np.concatenate(list(balances(ship, point).values()))
+        return np.concatenate([parts, left / closing])
+
+    starts = [chosen.start]  # the values of the ship file, and those of the closed form
+    if (closed := closed_form(chosen.ship, measured)) is not None:
+        values = dict(zip(chosen.keys, chosen.start, strict=True)) | keys_of(chosen.ship, closed[0])
+        starts.append(np.array([values[key] for key in chosen.keys]))
+    starts = [s for s in starts if np.isfinite(residual(s / chosen.scale)).all()]
+    if not starts:
+        raise ValueError(
+            f"{method}: the linear model of {chosen.ship.name} has no finite response with its file's "
+            "parameters; check the ship file against the recording"
+        )
+    low, high = (bound / chosen.scale for bound in chosen.bounds)
+    tried = [
+        scipy.optimize.least_squares(
+            residual, np.clip(start / chosen.scale, low, high), bounds=(low, high), x_scale="jac",
+            xtol=1e-12, ftol=1e-12, gtol=1e-12,
+        )
+        for start in starts
+    ]  # fmt: skip
+    best: Any = min(tried, key=lambda one: float(one.cost))
+    refuse_indistinct(chosen.keys, best.jac, method)
+    variance = float(np.sum(best.fun**2)) / max(len(best.fun) - len(best.x), 1)
+    if known:
+        variance = max(variance, 1.0)
+    unit = np.linalg.inv(best.jac.T @ best.jac)
+    return ResponseFit(
+        best.x * chosen.scale, variance * unit * np.outer(chosen.scale, chosen.scale),
+        float(np.sqrt(np.mean(best.fun[: -len(closing)] ** 2))),
+        pd.DataFrame({"evaluation": np.arange(len(costs)), "cost": costs}),
+    )  # fmt: skip
+
+
+def closed_form(
+    ship: Ship, measured: FrequencyResponse
+) -> tuple[DriveTrain, dict[str, float]] | None:
+    """Return the drive train whose poles, zero and steady gains fit the response best.
+
+    The ship gives the start of the search, the viscous friction and the sensor delay.
+
+    Returns:
+        The six parameters, and the five values of the Bode plots: ``s1``, ``s2``, ``z1`` [rad/s],
+        ``speed_gain``, ``current_gain`` [-]. None for a ship without such a drive train or without a
+        measured current, and if the five values belong to no drive train.
+    """
+    if not ship.has_voltage or ship.moves or CURRENT not in measured.response:
+        return None
+    own, ratio = drive_train(ship), ship.transmission.gear_ratio
+    point = WorkingPoint(measured.demand, measured.means[SPEED] * ratio, measured.means[CURRENT])
+    linear = own.linear(point)
+    fast, slow = (max(-pole.real, 1e-3) for pole in linear.poles)
+    zero = -linear.zero if linear.zero < 0.0 else slow / 3.0
+    gains = max(linear.speed_gain, 0.1), max(linear.current_gain, 0.1)
+    start = np.log([min(fast, 20.0 * measured.frequency[-1]), slow, zero, *gains])
+    s = 1j * measured.frequency
+    late = np.exp(-s * ship.sensors.speed_delay_s)
+
+    def residual(logs: Any) -> Array:
+        s1, s2, z1, speed, current = np.exp(logs)
+        both = 1.0 / ((1.0 + s / s1) * (1.0 + s / s2))
+        speed_error = speed * both * late - measured.response[SPEED]
+        current_error = current * (1.0 + s / z1) * both - measured.response[CURRENT]
+        errors = np.concatenate([speed_error, current_error])
+        return np.concatenate([errors.real, errors.imag])
+
+    best = np.exp(scipy.optimize.least_squares(residual, start, x_scale=0.1).x)
+    s1, s2, z1, speed, current = (float(v) for v in best * [-1.0, -1.0, -1.0, 1.0, 1.0])
+    train = from_poles(s1, s2, z1, speed, current, point, own.viscous)
+    sizes = (train.inductance, train.constant, train.resistance, train.inertia, train.load)
+    if min(sizes) <= 0.0 or train.friction < 0.0:
+        return None
+    five = {"s1": s1, "s2": s2, "z1": z1, "speed_gain": speed, "current_gain": current}
+    return train, five
+
+
+def modelled_response(ship: Ship, measured: FrequencyResponse) -> dict[str, Complex]:
+    """Return the modelled relative response by column at the measured frequencies.
+
+    It is sampled and held like the measured one and includes the delay ``sensors.speed_delay_s``.
+    """
+    columns = list(measured.response)
+    system = linearise(ship, working_point(ship, measured), tuple(OUTPUTS[c] for c in columns))
+    drive = system.input_labels.index("drive")
+    a, c = np.asarray(system.A), np.asarray(system.C)
+    b, d = np.asarray(system.B)[:, [drive]], np.asarray(system.D)[:, [drive]]
+    frequency, interval_s = measured.frequency, measured.interval_s
+    shift = np.asarray(1j * frequency, dtype=np.complex128)
+    if interval_s > 0.0:
+        size = len(a)
+        both = scipy.linalg.expm(np.block([[a, b], [np.zeros((1, size + 1))]]) * interval_s)
+        a, b, shift = both[:size, :size], both[:size, size:], np.exp(shift * interval_s)
+    resolvent = shift[:, None, None] * np.eye(len(a)) - a
+    answer = c @ np.linalg.solve(resolvent, np.broadcast_to(b, (len(shift), *b.shape))) + d
+    answer = answer[:, :, 0] / zero_order_hold(frequency, interval_s)[:, None]
+    found = {
+        column: answer[:, k] * measured.demand / measured.means[column]
+        for k, column in enumerate(columns)
+    }
+    if SPEED in found:
+        found[SPEED] = found[SPEED] * np.exp(-1j * frequency * ship.sensors.speed_delay_s)
+    return found
+
+
+def working_point(ship: Ship, measured: FrequencyResponse) -> Equilibrium:
+    """Return the measured working point as a state of the plant, whose balances need not close."""
+    means = {drive_column(ship): measured.demand, **measured.means}
+    return point_at(ship, ship.record(), means)[0]
+
+
+def slowest_s(ship: Ship, measured: FrequencyResponse) -> float:
+    """Return the longest time constant [s] of the linear model about the measured point, or 0."""
+    poles = np.real(linearise(ship, working_point(ship, measured), ("shaft_speed",)).poles())
+    return float(1.0 / np.min(-poles[poles < 0.0], initial=np.inf))
+
+
+def channels_of(ship: Ship, table: pd.DataFrame, method: str) -> dict[str, Array]:
     """Return the drive command and the channels of a recording by column, the command first.
 
     A channel other than the shaft speed is left out if it has no relative response: it is constant, such
@@ -181,17 +353,16 @@ def channels_of(ship: Ship, table: pd.DataFrame, method: str) -> dict[str, NDArr
         )
     if found[demand].mean() == 0.0:
         raise ValueError(f"{method}: the mean of {demand} is 0, so there is no working point")
-    return {c: v for c, v in found.items() if c in (demand, SPEED) or _responds(v)}
 
+    def responds(values: Array) -> bool:
+        mean, deviation = abs(float(values.mean())), float(values.std())
+        return STILL * mean < deviation < mean
 
-def _responds(values: NDArray[np.float64]) -> bool:
-    """Return whether a channel has a relative response: it varies by less than its mean."""
-    mean, deviation = abs(float(values.mean())), float(values.std())
-    return STILL * mean < deviation < mean
+    return {c: v for c, v in found.items() if c in (demand, SPEED) or responds(v)}
 
 
 def means_of(
-    ship: Ship, table: pd.DataFrame, channels: dict[str, NDArray[np.float64]], rows: slice
+    ship: Ship, table: pd.DataFrame, channels: dict[str, Array], rows: slice
 ) -> dict[str, float]:
     """Return the means of the channels, and of a variable pitch ratio, over some rows."""
     means = {c: float(channels[c][rows].mean()) for c in OUTPUTS if c in channels}
@@ -216,9 +387,7 @@ def zero_order_hold(frequency: Any, interval_s: float) -> Complex:
     return np.where(small, 1.0, -np.expm1(-turn) / np.where(small, 1.0, turn))
 
 
-def attenuation(
-    values: NDArray[np.float64], interval_s: float, frequency: Any
-) -> NDArray[np.float64]:
+def attenuation(values: Array, interval_s: float, frequency: Any) -> Array:
     """Return the possible attenuation [-] of a response by a channel with a low update rate.
 
     An encoder measures the mean speed between two edges and holds it until the next, with the response
@@ -235,221 +404,3 @@ def attenuation(
     half = np.asarray(frequency, dtype=np.float64) * every / 2.0
     lacking = 1.0 - np.sinc(np.minimum(half, np.pi) / np.pi) ** 2
     return lacking if every > 1.5 * interval_s else 0.0 * lacking
-
-
-def working_point(ship: Ship, measured: FrequencyResponse) -> Equilibrium:
-    """Return the measured working point as a state of the plant, whose balances need not close."""
-    point, _ = point_at(
-        ship, ship.record(), {drive_column(ship): measured.demand, **measured.means}
-    )
-    return point
-
-
-def slowest_s(ship: Ship, measured: FrequencyResponse) -> float:
-    """Return the longest time constant [s] of the linear model about the measured point, or 0."""
-    poles = np.real(linearise(ship, working_point(ship, measured), ("shaft_speed",)).poles())
-    return float(1.0 / np.min(-poles[poles < 0.0], initial=np.inf))
-
-
-def modelled_response(ship: Ship, measured: FrequencyResponse) -> dict[str, Complex]:
-    """Return the modelled relative response by column at the measured frequencies.
-
-    It is sampled and held like the measured one and includes the delay ``sensors.speed_delay_s``.
-    """
-    columns = list(measured.response)
-    system = linearise(ship, working_point(ship, measured), tuple(OUTPUTS[c] for c in columns))
-    drive = system.input_labels.index("drive")
-    a, c = np.asarray(system.A), np.asarray(system.C)
-    b, d = np.asarray(system.B)[:, [drive]], np.asarray(system.D)[:, [drive]]
-    frequency, interval_s = measured.frequency, measured.interval_s
-    shift = np.asarray(1j * frequency, dtype=np.complex128)
-    if interval_s > 0.0:
-        size = len(a)
-        both = scipy.linalg.expm(np.block([[a, b], [np.zeros((1, size + 1))]]) * interval_s)
-        a, b, shift = both[:size, :size], both[:size, size:], np.exp(shift * interval_s)
-    resolvent = shift[:, None, None] * np.eye(len(a)) - a
-    answer = c @ np.linalg.solve(resolvent, np.broadcast_to(b, (len(shift), *b.shape))) + d
-    answer = answer[:, :, 0] / zero_order_hold(frequency, interval_s)[:, None]
-    found = {}
-    for k, column in enumerate(columns):
-        found[column] = answer[:, k] * measured.demand / measured.means[column]
-    if SPEED in found:
-        found[SPEED] = found[SPEED] * np.exp(-1j * frequency * ship.sensors.speed_delay_s)
-    return found
-
-
-AT_POINT = 1e-3
-"""Relative error of the balances at the working point: an excitation of 5 % shifts the means by half of
-this share of torque, voltage or force."""
-
-FORM = 2e-3
-"""Relative error of the response of a linear model, besides its noise."""
-
-
-@dataclass(frozen=True)
-class ResponseFit:
-    """Parameters that fit a frequency response.
-
-    Args:
-        values: estimates, shape (n,).
-        covariance: covariance of the estimates, shape (n, n).
-        misfit: rms of the weighted errors [-]; 1 if they are noise.
-        steps: cost function by evaluation of the search.
-    """
-
-    values: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    misfit: float
-    steps: pd.DataFrame
-
-
-def fit(chosen: Free, measured: FrequencyResponse, method: str) -> ResponseFit:
-    """Fit parameters by least squares of the complex errors over all channels and of the balances.
-
-    The weights follow from the noise and from :data:`FORM`. Without a known noise all errors have equal
-    weights, as in the paper, and the residual gives the noise.
-
-    Raises:
-        ValueError: parameters that the response does not distinguish.
-    """
-    known = all(np.isfinite(error).all() for error in measured.error.values())
-    weights = {
-        column: 1.0 / np.hypot(measured.error[column], FORM * np.abs(values)) if known else 1.0
-        for column, values in measured.response.items()
-    }
-    point = pd.DataFrame([{drive_column(chosen.ship): measured.demand, **measured.means}])
-    closing = AT_POINT * _sizes(chosen.ship, measured, list(balances(chosen.ship, point)))
-    costs: list[float] = []
-
-    def residual(values: Any) -> NDArray[np.float64]:
-        ship = chosen.on(values * chosen.scale)
-        answer = modelled_response(ship, measured)
-        errors = [weights[c] * (answer[c] - measured.response[c]) for c in answer]
-        parts = np.concatenate([part for error in errors for part in (error.real, error.imag)])
-        costs.append(float(np.sum(parts**2)))
-        left = np.concatenate(list(balances(ship, point).values()))
-        return np.concatenate([parts, left / closing])
-
-    low, high = (bound / chosen.scale for bound in chosen.bounds)
-    best: Any = None
-    starts = [s for s in _starts(chosen, measured) if np.isfinite(residual(s / chosen.scale)).all()]
-    if not starts:
-        raise ValueError(
-            f"{method}: the linear model of {chosen.ship.name} has no finite response with its file's "
-            "parameters; check the ship file against the recording"
-        )
-    for start in starts:
-        tried = scipy.optimize.least_squares(
-            residual, np.clip(start / chosen.scale, low, high), bounds=(low, high), x_scale="jac",
-            xtol=1e-12, ftol=1e-12, gtol=1e-12,
-        )  # fmt: skip
-        if best is None or tried.cost < best.cost:
-            best = tried
-    refuse_indistinct(chosen.keys, best.jac, method)
-    freedom = max(len(best.fun) - len(best.x), 1)
-    variance = float(np.sum(best.fun**2)) / freedom
-    if known:
-        variance = max(variance, 1.0)
-    unit = np.linalg.inv(best.jac.T @ best.jac)
-    return ResponseFit(
-        best.x * chosen.scale, variance * unit * np.outer(chosen.scale, chosen.scale),
-        float(np.sqrt(np.mean(best.fun[: -len(closing)] ** 2))),
-        pd.DataFrame({"evaluation": np.arange(len(costs)), "cost": costs}),
-    )  # fmt: skip
-
-
-def _sizes(ship: Ship, measured: FrequencyResponse, names: list[str]) -> NDArray[np.float64]:
-    """Return the size of the terms of each balance at the working point."""
-    outputs = working_point(ship, measured).outputs
-    size = {
-        "motor": abs(measured.demand),
-        "shaft": abs(float(outputs.brake_torque)),
-        "hull": abs(float(outputs.resistance)),
-    }
-    return np.array([size[name] for name in names])
-
-
-def _starts(chosen: Free, measured: FrequencyResponse) -> list[NDArray[np.float64]]:
-    """Return the starts of the search: the values of the ship file, and those of the closed form."""
-    starts = [chosen.start]
-    closed = closed_form(chosen.ship, measured)
-    if closed is not None:
-        values = keys_of(chosen.ship, closed[0])
-        pairs = zip(chosen.keys, chosen.start, strict=True)
-        starts.append(np.array([values.get(key, start) for key, start in pairs]))
-    return starts
-
-
-def closed_form(
-    ship: Ship, measured: FrequencyResponse
-) -> tuple[DriveTrain, dict[str, float]] | None:
-    """Return the drive train whose poles, zero and steady gains fit the response best.
-
-    Args:
-        ship: ship with the start of the search, its viscous friction and its sensor delay.
-        measured: response with the motor's current.
-
-    Returns:
-        The six parameters, and the five values of the Bode plots: ``s1``, ``s2``, ``z1`` [rad/s],
-        ``speed_gain``, ``current_gain`` [-]. None for a ship without such a drive train or without a
-        measured current, and if the five values belong to no drive train.
-    """
-    if not ship.has_voltage or ship.moves or CURRENT not in measured.response:
-        return None
-    ratio = ship.transmission.gear_ratio
-    point = WorkingPoint(measured.demand, measured.means[SPEED] * ratio, measured.means[CURRENT])
-    linear = drive_train(ship).linear(point)
-    fast, slow = (max(-pole.real, 1e-3) for pole in linear.poles)
-    zero = -linear.zero if linear.zero < 0.0 else slow / 3.0
-    gains = max(linear.speed_gain, 0.1), max(linear.current_gain, 0.1)
-    start = np.log([min(fast, 20.0 * measured.frequency[-1]), slow, zero, *gains])
-    s = 1j * measured.frequency
-    late = np.exp(-s * ship.sensors.speed_delay_s)
-
-    def residual(logs: Any) -> NDArray[np.float64]:
-        s1, s2, z1, speed, current = np.exp(logs)
-        both = 1.0 / ((1.0 + s / s1) * (1.0 + s / s2))
-        errors = np.concatenate(
-            [
-                speed * both * late - measured.response[SPEED],
-                current * (1.0 + s / z1) * both - measured.response[CURRENT],
-            ]
-        )
-        return np.concatenate([errors.real, errors.imag])
-
-    s1, s2, z1, speed, current = map(
-        float, np.exp(scipy.optimize.least_squares(residual, start, x_scale=0.1).x)
-    )
-    five = {"s1": -s1, "s2": -s2, "z1": -z1, "speed_gain": speed, "current_gain": current}
-    train = from_poles(-s1, -s2, -z1, speed, current, point, drive_train(ship).viscous)
-    sizes = (train.inductance, train.constant, train.resistance, train.inertia, train.load)
-    return (train, five) if min(sizes) > 0.0 and train.friction >= 0.0 else None
-
-
-def fit_response(method: str, chosen: Free, measured: FrequencyResponse) -> MethodResult:
-    """Return the parameters that fit a frequency response, with their tables.
-
-    Raises:
-        ValueError: parameters that the response does not distinguish.
-    """
-    fitted = fit(chosen, measured, method)
-    ship = chosen.on(fitted.values)
-    answer = replace(measured, response=modelled_response(ship, measured), coherence={}).table()
-    model = answer[[name for name in answer if name.endswith(("_gain", "_phase_deg"))]]
-    tables = {
-        "frequency-response": pd.concat([measured.table(), model.add_suffix("_model")], axis=1),
-        "search": fitted.steps,
-    }
-    closed = closed_form(ship, measured)
-    if closed is not None:
-        rows = closed[1] | keys_of(ship, closed[0])
-        tables["closed-form"] = pd.DataFrame({"number": rows.keys(), "value": rows.values()})
-    unit = ship.prime_mover.demand.unit
-    remark = (
-        f"{len(measured.frequency)} frequencies from {measured.frequency[0]:.3g} to "
-        f"{measured.frequency[-1]:.3g} rad/s about {measured.demand:.4g} {unit}; the errors are "
-        f"{fitted.misfit:.2g} times the expected ones"
-    )
-    return MethodResult(
-        chosen.keys, tuple(map(float, fitted.values)), fitted.covariance, tables, (remark,)
-    )

@@ -8,7 +8,6 @@ eqs. 16-17, weighted by the covariance of the residual).
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -22,46 +21,31 @@ from ..search.fitting import Fit, Fitter, Whiteness
 from .free_parameters import Free, UnidentifiableError, refuse_unidentifiable
 from .parameters import MethodResult
 
+Array = NDArray[np.float64]
+
 MOST_STEPS = 40
-SETTLED = 0.02
-"""Gain in 2 log L below which the search ends."""
-
-ALIKE = 0.95
-"""Correlation from which the message on a parameter that is not identifiable names another one."""
-
-UNCERTAIN = 1.0
-"""Relative standard error from which a parameter counts as not identifiable."""
-
-SHORT = 0.25
-"""Standard error as a share of the ship file's value up to which an estimate near 0 is accepted."""
-
+SHARES = (1.0, 0.3, 0.09, 0.027, 0.0081, 0.00243)  # of a Gauss-Newton step, tried in this order
+SETTLED = 0.02  # gain in 2 log L below which the search ends
+ALIKE = 0.95  # correlation from which the message on a parameter names another one
+UNCERTAIN = 1.0  # relative standard error from which a parameter counts as not identifiable
+SHORT = 0.25  # standard error by the ship file's value up to which an estimate near 0 is accepted
 REACH = 1.0
 """Prior standard deviation of a step as a share of the parameter. The prior is centred on the last
 value, so that it damps steps along uncertain directions without bias."""
-
-LEAST_REACH = 30.0
-"""Prior standard deviation of a step in standard errors, for a parameter near 0."""
+LEAST_REACH = 30.0  # the same in standard errors, for a parameter near 0
 
 
 class OutputError:
-    """Search for parameters with one fitter.
-
-    Args:
-        fitter: fitter of the recordings with these parameters free.
-        free: the parameters.
-        tick: progress callback ``tick(stage, done, total)``.
-    """
+    """Search for parameters with one fitter of the recordings, in which these parameters are free."""
 
     def __init__(self, fitter: Fitter, free: Free, tick: Tick = ignore_progress) -> None:
-        self.fitter = fitter
-        self.free = free
-        self.tick = tick
+        self.fitter, self.free, self.tick = fitter, free, tick
         self.steps: list[dict[str, float]] = []
         self._sizes = [abs(v) * 1e-3 for v in free.values]
-
-    def evaluate_record(self, values: Sequence[float]) -> Fit:
-        """Return the fit at given values."""
-        return self.fitter.evaluate_record(self.free.record(values))
+        bands = fitter.bands
+        self._counts = np.add.reduceat(bands.weights, bands.edges[:-1])
+        # Frequencies of each band less the degrees of freedom of its covariance, shape (bands,).
+        self._spare = np.maximum(self._counts - len(fitter.balances.names), 1.0)
 
     def columns(self, values: Sequence[float], fit: Fit) -> Any:
         """Return derivatives of the simulation, shape (parameters, balances, frequencies).
@@ -72,9 +56,8 @@ class OutputError:
         here = self.fitter.predict(self.free.record(values))
         found = []
         for i, size in enumerate(self._sizes):
-            column, size = self._column(values, here, i, size, fit)
+            column, self._sizes[i] = self._column(values, here, i, size, fit)
             found.append(column)
-            self._sizes[i] = size
         return np.array(found)
 
     def slopes(self, values: Sequence[float], fit: Fit) -> Any:
@@ -122,54 +105,37 @@ class OutputError:
             start: start of the search; the values of the ship by default.
         """
         values = list(self.free.values if start is None else start)
-        fit = self.evaluate_record(values)
+        fit = self._fit(values)
         self._note(values, fit)
         for count in range(MOST_STEPS):
             self.tick("estimating the parameters", count, MOST_STEPS)
             columns = self.columns(values, fit)
             if count == 0:
-                refuse_unidentifiable(
-                    self.free.keys, self._information(fit, self.slopes(values, fit))
-                )
-            step = self._step(values, fit, columns)
-            share, better = 1.0, None
-            while share > 1e-3:
+                # The tolerances of the other parameters are included.
+                likelihood, slopes = self.fitter.likelihood, self.slopes(values, fit)
+                information = likelihood.information(self._weight(fit), slopes)
+                refuse_unidentifiable(self.free.keys, information)
+            step, score = self._step(values, fit, columns), fit.score
+            for share in SHARES:
                 trial = self.free.towards(values, list(np.asarray(values) + share * step))
-                found = self.evaluate_record(trial)
-                if found.score > fit.score:
-                    better = (trial, found)
+                found = self._fit(trial)
+                if found.score > score:
+                    values, fit = trial, found
+                    self._note(values, fit)
                     break
-                share *= 0.3
-            if better is None:
-                break
-            gain = better[1].score - fit.score
-            values, fit = better
-            self._note(values, fit)
-            if gain < SETTLED:
+            if fit.score - score < SETTLED:
                 break
         self.tick("estimating the parameters", MOST_STEPS, MOST_STEPS)
         return values, fit
 
-    def _step(self, values: Sequence[float], fit: Fit, columns: Any) -> NDArray[np.float64]:
+    def _fit(self, values: Sequence[float]) -> Fit:
+        return self.fitter.evaluate_record(self.free.record(values))
+
+    def _step(self, values: Sequence[float], fit: Fit, columns: Any) -> Array:
         """Return the Gauss-Newton step, weighted by the covariance of the residual after it."""
         reach = np.maximum(REACH * np.abs(values), LEAST_REACH * np.array(self._sizes))
         found = self.fitter.project_residual(fit, columns * reach[:, None, None])
         return np.asarray(found.shares[: len(reach)] * reach)
-
-    def _information(self, fit: Fit, columns: Any) -> NDArray[np.float64]:
-        """Return the information about the parameters and the tolerances together."""
-        return self.fitter.likelihood.information(self._weight(fit), columns)
-
-    @functools.cached_property
-    def _spare(self) -> NDArray[np.float64]:
-        """Frequencies of each band less the degrees of freedom of its covariance, shape (bands,)."""
-        balances = len(self.fitter.balances.names)
-        return np.asarray(np.maximum(self._counts - balances, 1.0))
-
-    @functools.cached_property
-    def _counts(self) -> NDArray[np.float64]:
-        bands = self.fitter.bands
-        return np.asarray(np.add.reduceat(bands.weights, bands.edges[:-1]))
 
     def _weight(self, fit: Fit) -> Any:
         """Return the inverse covariances, reduced for their estimation from the residual.
@@ -180,9 +146,7 @@ class OutputError:
         """
         return fit.weight * ((self._spare / self._counts) ** 2)[:, None, None]
 
-    def covariance(
-        self, values: Sequence[float], fit: Fit
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def covariance(self, values: Sequence[float], fit: Fit) -> tuple[Array, Array]:
         """Return the covariance of the estimates, and the degrees of freedom of their variances.
 
         The tolerances of the other parameters are included.
@@ -213,13 +177,7 @@ class OutputError:
 def output_error(
     fitter: Fitter, free: Free, tick: Tick = ignore_progress, start: Sequence[float] | None = None
 ) -> MethodResult:
-    """Estimate parameters by output error.
-
-    Args:
-        fitter: fitter of the recordings with these parameters free.
-        free: the parameters.
-        tick: progress callback ``tick(stage, done, total)``.
-        start: start of the search; the values of the ship by default.
+    """Estimate parameters by output error, by default from the values of the ship.
 
     Raises:
         UnidentifiableError: parameters of which only a ratio or a product is identifiable; names them.
@@ -237,14 +195,9 @@ def output_error(
             f"instruments' noise at {colour.low_Hz:.3g} to {colour.high_Hz:.3g} Hz; physics is missing, "
             "and the parameters may have absorbed it",
         )
+    table = pd.DataFrame(search.steps)
     return MethodResult(
-        free.keys,
-        tuple(values),
-        covariance,
-        {"search": pd.DataFrame(search.steps)},
-        remarks,
-        fit.score,
-        freedom=freedom,
+        free.keys, tuple(values), covariance, {"search": table}, remarks, fit.score, freedom=freedom
     )
 
 
@@ -252,11 +205,7 @@ def refuse_uncertain(found: MethodResult, free: Free) -> None:
     """Refuse a parameter about which the recording contains almost no information.
 
     An interval about 0 is accepted for a parameter that is absent at 0, such as an offset or a friction,
-    and so is an interval that is short compared with the ship file's value.
-
-    Args:
-        found: estimates.
-        free: the parameters, with the values of the ship file.
+    and so is an interval that is short compared with the ship file's value in ``free``.
 
     Raises:
         UnidentifiableError: names the parameter.
@@ -265,14 +214,11 @@ def refuse_uncertain(found: MethodResult, free: Free) -> None:
     for number, value, error, correlation in rows:
         size = max(abs(value) * UNCERTAIN, abs(number.value) * SHORT)
         if number.info.neutral is None and error > size:
-            alike = [
-                key
-                for key, one in zip(free.keys, correlation, strict=True)
-                if abs(one) > ALIKE and key != number.key
-            ]
+            pairs = zip(free.keys, correlation, strict=True)
+            alike = [key for key, one in pairs if abs(one) > ALIKE and key != number.key]
             why = f"distinguish it from {' and '.join(alike)}" if alike else "excite it"
-            raise UnidentifiableError(
+            message = (
                 f"{number.key} is not identifiable: the recording does not {why} (estimate {value:.4g}, "
-                f"standard error {error:.2g})",
-                [number.key], free.keys,
-            )  # fmt: skip
+                f"standard error {error:.2g})"
+            )
+            raise UnidentifiableError(message, [number.key], free.keys)

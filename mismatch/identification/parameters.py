@@ -1,8 +1,7 @@
-"""The ship at the start of a diagnosis, with its calibrated and its free parameters.
+"""Parameters of the ship in a diagnosis: its start, their estimates and changes, and biased parameters.
 
-Result of a method of identification: estimates and their covariance.
-
-Changes of the ship's parameters by a recording, and biased parameters as alternatives to effects.
+A diagnosis starts with calibrated and with free parameters, and its parameters move within their
+tolerances. A parameter whose bias explains a difference as well as an effect is reported with it.
 """
 
 from __future__ import annotations
@@ -24,8 +23,19 @@ from ..search.fitting import Fit, Fitter
 from ..search.selection import INDISTINGUISHABLE, Selection
 from .free_parameters import Free, doubtful, number_of
 
-WIDE = 0.3
-"""Standard deviation of a free parameter, as a share of its value."""
+Array = NDArray[np.float64]
+
+WIDE = 0.3  # standard deviation of a free parameter, as a share of its value
+REPORTED = 1.0  # tolerances from which a change of a parameter is reported
+CORRECTED = 0.5  # tolerances from which the corrected ship may have the changed value
+WORSE = 0.05  # largest loss of a channel in points of FitPercent by the changed parameters
+FAR_TOLERANCES = 3.0  # tolerances beyond which a parameter is far from the ship file
+NEAR_ENOUGH = 0.02  # relative change up to which the simulation is not linearised again
+MOST_LINEARISATIONS = 4
+STEP = 1e-2  # relative finite difference of a parameter
+MOST_STEPS = 6  # of the search for a biased parameter
+SETTLED = 0.1  # gain in 2 log L below which the search ends
+HOPELESS = 0.5  # share of an effect's gain that the first step of a search must reach
 
 
 @dataclass(frozen=True)
@@ -50,11 +60,7 @@ class Start:
 
 
 def start_at_recorded_speed(start: Start) -> Start:
-    """Return the start with the recorded shaft speed in place of the prime mover.
-
-    Args:
-        start: start with the prime mover of the ship file.
-    """
+    """Return the start with the recorded shaft speed in place of the prime mover of the ship file."""
     calibrated = tuple(key for key in start.calibrated if not key.startswith("prime_mover."))
     file, ship = drive_by_shaft_speed(start.file), drive_by_shaft_speed(start.ship)
     return replace(start, file=file, ship=ship, calibrated=calibrated)
@@ -91,25 +97,14 @@ def check_free_parameters(ship: Ship, keys: Sequence[str], calibrated: bool) -> 
 
 
 def start_with_free_parameters(ship: Ship, keys: Sequence[str]) -> Start:
-    """Return a start whose free parameters have a tolerance of at least :data:`WIDE`.
-
-    Args:
-        ship: nominal ship.
-        keys: dotted keys of the free parameters, checked by :func:`check_free_parameters`.
-    """
+    """Return a start whose free parameters have a tolerance of at least :data:`WIDE`."""
     if not keys:
         return Start(ship, ship)
     return Start(ship, widen_tolerances(ship, Free(ship, keys).numbers, WIDE), free=tuple(keys))
 
 
 def widen_tolerances(ship: Ship, numbers: Iterable[ShipParameter], share: float) -> Ship:
-    """Return a ship whose parameters have at least a given relative tolerance.
-
-    Args:
-        ship: nominal ship.
-        numbers: parameters of the ship.
-        share: standard deviation as a share of each value [-].
-    """
+    """Return a ship whose parameters have at least a tolerance, given as a share of each value [-]."""
     known = ship.tolerances.numbers
     wide = {n.key: max(share * abs(n.value), known.get(n.key, 0.0)) for n in numbers}
     return ship.with_values({"tolerances.numbers": known | wide}) if wide else ship
@@ -137,31 +132,28 @@ class MethodResult:
 
     keys: tuple[str, ...]
     values: tuple[float, ...]
-    covariance: NDArray[np.float64]
+    covariance: Array
     tables: dict[str, pd.DataFrame] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
     score: float = 0.0
     line: bool = False
-    freedom: NDArray[np.float64] | None = None
+    freedom: Array | None = None
 
     @property
-    def standard_errors(self) -> NDArray[np.float64]:
+    def standard_errors(self) -> Array:
         """Standard error of each estimate, in its key's unit."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     @property
-    def degrees(self) -> NDArray[np.float64]:
+    def degrees(self) -> Array:
         """Degrees of freedom of each variance [-]; infinite without ``freedom``."""
         return np.full(len(self.keys), np.inf) if self.freedom is None else self.freedom
 
     def mix_with(self, other: MethodResult, share: float) -> MethodResult:
         """Return these estimates with the uncertainty that another model of the data is the true one.
 
-        The covariance is that of the mixture of both models about these estimates.
-
-        Args:
-            other: estimates of the same parameters by the other model.
-            share: probability of the other model [-].
+        The covariance is that of the mixture of both models about these estimates; ``share`` is the
+        probability of the other model [-].
         """
         if not share > 0.0:
             return self
@@ -170,30 +162,10 @@ class MethodResult:
         return replace(self, covariance=(1.0 - share) * self.covariance + share * there)
 
     @property
-    def correlation(self) -> NDArray[np.float64]:
+    def correlation(self) -> Array:
         """Correlation of the estimates, shape (n, n)."""
         scale = np.where(self.standard_errors > 0.0, self.standard_errors, 1.0)
-        own: Any = self.covariance / np.outer(scale, scale)
-        return np.asarray(own)
-
-
-REPORTED = 1.0
-"""Tolerances from which a change of a parameter is reported."""
-
-CORRECTED = 0.5
-"""Tolerances from which the corrected ship may have the changed value."""
-
-WORSE = 0.05
-"""Largest loss of a channel in points of FitPercent by the changed parameters of the corrected ship."""
-
-FAR_TOLERANCES = 3.0
-"""Tolerances beyond which a parameter is far from the ship file."""
-
-NEAR_ENOUGH = 0.02
-"""Relative change of a parameter up to which the simulation is not linearised again."""
-
-MOST_LINEARISATIONS = 4
-"""Largest number of linearisations."""
+        return np.asarray(self.covariance / np.outer(scale, scale))
 
 
 @dataclass(frozen=True)
@@ -244,8 +216,7 @@ class MovableParameters:
     """
 
     def __init__(self, start: Start, fitter: Fitter) -> None:
-        self.start = start
-        self.fitter = fitter
+        self.start, self.fitter = start, fitter
         changes = [item for move in fitter.moves for item in move.numbers.items()]
         self.keys = tuple(dict.fromkeys(key for key, change in changes if change != 0.0))
         # One column for each regressor of the fitter; some regressors change no parameter.
@@ -265,12 +236,9 @@ class MovableParameters:
 
     def shifts(self, fit: Fit) -> dict[str, float]:
         """Return the change of each parameter since the start of the diagnosis, in tolerances."""
-        return {
-            key: float((value - self.start.ship.parameter(key).value) / deviation)
-            for (key, value), deviation in zip(
-                self.values(fit).items(), self._deviations, strict=True
-            )
-        }
+        pairs = zip(self.values(fit).items(), self._deviations, strict=True)
+        before = self.start.ship.parameter
+        return {key: float((value - before(key).value) / size) for (key, value), size in pairs}
 
     def relinearised_ship(self) -> Ship | None:
         """Return the ship with the free parameters as fitted without effects.
@@ -286,19 +254,13 @@ class MovableParameters:
             moved = own.with_values(values)
         except ShipError:
             return None
-        return (
-            moved
-            if self.fitter.evaluate_record(moved.record()).score > fit.score - INDISTINGUISHABLE
-            else None
-        )
+        score = self.fitter.evaluate_record(moved.record()).score
+        return moved if score > fit.score - INDISTINGUISHABLE else None
 
     def corrected_ships(self, fit: Fit, judge: Callable[[Any], float], rows: Any) -> list[Ship]:
         """Return the ships with the effects of a fit: with changed parameters if they hold, and without.
 
-        Args:
-            fit: fit of the effects.
-            judge: function that returns 2 log L of a ship's record on the held-out data.
-            rows: held-out rows.
+        The arguments are those of :meth:`with_estimates`.
         """
         plain = self.fitter.trial_ship.corrected(fit.effects)
         changed = self.with_estimates(plain, fit, judge, rows)
@@ -318,13 +280,11 @@ class MovableParameters:
             judge: function that returns 2 log L of a ship's record on the held-out data.
             rows: held-out rows.
         """
-        file = {key: self.start.ship.parameter(key).value for key in self.start.free}
+        free = self.start.free
+        file = {key: self.start.ship.parameter(key).value for key in free}
         plain = corrected.with_values(file) if file else corrected
-        values = self.values(fit)
-        moved = {
-            k: values[k] for k, shift in self.shifts(fit).items()
-            if abs(shift) >= CORRECTED or k in self.start.free
-        }  # fmt: skip
+        values, shifts = self.values(fit), self.shifts(fit)
+        moved = {k: v for k, v in values.items() if abs(shifts[k]) >= CORRECTED or k in free}
         if not moved:
             return plain
         try:
@@ -342,29 +302,22 @@ class MovableParameters:
         return plain if worse else other
 
     def changes(self, fit: Fit, corrected: Ship) -> list[ParameterChange]:
-        """Return the changes of calibrated and free parameters, and all changes of a tolerance or more.
-
-        Args:
-            fit: fit of the reported effects.
-            corrected: corrected ship.
-        """
+        """Return the changes of calibrated and free parameters, and changes of a tolerance or more."""
         start, values, shifts = self.start, self.values(fit), self.shifts(fit)
-        errors = dict(zip(self.keys, self._errors(fit), strict=True))
+        errors = dict(zip(self.keys, map(float, self._errors(fit)), strict=True))
         far = [key for key, shift in shifts.items() if abs(shift) >= REPORTED]
         found = []
         for key in dict.fromkeys((*start.calibrated, *start.free, *far)):
             file, now = number_of(start.file, key), number_of(corrected, key).value
             value = values.get(key, number_of(start.ship, key).value)
+            error, shift = errors.get(key, np.nan), shifts.get(key, 0.0)
             source = "calibrated" if key in start.calibrated else "tolerance"
-            found.append(
-                ParameterChange(
-                    key, file.info.unit, file.value, value, float(errors.get(key, np.nan)),
-                    shifts.get(key, 0.0), "free" if key in start.free else source, now,
-                )
-            )  # fmt: skip
+            source = "free" if key in start.free else source
+            unit = file.info.unit
+            found.append(ParameterChange(key, unit, file.value, value, error, shift, source, now))
         return found
 
-    def _errors(self, fit: Fit) -> NDArray[np.float64]:
+    def _errors(self, fit: Fit) -> Array:
         """Return the standard error of each parameter in its unit, with uncertain effects."""
         fitter = self.fitter
         columns = fitter.sensitivities(fit)[1]
@@ -372,19 +325,6 @@ class MovableParameters:
         covariance = np.linalg.pinv(information, hermitian=True)[len(columns) :, len(columns) :]
         variances = np.einsum("nk,kl,nl->n", self._changes, covariance, self._changes)
         return np.asarray(np.sqrt(np.maximum(variances, 0.0)))
-
-
-STEP = 1e-2
-"""Relative finite difference of a parameter."""
-
-MOST_STEPS = 6
-"""Largest number of steps of the search for a parameter."""
-
-SETTLED = 0.1
-"""Gain in 2 log L below which the search ends."""
-
-HOPELESS = 0.5
-"""Share of an effect's gain that the first step of a parameter must reach for the search to continue."""
 
 
 @dataclass(frozen=True)
@@ -412,29 +352,23 @@ def find_biased_parameters(fitter: Fitter, selection: Selection) -> list[BiasedP
     Parameters with a tolerance of their own in the ship file are not tried: they are free in every
     model, and calibrated ones were right in the reference period.
     """
-    fit = selection.fit
-    return [_biased_parameter_for(fitter, fit, i, gain) for i, gain in enumerate(selection.gains)]
-
-
-def _biased_parameter_for(
-    fitter: Fitter, fit: Fit, index: int, gain: float
-) -> BiasedParameter | None:
-    ship = fitter.trial_ship.ship
-    rest = fit.effects[:index] + fit.effects[index + 1 :]
-    base = fitter.evaluate(rest)
-    lost = fit.score - base.score
-    best: BiasedParameter | None = None
-    for key in doubtful(ship):
-        if key in ship.tolerances.numbers or not ship.has_key(key):
-            continue
-        value, score = _fit_parameter(fitter, base, rest, key, HOPELESS * lost)
-        if fit.score - score < INDISTINGUISHABLE and (
-            best is None or gain - fit.score + score > best.gain
-        ):
-            number = ship.parameter(key)
+    fit, ship = selection.fit, fitter.trial_ship.ship
+    keys = [k for k in doubtful(ship) if k not in ship.tolerances.numbers and ship.has_key(k)]
+    found = []
+    for index, gain in enumerate(selection.gains):
+        rest = fit.effects[:index] + fit.effects[index + 1 :]
+        base = fitter.evaluate(rest)
+        best: BiasedParameter | None = None
+        for key in keys:
+            least = HOPELESS * (fit.score - base.score)
+            value, score = _fit_parameter(fitter, base, rest, key, least)
             brought = gain - (fit.score - score)
-            best = BiasedParameter(key, number.value, value, number.info.unit, brought)
-    return best
+            near = fit.score - score < INDISTINGUISHABLE
+            if near and (best is None or brought > best.gain):
+                number = ship.parameter(key)
+                best = BiasedParameter(key, number.value, value, number.info.unit, brought)
+        found.append(best)
+    return found
 
 
 def _fit_parameter(

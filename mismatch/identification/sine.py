@@ -35,26 +35,13 @@ from .frequency import (
 )
 from .parameters import MethodResult
 
+Array = NDArray[np.float64]
+
 METHOD = "sine"
-FADED = 8.0
-"""Duration of the transient in time constants of the slowest pole, after which 3e-4 of it remains."""
-
-PURE = 0.1
-"""Largest relative rms deviation of a command from a sine."""
-
-FEWEST = 8
-"""Smallest number of rows of a sine."""
-
-SAME_POINT = 0.03
-"""Largest relative difference of the working points of sines that are combined."""
-
-
-class Excitation(NamedTuple):
-    """One sine of the command in a recording."""
-
-    begin: int  # row
-    end: int  # behind the last row
-    frequency: float  # [rad/s]
+FADED = 8.0  # transient in time constants of the slowest pole, after which 3e-4 of it remains
+PURE = 0.1  # largest relative rms deviation of a command from a sine
+FEWEST = 8  # smallest number of rows of a sine
+SAME_POINT = 0.03  # largest relative difference of the working points of sines that are combined
 
 
 def sine(
@@ -91,11 +78,7 @@ def sine(
 def sine_response(
     ship: Ship, tables: Iterable[pd.DataFrame], tick: Tick = ignore_progress
 ) -> FrequencyResponse:
-    """Return the frequency response by correlation; see :func:`sine`.
-
-    Raises:
-        ValueError: as in :func:`sine`.
-    """
+    """Return the frequency response by correlation; arguments and errors as in :func:`sine`."""
     tables = list(tables)
     parts: list[FrequencyResponse] = []
     for number, table in enumerate(tables, 1):
@@ -111,15 +94,22 @@ def sine_response(
     return _combine(parts)
 
 
-def sines(demand: NDArray[np.float64], interval_s: float) -> list[Excitation]:
+class Excitation(NamedTuple):
+    """One sine of the command in a recording."""
+
+    begin: int  # row
+    end: int  # behind the last row
+    frequency: float  # [rad/s]
+
+
+def sines(demand: Array, interval_s: float) -> list[Excitation]:
     """Return the sines of a command: sequences of equal half periods between its crossings of the mean.
 
-    Args:
-        demand: command of a recording, shape (n,).
-        interval_s: sampling interval [s].
+    The command has the shape (n,), the sampling interval the unit [s].
     """
     found: list[Excitation] = []
-    for begin, end in _runs(_crossings(demand - _middle(demand))):
+    middle = 0.5 * float(np.quantile(demand, 0.02) + np.quantile(demand, 0.98))
+    for begin, end in _runs(_crossings(demand - middle)):
         least = found[-1].end if found else 0
         begin = max(begin, least)
         frequency = _frequency(demand[begin:end], interval_s)
@@ -131,11 +121,7 @@ def sines(demand: NDArray[np.float64], interval_s: float) -> list[Excitation]:
     return found
 
 
-def _middle(demand: NDArray[np.float64]) -> float:
-    return 0.5 * float(np.quantile(demand, 0.02) + np.quantile(demand, 0.98))
-
-
-def _crossings(deviation: NDArray[np.float64]) -> NDArray[np.float64]:
+def _crossings(deviation: Array) -> Array:
     """Return the interpolated rows at which a deviation clearly changes its sign."""
     clear = 0.25 * float(np.quantile(np.abs(deviation), 0.9))
     if clear <= 0.0:
@@ -151,7 +137,7 @@ def _crossings(deviation: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array(found)
 
 
-def _runs(crossings: NDArray[np.float64]) -> list[tuple[int, int]]:
+def _runs(crossings: Array) -> list[tuple[int, int]]:
     """Return the rows of sequences of at least two half periods of equal length."""
     halves = np.diff(crossings)
     found, first = [], 0
@@ -164,9 +150,7 @@ def _runs(crossings: NDArray[np.float64]) -> list[tuple[int, int]]:
     return found
 
 
-def _rows_on_sine(
-    demand: NDArray[np.float64], wide: slice, begin: int, end: int, turn: float
-) -> tuple[int, int]:
+def _rows_on_sine(demand: Array, wide: slice, begin: int, end: int, turn: float) -> tuple[int, int]:
     """Return the numbers of rows before ``begin`` and after ``end``, in ``wide``, that fit the sine."""
     time = np.arange(wide.start, wide.stop) * turn
     basis = np.column_stack([np.ones(len(time)), np.cos(time), np.sin(time)])
@@ -180,21 +164,19 @@ def _rows_on_sine(
     )
 
 
-def _basis(rows: int, frequency: float, interval_s: float) -> NDArray[np.float64]:
+def _basis(rows: int, frequency: float, interval_s: float) -> Array:
     """Return constant, drift, cosine and sine over rows, shape (rows, 4)."""
-    time = np.arange(rows) * interval_s
-    drift = np.linspace(-1.0, 1.0, rows)
-    turn = frequency * time
+    turn, drift = frequency * (np.arange(rows) * interval_s), np.linspace(-1.0, 1.0, rows)
     return np.column_stack([np.ones(rows), drift, np.cos(turn), np.sin(turn)])
 
 
-def _phasor(values: NDArray[np.float64], basis: NDArray[np.float64]) -> tuple[complex, float]:
+def _phasor(values: Array, basis: Array) -> tuple[complex, float]:
     """Return the complex amplitude of exp(j w t), and the mean (eqs. 33 to 37 without the division)."""
     mean, _, cosine, sine_part = np.linalg.lstsq(basis, values, rcond=None)[0]
     return complex(cosine, -sine_part), float(mean)
 
 
-def _frequency(demand: NDArray[np.float64], interval_s: float) -> float | None:
+def _frequency(demand: Array, interval_s: float) -> float | None:
     """Return the frequency [rad/s] of a command over whole periods; None if it is no sine."""
     rows = len(demand)
     if rows < FEWEST:
@@ -217,16 +199,14 @@ def _frequency(demand: NDArray[np.float64], interval_s: float) -> float | None:
 
 
 def _correlate(
-    ship: Ship, table: pd.DataFrame, channels: dict[str, NDArray[np.float64]], one: Excitation
+    ship: Ship, table: pd.DataFrame, channels: dict[str, Array], one: Excitation
 ) -> FrequencyResponse:
     """Return the response at one frequency from the whole periods after the transient."""
     demand, interval_s = drive_column(ship), interval_of(table)
     period = 2.0 * math.pi / one.frequency / interval_s  # rows
-    outputs = [column for column in OUTPUTS if column in channels]
     means = means_of(ship, table, channels, slice(one.begin, one.end))
     mean = float(channels[demand][one.begin : one.end].mean())
-    empty = np.empty(0)
-    about = FrequencyResponse(mean, means, empty, {}, {}, interval_s, {})
+    about = FrequencyResponse(mean, means, np.empty(0), {}, {}, interval_s)
     start = one.begin + FADED * slowest_s(ship, about) / interval_s
     periods = math.floor((one.end - start) / period + 1e-6)
     if periods < 1:
@@ -239,22 +219,18 @@ def _correlate(
     whole = _basis(one.end - begin, one.frequency, interval_s)
     cause, mean = _phasor(channels[demand][begin : one.end], whole)
     response, error = {}, {}
-    for column in outputs:
-        answer, level = _phasor(channels[column][begin : one.end], whole)
-        unit = mean / level / cause / zero_order_hold(one.frequency, interval_s)
-        means[column] = level
+    for column in (c for c in OUTPUTS if c in channels):
+        values = channels[column][begin : one.end]
+        answer, means[column] = _phasor(values, whole)
+        unit = mean / means[column] / cause / zero_order_hold(one.frequency, interval_s)
         response[column] = np.atleast_1d(answer * unit)
-        scatter = _scatter(channels[column][begin : one.end], whole, periods, period)
-        lacking = attenuation(channels[column][begin : one.end], interval_s, one.frequency)
+        scatter = _scatter(values, whole, periods, period)
+        lacking = attenuation(values, interval_s, one.frequency)
         error[column] = np.hypot(scatter * abs(unit), lacking * np.abs(response[column]))
-    return FrequencyResponse(
-        mean, means, np.array([one.frequency]), response, error, interval_s, {}
-    )
+    return FrequencyResponse(mean, means, np.array([one.frequency]), response, error, interval_s)
 
 
-def _scatter(
-    values: NDArray[np.float64], basis: NDArray[np.float64], periods: int, period: float
-) -> float:
+def _scatter(values: Array, basis: Array, periods: int, period: float) -> float:
     """Return the standard error of the real and of the imaginary part of a phasor.
 
     It follows from the scatter between up to eight groups of periods, or, with fewer than three periods,
@@ -268,18 +244,14 @@ def _scatter(
     found = []
     for a, b in itertools.pairwise(edges):
         rows = slice(round(a), min(round(b), len(values)))
-        found.append(_phasor(values[rows], basis[rows][:, [0, 1, 2, 3]])[0])
+        found.append(_phasor(values[rows], basis[rows])[0])
     spread = np.array(found) - np.mean(found)
     variance = float(np.sum(np.abs(spread) ** 2)) / (groups - 1) / 2.0
     return math.sqrt(variance / groups)
 
 
 def _combine(parts: list[FrequencyResponse]) -> FrequencyResponse:
-    """Return the responses at single frequencies as one response about their common working point.
-
-    Raises:
-        ValueError: different columns, sampling intervals or working points.
-    """
+    """Return the responses at single frequencies as one response about their common working point."""
     parts = sorted(parts, key=lambda part: float(part.frequency[0]))
     first = parts[0]
     for part in parts:
@@ -290,8 +262,7 @@ def _combine(parts: list[FrequencyResponse]) -> FrequencyResponse:
     demand = float(np.mean([part.demand for part in parts]))
     means = {c: float(np.mean([part.means[c] for part in parts])) for c in first.means}
     for part in parts:
-        away = abs(part.demand / demand - 1.0)
-        if away > SAME_POINT:
+        if abs(part.demand / demand - 1.0) > SAME_POINT:
             raise ValueError(
                 f"{METHOD}: a sine has the mean {part.demand:.4g}, all sines together {demand:.4g}; a "
                 "frequency response needs one working point"
@@ -300,5 +271,5 @@ def _combine(parts: list[FrequencyResponse]) -> FrequencyResponse:
         demand, means, np.concatenate([part.frequency for part in parts]),
         {c: np.concatenate([part.response[c] for part in parts]) for c in first.response},
         {c: np.concatenate([part.error[c] for part in parts]) for c in first.error},
-        first.interval_s, {},
+        first.interval_s,
     )  # fmt: skip

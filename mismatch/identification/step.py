@@ -17,7 +17,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -39,23 +39,145 @@ from .drive_train import (
     keys_of,
     needs_drive_train,
 )
-from .free_parameters import RATIO, Free, UnidentifiableError, parse_free, usual_keys
+from .free_parameters import RATIO, UnidentifiableError, parse_free, usual_keys
 from .frequency import interval_of
 from .parameters import MethodResult
 from .steady import CURRENT, Plateau, plateaus, solve, steady_states
 
-RISE = (0.45, 0.8)
-"""Shares of the rise between which t* is evaluated."""
+Array = NDArray[np.float64]
 
-SHORT = 1.5
-"""Duration of the electric transient that is used, in times to 63 % of it."""
-
+METHOD = "step"
+STEADY = (FRICTION, CONSTANT, RESISTANCE, *RATIO)
+"""Parameters that are estimated from the plateaus; the steps give the other two."""
+STEP_COLUMNS = ["before_V", "after_V", "motor_speed_rad_s", "motor_inertia_kg_m2", "tau_em_s"]
+RISE = (0.45, 0.8)  # shares of the rise between which t* is evaluated
+SHORT = 1.5  # duration of the electric transient that is used, in times to 63 % of it
 SIZES = (0.02, 0.4)
 """Smallest and largest size of a step, as a share of the voltage: it must be clear and keep the sign."""
+RAMP_ROWS = 20  # most rows of a voltage ramp that counts as a step at half of its area
 
 
-RAMP_ROWS = 20
-"""Largest number of rows of a voltage ramp that counts as a step at half of its area."""
+def step(
+    ship: Ship, tables: Iterable[pd.DataFrame], free: Sequence[str] | None = None,
+    tick: Tick = ignore_progress,
+) -> MethodResult:  # fmt: skip
+    """Estimate parameters of a drive train from steady states and the steps between them.
+
+    Args:
+        ship: ship with a direct-current motor and a fixed hull, with the start of the search and the
+            parameters that are not free.
+        tables: recordings in canonical columns at an even interval in which the voltage steps from
+            plateau to plateau. Needed: ``motor_voltage_V``, ``shaft_speed_rad_s``, and
+            ``motor_current_A`` but for the inertia alone.
+        free: dotted keys among the paper's six, which are the default; its four steady ones from three
+            plateaus or more, inertia and inductance from one step or more.
+        tick: progress callback ``tick(stage, done, total)``.
+
+    Returns:
+        Estimates. The covariance includes that of the plateaus' balances, its effect on inertia and
+        inductance, and the scatter between steps (three or more) or the noise before the step. Tables:
+        ``steps`` with the result of each step, and ``steady-states``.
+
+    Raises:
+        ValueError: no such drive train, a key that the method does not estimate, a missing column, no
+            step, too few plateaus, or a recording too slow for the inductance.
+    """
+    needs_drive_train(ship, METHOD)
+    chosen = parse_free(ship, free, usual_keys(ship, response=True))
+    if strange := [key for key in chosen.keys if key not in {*SIX, *RATIO}]:
+        raise ValueError(
+            f"{METHOD}: this method does not estimate {strange[0]}; it estimates {', '.join(SIX)}"
+        )
+    tables = list(tables)
+    currentless = [key for key in chosen.keys if key != INERTIA]
+    if currentless and any(CURRENT not in table for table in tables):
+        raise UnidentifiableError(
+            f"{METHOD}: {currentless[0]} needs {CURRENT}, which a recording lacks", currentless[:1],
+            chosen.keys,
+        )  # fmt: skip
+    states = steady_states(ship, tables)
+    found = [one for table in tables for one in steps(ship, table)]
+    if not found:
+        raise ValueError(
+            f"{METHOD}: no step of {drive_column(ship)} from one steady state to another, of "
+            f"{100 * SIZES[0]:g} to {100 * SIZES[1]:g} % of it"
+        )
+    tick(METHOD, 1, 3)
+    still = [key for key in chosen.keys if key in STEADY]
+    moving = [key for key in chosen.keys if key not in STEADY]
+    part = parse_free(ship, still, ()) if still else None
+    values, covariance = np.empty(0), np.empty((0, 0))
+    if part is not None:
+        values, covariance = solve(part, states)
+    tick(METHOD, 2, 3)
+
+    def evaluate(values: Array) -> tuple[Ship, list[StepResult]]:
+        """Return the ship with these steady parameters, and the results of the steps."""
+        base = ship if part is None else part.on(values)
+        train = drive_train(base)
+        return base, [evaluate_step(train, one, base.sensors.speed_delay_s) for one in found]
+
+    def mean(base: Ship, results: list[StepResult]) -> Array:
+        return np.asarray(np.nanmean(_by_step(base, results, moving), axis=0))
+
+    base, results = evaluate(values)
+    if INDUCTANCE in moving and all(math.isnan(one.electric_s) for one in results):
+        raise UnidentifiableError(
+            f"{METHOD}: {INDUCTANCE}: the sampling interval of {interval_of(tables[0]):g} s is too long "
+            "for the electric transient; sample faster", [INDUCTANCE], chosen.keys,
+        )  # fmt: skip
+    passed = np.empty((len(moving), len(still)))  # derivatives by the steady parameters
+    for i, size in enumerate(() if part is None else part.scale):
+        shift = 1e-4 * size * np.eye(len(still))[i]
+        ends = [mean(*evaluate(values + side * shift)) for side in (1.0, -1.0)]
+        passed[:, i] = (ends[0] - ends[1]) / (2e-4 * size)
+    own = _own_covariance(base, results, moving)
+    joint = np.block(
+        [
+            [covariance, covariance @ passed.T],
+            [passed @ covariance, passed @ covariance @ passed.T + own],
+        ]
+    )
+    order = [[*still, *moving].index(key) for key in chosen.keys]
+    every = np.concatenate([values, mean(base, results)])[order]
+    tick(METHOD, 3, 3)
+    rows = [
+        (one.before, one.after, one.speed, result.inertia, result.electric_s)
+        for one, result in zip(found, results, strict=True)
+    ]
+    return MethodResult(
+        chosen.keys, tuple(map(float, every)), joint[np.ix_(order, order)],
+        {"steps": pd.DataFrame(rows, columns=STEP_COLUMNS), "steady-states": states},
+        (f"{len(found)} step(s) between {len(states)} steady states",),
+    )  # fmt: skip
+
+
+def _by_step(base: Ship, results: list[StepResult], keys: list[str]) -> Array:
+    """Return inertia and inductance from each step, shape (steps, keys)."""
+    train = drive_train(base)
+    rows = []
+    for one in results:
+        own = replace(train, inductance=one.electric_s * train.resistance, inertia=one.inertia)
+        values = keys_of(base, own)
+        rows.append([values[key] for key in keys])
+    return np.array(rows).reshape(len(results), len(keys))
+
+
+def _own_covariance(base: Ship, results: list[StepResult], keys: list[str]) -> Array:
+    """Return the covariance of inertia and inductance from the steps alone."""
+    variances = []
+    for key, column in zip(keys, _by_step(base, results, keys).T, strict=True):
+        sound = column[np.isfinite(column)]
+        if len(sound) >= 3:
+            variances.append(float(np.var(sound, ddof=1)) / len(sound))
+            continue
+        shares = [
+            r.inertia_error / r.inertia if key == INERTIA else r.electric_error_s / r.electric_s
+            for r in results
+        ]
+        share = float(np.nanmean(np.square(shares))) / len(sound)
+        variances.append(share * float(sound.mean()) ** 2)
+    return np.diag(np.array(variances, dtype=np.float64))
 
 
 class Step(NamedTuple):
@@ -64,9 +186,9 @@ class Step(NamedTuple):
     before: float  # voltage [V]
     after: float  # voltage [V]
     speed: float  # before [rad/s]
-    time: NDArray[np.float64]  # since the step [s]
-    share: NDArray[np.float64]  # of the speed's rise [-], shape of time
-    current_rise: NDArray[np.float64] | None  # [A], likewise
+    time: Array  # since the step [s]
+    share: Array  # of the speed's rise [-], shape of time
+    current_rise: Array | None  # [A], likewise
     share_noise: float  # rms before the step [-]
     current_noise: float  # likewise [A]
 
@@ -134,9 +256,7 @@ def evaluate_step(train: DriveTrain, one: Step, delay_s: float = 0.0) -> StepRes
     if one.current_rise is None or not math.isfinite(inertia):
         return StepResult(inertia, error, math.nan, math.nan)
     electric, electric_error = _electric(train, one, inertia)
-    if math.isfinite(
-        electric
-    ):  # the torque, hence the rise, comes that much later than the voltage
+    if math.isfinite(electric):  # the torque and the rise come that much later than the voltage
         inertia, error = _inertia(train, one, delay_s + electric)
     return StepResult(inertia, error, electric, electric_error)
 
@@ -190,7 +310,7 @@ def _electric(train: DriveTrain, one: Step, inertia: float) -> tuple[float, floa
     inside = slice(0, max(1, int(np.sum(time <= reached))))
     time, seen = time[inside], seen[inside]
 
-    def passed(electric: float) -> NDArray[np.float64]:
+    def passed(electric: float) -> Array:
         fading = np.exp(slow * time) - np.exp(-time / electric)
         return np.asarray(model.drive * fading / (1.0 + slow * electric))
 
@@ -203,158 +323,3 @@ def _electric(train: DriveTrain, one: Step, inertia: float) -> tuple[float, floa
     steep = (passed(1.001 * electric) - passed(electric)) / (0.001 * electric)
     noise = one.current_noise / abs(point.current * size)
     return electric, noise / max(float(np.linalg.norm(steep)), 1e-300)
-
-
-METHOD = "step"
-STEADY = (FRICTION, CONSTANT, RESISTANCE, *RATIO)
-"""Parameters that are estimated from the plateaus; the steps give the other two."""
-
-
-def step(
-    ship: Ship, tables: Iterable[pd.DataFrame], free: Sequence[str] | None = None,
-    tick: Tick = ignore_progress,
-) -> MethodResult:  # fmt: skip
-    """Estimate parameters of a drive train from steady states and the steps between them.
-
-    Args:
-        ship: ship with a direct-current motor and a fixed hull, with the start of the search and the
-            parameters that are not free.
-        tables: recordings in canonical columns at an even interval in which the voltage steps from
-            plateau to plateau. Needed: ``motor_voltage_V``, ``shaft_speed_rad_s``, and
-            ``motor_current_A`` but for the inertia alone.
-        free: dotted keys among the paper's six, which are the default; its four steady ones from three
-            plateaus or more, inertia and inductance from one step or more.
-        tick: progress callback ``tick(stage, done, total)``.
-
-    Returns:
-        Estimates. The covariance includes that of the plateaus' balances, its effect on inertia and
-        inductance, and the scatter between steps (three or more) or the noise before the step. Tables:
-        ``steps`` with the result of each step, and ``steady-states``.
-
-    Raises:
-        ValueError: no such drive train, a key that the method does not estimate, a missing column, no
-            step, too few plateaus, or a recording too slow for the inductance.
-    """
-    needs_drive_train(ship, METHOD)
-    chosen = parse_free(ship, free, usual_keys(ship, response=True))
-    if strange := [key for key in chosen.keys if key not in {*SIX, *RATIO}]:
-        raise ValueError(
-            f"{METHOD}: this method does not estimate {strange[0]}; it estimates {', '.join(SIX)}"
-        )
-    tables = list(tables)
-    currentless = [key for key in chosen.keys if key != INERTIA]
-    if currentless and any(CURRENT not in table for table in tables):
-        raise UnidentifiableError(
-            f"{METHOD}: {currentless[0]} needs {CURRENT}, which a recording lacks", currentless[:1],
-            chosen.keys,
-        )  # fmt: skip
-    states = steady_states(ship, tables)
-    found = [one for table in tables for one in steps(ship, table)]
-    if not found:
-        raise ValueError(
-            f"{METHOD}: no step of {drive_column(ship)} from one steady state to another, of "
-            f"{100 * SIZES[0]:g} to {100 * SIZES[1]:g} % of it"
-        )
-    tick(METHOD, 1, 3)
-    still = [key for key in chosen.keys if key in STEADY]
-    moving = [key for key in chosen.keys if key not in STEADY]
-    part = parse_free(ship, still, ()) if still else None
-    values, covariance = np.empty(0), np.empty((0, 0))
-    if part is not None:
-        values, covariance = solve(part, states)
-    tick(METHOD, 2, 3)
-    base = ship if part is None else part.on(values)
-    tells = _evaluate_steps(base, found)
-    if INDUCTANCE in moving and all(math.isnan(one.electric_s) for one in tells):
-        raise UnidentifiableError(
-            f"{METHOD}: {INDUCTANCE}: the sampling interval of {interval_of(tables[0]):g} s is too long "
-            "for the electric transient; sample faster", [INDUCTANCE], chosen.keys,
-        )  # fmt: skip
-    passed = _derivatives(part, values, found, moving)
-    own = _own_covariance(base, tells, moving)
-    joint = np.block(
-        [
-            [covariance, covariance @ passed.T],
-            [passed @ covariance, passed @ covariance @ passed.T + own],
-        ]
-    )
-    order = [[*still, *moving].index(key) for key in chosen.keys]
-    every = np.concatenate([values, _means(base, tells, moving)])[order]
-    tick(METHOD, 3, 3)
-    return MethodResult(
-        chosen.keys, tuple(map(float, every)), joint[np.ix_(order, order)],
-        {"steps": _table(found, tells), "steady-states": states},
-        (f"{len(found)} step(s) between {len(states)} steady states",),
-    )  # fmt: skip
-
-
-def _evaluate_steps(base: Ship, found: list[Step]) -> list[StepResult]:
-    train = drive_train(base)
-    return [evaluate_step(train, one, base.sensors.speed_delay_s) for one in found]
-
-
-def _by_step(base: Ship, tells: list[StepResult], keys: list[str]) -> NDArray[np.float64]:
-    """Return inertia and inductance from each step, shape (steps, keys)."""
-    train = drive_train(base)
-    rows = []
-    for one in tells:
-        own = replace(train, inductance=one.electric_s * train.resistance, inertia=one.inertia)
-        values = keys_of(base, own)
-        rows.append([values[key] for key in keys])
-    return np.array(rows).reshape(len(tells), len(keys))
-
-
-def _means(base: Ship, tells: list[StepResult], keys: list[str]) -> NDArray[np.float64]:
-    return np.asarray(np.nanmean(_by_step(base, tells, keys), axis=0)) if keys else np.empty(0)
-
-
-def _own_covariance(base: Ship, tells: list[StepResult], keys: list[str]) -> NDArray[np.float64]:
-    """Return the covariance of inertia and inductance from the steps alone."""
-    rows = _by_step(base, tells, keys)
-    variances = []
-    for k, key in enumerate(keys):
-        sound = rows[np.isfinite(rows[:, k]), k]
-        if len(sound) >= 3:
-            variances.append(float(np.var(sound, ddof=1)) / len(sound))
-            continue
-        shares = [
-            one.inertia_error / one.inertia
-            if key == INERTIA
-            else one.electric_error_s / one.electric_s
-            for one in tells
-        ]
-        share = float(np.nanmean(np.square(shares))) / len(sound)
-        variances.append(share * float(sound.mean()) ** 2)
-    return np.diag(variances) if keys else np.empty((0, 0))
-
-
-def _derivatives(
-    part: Free | None, values: NDArray[np.float64], found: list[Step], keys: list[str]
-) -> NDArray[np.float64]:
-    """Return derivatives of inertia and inductance by the steady parameters, (keys, parameters)."""
-    columns: list[Any] = []
-    for i, size in enumerate(part.scale if part is not None else ()):
-        assert part is not None
-        ends = []
-        for shift in (1e-4 * size, -1e-4 * size):
-            shifted = values.copy()
-            shifted[i] += shift
-            base = part.on(shifted)
-            ends.append(_means(base, _evaluate_steps(base, found), keys))
-        columns.append((ends[0] - ends[1]) / (2e-4 * size))
-    return np.array(columns).T.reshape(len(keys), len(columns))
-
-
-def _table(found: list[Step], tells: list[StepResult]) -> pd.DataFrame:
-    return pd.DataFrame(
-        [
-            {
-                "before_V": one.before,
-                "after_V": one.after,
-                "motor_speed_rad_s": one.speed,
-                "motor_inertia_kg_m2": tell.inertia,
-                "tau_em_s": tell.electric_s,
-            }
-            for one, tell in zip(found, tells, strict=True)
-        ]
-    )

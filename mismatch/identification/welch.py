@@ -1,5 +1,4 @@
-"""Estimate parameters from noise on the command: frequency response by Welch's method (method 5, eq.
-40).
+"""Estimate parameters from noise on the command: frequency response by Welch's method (eq. 40).
 
 H = S_xy / S_xx from overlapping windowed segments (Welch 1967), with the coherence between command and
 response. Long segments resolve low frequencies and short ones have more averages, so each part of the
@@ -38,32 +37,16 @@ from .frequency import (
 from .parameters import MethodResult
 
 METHOD = "welch"
-SEGMENTS = 3
-"""Least number of segments without overlap over which the lowest frequencies are averaged."""
-
-SHORTER = 4
-"""Ratio of the lengths of segments of one part of the spectrum and the next."""
-
-PERIODS = 6
-"""Number of periods of the lowest frequency in a segment; the longest segments are used down to one."""
-
-MEMORY = 20.0
-"""Shortest segment in time constants of the ship, so that the state before it has no influence."""
-
-PER_DECADE = 12
-"""Number of frequencies of the response per decade."""
-
-COHERENT = 0.5
-"""Least squared coherence of a frequency in the fit."""
-
-DRIVEN = 0.01
-"""Least power density of the command at a frequency, as a share of its maximum."""
-
-FLAT = 0.5
-"""Largest share of a noise command's power in the strongest hundredth of its lines."""
-
-OVERLAPPED = 0.53
-"""Independent averages per segment at half overlap with Hann's window (Welch 1967)."""
+SEGMENTS = 3  # fewest segments without overlap over which the lowest frequencies are averaged
+SHORTER = 4  # ratio of the lengths of segments of one part of the spectrum and the next
+PERIODS = 6  # of the lowest frequency in a segment; the longest segments are used down to one
+MEMORY = 20.0  # shortest segment in time constants of the ship, so that it forgets its first state
+PER_DECADE = 12  # number of frequencies of the response per decade
+COHERENT = 0.5  # least squared coherence of a frequency in the fit
+DRIVEN = 0.01  # least power density of the command at a frequency, as a share of its maximum
+FLAT = 0.5  # largest share of a noise command's power in the strongest hundredth of its lines
+OVERLAPPED = 0.53  # averages per segment at half overlap with Hann's window (Welch 1967)
+NO_WEIGHT = 1e6  # error so large that a value has no weight
 
 
 def welch(
@@ -97,11 +80,7 @@ def welch(
 def noise_response(
     ship: Ship, tables: Iterable[pd.DataFrame], tick: Tick = ignore_progress
 ) -> FrequencyResponse:
-    """Return the frequency response by Welch's method at all frequencies; see :func:`welch`.
-
-    Raises:
-        ValueError: as in :func:`welch`.
-    """
+    """Return the response at all frequencies; arguments and errors as in :func:`welch`."""
     tables = list(tables)
     if not tables:
         raise ValueError(f"{METHOD}: no recording")
@@ -120,14 +99,13 @@ def noise_response(
     level = {c: float(values.mean()) for c, values in whole.items()}
     relative = [{c: run[c] / level[c] - 1.0 for c in run} for run in runs]
     outputs = [c for c in OUTPUTS if c in whole]
-    each = [
-        means_of(ship, table, run, slice(None)) for run, table in zip(runs, tables, strict=True)
-    ]
+    pairs = zip(tables, runs, strict=True)
+    each = [means_of(ship, table, run, slice(None)) for table, run in pairs]
     rows = [len(table) for table in tables]
     means = {c: float(np.average([one[c] for one in each], weights=rows)) for c in each[0]}
-    about = FrequencyResponse(level[demand], means, np.empty(0), {}, {}, interval_s, {})
-    shortest = round(MEMORY * slowest_s(ship, about) / interval_s)
-    bands = _bands(min(len(run[demand]) for run in runs), max(shortest, 64), interval_s)
+    about = FrequencyResponse(level[demand], means, np.empty(0), {}, {}, interval_s)
+    shortest = max(round(MEMORY * slowest_s(ship, about) / interval_s), 64)
+    bands = _bands(min(rows), shortest, interval_s)
     lines: list[_Line] = []
     for done, (length, low, high) in enumerate(bands, 1):
         lines += _band(relative, demand, outputs, length, low, high, interval_s)
@@ -135,20 +113,19 @@ def noise_response(
     if not lines:
         raise ValueError(
             f"{METHOD}: recordings of {min(rows) * interval_s:.4g} s are too short for segments of "
-            f"{max(shortest, 64) * interval_s:.4g} s, which is {MEMORY:g} time constants of "
+            f"{shortest * interval_s:.4g} s, which is {MEMORY:g} time constants of "
             f"{ship.name}; record for longer"
         )
     density = max(line.density for line in lines)
     lines = [line for line in lines if line.density >= DRIVEN * density]
     frequency = np.array([line.frequency for line in lines])
     parts = {c: np.array([line.answers[c] for line in lines]) for c in outputs}
+    hold = zero_order_hold(frequency, interval_s)
     lacking = {c: attenuation(whole[c], interval_s, frequency) for c in outputs}
     return replace(
         about, frequency=frequency,
-        response={c: part[:, 0] / zero_order_hold(frequency, interval_s) for c, part in parts.items()},
-        error={
-            c: np.hypot(part[:, 1].real, lacking[c] * np.abs(part[:, 0])) for c, part in parts.items()
-        },
+        response={c: part[:, 0] / hold for c, part in parts.items()},
+        error={c: np.hypot(p[:, 1].real, lacking[c] * np.abs(p[:, 0])) for c, p in parts.items()},
         coherence={c: part[:, 2].real for c, part in parts.items()},
     )  # fmt: skip
 
@@ -166,12 +143,11 @@ def keep_coherent(measured: FrequencyResponse) -> FrequencyResponse:
             f"{METHOD}: no channel has a coherence of {COHERENT:g} with the command at any frequency; "
             "record a stronger or longer excitation"
         )
-    no_weight = 1e6  # an error so large that the value has no weight
-    return FrequencyResponse(
-        measured.demand, measured.means, measured.frequency[kept],
-        {c: v[kept] for c, v in measured.response.items()},
-        {c: np.where(clear[c], v, no_weight)[kept] for c, v in measured.error.items()},
-        measured.interval_s, {c: v[kept] for c, v in measured.coherence.items()},
+    return replace(
+        measured, frequency=measured.frequency[kept],
+        response={c: v[kept] for c, v in measured.response.items()},
+        error={c: np.where(clear[c], v, NO_WEIGHT)[kept] for c, v in measured.error.items()},
+        coherence={c: v[kept] for c, v in measured.coherence.items()},
     )  # fmt: skip
 
 
@@ -242,8 +218,6 @@ def _band(
             gain = cross / max(input_power, 1e-300)
             spread = (1.0 - gamma) / max(gamma, 1e-12) / (2.0 * averages)
             answers[column] = (gain, abs(gain) * math.sqrt(spread), gamma)
-        density = (
-            input_power / cause.size / length
-        )  # of a windowed sum, which grows with the length
+        density = input_power / cause.size / length  # a windowed sum grows with the length
         found.append(_Line(frequency, density, answers))
     return found

@@ -1,18 +1,17 @@
-"""Confirm the effects that a search has chosen, and find alternatives: other effects and formulas.
+"""Confirm the effects that a search has chosen, find alternatives, and choose the corrected ship.
 
 The catalogue may identify an effect that only resembles the missing physics: a resistance with the cube
 of the speed resembles fouling. Formulas are therefore tried in place of the effects where these leave
 more than noise, where a free shape over one signal fits clearly better, or where the recording has
-signals that no effect depends on.
-
-Choose the corrected ship, which fits the held-out data at least as well as the nominal ship.
+signals that no effect depends on. The corrected ship fits the held-out data at least as well as the
+nominal ship.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -32,7 +31,7 @@ from ..search.selection import (
     threshold,
 )
 from ..simulate.joint_replay import JointReplay
-from .held_out import HeldOut
+from .held_out import HeldOut, Segments, rms_errors
 from .shapes import best_shapes
 from .verdict import Verdict, balance_rows
 
@@ -47,6 +46,50 @@ EDGES = 9
 DRIVE, WATER = {"engine", "motor", "pitch-actuator"}, {"hull"}
 """Balances on either side of the propeller."""
 
+SENSOR = "sensor"
+"""Balance of the instrument effects, which act on any other balance."""
+
+NOT_INSTEAD = 0.1
+"""Largest gain of effects beside a formula, as a share of that without it, where it replaces them."""
+
+REFUTED = 0.6
+"""Share of a formula's gain below which the gain of the effects refutes them."""
+
+WORSE = 0.02
+"""Relative increase of a channel's open-loop error on the held-out data that counts as equal."""
+
+OF_NOISE = 0.1
+"""Increase of the error up to which it counts as equal, in rms of the channel's noise."""
+
+
+def settle_episode_edges(
+    selection: Selection, fitter: Fitter, held: Segments, judge: Callable[[Fit], float]
+) -> Selection:
+    """Estimate the start and end of episodes within held-out segments by the likelihood there.
+
+    The fitted data do not determine them. ``judge`` returns 2 log L of a model on the held-out data.
+    """
+    fit = selection.fit
+    for i, edge in itertools.product(range(len(fit.effects)), (0, 1)):
+        if others := list(_vary_edge(fit, i, edge, fitter, held)):
+            fit = max([fit, *others], key=judge)
+    return replace(selection, fit=fit)
+
+
+def _vary_edge(fit: Fit, which: int, edge: int, fitter: Fitter, held: Segments) -> Iterator[Fit]:
+    """Yield models with other times of an episode's start (edge 0) or end (1) in a held-out segment."""
+    sized, interval = fit.effects[which], fitter.balances.replay.interval_s
+    if sized.window is None:
+        return
+    for a, b in held:
+        if a * interval < sized.window[edge] < b * interval:
+            for time in interval * np.linspace(a, b, EDGES):
+                begin, end = sized.window
+                window = (float(time), end) if edge == 0 else (begin, float(time))
+                if window[0] < window[1]:
+                    shifted = replace(sized, window=window)
+                    yield fitter.evaluate(shifted.replace_in(fit.effects, which))
+
 
 def drop_unconfirmed(
     selection: Selection, fitter: Fitter, judge: Callable[[Fit], float]
@@ -56,12 +99,7 @@ def drop_unconfirmed(
     An effect that fits as well at the smallest resolvable size was not measured: in a closed loop the
     command depends on the instruments' noise, for which a delay of one row compensates. The form of the
     first effect is an approximation, so that further effects fit its residual; these do not fit the
-    held-out data.
-
-    Args:
-        selection: chosen effects.
-        fitter: fitter of the fitted data.
-        judge: function that returns 2 log L of a model on the held-out data.
+    held-out data, on which ``judge`` returns 2 log L of a model.
     """
     fit = selection.fit
     keep = [i for i in range(len(fit.effects)) if _is_resolved(fitter, fit, i)]
@@ -80,73 +118,17 @@ def drop_unconfirmed(
 
 def _is_resolved(fitter: Fitter, fit: Fit, which: int) -> bool:
     """Return whether an effect exceeds the resolution of the recording, and fits better than at it."""
-    ship, placed = fitter.trial_ship, fit.effects[which]
-    parameter, size = placed.effect.parameters[0], placed.values[0]
+    ship, sized = fitter.trial_ship, fit.effects[which]
+    parameter, size = sized.effect.parameters[0], sized.values[0]
     neutral, least = ship.neutral(parameter), ship.resolution(parameter)
     if math.isinf(neutral) or least == 0.0:
         return True
     if abs(size - neutral) <= least:
         return False
     least = math.copysign(least, size - neutral)
-    small = placed.with_values((neutral + least, *placed.values[1:]))
-    other = fitter.evaluate(small.replace_in(fit.effects, which))
-    return other.score < fit.score - INDISTINGUISHABLE
-
-
-def settle_episode_edges(
-    selection: Selection,
-    fitter: Fitter,
-    held: Sequence[tuple[int, int]],
-    judge: Callable[[Fit], float],
-) -> Selection:
-    """Return the selection with the start and end of episodes within held-out segments estimated there.
-
-    The fitted data do not determine a start or end within a held-out segment.
-
-    Args:
-        selection: chosen effects.
-        fitter: fitter of the fitted data.
-        held: first row of each held-out segment, and one past its last.
-        judge: function that returns 2 log L of a model on the held-out data.
-    """
-    fit = selection.fit
-    for i, edge in itertools.product(range(len(fit.effects)), (0, 1)):
-        if others := list(_vary_edge(fit, i, edge, fitter, held)):
-            fit = max([fit, *others], key=judge)
-    return replace(selection, fit=fit)
-
-
-def _vary_edge(
-    fit: Fit, which: int, edge: int, fitter: Fitter, held: Sequence[tuple[int, int]]
-) -> Iterator[Fit]:
-    """Yield models with other times of an episode's start (edge 0) or end (1) in a held-out segment."""
-    placed, interval = fit.effects[which], fitter.balances.replay.interval_s
-    if placed.window is None:
-        return
-    for a, b in held:
-        if a * interval < placed.window[edge] < b * interval:
-            for time in interval * np.linspace(a, b, EDGES):
-                begin, end = placed.window
-                window = (float(time), end) if edge == 0 else (begin, float(time))
-                if window[0] < window[1]:
-                    shifted = replace(placed, window=window)
-                    yield fitter.evaluate(shifted.replace_in(fit.effects, which))
-
-
-def keep_effects(selection: Selection, fitter: Fitter, keep: list[int]) -> Selection:
-    """Return a selection with some of its effects, fitted again.
-
-    Args:
-        selection: chosen effects.
-        fitter: fitter of the fitted data.
-        keep: indices of the effects that are kept.
-    """
-    return replace(
-        selection, fit=_refit(fitter, selection.fit, keep),
-        gains=tuple(selection.gains[k] for k in keep),
-        thresholds=tuple(selection.thresholds[k] for k in keep),
-        rivals=tuple(selection.rivals[k] for k in keep),
-    )  # fmt: skip
+    small = sized.with_values((neutral + least, *sized.values[1:]))
+    smaller = fitter.evaluate(small.replace_in(fit.effects, which))
+    return smaller.score < fit.score - INDISTINGUISHABLE
 
 
 def _least_share(fit: Fit, later: int, other: int) -> float:
@@ -157,6 +139,14 @@ def _least_share(fit: Fit, later: int, other: int) -> float:
     sides = ({one.balance}, {two.balance})
     apart = any(a <= DRIVE and b <= WATER for a, b in (sides, sides[::-1]))
     return REMOTE_SHARE if apart else ELSEWHERE_SHARE
+
+
+def keep_effects(selection: Selection, fitter: Fitter, keep: list[int]) -> Selection:
+    """Return a selection with the effects of some indices, fitted again."""
+    fit, rivals = _refit(fitter, selection.fit, keep), tuple(selection.rivals[k] for k in keep)
+    gains = tuple(selection.gains[k] for k in keep)
+    thresholds = tuple(selection.thresholds[k] for k in keep)
+    return replace(selection, fit=fit, gains=gains, thresholds=thresholds, rivals=rivals)
 
 
 def _refit(fitter: Fitter, fit: Fit, which: list[int]) -> Fit:
@@ -173,12 +163,12 @@ def add_rivals(selection: Selection, fitter: Fitter, explained: float) -> Select
     whose gain is lower by less than this share is not refuted.
 
     Args:
-        selection: chosen effects; their rivals are the effects that came close when each was chosen.
+        selection: chosen effects; their rivals came close when each was chosen.
         fitter: fitter of the fitted data.
         explained: share of the residual's power beyond noise that the model explains.
     """
     fit, tried = selection.fit, max(len(selection.ranking), 1)
-    found = []
+    rivals_of_effects = []
     for i, (gain, rivals) in enumerate(zip(selection.gains, selection.rivals, strict=True)):
         own = fit.effects[i].effect
         near = max(INDISTINGUISHABLE, (NEAR_SHARE + max(1.0 - explained, 0.0)) * gain)
@@ -194,32 +184,14 @@ def add_rivals(selection: Selection, fitter: Fitter, explained: float) -> Select
                 other = fitter.polish(other)
             if other.score >= fit.score - margin:
                 alike.append(Candidate(rival.effect, other, gain - fit.score + other.score))
-        found.append(tuple(sorted(alike, key=lambda c: -c.gain)))
-    return replace(selection, rivals=tuple(found))
-
-
-SENSOR = "sensor"
-"""Balance of the instrument effects, which act on any other balance."""
-
-NOT_INSTEAD = 0.1
-"""Largest gain of the effects added to a formula, as a share of their gain without it, up to which the
-formula replaces them."""
-
-REFUTED = 0.6
-"""Share of a formula's gain below which the gain of the effects refutes them."""
+        rivals_of_effects.append(tuple(sorted(alike, key=lambda c: -c.gain)))
+    return replace(selection, rivals=tuple(rivals_of_effects))
 
 
 def find_better_formula(
     selection: Selection, verdict: Verdict, whiteness: Whiteness, judge: HeldOut
 ) -> Formula | None:
-    """Return the formula that fits the recordings clearly better than the effects; None without one.
-
-    Args:
-        selection: chosen effects.
-        verdict: verdict on them.
-        whiteness: whiteness test of the residuals on the fitted data.
-        judge: likelihood on the held-out data.
-    """
+    """Return the formula that fits the recordings clearly better than the effects; None without one."""
     fitter, fit = whiteness.fitter, selection.fit
     if not _is_doubtful(selection, verdict, whiteness):
         return None
@@ -230,29 +202,22 @@ def find_better_formula(
     held = judge(record(fit.effects)) - judge(record(()))
     ahead = formula.gain - formula.threshold - _gain(selection, whiteness)
     ahead += sum(selection.thresholds)
-    if (
-        ahead <= INDISTINGUISHABLE
-        or formula.held_out <= held
-        or _adds_to_formula(formula, selection, whiteness)
-    ):
+    clear = ahead > INDISTINGUISHABLE and formula.held_out > held
+    if not clear or _adds_to_formula(formula, selection, whiteness):
         return None
     return replace(formula, better_than=tuple(p.effect.label for p in fit.effects), ahead=ahead)
 
 
-def refutes_effects(formula: Formula, selection: Selection, whiteness: Whiteness) -> bool:
-    """Return whether a formula fits so much better than the effects that these are refuted.
-
-    It refutes them if it depends on an external signal and gains much more, if it has fewer parts than
-    there are effects, or if it acts in another balance. A formula of the ship's own signals in the same
-    balance is another form of the same physics.
-    """
-    effects = [placed.effect for placed in selection.fit.effects]
-    several = len(effects) > len(formula.blocks)
-    balances = {effect.balance for effect in effects}
-    elsewhere = SENSOR not in balances and formula.balance not in balances
-    outside = set(formula.signals) & whiteness.fitter.balances.replay.outside.keys()
-    far = bool(outside) and _gain(selection, whiteness) < REFUTED * formula.gain
-    return several or elsewhere or far
+def _is_doubtful(selection: Selection, verdict: Verdict, whiteness: Whiteness) -> bool:
+    """Return whether there is a reason to try formulas in place of effects."""
+    fitter = whiteness.fitter
+    terms = [sized.effect.term for sized in selection.fit.effects]
+    used = {name for term in terms if term is not None for name in term.external_signals}
+    if verdict.left_over is not None or fitter.balances.replay.outside.keys() - used:
+        return True
+    rows = {fitter.balances.names[row] for row in balance_rows(fitter, selection.fit)}
+    ahead = (s.gain - s.threshold for s in best_shapes(fitter, fitter.null) if s.balance in rows)
+    return max(ahead, default=0.0) > _gain(selection, whiteness)
 
 
 def _adds_to_formula(formula: Formula, selection: Selection, whiteness: Whiteness) -> bool:
@@ -265,60 +230,23 @@ def _adds_to_formula(formula: Formula, selection: Selection, whiteness: Whitenes
     return both - alone > NOT_INSTEAD * _gain(selection, whiteness)
 
 
+def refutes_effects(formula: Formula, selection: Selection, whiteness: Whiteness) -> bool:
+    """Return whether a formula fits so much better than the effects that these are refuted.
+
+    It refutes them if it depends on an external signal and gains much more, if it has fewer parts than
+    there are effects, or if it acts in another balance. A formula of the ship's own signals in the same
+    balance is another form of the same physics.
+    """
+    several = len(selection.fit.effects) > len(formula.blocks)
+    balances = {sized.effect.balance for sized in selection.fit.effects}
+    elsewhere = SENSOR not in balances and formula.balance not in balances
+    outside = set(formula.signals) & whiteness.fitter.balances.replay.outside.keys()
+    far = bool(outside) and _gain(selection, whiteness) < REFUTED * formula.gain
+    return several or elsewhere or far
+
+
 def _gain(selection: Selection, whiteness: Whiteness) -> float:
     return selection.fit.score - whiteness.fitter.null.score
-
-
-def _is_doubtful(selection: Selection, verdict: Verdict, whiteness: Whiteness) -> bool:
-    """Return whether there is a reason to try formulas in place of effects."""
-    fitter = whiteness.fitter
-    terms = [placed.effect.term for placed in selection.fit.effects]
-    used = {name for term in terms if term is not None for name in term.external_signals}
-    if verdict.left_over is not None or fitter.balances.replay.outside.keys() - used:
-        return True
-    rows = {fitter.balances.names[row] for row in balance_rows(fitter, selection.fit)}
-    ahead = (s.gain - s.threshold for s in best_shapes(fitter, fitter.null) if s.balance in rows)
-    return max(ahead, default=0.0) > _gain(selection, whiteness)
-
-
-WORSE = 0.02
-"""Relative increase of a channel's open-loop error on the held-out data that counts as equal."""
-
-OF_NOISE = 0.1
-"""Increase of the error up to which it counts as equal, in rms of the channel's noise."""
-
-
-class FreeRunning:
-    """Open-loop simulation errors of ships on the held-out data.
-
-    The heading is left out where the rate of turn is measured: it integrates the errors of the rate
-    since the start, also those on the fitted data, and is right or wrong by chance.
-
-    Args:
-        replay: replay of the recordings.
-        rows: held-out rows.
-    """
-
-    def __init__(self, replay: JointReplay, rows: NDArray[np.int64]) -> None:
-        self._replay = replay
-        self._rows = rows
-
-    def errors(self, ship: Ship) -> dict[str, float]:
-        """Return the rms error of each channel, in its unit."""
-        simulated = self._replay.simulate_channels(ship.record())
-        return {
-            c: float(np.sqrt(np.mean((y[self._rows] - simulated[c][self._rows]) ** 2)))
-            for c, y in self._replay.recorded.items()
-            if not (c == HEADING and YAW_RATE in self._replay.recorded)
-        }
-
-    def worse(self, errors: Mapping[str, float], than: Mapping[str, float]) -> list[str]:
-        """Return the channels with a larger error, or with a simulation that diverges."""
-        noise = self._replay.noise_rms
-        return [
-            c for c, before in than.items()
-            if not errors[c] <= (1.0 + WORSE) * before + OF_NOISE * noise[c]
-        ]  # fmt: skip
 
 
 def corrected_ship(
@@ -336,26 +264,12 @@ def corrected_ship(
         The ship, or the nominal one; its gain in 2 log L; and the channels that the first candidate
         worsens.
     """
-    spoilt: list[str] = []
-    for k, (ship, gain, worse) in enumerate(_compare(nominal, candidates, judge, free)):
-        if k == 0:
-            spoilt = worse
+    spoilt: list[str] | None = None
+    for ship, gain, worse in _compare(nominal, candidates, judge, free):
+        spoilt = worse if spoilt is None else spoilt
         if gain > 0.0 and not worse:
             return ship, gain, spoilt
-    return nominal, 0.0, spoilt
-
-
-def uncorrected_remarks(spoilt: list[str]) -> list[str]:
-    """Return the remark on a corrected ship without the identified effects.
-
-    Args:
-        spoilt: channels that the effects worsen in open loop.
-    """
-    why = f"fits {', '.join(spoilt)} worse" if spoilt else "does not fit better"
-    return [
-        "the corrected ship is the nominal ship, because the ship with the identified effects, "
-        f"simulated open loop, {why}"
-    ]
+    return nominal, 0.0, spoilt or []
 
 
 def is_any_confirmed(
@@ -364,13 +278,7 @@ def is_any_confirmed(
     """Return whether a ship is likelier than the nominal one, or as likely without a larger error.
 
     The complete missing physics would be likelier; an intermittent effect need not gain on the held-out
-    data.
-
-    Args:
-        nominal: ship at the start of the diagnosis.
-        candidates: corrected ships.
-        judge: function that returns 2 log L of a ship's record on the held-out data.
-        free: open-loop simulation errors there.
+    data. The arguments are those of :func:`corrected_ship`.
     """
     return any(
         gain > INDISTINGUISHABLE or (gain > -INDISTINGUISHABLE and not worse)
@@ -385,3 +293,36 @@ def _compare(
     before, start = free.errors(nominal), judge(nominal.record())
     for ship in ships:
         yield ship, judge(ship.record()) - start, free.worse(free.errors(ship), before)
+
+
+class FreeRunning:
+    """Open-loop simulation errors of ships on the held-out rows of a replay.
+
+    The heading is left out where the rate of turn is measured: it integrates the errors of the rate
+    since the start, also those on the fitted data, and is right or wrong by chance.
+    """
+
+    def __init__(self, replay: JointReplay, rows: NDArray[np.int64]) -> None:
+        self._replay, self._rows = replay, rows
+        self._measured = dict(replay.recorded)
+        if YAW_RATE in self._measured:
+            self._measured.pop(HEADING, None)
+
+    def errors(self, ship: Ship) -> dict[str, float]:
+        """Return the rms error of each channel, in its unit."""
+        return rms_errors(self._measured, self._replay.simulate_channels(ship.record()), self._rows)
+
+    def worse(self, errors: Mapping[str, float], than: Mapping[str, float]) -> list[str]:
+        """Return the channels with a larger error, or with a simulation that diverges."""
+        noise = self._replay.noise_rms
+        limits = {c: (1.0 + WORSE) * error + OF_NOISE * noise[c] for c, error in than.items()}
+        return [c for c, limit in limits.items() if not errors[c] <= limit]
+
+
+def uncorrected_remarks(spoilt: list[str]) -> list[str]:
+    """Return the remark that the corrected ship lacks the effects, which spoil channels in open loop."""
+    why = f"fits {', '.join(spoilt)} worse" if spoilt else "does not fit better"
+    return [
+        "the corrected ship is the nominal ship, because the ship with the identified effects, "
+        f"simulated open loop, {why}"
+    ]

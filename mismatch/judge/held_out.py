@@ -4,80 +4,19 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...plant.columns import SHAFT_ANGLE, TURNING_COLUMNS
 from ..search.fitting import SLOWER_THAN_SEA_HZ, Fit, Fitter
 from ..search.spectra import Bands, Complex, Likelihood, is_divergent, make_bands
+from ..search.spectra import Segments as Segments
 from ..simulate.balances import Balances, Channels, tolerance_perturbations
-from ..simulate.joint_replay import JointReplay
-
-ROUNDING = 1e-12
-"""Share of a channel's size within which it counts as constant, because means of equal values round."""
-
-
-def fit_percent(measured: Any, simulated: Any) -> float:
-    """Return FitPercent = 100 (1 - ||y - y_sim|| / ||y - mean(y)||).
-
-    Args:
-        measured: measured channel y, shape (n,).
-        simulated: simulated channel y_sim, likewise, in the same unit.
-
-    Returns:
-        100 is perfect, 0 is no better than the mean. NaN for a constant channel.
-
-    >>> fit_percent([1.0, 2.0, 3.0], [1.0, 2.0, 3.0]), fit_percent([1.0, 2.0, 3.0], [2.0, 2.0, 2.0])
-    (100.0, 0.0)
-    """
-    measured = np.asarray(measured, dtype=np.float64)
-    if np.ptp(measured) <= ROUNDING * np.abs(measured).max():
-        return float("nan")
-    spread = float(np.linalg.norm(measured - np.mean(measured)))
-    return 100.0 * (1.0 - float(np.linalg.norm(measured - simulated)) / spread)
-
-
-def fit_percents(
-    measured: Mapping[str, NDArray[np.float64]],
-    simulated: Mapping[str, NDArray[np.float64]],
-    rows: NDArray[np.int64],
-) -> dict[str, float]:
-    """Return FitPercent by column, without constant channels.
-
-    Args:
-        measured: measured channels by column, each of shape (n,).
-        simulated: simulated channels, likewise.
-        rows: indices of the rows that count.
-    """
-    found = {c: fit_percent(y[rows], simulated[c][rows]) for c, y in measured.items()}
-    return {c: value for c, value in found.items() if not np.isnan(value)}
-
-
-def rms_errors(
-    measured: Mapping[str, NDArray[np.float64]],
-    simulated: Mapping[str, NDArray[np.float64]],
-    rows: NDArray[Any],
-) -> dict[str, float]:
-    """Return the rms of measured minus simulated by column, in the column's unit.
-
-    Args:
-        measured: measured channels by column, each of shape (n,).
-        simulated: simulated channels, likewise.
-        rows: rows that count, as indices or as a mask.
-
-    >>> measured = {"speed": np.array([3.0, 4.0])}
-    >>> rms_errors(measured, {"speed": np.array([4.0, 5.0])}, slice(None))
-    {'speed': 1.0}
-    """
-    return {
-        c: float(np.sqrt(np.mean((y[rows] - simulated[c][rows]) ** 2))) for c, y in measured.items()
-    }
-
+from ..simulate.joint_replay import Floats, JointReplay
 
 HELD_OUT_SHARE = 0.25
+"""Share of the recordings, or of the longest of them, that is held out."""
 
 SEVERAL = 3
 """Number of recordings from which whole recordings are held out. Two then remain for the fit, and only
@@ -89,16 +28,8 @@ MOST_WAYS = 3
 LOST = 0.25
 """Error of a channel on the held-out data, as a share of its size, above which a model loses it."""
 
-Segments = list[tuple[int, int]]
-"""First row of each segment, and one past its last."""
-
-
-def bands_of(balances: Balances, segments: Segments, highest_Hz: float = math.inf) -> Bands:
-    """Return the frequency bands of segments, up to 80 % of the Nyquist frequency or a lower limit."""
-    replay, interval = balances.replay, balances.replay.interval_s
-    free = len(list(tolerance_perturbations(replay))) if replay.ship.turns else 0
-    highest = min(0.4 / interval, highest_Hz)
-    return make_bands(segments, interval, len(balances.names), highest, free)
+ROUNDING = 1e-12
+"""Share of a channel's size within which it counts as constant, because means of equal values round."""
 
 
 def split_held_out(replay: JointReplay, runs: int) -> list[tuple[Segments, Segments]]:
@@ -122,12 +53,12 @@ def split_held_out(replay: JointReplay, runs: int) -> list[tuple[Segments, Segme
     covered = [_coverage(replay, [(first, last)], [(s, s + length)]) for s in starts]
     covered[0] /= 0.85
     rest = [s for i, s in enumerate(replay.segments) if i != longest]
-    parted = []
+    splits = []
     for start in (starts[i] for i in np.argsort(covered)[::-1]):
         pieces = [(first, start), (start + length, last)]
         kept = [(a, b) for a, b in pieces if b - a > 20]
-        parted.append(([*rest, *kept], [(start, start + length)]))
-    return parted
+        splits.append(([*rest, *kept], [(start, start + length)]))
+    return splits
 
 
 def _split_whole(replay: JointReplay) -> list[tuple[Segments, Segments]]:
@@ -140,23 +71,19 @@ def _split_whole(replay: JointReplay) -> list[tuple[Segments, Segments]]:
 
         def merit(part: tuple[int, int]) -> tuple[float, float, int]:
             others = [s for s in rest if s != part]
-            missed = _coverage(replay, replay.segments, others)
-            return (
-                -round(missed, 2),
-                -round(_coverage(replay, replay.segments, [part]), 2),
-                -part[0],
-            )
+            missed, own = (_coverage(replay, replay.segments, s) for s in (others, [part]))
+            return -round(missed, 2), -round(own, 2), -part[0]
 
         small = [s for s in rest if s[1] - s[0] <= 0.5 * total]
         return sorted(small, key=merit)
 
-    ways = []
+    splits = []
     for first in ranked(replay.segments)[:MOST_WAYS]:
         held = [first]
         while len(held) < wanted:
             held.append(ranked([s for s in replay.segments if s not in held])[0])
-        ways.append(([s for s in replay.segments if s not in held], sorted(held)))
-    return ways
+        splits.append(([s for s in replay.segments if s not in held], sorted(held)))
+    return splits
 
 
 def _coverage(replay: JointReplay, whole: Segments, parts: Segments) -> float:
@@ -171,13 +98,16 @@ def _coverage(replay: JointReplay, whole: Segments, parts: Segments) -> float:
     return float(np.mean(shares)) if shares else 1.0
 
 
-class HeldOut:
-    """Likelihood of ships and models on the held-out data.
+def bands_of(balances: Balances, segments: Segments, highest_Hz: float = math.inf) -> Bands:
+    """Return the frequency bands of segments, up to 80 % of the Nyquist frequency or a lower limit."""
+    replay, interval = balances.replay, balances.replay.interval_s
+    free = len(list(tolerance_perturbations(replay))) if replay.ship.turns else 0
+    highest = min(0.4 / interval, highest_Hz)
+    return make_bands(segments, interval, len(balances.names), highest, free)
 
-    Args:
-        fitter: fitter of the fitted data.
-        held: held-out segments.
-    """
+
+class HeldOut:
+    """Likelihood of ships and models on the held-out segments of a fitter's recordings."""
 
     def __init__(self, fitter: Fitter, held: Segments) -> None:
         self.fitter = fitter
@@ -190,18 +120,16 @@ class HeldOut:
     def _transformed(self, channels: Channels) -> Complex:
         return self._bands.transform(self.fitter.balances.residuals(channels))
 
-    def _predicted(self, record: Any) -> Complex:
-        return self._transformed(self.fitter.balances.replay.simulate_channels(record))
-
     def __call__(self, record: Any) -> float:
         """Return 2 log L of a ship's record; minus infinity if its simulation diverges."""
-        lacking = self._measured - self._predicted(record)
-        return -math.inf if is_divergent(lacking) else self._plain(lacking).score
+        simulated = self.fitter.balances.replay.simulate_channels(record)
+        difference = self._measured - self._transformed(simulated)
+        return -math.inf if is_divergent(difference) else self._plain(difference).score
 
     def covers(self, fit: Fit) -> bool:
         """Return whether all effects of a model act in the held-out data, as an episode may not."""
         time_s = self.fitter.balances.replay.time_s[self.rows]
-        windows = [placed.window for placed in fit.effects if placed.window is not None]
+        windows = [sized.window for sized in fit.effects if sized.window is not None]
         return all(bool(np.any((time_s > a) & (time_s < b))) for a, b in windows)
 
     def lost_channels(self, fit: Fit) -> list[str]:
@@ -214,19 +142,16 @@ class HeldOut:
         replay = self.fitter.balances.replay
         simulated = replay.simulate_channels(self.fitter.trial_ship.record(fit.effects))
         width = max(1, round(1.0 / (SLOWER_THAN_SEA_HZ * replay.interval_s)))
-        found = []
-        for column, measured in replay.recorded.items():
-            if column == SHAFT_ANGLE or column in TURNING_COLUMNS:
+        lost = []
+        for column in replay.recorded:
+            if column in (SHAFT_ANGLE, *TURNING_COLUMNS):
                 continue
-            means, error = (
-                _means(values[self.rows], width)
-                for values in (measured, measured - simulated[column])
-            )
-            size = float(np.sqrt(np.mean(np.square(measured[self.rows]))))
-            off = float(np.sqrt(np.mean(np.square(error))))
-            if not off <= max(LOST * size, float(np.std(means))):
-                found.append(column)
-        return found
+            measured = replay.recorded[column][self.rows]
+            error = _means(measured - simulated[column][self.rows], width)
+            size, off = (float(np.sqrt(np.mean(np.square(x)))) for x in (measured, error))
+            if not off <= max(LOST * size, float(np.std(_means(measured, width)))):
+                lost.append(column)
+        return lost
 
     @functools.cached_property
     def _nuisance(self) -> Complex:
@@ -244,24 +169,66 @@ class HeldOut:
         fitter = self.fitter
         if fit.effects and self.lost_channels(fit):
             return -math.inf
-        there, columns = fitter.sensitivities(fit, self._transformed)
-        if is_divergent(there):
+        predicted, columns = fitter.sensitivities(fit, self._transformed)
+        if is_divergent(predicted):
             return -math.inf
         own = fitter.sensitivities(fit)[1]
-        information = fitter.likelihood.information(fit.weight, own)
-        values, vectors = np.linalg.eigh(information)
+        values, vectors = np.linalg.eigh(fitter.likelihood.information(fit.weight, own))
         # Each direction is one standard deviation of the values and parameters.
         axes = vectors / np.sqrt(np.maximum(values, 1e-12 * values.max()))
         everything = np.concatenate([columns, self._nuisance])
         responses = np.einsum("ik,imf->kmf", axes, everything)
-        lacking = self._measured - there
-        lacking = lacking - np.einsum("k,kmf->mf", fit.tolerances, self._nuisance)
-        return Likelihood(self._bands, responses)(lacking).score
+        residual = self._measured - predicted
+        residual = residual - np.einsum("k,kmf->mf", fit.tolerances, self._nuisance)
+        return Likelihood(self._bands, responses)(residual).score
 
 
-def _means(values: NDArray[np.float64], width: int) -> NDArray[np.float64]:
+def _means(values: Floats, width: int) -> Floats:
     """Return means over blocks of rows; the values themselves if there are fewer than two blocks."""
     count = len(values) // width
     if count < 2:
         return values
     return np.asarray(values[: count * width].reshape(count, width).mean(axis=1))
+
+
+def fit_percents(measured: Channels, simulated: Channels, rows: Any) -> dict[str, float]:
+    """Return FitPercent by column, without constant channels; arguments as in :func:`rms_errors`."""
+    percents = {c: fit_percent(y[rows], simulated[c][rows]) for c, y in measured.items()}
+    return {c: value for c, value in percents.items() if not np.isnan(value)}
+
+
+def fit_percent(measured: Any, simulated: Any) -> float:
+    """Return FitPercent = 100 (1 - ||y - y_sim|| / ||y - mean(y)||).
+
+    Args:
+        measured: measured channel y, shape (n,).
+        simulated: simulated channel y_sim, likewise, in the same unit.
+
+    Returns:
+        100 is perfect, 0 is no better than the mean. NaN for a constant channel.
+
+    >>> fit_percent([1.0, 2.0, 3.0], [1.0, 2.0, 3.0]), fit_percent([1.0, 2.0, 3.0], [2.0, 2.0, 2.0])
+    (100.0, 0.0)
+    """
+    measured = np.asarray(measured, dtype=np.float64)
+    if np.ptp(measured) <= ROUNDING * np.abs(measured).max():
+        return float("nan")
+    spread = float(np.linalg.norm(measured - np.mean(measured)))
+    return 100.0 * (1.0 - float(np.linalg.norm(measured - simulated)) / spread)
+
+
+def rms_errors(measured: Channels, simulated: Channels, rows: Any) -> dict[str, float]:
+    """Return the rms of measured minus simulated by column, in the column's unit.
+
+    Args:
+        measured: measured channels by column, each of shape (n,).
+        simulated: simulated channels, likewise.
+        rows: rows that count, as indices or as a mask.
+
+    >>> measured = {"speed": np.array([3.0, 4.0])}
+    >>> rms_errors(measured, {"speed": np.array([4.0, 5.0])}, slice(None))
+    {'speed': 1.0}
+    """
+    return {
+        c: float(np.sqrt(np.mean((y[rows] - simulated[c][rows]) ** 2))) for c, y in measured.items()
+    }

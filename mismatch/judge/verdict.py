@@ -1,20 +1,17 @@
-"""Findings: identified effects with intervals, windows of time and operating regime.
-
-The verdict: whether the chosen effects hold, and whether the residual is noise.
+"""Judge whether chosen effects hold and whether the residual is noise, and describe the effects.
 
 Each balance has a verdict of its own, so that a sure effect in one balance is reported although another
-balance has a residual.
+balance has a residual. A finding is an identified effect with intervals, windows of time and regime.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..estimate import Estimate
 from ..search.catalogue import Effect, SizedEffect, Window
@@ -22,7 +19,42 @@ from ..search.fitting import Colour, Fit, Fitter, Whiteness
 from ..search.selection import INDISTINGUISHABLE, Candidate, Selection
 from ..search.trial_ship import TrialShip
 from ..simulate.balances import Balances
+from ..simulate.joint_replay import Floats
 from .shapes import signals_of
+
+EXPLAINED, PARTLY = "explained", "partly-explained"
+NOTHING, UNEXPLAINED = "nothing-missing", "unexplained"
+"""Verdicts."""
+
+MOST_LEFT = 100.0
+"""Largest ratio of residual to noise power of an explained recording, in the band where it is largest:
+ten times the noise's amplitude. A larger ratio is allowed if :data:`NEARLY_ALL` is explained."""
+
+NEARLY_ALL = 0.99
+"""Explained share of the power beyond noise at which a tenth of the difference's amplitude remains."""
+
+EXPLAINED_SHARE = 0.8
+"""Least share of the power beyond noise that effects must explain if the residual is more than noise."""
+
+LOST_SHARE = 0.05
+"""Share by which effects may increase the power beyond noise, which is not measured more accurately.
+Effects that increase it by more explain nothing."""
+
+SURE_SHARE, SURE_GAIN = 0.5, 10.0
+"""Explained share, and gain in thresholds, from which an effect holds beside other missing physics."""
+
+CLOSE_SHARE = 0.6
+"""Share of the best effect's gain from which the second best is close to it."""
+
+FORM_SHARE = 0.15
+"""Half-width of an effect's interval without noise, as a share of its size, because the forms of the
+catalogue are approximations. Of concealed effects with other forms, one value in ten was off by more."""
+
+AT_BOUND = 1e-6
+"""Relative distance from a bound within which a value counts as at the bound."""
+
+SENSOR_OF_BALANCE = {"hull": "speed log", "sway": "sway speed", "yaw": "rate of turn or a heading"}
+"""Measurement without which a balance is not measured."""
 
 GAP_S = 20.0
 """Windows with a smaller gap between them are joined [s]."""
@@ -31,9 +63,241 @@ ACTIVE_SHARE = 0.1
 """Share of the largest value of its trace above which an effect counts as active."""
 
 
-def active_windows(
-    trace: NDArray[np.float64], interval_s: float, duration_s: float
-) -> list[Window]:
+@dataclass(frozen=True)
+class BalanceVerdict:
+    """Verdict on one balance with the reported model."""
+
+    name: str  # name of the balance
+    verdict: str  # verdict on this balance alone
+    explained: float  # explained share of its residual's power beyond noise; 1 if there was none
+    left: Colour | None  # frequency band in which its residual exceeds noise; None if it is noise
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Verdict on recordings with its reasons."""
+
+    name: str  # :data:`EXPLAINED`, :data:`PARTLY`, :data:`NOTHING` or :data:`UNEXPLAINED`
+    explained: float  # share of the residual's power beyond noise that the effects explain
+    colour: Colour | None  # band in which the residual without effects exceeds noise, if any
+    left_over: Colour | None  # likewise of the residual with the effects
+    balances: tuple[BalanceVerdict, ...]  # verdict on each balance
+
+
+def judge_selection(
+    selection: Selection, whiteness: Whiteness, gain: float, excited: bool, sure: bool = False
+) -> Verdict:
+    """Return the verdict on the effects that a search has chosen.
+
+    Args:
+        selection: chosen and confirmed effects.
+        whiteness: whiteness test of the residuals.
+        gain: gain of the effects in 2 log L on the held-out data; minus infinity if the ship with them
+            loses a channel there.
+        excited: whether the commands move enough to distinguish effects.
+        sure: whether each effect holds independently of the residual.
+    """
+    null, fit = whiteness.fitter.null, selection.fit
+    colour, left_over = whiteness.colour(null), whiteness.colour(fit)
+    explained = float(explained_shares(whiteness, null, fit)[-1])
+    several = len(fit.effects) > 1 or any(selection.rivals) or is_close_call(selection)
+    undecided = bool(fit.effects) and not excited and several
+    helps = gain >= -INDISTINGUISHABLE and explained >= -LOST_SHARE
+    holds = bool(fit.effects) and helps and not undecided
+    whole = left_over is None or explained >= EXPLAINED_SHARE
+    if holds and whole and not doubts(whiteness.fitter.trial_ship, fit.effects):
+        name = EXPLAINED
+    elif holds and (sure or whole):
+        name = PARTLY
+    else:
+        # No effect holds: nothing is missing only if the residual is noise.
+        more = colour is not None or undecided or (holds and not whole)
+        name = UNEXPLAINED if more else NOTHING
+    reported = fit if name in (EXPLAINED, PARTLY) else null
+    return Verdict(name, explained, colour, left_over, balance_verdicts(whiteness, reported))
+
+
+def limit_verdict(name: str, undecidable: bool, biased: bool) -> str:
+    """Return the verdict that the recordings and the parameters allow.
+
+    Args:
+        name: name of the verdict on the effects.
+        undecidable: whether the recordings are too short or excite too little.
+        biased: whether a parameter lies far outside the ship file's tolerance.
+
+    >>> limit_verdict("explained", False, biased=True)
+    'partly-explained'
+    """
+    if name == NOTHING and (undecidable or biased):
+        return UNEXPLAINED
+    return PARTLY if name == EXPLAINED and biased else name
+
+
+def is_undecidable(excited: bool, limits: Sequence[str]) -> bool:
+    """Return whether recordings are too short, or excite too little, for the verdict nothing-missing.
+
+    Args:
+        excited: whether the commands move enough to distinguish effects.
+        limits: limits of the recordings, a sentence each.
+
+    >>> is_undecidable(False, ["the commands are constant"]), is_undecidable(True, [])
+    (True, False)
+    """
+    return bool(limits) and (not excited or any("too short" in said for said in limits))
+
+
+def is_far_from_noise(left_over: Colour | None, explained: float) -> bool:
+    """Return whether a residual is too far from noise, for its explained share, to be explained."""
+    return left_over is not None and left_over.ratio > MOST_LEFT and explained < NEARLY_ALL
+
+
+def is_close_call(selection: Selection) -> bool:
+    """Return whether the gain of the second best effect is close to that of the best."""
+    gains = [c.gain for c in selection.ranking[:2]]
+    return len(gains) == 2 and gains[1] > CLOSE_SHARE * gains[0]
+
+
+def sure_effects(selection: Selection, rows: list[int], whiteness: Whiteness) -> list[int]:
+    """Return the indices of effects, by their balances' rows, that hold beside other missing physics."""
+    shares = explained_shares(whiteness, whiteness.fitter.null, selection.fit)[rows]
+    strong = np.array(selection.gains) >= SURE_GAIN * np.array(selection.thresholds)
+    indices: list[int] = np.flatnonzero((shares >= SURE_SHARE) & strong).tolist()
+    return indices
+
+
+def balance_verdicts(
+    whiteness: Whiteness, fit: Fit, file: Whiteness | None = None
+) -> tuple[BalanceVerdict, ...]:
+    """Return the verdict on each balance with the reported model; ``file`` is as in explained_shares."""
+    file = whiteness if file is None else file
+    null, verdicts = file.fitter.null, []
+    shares = explained_shares(whiteness, null, fit, file)
+    for row, balance in enumerate(whiteness.fitter.balances.names):
+        before, left = file.colour(null, row), whiteness.colour(fit, row)
+        share = float(shares[row])
+        if before is None and left is None:
+            verdict, share = NOTHING, 1.0
+        elif left is None or share >= EXPLAINED_SHARE:
+            verdict = EXPLAINED
+        elif share >= SURE_SHARE:
+            verdict = PARTLY
+        else:
+            verdict = UNEXPLAINED
+        verdicts.append(BalanceVerdict(balance, verdict, share, left))
+    return tuple(verdicts)
+
+
+def explained_shares(
+    whiteness: Whiteness, without: Fit, fit: Fit, file: Whiteness | None = None
+) -> np.ndarray:
+    """Return the share of the residual's power beyond noise that a model explains.
+
+    The shape is (balances + 1,), all balances together last. The model is compared to one without
+    effects; ``file`` is the whiteness test of the latter, if it has other parameters.
+    """
+    pairs = ((whiteness if file is None else file, without), (whiteness, fit))
+    before, after = (np.maximum(w.ratios(f) - 1.0, 0.0).sum(axis=0) for w, f in pairs)
+    before, after = np.append(before, before.sum()), np.append(after, after.sum())
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = 1.0 - after / before
+    return np.where(before > 0.0, shares, np.where(after > 0.0, 0.0, 1.0))
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Effect that was identified in a recording.
+
+    Args:
+        effect: entry of the catalogue.
+        estimates: estimates of its parameters, in the entry's order.
+        score: gain in 2 log L beside the other effects.
+        threshold: gain in 2 log L that the effect had to exceed.
+        rivals: effects that the recording cannot distinguish from it.
+        trace: change of its balance by the effect, shape (rows,).
+        row: index of the balance.
+        windows: windows in which it acts [s].
+        regime: operating regime in which it acts, in words; empty if it acts everywhere.
+        unmeasured: why its size has no interval: a missing measurement, or a parameter at the bound of
+            its search; else empty.
+        implausible: parameter outside its plausible range, in words; else empty.
+    """
+
+    effect: Effect
+    estimates: tuple[Estimate, ...]
+    score: float
+    threshold: float
+    rivals: tuple[Candidate, ...]
+    trace: Floats
+    row: int
+    windows: list[Window]
+    regime: str
+    unmeasured: str = ""
+    implausible: str = ""
+
+
+def findings_of(fitter: Fitter, selection: Selection, lacking: Floats) -> list[Finding]:
+    """Return the chosen effects with intervals, traces, windows and regimes.
+
+    The nominal ship leaves the residuals ``lacking``, shape (balances, rows).
+    """
+    replay, trial_ship, fit = fitter.balances.replay, fitter.trial_ship, selection.fit
+    estimates, signals = fitter.estimates(fit, FORM_SHARE), signals_of(fitter, fit)
+    duration, findings = float(replay.time_s[-1]), []
+    for i, (row, trace) in enumerate(_rows_and_traces(fitter, fit, lacking)):
+        sized = fit.effects[i]
+        windows, where = [sized.window] if sized.window is not None else [], ""
+        if sized.window is None:
+            windows = active_windows(trace, replay.interval_s, duration)
+            where = "" if windows == [(0.0, duration)] else regime(trace, signals)
+        lacking_sensor = missing_measurement(sized.effect, fitter.balances)
+        unmeasured = lacking_sensor or parameter_at_bound(trial_ship, sized)
+        implausible = implausible_parameter(trial_ship, sized)
+        evidence = selection.gains[i], selection.thresholds[i], selection.rivals[i]
+        finding = Finding(
+            sized.effect,
+            estimates[i],
+            *evidence,
+            trace,
+            row,
+            windows,
+            where,
+            unmeasured,
+            implausible,
+        )
+        findings.append(finding)
+    return findings
+
+
+def balance_rows(fitter: Fitter, fit: Fit) -> list[int]:
+    """Return the row of the balance of each effect of a model."""
+    lacking = fitter.balances.residuals_against(fitter.balances.nominal)
+    return [row for row, _ in _rows_and_traces(fitter, fit, lacking)]
+
+
+def _rows_and_traces(fitter: Fitter, fit: Fit, lacking: Floats) -> Iterator[tuple[int, Floats]]:
+    """Yield the row of the balance of each effect and its trace beside the others, shape (rows,).
+
+    The balance is that of the catalogue or, where this is not measured, the one that changes most in
+    relation to its residual.
+    """
+    balances = fitter.balances
+    scale = np.sqrt(np.mean(lacking**2, axis=1)) + 1e-300
+
+    def residuals(effects: tuple[SizedEffect, ...]) -> Floats:
+        record = fitter.trial_ship.record(effects)
+        return balances.residuals(balances.replay.simulate_channels(record))
+
+    everything = residuals(fit.effects)
+    for i, sized in enumerate(fit.effects):
+        traces = everything - residuals(fit.effects[:i] + fit.effects[i + 1 :])
+        if sized.effect.balance in balances.names:
+            row = balances.names.index(sized.effect.balance)
+        else:
+            row = int(np.argmax(np.sqrt(np.mean(traces**2, axis=1)) / scale))
+        yield row, traces[row]
+
+
+def active_windows(trace: Floats, interval_s: float, duration_s: float) -> list[Window]:
     """Return the windows in which an effect is active; the whole recording if they are most of it.
 
     Args:
@@ -52,18 +316,15 @@ def active_windows(
     active = strength > ACTIVE_SHARE * top
     if active.mean() > 0.6:
         return [(0.0, duration_s)]
-    gap = max(1, round(GAP_S / interval_s))
     edges = np.flatnonzero(np.diff(np.concatenate([[0], active.astype(int), [0]])))
-    merged: list[list[int]] = []
-    for a, b in zip(edges[::2], edges[1::2], strict=True):
-        if merged and a - merged[-1][1] < gap:
-            merged[-1][1] = int(b)
-        else:
-            merged.append([int(a), int(b)])
-    return [(a * interval_s, min(b * interval_s, duration_s)) for a, b in merged]
+    pauses = edges[2::2] - edges[1:-1:2]
+    apart = pauses >= max(1, round(GAP_S / interval_s))
+    starts, ends = edges[::2][np.r_[True, apart]], edges[1::2][np.r_[apart, True]]
+    windows = zip(starts.tolist(), ends.tolist(), strict=True)
+    return [(a * interval_s, min(b * interval_s, duration_s)) for a, b in windows]
 
 
-def regime(trace: NDArray[np.float64], signals: dict[str, tuple[Any, str]]) -> str:
+def regime(trace: Floats, signals: dict[str, tuple[Any, str]]) -> str:
     """Return the operating regime that contains most of an effect, in words; empty without one.
 
     Args:
@@ -95,44 +356,46 @@ def regime(trace: NDArray[np.float64], signals: dict[str, tuple[Any, str]]) -> s
     return words
 
 
-FORM_SHARE = 0.15
-"""Half-width of an effect's interval without noise, as a share of its size, because the forms of the
-catalogue are approximations. Of concealed effects with other forms, one value in ten was off by more."""
+def missing_measurement(effect: Effect, balances: Balances) -> str:
+    """Return which measurement the balance of an effect lacks; empty if it lacks none."""
+    ship, name = balances.replay.ship, effect.balance
+    if name in SENSOR_OF_BALANCE and name not in balances.names:
+        return f"without a {SENSOR_OF_BALANCE[name]} the {name} balance is not measured"
+    one_shaft = ship.has_line_shaft and ship.turns_freely
+    if name in ("engine", "propeller") and one_shaft and not balances.has_torque:
+        return "without a shaft torque meter the engine and propeller sides are one balance"
+    return ""
 
-_AT_BOUND = 1e-6
-"""Relative distance from a bound within which a value counts as at the bound."""
+
+def doubts(trial_ship: TrialShip, effects: Iterable[SizedEffect]) -> list[str]:
+    """Return which parameters are at a bound or implausible, in words; these indicate another cause."""
+    checks = (parameter_at_bound, implausible_parameter)
+    return [said for effect in effects for check in checks if (said := check(trial_ship, effect))]
 
 
-@dataclass(frozen=True)
-class Finding:
-    """Effect that was identified in a recording.
+def parameter_at_bound(trial_ship: TrialShip, effect: SizedEffect) -> str:
+    """Return which parameter of an effect is at a bound of its search, in words; empty if none is.
 
-    Args:
-        effect: entry of the catalogue.
-        estimates: estimates of its parameters, in the entry's order.
-        score: gain in 2 log L beside the other effects.
-        threshold: gain in 2 log L that the effect had to exceed.
-        rivals: effects that the recording cannot distinguish from it.
-        trace: change of its balance by the effect, shape (rows,).
-        row: index of the balance.
-        windows: windows in which it acts [s].
-        regime: operating regime in which it acts, in words; empty if it acts everywhere.
-        unmeasured: why its size has no interval: a missing measurement, or a parameter at the bound of
-            its search; else empty.
-        implausible: parameter outside its plausible range, in words; else empty.
+    Such a value is no estimate. Bounds at which the effect is absent or complete do not count.
     """
+    for parameter, value in effect.pairs:
+        absent = trial_ship.origin(parameter)
+        low, high = trial_ship.range_of(parameter)
+        for bound in (low,) if parameter.whole else (low, high):
+            if bound != absent and math.isclose(value, bound, rel_tol=AT_BOUND):
+                return f"{parameter.name} is at the bound of its search, {bound:.4g}"
+    return ""
 
-    effect: Effect
-    estimates: tuple[Estimate, ...]
-    score: float
-    threshold: float
-    rivals: tuple[Candidate, ...]
-    trace: NDArray[np.float64]
-    row: int
-    windows: list[Window]
-    regime: str
-    unmeasured: str = ""
-    implausible: str = ""
+
+def implausible_parameter(trial_ship: TrialShip, effect: SizedEffect) -> str:
+    """Return which parameter of an effect lies outside its plausible range; empty where none does."""
+    for parameter, value in effect.pairs:
+        low, high = trial_ship.plausible_range(parameter)
+        if not low <= value <= high:
+            unit = parameter.in_ship(trial_ship.ship).info.unit
+            ends = f"{low:.4g} to {high:.4g}" + ("" if unit == "-" else f" {unit}")
+            return f"{parameter.name} lies outside its plausible range, {ends}"
+    return ""
 
 
 @dataclass(frozen=True)
@@ -144,368 +407,30 @@ class Detectable:
     unit: str
 
 
-def _balance_row(
-    balances: Balances, effect: Effect, traces: NDArray[np.float64], scale: Any
-) -> int:
-    """Return the row of an effect's own balance, or of the balance that it changes most."""
-    if effect.balance in balances.names:
-        return balances.names.index(effect.balance)
-    return int(np.argmax(np.sqrt(np.mean(traces**2, axis=1)) / scale))
-
-
-def missing_measurement(effect: Effect, balances: Balances) -> str:
-    """Return which measurement the balance of an effect lacks; empty if it lacks none."""
-    replay = balances.replay
-    if effect.balance == "hull" and not balances.moving:
-        return "without a speed log the hull balance is not measured"
-    if effect.balance == "sway" and "sway" not in balances.names:
-        return "without a sway speed the sway balance is not measured"
-    if effect.balance == "yaw" and "yaw" not in balances.names:
-        return "without a rate of turn or a heading the yaw balance is not measured"
-    one_shaft = replay.ship.has_line_shaft and replay.ship.turns_freely
-    if effect.balance in ("engine", "propeller") and one_shaft and not balances.has_torque:
-        return "without a shaft torque meter the engine and propeller sides are one balance"
-    return ""
-
-
-def parameter_at_bound(trial_ship: TrialShip, placed: SizedEffect) -> str:
-    """Return which parameter of an effect is at a bound of its search, in words; empty if none is.
-
-    Such a value is no estimate. Bounds at which the effect is absent or complete do not count.
-    """
-    for parameter, value in placed.pairs:
-        absent = trial_ship.origin(parameter)
-        low, high = trial_ship.range_of(parameter)
-        for bound in (low,) if parameter.whole else (low, high):
-            if bound != absent and math.isclose(value, bound, rel_tol=_AT_BOUND):
-                name = parameter.key.split(".")[-1]
-                return f"{name} is at the bound of its search, {bound:.4g}"
-    return ""
-
-
-def implausible_parameter(trial_ship: TrialShip, placed: SizedEffect) -> str:
-    """Return which parameter of an effect lies outside its plausible range; empty where none does."""
-    for parameter, value in placed.pairs:
-        low, high = trial_ship.plausible_range(parameter)
-        if not low <= value <= high:
-            unit = parameter.in_ship(trial_ship.ship).info.unit
-            unit = "" if unit == "-" else f" {unit}"
-            return (
-                f"{parameter.name} lies outside its plausible range, {low:.4g} to {high:.4g}{unit}"
-            )
-    return ""
-
-
-def balance_rows(fitter: Fitter, fit: Fit) -> list[int]:
-    """Return the row of the balance of each effect of a model."""
-    balances = fitter.balances
-    lacking = balances.residuals_against(balances.nominal)
-    scale = np.sqrt(np.mean(lacking**2, axis=1)) + 1e-300
-    return [
-        _balance_row(balances, placed.effect, traces, scale)
-        for placed, traces in zip(fit.effects, _traces(fitter, fit), strict=True)
-    ]
-
-
-def _traces(fitter: Fitter, fit: Fit) -> list[NDArray[np.float64]]:
-    """Return the change of the balances by each effect beside the others, shape (balances, rows)."""
-
-    def of(effects: tuple[SizedEffect, ...]) -> NDArray[np.float64]:
-        balances = fitter.balances
-        return balances.residuals(
-            balances.replay.simulate_channels(fitter.trial_ship.record(effects))
-        )
-
-    everything = of(fit.effects)
-    return [
-        everything - of(fit.effects[:i] + fit.effects[i + 1 :]) for i in range(len(fit.effects))
-    ]
-
-
-def findings_of(
-    fitter: Fitter, selection: Selection, lacking: NDArray[np.float64]
-) -> list[Finding]:
-    """Return the chosen effects with intervals, traces, windows and regimes."""
-    balances, replay = fitter.balances, fitter.balances.replay
-    fit = selection.fit
-    estimates = fitter.estimates(fit, FORM_SHARE)
-    signals = signals_of(fitter, fit)
-    duration = float(replay.time_s[-1])
-    scale = np.sqrt(np.mean(lacking**2, axis=1)) + 1e-300
-    found = []
-    for i, (placed, traces) in enumerate(zip(fit.effects, _traces(fitter, fit), strict=True)):
-        row = _balance_row(balances, placed.effect, traces, scale)
-        windows = (
-            [placed.window]
-            if placed.window is not None
-            else active_windows(traces[row], replay.interval_s, duration)
-        )
-        whole = windows == [(0.0, duration)] or placed.window is not None
-        where = "" if whole else regime(traces[row], signals)
-        found.append(
-            Finding(
-                placed.effect,
-                estimates[i],
-                selection.gains[i],
-                selection.thresholds[i],
-                selection.rivals[i],
-                traces[row],
-                row,
-                windows,
-                where,
-                missing_measurement(placed.effect, balances)
-                or parameter_at_bound(fitter.trial_ship, placed),
-                implausible_parameter(fitter.trial_ship, placed),
-            )
-        )
-    return found
-
-
 def detectable_effects(
     fitter: Fitter, threshold: Callable[[Effect], float], fit: Fit, effects: list[Effect]
 ) -> list[Detectable]:
-    """Return the smallest detectable size of each effect with one parameter.
+    """Return the smallest detectable size of each effect with one parameter beside a model.
 
-    It follows from the curvature of the likelihood at the smallest probe of the effect.
-
-    Args:
-        fitter: fitter of the fitted data.
-        threshold: function that returns the threshold of an effect in 2 log L.
-        fit: model beside which the effects are tried.
-        effects: the effects.
+    It follows from the curvature of the likelihood at the smallest probe of the effect, and from a
+    function that returns the threshold of an effect in 2 log L.
     """
-    base = fitter.predict(fitter.trial_ship.record(fit.effects))
-    found = []
+    trial_ship, detectable = fitter.trial_ship, []
+    base = fitter.predict(trial_ship.record(fit.effects))
     for effect in effects:
         if len(effect.parameters) != 1 or effect.windowed:
             continue
         parameter = effect.parameters[0]
-        probes = fitter.trial_ship.probes(parameter)
-        neutral = fitter.trial_ship.neutral(parameter)
+        probes, neutral = trial_ship.probes(parameter), trial_ship.neutral(parameter)
         if not probes or not np.isfinite(neutral):
             continue
         probe = min(probes, key=lambda p: abs(p - neutral))
-        probed = fitter.predict(
-            fitter.trial_ship.record((*fit.effects, SizedEffect(effect, (probe,))))
-        )
-        information = fitter.likelihood.information(fit.weight, (probed - base)[None])
+        trial = (*fit.effects, SizedEffect(effect, (probe,)))
+        change = fitter.predict(trial_ship.record(trial)) - base
+        information = fitter.likelihood.information(fit.weight, change[None])
         variance = float(np.linalg.pinv(information)[0, 0])
         if variance > 0.0 and information[0, 0] > 1e-9:
             size = abs(probe - neutral) * np.sqrt(threshold(effect) * variance)
-            unit = parameter.in_ship(fitter.trial_ship.ship).info.unit
-            found.append(Detectable(effect, float(size), unit))
-    return found
-
-
-EXPLAINED, PARTLY, NOTHING, UNEXPLAINED = (
-    "explained", "partly-explained", "nothing-missing", "unexplained",
-)  # fmt: skip
-"""Verdicts."""
-
-MOST_LEFT = 100.0
-"""Largest ratio of residual to noise power of an explained recording, in the band where it is largest:
-ten times the noise's amplitude. A larger ratio is allowed if :data:`NEARLY_ALL` is explained."""
-
-NEARLY_ALL = 0.99
-"""Explained share of the power beyond noise at which a tenth of the difference's amplitude remains."""
-
-EXPLAINED_SHARE = 0.8
-"""Least share of the power beyond noise that effects must explain if the residual is more than noise."""
-
-LOST_SHARE = 0.05
-"""Share by which effects may increase the power beyond noise, which is not measured more accurately.
-Effects that increase it by more explain nothing."""
-
-SURE_SHARE, SURE_GAIN = 0.5, 10.0
-"""Explained share of its own balance's power, and gain as a multiple of its threshold, from which an
-effect holds although other physics is missing."""
-
-CLOSE_SHARE = 0.6
-"""Share of the best effect's gain from which the second best is close to it."""
-
-
-@dataclass(frozen=True)
-class BalanceVerdict:
-    """Verdict on one balance.
-
-    Args:
-        name: name of the balance.
-        verdict: verdict on this balance alone.
-        explained: explained share of its residual's power beyond noise; 1 if there was none.
-        left: frequency band in which its residual exceeds noise; None if it is noise.
-    """
-
-    name: str
-    verdict: str
-    explained: float
-    left: Colour | None
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """Verdict on recordings with its reasons.
-
-    Args:
-        name: :data:`EXPLAINED`, :data:`PARTLY`, :data:`NOTHING` or :data:`UNEXPLAINED`.
-        explained: share of the residual's power beyond noise that the effects explain.
-        colour: frequency band in which the residual without effects exceeds noise; None if it is noise.
-        left_over: frequency band in which the residual with the effects exceeds noise, likewise.
-        balances: verdict on each balance.
-    """
-
-    name: str
-    explained: float
-    colour: Colour | None
-    left_over: Colour | None
-    balances: tuple[BalanceVerdict, ...]
-
-
-def is_undecidable(excited: bool, limits: Sequence[str]) -> bool:
-    """Return whether recordings are too short, or excite too little, for the verdict nothing-missing.
-
-    Args:
-        excited: whether the commands move enough to distinguish effects.
-        limits: limits of the recordings, a sentence each.
-
-    >>> is_undecidable(False, ["the commands are constant"]), is_undecidable(True, [])
-    (True, False)
-    """
-    return bool(limits) and (not excited or any("too short" in said for said in limits))
-
-
-def limit_verdict(name: str, undecidable: bool, biased: bool) -> str:
-    """Return the verdict that the recordings and the parameters allow.
-
-    Args:
-        name: name of the verdict on the effects.
-        undecidable: whether the recordings are too short or excite too little.
-        biased: whether a parameter lies far outside the ship file's tolerance.
-
-    >>> limit_verdict("explained", False, biased=True)
-    'partly-explained'
-    """
-    if name == NOTHING and (undecidable or biased):
-        return UNEXPLAINED
-    return PARTLY if name == EXPLAINED and biased else name
-
-
-def judge_selection(
-    selection: Selection, whiteness: Whiteness, gain: float, excited: bool, sure: bool = False
-) -> Verdict:
-    """Return the verdict on the effects that a search has chosen.
-
-    Args:
-        selection: chosen and confirmed effects.
-        whiteness: whiteness test of the residuals.
-        gain: gain of the effects in 2 log L on the held-out data; minus infinity if the ship with them
-            loses a channel there.
-        excited: whether the commands move enough to distinguish effects.
-        sure: whether each effect holds independently of the residual.
-    """
-    null, fit = whiteness.fitter.null, selection.fit
-    colour, left_over = whiteness.colour(null), whiteness.colour(fit)
-    explained = float(explained_shares(whiteness, null, fit)[-1])
-    several = len(fit.effects) > 1 or any(selection.rivals) or is_close_call(selection)
-    undecided = bool(fit.effects) and not excited and several
-    helps = gain >= -INDISTINGUISHABLE and explained >= -LOST_SHARE
-    holds = bool(fit.effects) and helps and not undecided
-    whole = left_over is None or explained >= EXPLAINED_SHARE
-    # A value at a bound or outside its plausible range indicates another cause.
-    trial_ship = whiteness.fitter.trial_ship
-    doubted = any(
-        parameter_at_bound(trial_ship, p) or implausible_parameter(trial_ship, p)
-        for p in fit.effects
-    )
-    if holds and whole and not doubted:
-        name = EXPLAINED
-    elif holds and (sure or whole):
-        name = PARTLY
-    else:
-        # No effect holds: nothing is missing only if the residual is noise.
-        more = colour is not None or undecided or (holds and not whole)
-        name = UNEXPLAINED if more else NOTHING
-    reported = fit if name in (EXPLAINED, PARTLY) else null
-    return Verdict(name, explained, colour, left_over, balance_verdicts(whiteness, reported))
-
-
-def is_far_from_noise(left_over: Colour | None, explained: float) -> bool:
-    """Return whether the residual is too far from noise for the verdict explained.
-
-    Args:
-        left_over: frequency band with the largest residual; None if it is noise.
-        explained: explained share of the power beyond noise.
-    """
-    return left_over is not None and left_over.ratio > MOST_LEFT and explained < NEARLY_ALL
-
-
-def balance_verdicts(
-    whiteness: Whiteness, fit: Fit, file: Whiteness | None = None
-) -> tuple[BalanceVerdict, ...]:
-    """Return the verdict on each balance with the reported model.
-
-    Args:
-        whiteness: whiteness test of the residuals.
-        fit: reported model.
-        file: whiteness test of the ship file's residuals, if the model has other parameters.
-    """
-    file = whiteness if file is None else file
-    null = file.fitter.null
-    shares = explained_shares(whiteness, null, fit, file)
-    found = []
-    for row, balance in enumerate(whiteness.fitter.balances.names):
-        before, left = file.colour(null, row), whiteness.colour(fit, row)
-        share = float(shares[row])
-        if before is None and left is None:
-            verdict, share = NOTHING, 1.0
-        elif left is None or share >= EXPLAINED_SHARE:
-            verdict = EXPLAINED
-        elif share >= SURE_SHARE:
-            verdict = PARTLY
-        else:
-            verdict = UNEXPLAINED
-        found.append(BalanceVerdict(balance, verdict, share, left))
-    return tuple(found)
-
-
-def explained_shares(
-    whiteness: Whiteness, without: Fit, fit: Fit, file: Whiteness | None = None
-) -> np.ndarray:
-    """Return the share of the residual's power beyond noise that a model explains.
-
-    Args:
-        whiteness: whiteness test of the model's residuals.
-        without: model without effects, to which the model is compared.
-        fit: the model.
-        file: whiteness test of the model of comparison, if it has other parameters.
-
-    Returns:
-        Share in each balance, and in all balances together last, shape (balances + 1,).
-    """
-    pairs = ((whiteness if file is None else file, without), (whiteness, fit))
-    before, after = (np.maximum(w.ratios(f) - 1.0, 0.0).sum(axis=0) for w, f in pairs)
-    before, after = np.append(before, before.sum()), np.append(after, after.sum())
-    with np.errstate(divide="ignore", invalid="ignore"):
-        shares = 1.0 - after / before
-    return np.where(before > 0.0, shares, np.where(after > 0.0, 0.0, 1.0))
-
-
-def sure_effects(selection: Selection, rows: list[int], whiteness: Whiteness) -> list[int]:
-    """Return the indices of effects that hold although other physics is missing.
-
-    Args:
-        selection: chosen and confirmed effects.
-        rows: row of each effect's balance.
-        whiteness: whiteness test of the residuals.
-    """
-    shares = explained_shares(whiteness, whiteness.fitter.null, selection.fit)
-    effects = zip(rows, selection.gains, selection.thresholds, strict=True)
-    return [
-        i for i, (row, gain, threshold) in enumerate(effects)
-        if shares[row] >= SURE_SHARE and gain >= SURE_GAIN * threshold
-    ]  # fmt: skip
-
-
-def is_close_call(selection: Selection) -> bool:
-    """Return whether the gain of the second best effect is close to that of the best."""
-    gains = [c.gain for c in selection.ranking[:2]]
-    return len(gains) == 2 and gains[1] > CLOSE_SHARE * gains[0]
+            unit = parameter.in_ship(trial_ship.ship).info.unit
+            detectable.append(Detectable(effect, float(size), unit))
+    return detectable

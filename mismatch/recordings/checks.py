@@ -25,32 +25,35 @@ from ...plant.recording import RecordingError
 from ...plant.ship import Ship
 from .excitation import load_varies
 from .noise import Noise, estimate_noise, saturated_ends, unusual_rests
-from .time_base import LONGEST_GAP
-from .unit_errors import HELMS, command_columns, command_ranges
+from .time_base import LONGEST_GAP, Cleaned
+from .unit_errors import command_columns, command_ranges
 
-INSUFFICIENT = "insufficient excitation"
-"""First words of a limit on a channel that varies too little."""
-
-TOO_SHORT = "too short"
-"""First words of a limit on the length of a recording."""
+INSUFFICIENT = "insufficient excitation"  # first words of a limit on a channel that varies little
+TOO_SHORT = "too short"  # first words of a limit on the length of a recording
 
 _FEWEST_ROWS = 200
 _WRAPPED = 2.05 * math.pi  # range [rad] within which an angle with jumps is wrapped to one turn
 _TIME_CONSTANTS = 3.0  # time constants of the hull that a recording must last
-_FAST_S = 0.04  # Few loggers of ships sample at a shorter interval.
+_FAST_S = 0.04  # few loggers of ships sample at a shorter interval.
 _STARTED = 0.5  # share of the largest shaft speed over which the speed varies in a start from rest
 _LEAST_COMMAND_SPAN = 0.05  # share of its range over which a command must vary
 _LEAST_SIGNAL_TO_NOISE = 3.0  # multiple of its noise by which a measured channel must vary
 _SLACK, _ODD_SHARE = 0.005, 0.01  # pitch ratio beyond its limits; share of the rows
 _FOLLOWS = 0.5  # ratio of the two misfits below which the command lags the measured pitch
+_USUAL = 75.0  # percentile of the steps from row to row that is called the usual step
+_FAR, _NEAR = 15.0, 4.0  # usual steps from a spike to its neighbours, and between the neighbours
+_MOST = 0.05  # largest share of spikes among the rows of a usable channel
+_STANDS = 0.02  # share of the simulated change within which a shaft that stuck continues
+_USUAL_STEP = 0.8  # quantile of the steps from row to row that such a shaft may make at first
+_LESS = 0.5  # share of the simulated change from which the next step is a jump
+_STOPPED = 0.1  # share of the rows from which a constant stretch is an error; below, a warning
+_SLOW = 3.0  # multiple of the usual constant stretch (weighted by length) of a slow instrument
+_MUST = 0.05  # share of the size of a channel over which the simulation must vary
+_TURNS = 0.02  # share of the largest shaft speed above which the shaft turns
 
 
 def refuse_complex(path: Path, table: pd.DataFrame, columns: Iterable[str]) -> None:
-    """Refuse complex values in the columns that are used.
-
-    Raises:
-        RecordingError: names the first such column.
-    """
+    """Raise a RecordingError for the first of the columns with complex values."""
     for column in (c for c in columns if c in table):
         values = table[column]
         found = pd.api.types.is_complex_dtype(values)
@@ -80,13 +83,7 @@ def wrapped_angle_errors(table: pd.DataFrame) -> Iterator[str]:
 def length_limits(tables: Sequence[pd.DataFrame], interval: float, ship: Ship) -> list[str]:
     """Return limits of recordings that are too short for an identification, all rows counted together.
 
-    Args:
-        tables: canonical columns of each recording.
-        interval: sampling interval [s].
-        ship: the nominal ship.
-
-    Returns:
-        One sentence per limit; an empty list if the recordings are long enough.
+    The tables have canonical columns and the sampling interval [s].
     """
     limits, rows = [], sum(map(len, tables))
     if rows < _FEWEST_ROWS:
@@ -97,54 +94,42 @@ def length_limits(tables: Sequence[pd.DataFrame], interval: float, ship: Ship) -
         speed = float(pd.concat([table["ship_speed_m_s"] for table in tables]).abs().median())
         hull = ship.hull.mass_kg / ship.hull.resistance_slope(max(speed, 1.0))
         if interval * rows < _TIME_CONSTANTS * hull:
-            hint = ""
-            if interval < _FAST_S:
-                hint = '; if time_s counts minutes, set unit = "min" in the column map'
+            hint = '; if time_s counts minutes, set unit = "min" in the column map'
             limits.append(
                 f"{TOO_SHORT}: {interval * rows:.4g} s, where the hull's time constant is "
-                f"{hull:.3g} s; the hull balance needs {_TIME_CONSTANTS * hull:.3g} s{hint}"
+                f"{hull:.3g} s; the hull balance needs {_TIME_CONSTANTS * hull:.3g} s"
+                f"{hint if interval < _FAST_S else ''}"
             )
     return limits
-
-
-def _starts_up(table: pd.DataFrame) -> bool:
-    """Return whether the shaft speed varies as much as in a start from rest."""
-    if SHAFT_SPEED not in table:
-        return False
-    low, high = np.percentile(table[SHAFT_SPEED].abs(), (2.5, 97.5))
-    return bool(high - low > _STARTED * high)
 
 
 def insufficient_excitation(
     table: pd.DataFrame, ship: Ship, noise: Mapping[str, Noise]
 ) -> list[str]:
-    """Return limits of channels that vary too little compared with their range or their noise.
-
-    Args:
-        table: canonical columns.
-        ship: the nominal ship.
-        noise: noise of each channel.
-    """
-    plant, limits = ship.record(), []
-    spans = {
-        drive_column(ship): float(plant["drive_max"] - plant["drive_min"]),
-        "pitch_ratio_command": float(plant["pitch_ratio_max"] - plant["pitch_ratio_min"]),
-    } | dict.fromkeys(HELMS, 2.0 * float(plant["rudder_max"]))
-    steered = not (load_varies(ship, table) or _starts_up(table))
-    for column in command_columns(ship, table) if steered else ():
+    """Return limits of channels that vary too little compared with their range or their noise."""
+    commands, ranges, limits = command_columns(ship, table), command_ranges(ship), []
+    starts = False  # whether the shaft speed varies as much as in a start from rest
+    if SHAFT_SPEED in table:
+        low, high = np.percentile(table[SHAFT_SPEED].abs(), (2.5, 97.5))
+        starts = bool(high - low > _STARTED * high)
+    for column in () if starts or load_varies(ship, table) else commands:
         low, high = np.percentile(table[column], (2.5, 97.5))
-        if high - low < _LEAST_COMMAND_SPAN * spans[column]:
+        span = ranges[column][1] - ranges[column][0]
+        if high - low < _LEAST_COMMAND_SPAN * span:
             limits.append(
                 f"{INSUFFICIENT}: {column} varies over {high - low:.3g} {BOUNDS[column][2]}, "
-                f"{(high - low) / spans[column]:.1%} of its range"
+                f"{(high - low) / span:.1%} of its range"
             )
-    measured = {*simulated_columns(ship)} - {*command_columns(ship, table)}
-    for column in (c for c in noise if c in measured):
-        rms = float(table[column].std(ddof=0))
-        if rms <= _LEAST_SIGNAL_TO_NOISE * noise[column].white_rms:
+    for column in (c for c in noise if c in simulated_columns(ship) and c not in commands):
+        rms, white, unit = (
+            float(table[column].std(ddof=0)),
+            noise[column].white_rms,
+            BOUNDS[column][2],
+        )
+        if rms <= _LEAST_SIGNAL_TO_NOISE * white:
             limits.append(
-                f"{INSUFFICIENT}: {column} varies by {rms:.3g} {BOUNDS[column][2]} rms, little more "
-                f"than its noise of {noise[column].white_rms:.3g} {BOUNDS[column][2]} rms"
+                f"{INSUFFICIENT}: {column} varies by {rms:.3g} {unit} rms, little more than its noise "
+                f"of {white:.3g} {unit} rms"
             )
     return limits
 
@@ -186,11 +171,6 @@ def end_stop_warnings(table: pd.DataFrame, ship: Ship) -> Iterator[str]:
             )
 
 
-_USUAL = 75.0  # percentile of the steps from row to row that is called the usual step
-_FAR, _NEAR = 15.0, 4.0  # usual steps from a spike to its neighbours, and between the neighbours
-_MOST = 0.05  # largest share of spikes among the rows of a usable channel
-
-
 def find_spikes(values: NDArray[Any]) -> NDArray[np.bool_]:
     """Return which samples are spikes: far from both neighbours, which agree with each other.
 
@@ -225,18 +205,8 @@ def find_spikes(values: NDArray[Any]) -> NDArray[np.bool_]:
     return spikes
 
 
-def remove_spikes(
-    path: Path, table: pd.DataFrame, columns: list[str]
-) -> tuple[pd.DataFrame, list[str]]:
-    """Replace spikes of measured channels by linear interpolation between the neighbouring rows.
-
-    Args:
-        path: file name for messages.
-        table: finite values on an even time base.
-        columns: channels to be searched for spikes.
-
-    Returns:
-        The table and a warning for each channel that was changed.
+def remove_spikes(path: Path, table: pd.DataFrame, columns: list[str]) -> Cleaned:
+    """Replace spikes of some channels by linear interpolation between the neighbouring rows.
 
     Raises:
         RecordingError: more than 5 % of the values of a channel are spikes.
@@ -263,26 +233,18 @@ def remove_spikes(
     return table.assign(**repaired), warnings
 
 
-_STANDS = 0.02  # share of the simulated change within which a shaft that stuck continues
-_USUAL_STEP = 0.8  # quantile of the steps from row to row that such a shaft may make at first
-_LESS = 0.5  # share of the simulated change from which the next step is a jump
-_STOPPED = 0.1  # share of the rows from which a constant stretch is an error; below, a warning
-_SLOW = 3.0  # multiple of the usual constant stretch (weighted by length) of a slow instrument
-_MUST = 0.05  # share of the size of a channel over which the simulation must vary
-_TURNS = 0.02  # share of the largest shaft speed above which the shaft turns
-
-
 def may_stick(
     table: pd.DataFrame, ship: Ship, column: str, first: int, end: int, moves: float | None
 ) -> bool:
     """Return whether static friction may have held the shaft while a channel was constant.
 
     A shaft that stuck continues from the value at which it stopped, and both its speed and its angle
-    are constant. A sensor that had failed jumps to the value that the shaft has reached meanwhile.
+    are constant. A sensor that had failed jumps to the value that the shaft has reached meanwhile. A
+    diesel engine that stops has stalled and does not stick.
 
     Args:
         table: canonical columns.
-        ship: the nominal ship. A diesel engine that stops has stalled and does not stick.
+        ship: the nominal ship.
         column: the channel.
         first: row from which the channel is constant.
         end: one past the last constant row.
@@ -292,21 +254,17 @@ def may_stick(
     values = table[column].to_numpy(dtype=np.float64)
     if ship.has_diesel or column not in (SHAFT_SPEED, SHAFT_ANGLE) or not 0 < end < len(values):
         return False
-    if column == SHAFT_SPEED and abs(values[first]) > _STANDS * np.abs(values).max():
-        return False
-    if column == SHAFT_ANGLE and SHAFT_SPEED in table:
-        speed = table[SHAFT_SPEED].abs().to_numpy()
-        if np.median(speed[first:end]) > _TURNS * speed.max():
-            return False
-    if column == SHAFT_SPEED and SHAFT_ANGLE in table:
-        angle = table[SHAFT_ANGLE].to_numpy()
-        if np.ptp(angle[first:end]) > _TURNS * np.ptp(angle):
-            return False
+    if column == SHAFT_SPEED:
+        turns = abs(values[first]) > _STANDS * np.abs(values).max()
+        angle = table.get(SHAFT_ANGLE, pd.Series(0.0, table.index)).to_numpy()
+        turns |= np.ptp(angle[first:end]) > _TURNS * np.ptp(angle)
+    else:
+        speed = table.get(SHAFT_SPEED, pd.Series(0.0, table.index)).abs().to_numpy()
+        turns = np.median(speed[first:end]) > _TURNS * speed.max()
     jump, steps = abs(values[end] - values[first]), np.abs(np.diff(values))
     usual = float(np.quantile(steps[steps > 0.0], _USUAL_STEP)) if steps.any() else 0.0
-    if moves is None:
-        return bool(jump <= usual)
-    return bool(jump <= max(usual, _STANDS * moves) and jump <= _LESS * moves)
+    near = usual if moves is None else min(max(usual, _STANDS * moves), _LESS * moves)
+    return bool(not turns and jump <= near)
 
 
 def constant_channel_warnings(
@@ -317,32 +275,30 @@ def constant_channel_warnings(
 ) -> Iterator[str]:
     """Yield warnings on measured channels that are saturated or constant for long.
 
-    Args:
-        table: canonical columns on an even time base.
-        ship: the nominal ship.
-        noise: noise of each channel.
-        simulated: simulation of the nominal ship with the same commands; it may end before the table.
+    The simulation of the nominal ship with the same commands may end before the table.
     """
     measured = [c for c in noise if c not in command_columns(ship, table) and c in table]
     interval = float(table["time_s"].iloc[1] - table["time_s"].iloc[0])
 
+    def simulated_change(column: str, first: int, end: int) -> float | None:
+        """Return the range of the simulated channel in these rows, or None without a simulation."""
+        if simulated is None or column not in simulated or end > len(simulated):
+            return None
+        return float(np.ptp(simulated[column].to_numpy()[first:end]))
+
     def held(column: str, first: int, end: int) -> bool:
         """Return whether the machine may stick in these rows."""
-        moves = None
-        if simulated is not None and column in simulated and end <= len(simulated):
-            moves = float(np.ptp(simulated[column].to_numpy()[first:end]))
+        moves = simulated_change(column, first, end)
         return may_stick(table, ship, column, first, end, moves)
 
     def at_rest(column: str, first: int, end: int) -> bool:
         """Return whether no command turns the shaft, or the simulated shaft stands still as well."""
         if is_undriven(table, ship, column, first, end):
             return True
-        if column not in (SHAFT_SPEED, SHAFT_ANGLE) or simulated is None or column not in simulated:
+        moves = simulated_change(column, first, end)
+        if column not in (SHAFT_SPEED, SHAFT_ANGLE) or simulated is None or moves is None:
             return False
-        nominal = simulated[column].to_numpy()
-        return end <= len(nominal) and float(np.ptp(nominal[first:end])) <= _STANDS * float(
-            np.abs(nominal).max()
-        )
+        return moves <= _STANDS * float(simulated[column].abs().max())
 
     for column in measured:
         values, unit = table[column].to_numpy(), BOUNDS[column][2]
@@ -392,12 +348,7 @@ def _visits(at: NDArray[np.bool_]) -> list[tuple[int, int]]:
 def is_undriven(table: pd.DataFrame, ship: Ship, column: str, first: int, end: int) -> bool:
     """Return whether a shaft stands still, or a motor takes no current, because its command is zero.
 
-    Args:
-        table: canonical columns.
-        ship: the nominal ship.
-        column: the channel.
-        first: row from which the channel is constant.
-        end: one past the last constant row.
+    The channel is constant from row ``first`` to the row before ``end``.
     """
     if ship.has_diesel or column not in (SHAFT_SPEED, "motor_current_A"):
         return False
@@ -419,11 +370,7 @@ def dead_channel_errors(
 ) -> Iterator[str]:
     """Yield errors on measured channels that are constant for long although the simulation varies.
 
-    Args:
-        table: canonical columns.
-        ship: the nominal ship.
-        simulated: simulation of the nominal ship with the same commands, with as many rows.
-        interval_s: sampling interval [s].
+    The simulation of the nominal ship has the same commands and as many rows.
     """
     commands = command_columns(ship, table)
     for column in simulated_columns(ship):
@@ -441,13 +388,11 @@ def dead_channel_errors(
         rest = (table, ship, column, first, first + length)
         if is_undriven(*rest) or may_stick(*rest, moves) or _is_slow(values, length):
             continue
-        unit = BOUNDS[column][2]
-        where = f"constant at {values[first]:g} {unit} in every row"
-        remedy = "leave the column out or repair it"
+        unit, where, remedy = BOUNDS[column][2], "in every row", "repair it"
         if length < len(values):
-            where = f"constant at {values[first]:g} {unit} from row {first + 1} to {first + length}"
-            remedy = "leave the column out or cut these rows out"
+            where, remedy = f"from row {first + 1} to {first + length}", "cut these rows out"
         yield (
-            f"{column} is {where}, where the simulation of this ship with the same commands varies over "
-            f"{moves:.3g} {unit}: a dead sensor or a stopped logger; {remedy}"
+            f"{column} is constant at {values[first]:g} {unit} {where}, where the simulation of this "
+            f"ship with the same commands varies over {moves:.3g} {unit}: a dead sensor or a stopped "
+            f"logger; leave the column out or {remedy}"
         )

@@ -1,44 +1,23 @@
 """Map the column names, units and signs of a logger to the canonical columns.
 
-A column map is a TOML file. Each key of its table ``[columns]`` is a name in the header of the
-recording::
+A column map is a TOML file (``docs/recordings.md`` describes all keys)::
 
     [columns]
     "Fuel index" = { column = "fuel_rack_mm", unit = "mm", scale = 0.4 }
-    "N shaft" = { column = "shaft_speed_rad_s", unit = "rpm", sign = -1 }
     "P/D" = "pitch_ratio"
-
-The canonical value is sign * (scale * value + offset), converted from ``unit``. A linear axis has
-forces, positions and speeds where a shaft has torques, angles and speeds of rotation; ``radius_m`` is
-the radius that converts them::
-
-    "Force" = { column = "motor_torque_N_m", unit = "N", radius_m = 1.0 }
-    "Carriage" = { column = "shaft_angle_rad", unit = "mm", radius_m = 1.0 }
-
-Any other column can be declared as a signal, on which terms of a ship may depend
-(:mod:`shaftline.plant.terms`). A signal with a unit is converted to SI; without a unit it is kept::
-
-    [signals]
-    "Beta" = { signal = "drift_angle", unit = "deg", sign = -1 }
-    "Fouling days" = "days_since_docking"
-
-A column that the file does not have can be computed row by row from other columns, by an expression with
-the syntax of terms (:mod:`shaftline.plant.expressions`), which is parsed and never executed. Its key is
-the canonical column or the signal. In the expression, columns of the file have the unit of the file and
-canonical columns the canonical unit; ``unit`` is the unit of the result::
-
-    [columns]
     "shaft_torque_N_m" = { formula = "power_W / (rpm * 0.10472)" }
 
     [signals]
-    "head_wind" = { formula = "v * cos(a * 0.0174533)", names = { v = "Wind [m/s]", a = "Wind [deg]" } }
-
-The layout of a text file is recognised from its content; the table ``[file]`` overrides it::
+    "Beta" = { signal = "drift_angle", unit = "deg", sign = -1 }
 
     [file]
     separator = ";"
-    decimal = ","
-    header_row = 3
+
+The canonical value is sign * (scale * value + offset), converted from ``unit``. Terms of a ship may
+depend on the signals (:mod:`shaftline.plant.terms`), which are converted to SI. A formula has the syntax
+of terms (:mod:`shaftline.plant.expressions`); it is parsed and never executed, and is evaluated row by
+row. In it, columns of the file have the unit of the file and canonical columns the canonical unit. The
+layout of a text file is recognised from its content; the table ``[file]`` overrides it.
 """
 
 from __future__ import annotations
@@ -49,7 +28,7 @@ import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -71,9 +50,8 @@ from ...plant.recording import RecordingError
 from ...plant.terms import TERM_SIGNALS, TURNING_SIGNALS, Name
 from .time_base import seconds_since_first
 
-LONGEST_UNIT = 60
-"""Largest number of characters of a unit."""
-
+LONGEST_UNIT = 60  # largest number of characters of a unit
+LONGEST_FORMULA = 1000  # largest number of characters of a formula
 _RAISED = re.compile("[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+")
 _LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _POWER = re.compile(
@@ -123,19 +101,10 @@ def unit_registry() -> Any:
     return units
 
 
-LONGEST_FORMULA = 1000
-"""Largest number of characters of a formula."""
-
-
 def check_formula(formula: str, names: Mapping[str, str]) -> None:
-    """Refuse a formula that is no valid expression, and names that the formula does not use.
+    """Raise a ValueError for a formula that is no valid expression, or names that it does not use.
 
-    Args:
-        formula: expression, as in the description of this module.
-        names: column of the file for each name in the formula that is no column itself.
-
-    Raises:
-        ValueError: the message gives the error and what is allowed.
+    ``names`` has the column of the file for each name in the formula that is no column itself.
     """
     if len(formula) > LONGEST_FORMULA:
         raise ValueError(f"a formula has at most {LONGEST_FORMULA} characters, not {len(formula)}")
@@ -164,15 +133,13 @@ def evaluate_formula(
         formula: expression that :func:`check_formula` accepts.
         names: column of the file for each name in the formula that is no column itself.
         raw: columns of the file in the units of the file.
-        mapped: columns that the map has produced so far; canonical columns and signals are taken from
-            here, in the canonical unit.
+        mapped: canonical columns and signals that the map has produced so far, in the canonical unit.
 
     Raises:
         ValueError: neither table has a column of the formula, or a row gives no finite value.
     """
-    used = columns_of_formula(formula, names)
     found = {}
-    for name, column in used.items():
+    for name, column in columns_of_formula(formula, names).items():
         canonical = name not in names and column in mapped
         if not canonical and column not in raw:
             known = dict.fromkeys([*map(str, raw), *(c for c in mapped if c in COLUMNS)])
@@ -204,16 +171,16 @@ def evaluate_formula(
 class FileLayout(FileModel):
     """Known layout of a file; the rest is recognised (:class:`shaftline.core.tables.Layout`)."""
 
-    separator: str | None = Field(
-        default=None, description="field separator: one character, or tab"
-    )
-    decimal: Literal[".", ","] | None = Field(default=None, description="decimal sign")
-    encoding: str | None = Field(default=None, description="text encoding, as Python names it")
-    header_row: int | None = Field(default=None, ge=1, le=1000, description="line of the names")
-    unit_row: int | None = Field(default=None, ge=1, le=1000, description="line of the units")
-    sheet: str | None = Field(
-        default=None, description="sheet of a spreadsheet; the first by default"
-    )
+    separator: Annotated[
+        str | None, Field(description="field separator: one character, or tab")
+    ] = None
+    decimal: Annotated[Literal[".", ","] | None, Field(description="decimal sign")] = None
+    encoding: Annotated[str | None, Field(description="text encoding, as Python names it")] = None
+    header_row: Annotated[int | None, Field(ge=1, le=1000, description="line of the names")] = None
+    unit_row: Annotated[int | None, Field(ge=1, le=1000, description="line of the units")] = None
+    sheet: Annotated[
+        str | None, Field(description="sheet of a spreadsheet; the first by default")
+    ] = None
 
     @field_validator("separator")
     @classmethod
@@ -250,30 +217,38 @@ PERCENT = ("%", "percent", "pct")
 Ranges: TypeAlias = Mapping[str, tuple[float, float]]
 """Lowest and highest value of each command and position of a ship, by canonical column."""
 PITCHES = ("pitch_ratio", "pitch_ratio_command")
-LINEAR = {"N m": "N", "rad": "m", "rad/s": "m/s"}
-"""Unit of a linear axis for each unit of a shaft."""
+LINEAR = {"N m": "N", "rad": "m", "rad/s": "m/s"}  # unit of a linear axis for each unit of a shaft
 _TURNING = ("revolution", "radian", "degree", "turn", "rpm", "rps")
+
+
+_Sign: TypeAlias = Annotated[Literal[1, -1], Field(description="-1 reverses the sign")]
+_Scale: TypeAlias = Annotated[float, Field(description="units per recorded value")]
+_Offset: TypeAlias = Annotated[float, Field(description="offset in this unit, added after scaling")]
+_Radius: TypeAlias = Annotated[
+    float | None,
+    Field(gt=0.0, description="converts a force, position or speed of a linear axis to a shaft"),
+]
+_Formula: TypeAlias = Annotated[
+    str | None, Field(description="expression of other columns, instead of a column of the file")
+]
+_Names: TypeAlias = Annotated[
+    dict[str, str], Field(description="column of the file for each name in the formula")
+]
 
 
 class Source(FileModel):
     """Source of one canonical column: a column of the file or a formula, with unit, sign and scale."""
 
     column: str = Field(description="canonical column")
-    unit: str | None = Field(default=None, description="unit in the recording; canonical if absent")
-    sign: Literal[1, -1] = Field(default=1, description="-1 reverses the sign of the channel")
-    scale: float = Field(default=1.0, description="units per recorded value")
-    offset: float = Field(default=0.0, description="offset in this unit, added after scaling")
-    radius_m: float | None = Field(
-        default=None,
-        gt=0.0,
-        description="radius that converts a force, position or speed of a linear axis to a shaft",
+    unit: Annotated[str | None, Field(description="unit in the recording; canonical if absent")] = (
+        None
     )
-    formula: str | None = Field(
-        default=None, description="expression of other columns, instead of a column of the file"
-    )
-    names: dict[str, str] = Field(
-        default={}, description="column of the file for each name in the formula"
-    )
+    sign: _Sign = 1
+    scale: _Scale = 1.0
+    offset: _Offset = 0.0
+    radius_m: _Radius = None
+    formula: _Formula = None
+    names: _Names = {}  # noqa: RUF012 (pydantic copies it)
 
     @field_validator("column")
     @classmethod
@@ -290,22 +265,14 @@ class Source(FileModel):
         return value
 
     @model_validator(mode="after")
-    def _worked_out(self) -> Source:
+    def _consistent(self) -> Source:
         _check_formula(self)
         if self.formula is not None and self.stamps is not None:
             raise ValueError("a formula gives numbers and no dates: remove the unit datetime")
-        return self
-
-    @model_validator(mode="after")
-    def _turned_by_a_radius(self) -> Source:
         if self.radius_m is not None and BOUNDS[self.column][2] not in LINEAR:
             raise ValueError(
                 f"radius_m applies to torques, angles and speeds of the shaft, not to {self.column}"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _convertible(self) -> Source:
         if self.stamps is None and self.unit != PERCENT_OF_RANGE:
             self.convert(pd.Series([1.0]))
         return self
@@ -363,8 +330,7 @@ class Source(FileModel):
             return seconds_since_first(values, form or None)
         if self.model_fields_set <= {"column"}:
             return values
-        numbers = pd.to_numeric(values, errors="coerce").astype(float)
-        numbers = self.sign * (self.scale * numbers + self.offset)
+        numbers = _scaled(self, values)
         if self.unit == PERCENT_OF_RANGE:
             if self.column not in ranges:
                 raise ValueError(
@@ -375,13 +341,14 @@ class Source(FileModel):
             return 0.01 * numbers * (numbers < 0.0).map({True: abs(low), False: high})
         unit = BOUNDS[self.column][2]
         if self.radius_m is None:
-            return numbers if self.unit is None else self._in_unit(unit, numbers)
-        linear = numbers if self.unit is None else self._in_unit(LINEAR[unit], numbers)
+            return self._in_unit(unit, numbers)
+        linear = self._in_unit(LINEAR[unit], numbers)
         return linear * self.radius_m if unit == "N m" else linear / self.radius_m
 
     def _in_unit(self, unit: str, numbers: pd.Series) -> pd.Series:
         """Return the values in the canonical unit or in that of a linear axis."""
-        assert self.unit is not None
+        if self.unit is None:
+            return numbers
         units = unit_registry()
         wanted = units.Unit({"-": "dimensionless"}.get(unit, unit.replace(" ", "*")))
         given = parse_unit(self.unit)
@@ -393,12 +360,17 @@ class Source(FileModel):
             if unit == "rad/s":
                 angles = "rpm and rps are revolutions, rad/s and deg/s angles"
             raise ValueError(f"unit {self.unit!r} is ambiguous for an angle: {angles}")
-        if (
-            self.column in PITCHES and angle
-        ):  # A blade angle at 0.7 R gives P/D = 0.7 pi tan(angle).
-            radians = units.Quantity(numbers.to_numpy(), given).m_as("radian")
-            return 0.7 * math.pi * pd.Series(radians, numbers.index).map(math.tan)
-        return pd.Series(units.Quantity(numbers.to_numpy(), given).m_as(wanted), numbers.index)
+        quantity = units.Quantity(numbers.to_numpy(), given)
+        if self.column in PITCHES and angle:  # The angle at 0.7 R gives P/D = 0.7 pi tan(angle).
+            radians = pd.Series(quantity.m_as("radian"), numbers.index)
+            return 0.7 * math.pi * radians.map(math.tan)
+        return pd.Series(quantity.m_as(wanted), numbers.index)
+
+
+def _scaled(source: Source | SignalSource, values: pd.Series) -> pd.Series:
+    """Return the values with sign, scale and offset, in the unit of the source; text becomes NaN."""
+    numbers = pd.to_numeric(values, errors="coerce").astype(float)
+    return source.sign * (source.scale * numbers + source.offset)
 
 
 def _check_formula(source: Source | SignalSource) -> None:
@@ -413,16 +385,12 @@ class SignalSource(FileModel):
     """Source of one signal for terms: a column of the file or a formula, with unit, sign and scale."""
 
     signal: Name = Field(description="name in expressions")
-    unit: str | None = Field(default=None, description="unit in the recording; converted to SI")
-    sign: Literal[1, -1] = Field(default=1, description="-1 reverses the sign of the signal")
-    scale: float = Field(default=1.0, description="units per recorded value")
-    offset: float = Field(default=0.0, description="offset in this unit, added after scaling")
-    formula: str | None = Field(
-        default=None, description="expression of other columns, instead of a column of the file"
-    )
-    names: dict[str, str] = Field(
-        default={}, description="column of the file for each name in the formula"
-    )
+    unit: Annotated[str | None, Field(description="unit in the recording; converted to SI")] = None
+    sign: _Sign = 1
+    scale: _Scale = 1.0
+    offset: _Offset = 0.0
+    formula: _Formula = None
+    names: _Names = {}  # noqa: RUF012 (pydantic copies it)
 
     @property
     def column(self) -> str:
@@ -453,17 +421,11 @@ class SignalSource(FileModel):
 
     def convert(self, values: pd.Series) -> pd.Series:
         """Return the values in SI; text becomes NaN, which a later check refuses."""
-        numbers = pd.to_numeric(values, errors="coerce").astype(float)
-        numbers = self.sign * (self.scale * numbers + self.offset)
+        numbers = _scaled(self, values)
         if self.unit is None:
             return numbers
-        return pd.Series(
-            unit_registry()
-            .Quantity(numbers.to_numpy(), parse_unit(self.unit))
-            .to_base_units()
-            .magnitude,
-            numbers.index,
-        )
+        quantity = unit_registry().Quantity(numbers.to_numpy(), parse_unit(self.unit))
+        return pd.Series(quantity.to_base_units().magnitude, numbers.index)
 
 
 class ColumnMap(FileModel):
@@ -480,10 +442,8 @@ class ColumnMap(FileModel):
             return value
         key = "column" if info.field_name == "columns" else "signal"
         given = {k: {key: v} if isinstance(v, str) else v for k, v in value.items()}
-        return {
-            k: {key: k} | v if isinstance(v, dict) and "formula" in v else v
-            for k, v in given.items()
-        }
+        by_formula = {k for k, v in given.items() if isinstance(v, dict) and "formula" in v}
+        return {k: {key: k} | v if k in by_formula else v for k, v in given.items()}
 
     @property
     def sources(self) -> dict[str, Source | SignalSource]:
@@ -493,17 +453,13 @@ class ColumnMap(FileModel):
     @property
     def inputs(self) -> set[str]:
         """Names of the columns that the map uses; those of a formula may be canonical."""
-        found = {name for name, source in self.sources.items() if source.formula is None}
-        return found.union(
-            *(columns_of_formula(f, names).values() for f, names in self.formulas.values())
-        )
-
-    @property
-    def formulas(self) -> dict[str, tuple[str, dict[str, str]]]:
-        """Formulas with their names, by the column that each formula gives."""
-        return {
-            s.column: (s.formula, s.names) for s in self.sources.values() if s.formula is not None
-        }
+        found: set[str] = set()
+        for name, source in self.sources.items():
+            formula = source.formula
+            found |= (
+                {name} if formula is None else {*columns_of_formula(formula, source.names).values()}
+            )
+        return found
 
     @model_validator(mode="after")
     def _each_once(self) -> ColumnMap:
@@ -531,10 +487,7 @@ class ColumnMap(FileModel):
     ) -> pd.DataFrame:
         """Return the table with canonical names and units; columns outside the map are kept.
 
-        Args:
-            path: file name for messages.
-            table: columns of the file.
-            ranges: ranges of the commands and positions of the ship, for values in percent of range.
+        The ranges of the commands and positions of the ship convert values in percent of range.
 
         Raises:
             RecordingError: the recording lacks a column of the map, or has a canonical column that the
@@ -542,8 +495,8 @@ class ColumnMap(FileModel):
                 no finite value in a row.
         """
         sources = sorted(self.sources.items(), key=lambda pair: pair[1].formula is not None)
-        plain = [name for name, source in sources if source.formula is None]
-        result = table.drop(columns=[name for name in plain if name in table])
+        used = [name for name, source in sources if source.formula is None and name in table]
+        result = table.drop(columns=used)
         for name, source in sources:
             if source.formula is None and name not in table:
                 raise RecordingError(
@@ -556,13 +509,10 @@ class ColumnMap(FileModel):
                     "the column or remove the entry of the column map"
                 )
             try:
+                values, stated = table.get(name), table.attrs.get("units", {}).get(name)
                 if source.formula is not None:
-                    values, stated = (
-                        evaluate_formula(source.formula, source.names, table, result),
-                        None,
-                    )
-                else:
-                    values, stated = table[name], table.attrs.get("units", {}).get(name)
+                    stated = None
+                    values = evaluate_formula(source.formula, source.names, table, result)
                 if isinstance(source, SignalSource):
                     result[source.column] = source.convert(values)
                 else:
@@ -576,7 +526,7 @@ def load_map(path: str | Path) -> ColumnMap:
     """Read a column map.
 
     Args:
-        path: TOML file, as described in this module and in ``docs/recordings.md``.
+        path: TOML file, as described in ``docs/recordings.md``.
 
     Example:
         >>> from shaftline.mismatch.example import COLUMN_MAP, FOLDER
@@ -593,7 +543,7 @@ def load_map(path: str | Path) -> ColumnMap:
     except FileError as error:
         raise RecordingError(str(error)) from None
     except ValidationError as error:
-        lines = [f"{path}: {_explained(dict(item))}" for item in error.errors()]
+        lines = (f"{path}: {_explained(dict(item))}" for item in error.errors())
         raise RecordingError("\n".join(lines)) from None
 
 

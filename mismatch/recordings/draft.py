@@ -1,8 +1,7 @@
-"""Recognise canonical columns and units in the column names of loggers.
+"""Draft a column map: recognise canonical columns and units in the columns of a logger's file.
 
-Draft a column map from the names, units and values of a file.
-
-The unit of a column comes from its name, or else from the size of its values.
+A column is recognised by the words of its name. Its unit comes from the name, or else from the size of
+its values.
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -39,6 +38,8 @@ from ...plant.columns import (
 )
 from .columns import LINEAR, PERCENT, PERCENT_OF_RANGE, Source
 from .unit_errors import HELMS, command_ranges, top_speed
+
+Array = NDArray[np.float64]
 
 ANY, RIG, MOVING = "any", "rig", "moving"
 """Ships to which a phrase applies: all ships, those with a fixed hull, those with a moving hull."""
@@ -163,153 +164,24 @@ UNITS = (
 """Unit for each suffix of a name."""
 _SPELLED = {"kmh": "km/h", "kph": "km/h", "rads": "rad/s", "kts": "knot", "mps": "m/s"}
 """Units in brackets that the unit registry does not know, or knows with another meaning."""
-_LONG = 3
-"""Fewest characters of a unit suffix whose case is ignored."""
+_LONG = 3  # fewest characters of a unit suffix whose case is ignored
 
 _SIGNAL_K = {"navigation", "propulsion", "steering", "environment"}
 """Roots of Signal K paths, whose values have SI units and Hz."""
 _SIGNAL_K_UNITS = {SHAFT_SPEED: "Hz", "ship_speed_m_s": "m/s", HEADING: "rad", RUDDER: "rad",
                    YAW_RATE: "rad/s", "shaft_torque_N_m": "N m"}  # fmt: skip
-
-
-@dataclass(frozen=True)
-class LoggerName:
-    """Name of one column, split into words and a unit.
-
-    Args:
-        name: name in the file.
-        words: all words in lower case.
-        core: words without those of the unit.
-        unit: unit that the file or the name states; else empty.
-    """
-
-    name: str
-    words: tuple[str, ...]
-    core: tuple[str, ...]
-    unit: str
-
-    @property
-    def is_command(self) -> bool:
-        """Whether the name has a word of a command."""
-        return bool(COMMANDS & set(self.words))
-
-    def unit_as(self, column: str) -> str:
-        """Return the unit of the name for a canonical column; a Signal K path has a standard unit."""
-        if not self.unit and self.words[0] in _SIGNAL_K:
-            return _SIGNAL_K_UNITS.get(column, "")
-        return self.unit
-
-
-def split_name(name: str, stated: str = "") -> LoggerName:
-    """Split a name into words and a unit; a number in brackets is an index and no unit.
-
-    Example:
-        >>> name = split_name("PropShaftSpeed_rpm")
-        >>> name.words, name.unit
-        (('prop', 'shaft', 'speed', 'rpm'), 'rpm')
-
-    Args:
-        name: name in the file.
-        stated: unit in the row of units of the file; empty or ``-`` if the file states none.
-    """
-    bare, unit = name, stated if stated not in ("", "-") else ""
-    bracket = re.search(r"[\[(]([^\])]+)[\])]\s*$", name)
-    if bracket and not bracket[1].strip().isdigit():
-        bare = name[: bracket.start()]
-        unit = unit or _SPELLED.get(bracket[1].strip(), bracket[1].strip())
-    words = _split(bare)
-    core = words
-    parts = [part for part in re.split(r"[^0-9A-Za-zÀ-ÿ°%µμ]+", bare) if part]
-    for length in (3, 2, 1):
-        suffix = _unit_of("_".join(parts[-length:])) if len(parts) >= length else ""
-        if suffix and (len(parts) > length or len(parts[0]) >= _LONG):
-            kept = _split(" ".join(parts[:-length])) or words
-            return LoggerName(name, words or (name.lower(),), kept, unit or suffix)
-    if len(words) > 1 and len(words[-1]) >= _LONG and (suffix := _unit_of(words[-1])):  # camelCase
-        return LoggerName(name, words, words[:-1], unit or suffix)
-    turns = next((word for word in words if word in ("rpm", "rps")), "")
-    return LoggerName(name, words or (name.lower(),), core or (name.lower(),), unit or turns)
-
-
-def _split(name: str) -> tuple[str, ...]:
-    """Return the words of a name, split at signs, at digits and at capital letters."""
-    spaced = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
-    words = re.findall(r"[^\W\d_]+|\d+", spaced.lower())
-    return tuple(_ORDERED.get(word, word) for word in words)
-
-
-def _unit_of(suffix: str) -> str:
-    if suffix in UNITS:
-        return UNITS[suffix]
-    return UNITS.get(suffix.lower(), "") if len(suffix) >= _LONG else ""
-
-
-def rank(name: LoggerName, column: str, ship: Ship, ordered: bool) -> tuple[int, int] | None:
-    """Return the rank of a name for a canonical column, lower for a better fit; None without a fit.
-
-    A name with the word of a command fits a command only, and the commands of pitch and rudder need such
-    a word.
-
-    Args:
-        name: name of a column of the file.
-        column: canonical column.
-        ship: the nominal ship; some phrases apply to a fixed hull only, others to a moving hull.
-        ordered: whether the canonical column is a command.
-
-    Returns:
-        Index of the phrase in the list of phrases, and the number of further words in the name.
-    """
-    words = set(name.words)
-    foreign = FOREIGN - {"power"} if column in (SHAFT_POWER, ELECTRIC_POWER) else FOREIGN
-    if words & foreign or words & _NOT_WITH.get(column, set()) or (name.is_command and not ordered):
-        return None
-    if column in ("pitch_ratio_command", RUDDER_COMMAND) and not name.is_command:
-        return None
-    place = 0
-    for ships, phrases in PHRASES.get(column, ()):
-        for phrase in phrases:
-            place += 1
-            if ships != ANY and (ships == MOVING) != bool(ship.moves):
-                continue
-            if phrase == "command" and words & _QUANTITIES:
-                continue
-            if _has(name, phrase.split()):
-                return place, len(name.core) - len(phrase.split())
-    return None
-
-
-def _has(name: LoggerName, phrase: Iterable[str]) -> bool:
-    """Return whether a name has all words of a phrase; a single letter must be the whole name."""
-    phrase = list(phrase)
-    if phrase == [word for word in phrase if len(word) == 1]:
-        rest = [w for w in name.core if w not in phrase and not w.isdigit()]
-        return set(phrase) <= set(name.core) and all(w in _BESIDES for w in rest)
-    if len(phrase) > 1 and "".join(phrase) in "".join(name.words):
-        return True
-    return all(any(_is(word, found) for found in name.words) for word in phrase)
-
-
 _BESIDES = frozenset(
     ("raw", "measured", "meas", "volt", "velo", "velocity", "angvelo", "filtered", "hat", "state")
 )
 """Words that a name of a single letter may have in addition."""
 
-
-def _is(word: str, found: str) -> bool:
-    if word == found:
-        return True
-    return (len(word) > _LONG or word == "rpm") and (found.startswith(word) or found.endswith(word))
-
-
-def split_names(names: Iterable[str], units: Mapping[str, str]) -> dict[str, LoggerName]:
-    """Return the names of a file, split into words and units, by name."""
-    return {name: split_name(name, units.get(name, "")) for name in names}
-
-
-_TURNS = dict.fromkeys(
-    ("1/min", "min-1", "min^-1", "r/min", "u/min", "rev/min", "rpm"), "rpm"
-) | dict.fromkeys(("1/s", "s-1", "s^-1", "hz", "rev/s", "r/s", "rps"), "rps")
+_TURNS = (
+    dict.fromkeys(("1/min", "min-1", "min^-1", "r/min", "u/min", "rev/min", "rpm"), "rpm")
+    | dict.fromkeys(("1/s", "s-1", "s^-1", "hz", "rev/s", "r/s", "rps"), "rps")
+)  # fmt: skip
 """Unit of revolutions for each spelling of loggers."""
+_COUNTS = ("rpm", "rps", "1/min", "min-1", "min^-1", "r/min", "u/min", "1/s", "hz")
+"""Spellings that identify a shaft speed without its name."""
 _PER_SECOND = {"rad/s": 1.0, "rps": 2.0 * math.pi, "rpm": math.pi / 30.0}
 _REACHED = (0.02, 1.3)  # shares of the top speed between which the fastest rows of a recording lie
 _USUAL = 0.6  # most likely share
@@ -320,6 +192,215 @@ _PULSE_US = (700.0, 2300.0)  # pulse widths [us] of servos and motor controllers
 _NEUTRAL_US, _SPAN_US = 1500.0, 60.0
 _LEAST_OPENING, _SMALL_OPENING = 0.25, 30.0  # share of the end stop; percent
 _A_TURN = 2.0 * math.pi + 0.1
+_LEAST_VARIATION = 0.1  # share of its size over which the voltage of a motor varies
+_EITHER_WAY = 0.1  # share of its largest value that a reversing signal reaches with the other sign
+_OPTIONAL = ("inflow_velocity_m_s", "fuel_flow_kg_s", "propeller_submergence_m", RUDDER_COMMAND)
+
+
+class _Fit(NamedTuple):
+    """Column of the file that may be a canonical column, with its rank and its unit."""
+
+    order: tuple[float, ...]
+    name: str
+    guess: Guess
+
+
+@dataclass
+class _Choice:
+    """Column of the file for a canonical column, its unit, and other columns that would fit."""
+
+    name: str
+    guess: Guess
+    rivals: list[str] = field(default_factory=list)
+
+
+def draft_column_map(
+    ship: Ship, left: pd.DataFrame, units: Mapping[str, str], taken: set[str]
+) -> Iterator[str]:
+    """Yield the lines of a draft of a column map; a column that is not recognised becomes a comment.
+
+    A column is recognised by its name, or by its unit if only one column of the file and one of the ship
+    have this unit; the time is also recognised by its stamps. Comments list columns of the file that
+    compete for a canonical column, and units that are assumed.
+
+    Example:
+        >>> from shaftline.plant import load_ship
+        >>> table = pd.DataFrame({"Time (s)": [0.0, 1.0], "Fuel rack (mm)": [20.0, 21.0]})
+        >>> for line in draft_column_map(load_ship("frigate"), table, {}, set()):
+        ...     print(line)
+        # draft of a column map, from names, units and values: check each line
+        [columns]
+        "Time (s)" = { column = "time_s", unit = "s" }
+        "Fuel rack (mm)" = { column = "fuel_rack_mm", unit = "mm" }
+
+    Args:
+        ship: the nominal ship.
+        left: columns of the file that are not mapped.
+        units: units that the file states in a row of units, by name.
+        taken: canonical columns that the file has.
+    """
+    foreign = absent_columns(ship)
+    for has, columns in (
+        (ship.has_variable_pitch, {"pitch_ratio"}),
+        (ship.has_propeller, {"inflow_velocity_m_s", "propeller_submergence_m"}),
+        (ship.has_diesel, {"fuel_flow_kg_s"}),
+        (ship.moves, {"ship_speed_m_s"}),
+    ):
+        foreign |= set() if has else columns
+    wanted = dict.fromkeys(
+        [*input_columns(ship), SHAFT_SPEED, *simulated_columns(ship), *_OPTIONAL]
+    )
+    missing = [c for c in wanted if c not in taken and c not in foreign]
+    left = left.rename(columns=str)
+    left = left[[name for name in left if name not in ship.external_signals]]
+    names = {name: split_name(name, units.get(name, "")) for name in map(str, left.columns)}
+    if not names or not missing:
+        return
+    found = _by_name(ship, left, names, missing)
+    _by_cells(ship, left, names, missing, found)
+    if RUDDER in found or RUDDER in taken:  # The rudder angle may be the rudder command as well.
+        missing = [c for c in missing if c != RUDDER_COMMAND]
+    shaft = {SHAFT_SPEED, SHAFT_ANGLE}
+    if shaft & {*taken, *found}:
+        missing = [c for c in missing if c not in shaft or c in found]
+    yield "# draft of a column map, from names, units and values: check each line"
+    yield "[columns]"
+    for column in sorted(found, key=[*wanted].index):
+        choice = found[column]
+        yield _line(choice.name, column, choice.guess)
+        if choice.rivals:
+            yield f"# also possible as {column}: {', '.join(choice.rivals)}"
+    chosen = {choice.name for choice in found.values()}
+    still = [f"{c} [{BOUNDS[c][2]}]" for c in missing if c not in found and c not in _OPTIONAL]
+    others = [name for name in names if name not in chosen]
+    if still and others:
+        yield f"# still missing: {', '.join(still)}"
+        for name in others:
+            yield f'# {_quoted(name)} = {{ column = "?", unit = "{names[name].unit or "?"}" }}'
+
+
+def _by_name(
+    ship: Ship, left: pd.DataFrame, names: Mapping[str, LoggerName], missing: list[str]
+) -> dict[str, _Choice]:
+    """Choose for each canonical column the column of the file with the best-fitting name."""
+    drive = drive_column(ship)
+    ordered = {drive, "pitch_ratio_command", RUDDER_COMMAND}
+    reverses = any(
+        rank(split, column, ship, False) is not None and _reverses(_numbers(left[name]))
+        for name, split in names.items()
+        for column in (SHAFT_SPEED, "thrust_N", "shaft_torque_N_m")
+    )
+    fits: dict[str, list[_Fit]] = {}
+    for column in missing:
+        for name, split in names.items():
+            place = rank(split, column, ship, column in ordered)
+            values = _numbers(left[name])
+            # The column holds text, such as the source of a speed.
+            is_text = column != TIME and len(values) < len(left) / 2
+            # A power of 0 throughout comes from an instrument that is not connected.
+            is_dead = column in (SHAFT_POWER, ELECTRIC_POWER) and not np.any(values)
+            if place is None or is_text or is_dead:
+                continue
+            guess = guess_unit(split, column, ship, values, left[name], reverses)
+            if guess is None:
+                continue
+            # A measured shaft speed is preferred to a commanded one.
+            late = split.is_command and column == SHAFT_SPEED
+            still = column == "motor_voltage_V" and not DUTY & {*split.words} and _stands(values)
+            fits.setdefault(column, []).append(_Fit((late, still, *place), name, guess))
+    if SHAFT_SPEED in fits or SHAFT_SPEED not in missing:
+        fits.pop(SHAFT_ANGLE, None)  # It adds nothing to the speed and may restart each turn.
+    fewest: dict[str, float] = {}  # words of each name that its best canonical column leaves
+    for fit in (fit for those in fits.values() for fit in those):
+        fewest[fit.name] = min(fit.order[-1], fewest.get(fit.name, math.inf))
+    found: dict[str, _Choice] = {}
+    taken: set[str] = set()
+    for column in sorted(fits, key=lambda c: (c not in ordered, COLUMNS.index(c))):
+        free = [fit for fit in sorted(fits[column], key=lambda f: f.order) if fit.name not in taken]
+        better = [fit for fit in free if fit.order[-1] <= fewest[fit.name]]
+        if not free:
+            continue
+        best = (better or free)[0]
+        found[column] = _Choice(best.name, best.guess, [f.name for f in free if f is not best])
+        taken.add(best.name)
+    for choice in found.values():  # Columns chosen elsewhere are no longer alternatives.
+        rivals = [name for name in choice.rivals if name not in taken]
+        choice.rivals = [f"{_quoted(n)} ({names[n].unit or 'no unit'})" for n in rivals]
+    return found
+
+
+def _by_cells(
+    ship: Ship,
+    left: pd.DataFrame,
+    names: Mapping[str, LoggerName],
+    missing: list[str],
+    found: dict[str, _Choice],
+) -> None:
+    """Add the columns that are recognised by time stamps or by their unit alone."""
+
+    def guess(name: str, column: str) -> Guess | None:
+        return guess_unit(names[name], column, ship, _numbers(left[name]))
+
+    def rest() -> list[str]:
+        chosen = {choice.name for choice in found.values()}
+        return [name for name in names if name not in chosen]
+
+    stamped = [name for name in rest() if holds_time_stamps(left[name])]
+    if TIME in missing and TIME not in found and stamped:
+        found[TIME] = _Choice(stamped[0], Guess("datetime"))
+    counted = [name for name in rest() if names[name].unit.lower() in _COUNTS]
+    wanted = SHAFT_SPEED in missing and SHAFT_SPEED not in found and len(counted) == 1
+    if wanted and (speed := guess(counted[0], SHAFT_SPEED)) is not None:
+        found[SHAFT_SPEED] = _Choice(counted[0], speed)
+    columns = [c for c in missing if c not in found and c not in _OPTIONAL]
+    pairs = [
+        (name, column, own)
+        for name in rest()
+        for column in columns
+        if names[name].unit not in ("", "-", *PERCENT) and (own := guess(name, column)) is not None
+    ]
+    for name, column, own in pairs:
+        if sum(n == name for n, _, _ in pairs) == sum(c == column for _, c, _ in pairs) == 1:
+            found[column] = _Choice(name, own._replace(doubt="guessed from the unit alone"))
+
+
+def _line(name: str, column: str, guess: Guess) -> str:
+    """Return the line of a map, with a comment if the unit is doubtful."""
+    parts = [f'column = "{column}"', f'unit = "{guess.unit}"', *guess.more]
+    comment = f"  # {guess.doubt}" if guess.doubt else ""
+    return f"{_quoted(name)} = {{ {', '.join(parts)} }}{comment}"
+
+
+def _quoted(name: str) -> str:
+    """Return a name as a TOML string."""
+    return json.dumps(name, ensure_ascii=False)
+
+
+def _numbers(values: pd.Series) -> Array:
+    """Return the finite numbers of a column, (m,)."""
+    numbers: NDArray[Any] = pd.to_numeric(values, errors="coerce").to_numpy(dtype=np.float64)
+    return np.asarray(numbers[np.isfinite(numbers)])
+
+
+def _stands(values: Array) -> bool:
+    """Return whether a voltage is nearly constant, as that of a supply."""
+    if len(values) < 2:
+        return False
+    size = float(np.abs(values).max())
+    return bool(np.ptp(values) < _LEAST_VARIATION * size) or size == 0.0
+
+
+def _reverses(values: Array) -> bool:
+    """Return whether a signal reaches clearly positive and clearly negative values."""
+    low, high = float(np.min(values, initial=0.0)), float(np.max(values, initial=0.0))
+    return min(-low, high) > _EITHER_WAY * max(-low, high)
+
+
+def holds_time_stamps(values: pd.Series) -> bool:
+    """Return whether most cells are text with a time of day."""
+    if pd.api.types.is_numeric_dtype(values):
+        return False
+    return bool(values.astype(str).str.contains(r"\d:\d\d", regex=True).mean() > 0.9)
 
 
 class Guess(NamedTuple):
@@ -334,7 +415,7 @@ def guess_unit(
     name: LoggerName,
     column: str,
     ship: Ship,
-    values: NDArray[np.float64],
+    values: Array,
     cells: pd.Series | None = None,
     reverses: bool = False,
 ) -> Guess | None:
@@ -377,12 +458,13 @@ def guess_unit(
     return None
 
 
-def _time(stated: str, values: NDArray[np.float64], cells: pd.Series | None) -> Guess | None:
+def _time(stated: str, values: Array, cells: pd.Series | None) -> Guess | None:
     text = cells is not None and not pd.api.types.is_numeric_dtype(cells)
     if text and cells is not None and len(values) < len(cells) / 2:
         return Guess("datetime")
     if stated in _TIMES:
-        coarse = "whole seconds: several rows in one are spread evenly" if _repeats(values) else ""
+        repeats = bool((np.diff(values) == 0.0).any())
+        coarse = "whole seconds: several rows in one are spread evenly" if repeats else ""
         return Guess(stated, (), coarse)
     if stated:
         return Guess("datetime") if len(values) == 0 else None
@@ -395,21 +477,10 @@ def _time(stated: str, values: NDArray[np.float64], cells: pd.Series | None) -> 
     return Guess("s", (), "unit not stated: s assumed")
 
 
-def _repeats(values: NDArray[np.float64]) -> bool:
-    return len(values) > 1 and bool((np.diff(values) == 0.0).any())
-
-
-def _opening(
-    stated: str, values: NDArray[np.float64], top: float, unit: str, reverses: bool
-) -> Guess | None:
+def _opening(stated: str, values: Array, top: float, unit: str, reverses: bool) -> Guess | None:
     """Return the unit of a command that is a share of its range: a pulse width, a fraction or percent.
 
-    Args:
-        stated: stated unit; empty if there is none.
-        values: finite numbers, (m,).
-        top: end stop of the drive, in ``unit``.
-        unit: canonical unit of the drive.
-        reverses: whether another column of the file shows that the shaft turns both ways.
+    The end stop ``top`` of the drive is in its canonical ``unit``.
     """
     if len(values) == 0:
         return None
@@ -419,16 +490,15 @@ def _opening(
     if stated not in ("", "-", "us", "µs", "μs"):
         return None
     if low >= _PULSE_US[0] and high <= _PULSE_US[1]:
+        one_way, both_ways = ("scale = 0.1", "offset = -100"), ("scale = 0.2", "offset = -300")
         rests = abs(values[0] - _NEUTRAL_US) < _SPAN_US
         if low < _NEUTRAL_US - _SPAN_US and (reverses or rests):
-            doubt = (
-                "pulse in us: 1500 assumed for 0, 1000 and 2000 for the ends; without reversals: "
-            )
-            more = ("scale = 0.2", "offset = -300")
-            return Guess(PERCENT_OF_RANGE, more, f"{doubt}scale = 0.1, offset = -100")
-        doubt = "pulse in us: 1000 assumed for 0 and 2000 for the upper limit; with reversals: "
-        more = ("scale = 0.1", "offset = -100")
-        return Guess(PERCENT_OF_RANGE, more, f"{doubt}scale = 0.2, offset = -300")
+            more, other = both_ways, one_way
+            doubt = "1500 assumed for 0, 1000 and 2000 for the ends; without reversals"
+        else:
+            more, other = one_way, both_ways
+            doubt = "1000 assumed for 0 and 2000 for the upper limit; with reversals"
+        return Guess(PERCENT_OF_RANGE, more, f"pulse in us: {doubt}: {', '.join(other)}")
     limit = "assumed for the upper limit"
     if max(-low, high) <= 1.0:
         return Guess(PERCENT_OF_RANGE, ("scale = 100",), f"unit not stated; 1 {limit}")
@@ -442,9 +512,7 @@ def _opening(
     return None
 
 
-def _from_size(
-    name: LoggerName, column: str, ship: Ship, values: NDArray[np.float64]
-) -> Guess | None:
+def _from_size(name: LoggerName, column: str, ship: Ship, values: Array) -> Guess | None:
     """Return the unit that the size of the values suggests, with the reason for a doubt."""
     unit = {"N m": "N m", "-": "dimensionless"}.get(BOUNDS[column][2], BOUNDS[column][2])
     size = float(np.percentile(np.abs(values), 95)) if len(values) else 0.0
@@ -491,230 +559,107 @@ def _is_unit_of(unit: str, column: str, radius_m: float | None = None) -> bool:
     return True
 
 
-_LEAST_VARIATION = 0.1  # share of its size over which the voltage of a motor varies
-_EITHER_WAY = 0.1  # share of its largest value that a reversing signal reaches with the other sign
-_OPTIONAL = ("inflow_velocity_m_s", "fuel_flow_kg_s", "propeller_submergence_m", RUDDER_COMMAND)
+def rank(name: LoggerName, column: str, ship: Ship, ordered: bool) -> tuple[int, int] | None:
+    """Return the rank of a name for a canonical column, lower for a better fit; None without a fit.
+
+    A name with the word of a command fits a command only (``ordered``), and the commands of pitch and
+    rudder need such a word. Some phrases apply to a fixed hull only, others to a moving hull.
+
+    Returns:
+        Index of the phrase in the list of phrases, and the number of further words in the name.
+    """
+    words = set(name.words)
+    foreign = FOREIGN - {"power"} if column in (SHAFT_POWER, ELECTRIC_POWER) else FOREIGN
+    if words & foreign or words & _NOT_WITH.get(column, set()) or (name.is_command and not ordered):
+        return None
+    if column in ("pitch_ratio_command", RUDDER_COMMAND) and not name.is_command:
+        return None
+    every = [(ships, one) for ships, phrases in PHRASES.get(column, ()) for one in phrases]
+    for place, (ships, phrase) in enumerate(every, 1):
+        other_ship = ships != ANY and (ships == MOVING) != bool(ship.moves)
+        other_quantity = phrase == "command" and words & _QUANTITIES
+        if not other_ship and not other_quantity and _has(name, phrase.split()):
+            return place, len(name.core) - len(phrase.split())
+    return None
 
 
-@dataclass
-class _Choice:
-    """Column of the file for a canonical column, its unit, and other columns that would fit."""
+def _has(name: LoggerName, phrase: list[str]) -> bool:
+    """Return whether a name has all words of a phrase; a single letter must be the whole name."""
+    if all(len(word) == 1 for word in phrase):
+        rest = [w for w in name.core if w not in phrase and not w.isdigit()]
+        return set(phrase) <= set(name.core) and all(w in _BESIDES for w in rest)
+    if len(phrase) > 1 and "".join(phrase) in "".join(name.words):
+        return True
 
-    name: str
-    guess: Guess
-    rivals: list[str] = field(default_factory=list)
+    def is_word(word: str, found: str) -> bool:
+        part = found.startswith(word) or found.endswith(word)
+        return word == found or ((len(word) > _LONG or word == "rpm") and part)
+
+    return all(any(is_word(word, found) for found in name.words) for word in phrase)
 
 
-def draft_column_map(
-    ship: Ship, left: pd.DataFrame, units: Mapping[str, str], taken: set[str]
-) -> Iterator[str]:
-    """Yield the lines of a draft of a column map; a column that is not recognised becomes a comment.
-
-    A column is recognised by its name, or by its unit if only one column of the file and one of the ship
-    have this unit; the time is also recognised by its stamps. Comments list columns of the file that
-    compete for a canonical column, and units that are assumed.
-
-    Example:
-        >>> from shaftline.plant import load_ship
-        >>> table = pd.DataFrame({"Time (s)": [0.0, 1.0], "Fuel rack (mm)": [20.0, 21.0]})
-        >>> for line in draft_column_map(load_ship("frigate"), table, {}, set()):
-        ...     print(line)
-        # draft of a column map, from names, units and values: check each line
-        [columns]
-        "Time (s)" = { column = "time_s", unit = "s" }
-        "Fuel rack (mm)" = { column = "fuel_rack_mm", unit = "mm" }
+@dataclass(frozen=True)
+class LoggerName:
+    """Name of one column, split into words and a unit.
 
     Args:
-        ship: the nominal ship.
-        left: columns of the file that are not mapped.
-        units: units that the file states in a row of units, by name.
-        taken: canonical columns that the file has.
+        words: all words in lower case.
+        core: words without those of the unit.
+        unit: unit that the file or the name states; else empty.
     """
-    foreign = absent_columns(ship)
-    wanted = dict.fromkeys(
-        [*input_columns(ship), SHAFT_SPEED, *simulated_columns(ship), *_OPTIONAL]
-    )
-    if not ship.has_variable_pitch:
-        foreign |= {"pitch_ratio"}
-    if not ship.has_propeller:
-        foreign |= {"inflow_velocity_m_s", "propeller_submergence_m"}
-    if not ship.has_diesel:
-        foreign |= {"fuel_flow_kg_s"}
-    if not ship.moves:
-        foreign |= {"ship_speed_m_s"}
-    missing = [c for c in wanted if c not in taken and c not in foreign]
-    left = left.rename(columns=str)
-    left = left[[name for name in left if name not in ship.external_signals]]
-    names = split_names(map(str, left.columns), units)
-    if not names or not missing:
-        return
-    found = _by_name(ship, left, names, missing)
-    _by_cells(ship, left, names, missing, found)
-    if RUDDER in found or RUDDER in taken:  # The rudder angle may be the rudder command as well.
-        missing = [c for c in missing if c != RUDDER_COMMAND]
-    if taken & {SHAFT_SPEED, SHAFT_ANGLE} or {SHAFT_SPEED, SHAFT_ANGLE} & {*found}:
-        missing = [c for c in missing if c not in (SHAFT_SPEED, SHAFT_ANGLE) or c in found]
-    yield "# draft of a column map, from names, units and values: check each line"
-    yield "[columns]"
-    for column in sorted(found, key=[*wanted].index):
-        choice = found[column]
-        yield _line(choice.name, column, choice.guess)
-        if choice.rivals:
-            yield f"# also possible as {column}: {', '.join(choice.rivals)}"
-    chosen = {choice.name for choice in found.values()}
-    still = [f"{c} [{BOUNDS[c][2]}]" for c in missing if c not in found and c not in _OPTIONAL]
-    others = [name for name in names if name not in chosen]
-    if still and others:
-        yield f"# still missing: {', '.join(still)}"
-        for name in others:
-            yield f'# {_quoted(name)} = {{ column = "?", unit = "{names[name].unit or "?"}" }}'
+
+    words: tuple[str, ...]
+    core: tuple[str, ...]
+    unit: str
+
+    @property
+    def is_command(self) -> bool:
+        """Whether the name has a word of a command."""
+        return bool(COMMANDS & set(self.words))
+
+    def unit_as(self, column: str) -> str:
+        """Return the unit of the name for a canonical column; a Signal K path has a standard unit."""
+        if not self.unit and self.words[0] in _SIGNAL_K:
+            return _SIGNAL_K_UNITS.get(column, "")
+        return self.unit
 
 
-def _by_name(
-    ship: Ship, left: pd.DataFrame, names: Mapping[str, LoggerName], missing: list[str]
-) -> dict[str, _Choice]:
-    """Choose for each canonical column the column of the file with the best-fitting name."""
-    drive = drive_column(ship)
-    ordered = {drive, "pitch_ratio_command", RUDDER_COMMAND}
-    reverses = any(
-        rank(split, column, ship, False) is not None and _reverses(_numbers(left[name]))
-        for name, split in names.items()
-        for column in (SHAFT_SPEED, "thrust_N", "shaft_torque_N_m")
-    )
-    fits: dict[str, list[tuple[tuple[float, ...], str, Guess]]] = {}
-    for column in missing:
-        for name, split in names.items():
-            place = rank(split, column, ship, column in ordered)
-            values = _numbers(left[name])
-            # The column holds text, such as the source of a speed.
-            if column != TIME and len(values) < len(left) / 2:
-                continue
-            # A power of 0 throughout comes from an instrument that is not connected.
-            if column in (SHAFT_POWER, ELECTRIC_POWER) and not np.any(values):
-                continue
-            if place is None:
-                continue
-            guess = guess_unit(split, column, ship, values, left[name], reverses)
-            if guess is None:
-                continue
-            # A measured shaft speed is preferred to a commanded one.
-            late = split.is_command and column == SHAFT_SPEED
-            still = column == "motor_voltage_V" and not DUTY & {*split.words} and _stands(values)
-            fits.setdefault(column, []).append(((late, still, *place), name, guess))
-    if SHAFT_SPEED in fits or SHAFT_SPEED not in missing:
-        fits.pop(
-            SHAFT_ANGLE, None
-        )  # The angle adds nothing to the speed and may restart each turn.
-    found: dict[str, _Choice] = {}
-    taken: set[str] = set()
-    for column in sorted(fits, key=lambda c: (c not in ordered, COLUMNS.index(c))):
-        free = [fit for fit in sorted(fits[column], key=lambda fit: fit[0]) if fit[1] not in taken]
-        better = [fit for fit in free if not _belongs_elsewhere(fit, column, fits)]
-        if not (better or free):
-            continue
-        _, name, guess = (better or free)[0]
-        rivals = [f"{_quoted(n)} ({names[n].unit or 'no unit'})" for _, n, _ in free if n != name]
-        found[column] = _Choice(name, guess, rivals)
-        taken.add(name)
-    for column, choice in found.items():  # Columns chosen elsewhere are no longer alternatives.
-        own = {_quoted(other.name) for key, other in found.items() if key != column}
-        choice.rivals = [r for r in choice.rivals if r.rpartition(" (")[0] not in own]
-    return found
+def split_name(name: str, stated: str = "") -> LoggerName:
+    """Split a name into words and a unit; a number in brackets is an index and no unit.
+
+    Example:
+        >>> name = split_name("PropShaftSpeed_rpm")
+        >>> name.words, name.unit
+        (('prop', 'shaft', 'speed', 'rpm'), 'rpm')
+
+    Args:
+        name: name in the file.
+        stated: unit in the row of units of the file; empty or ``-`` if the file states none.
+    """
+    bare, unit = name, stated if stated not in ("", "-") else ""
+    bracket = re.search(r"[\[(]([^\])]+)[\])]\s*$", name)
+    if bracket and not bracket[1].strip().isdigit():
+        bare = name[: bracket.start()]
+        unit = unit or _SPELLED.get(bracket[1].strip(), bracket[1].strip())
+    words = _split(bare) or (name.lower(),)
+    parts = [part for part in re.split(r"[^0-9A-Za-zÀ-ÿ°%µμ]+", bare) if part]
+    for length in (3, 2, 1):
+        suffix = _unit_of("_".join(parts[-length:])) if len(parts) >= length else ""
+        if suffix and (len(parts) > length or len(parts[0]) >= _LONG):
+            return LoggerName(words, _split(" ".join(parts[:-length])) or words, unit or suffix)
+    if len(words) > 1 and len(words[-1]) >= _LONG and (suffix := _unit_of(words[-1])):  # camelCase
+        return LoggerName(words, words[:-1], unit or suffix)
+    turns = next((word for word in words if word in ("rpm", "rps")), "")
+    return LoggerName(words, words, unit or turns)
 
 
-def _belongs_elsewhere(
-    fit: tuple[tuple[float, ...], str, Guess],
-    column: str,
-    fits: Mapping[str, list[tuple[tuple[float, ...], str, Guess]]],
-) -> bool:
-    """Return whether another canonical column leaves fewer words of the name unexplained."""
-    return any(
-        other[1] == fit[1] and other[0][-1] < fit[0][-1]
-        for key, those in fits.items()
-        if key != column
-        for other in those
-    )
+def _split(name: str) -> tuple[str, ...]:
+    """Return the words of a name, split at signs, at digits and at capital letters."""
+    spaced = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
+    words = re.findall(r"[^\W\d_]+|\d+", spaced.lower())
+    return tuple(_ORDERED.get(word, word) for word in words)
 
 
-def _by_cells(
-    ship: Ship,
-    left: pd.DataFrame,
-    names: Mapping[str, LoggerName],
-    missing: list[str],
-    found: dict[str, _Choice],
-) -> None:
-    """Add the columns that are recognised by time stamps or by their unit alone."""
-    chosen = {choice.name for choice in found.values()}
-    for name in (n for n in names if n not in chosen):
-        if TIME in missing and TIME not in found and holds_time_stamps(left[name]):
-            found[TIME] = _Choice(name, Guess("datetime"))
-            chosen.add(name)
-    counted = [n for n in names if n not in chosen and _counts_turns(names[n])]
-    if SHAFT_SPEED in missing and SHAFT_SPEED not in found and len(counted) == 1:
-        guess = guess_unit(names[counted[0]], SHAFT_SPEED, ship, _numbers(left[counted[0]]))
-        if guess is not None:
-            found[SHAFT_SPEED] = _Choice(counted[0], guess)
-            chosen.add(counted[0])
-    rest = [n for n in names if n not in chosen and names[n].unit not in ("", "-", *PERCENT)]
-    columns = [c for c in missing if c not in found and c not in _OPTIONAL]
-
-    def kinds(name: str) -> list[str]:
-        return [c for c in columns if guess_unit(names[name], c, ship, _numbers(left[name]))]
-
-    fitting = {name: kinds(name) for name in rest}
-    for name in rest:
-        if len(fitting[name]) != 1:
-            continue
-        (column,) = fitting[name]
-        if sum(column in those for those in fitting.values()) == 1:
-            guess = guess_unit(names[name], column, ship, _numbers(left[name]))
-            assert guess is not None
-            found[column] = _Choice(
-                name, Guess(guess.unit, guess.more, "guessed from the unit alone")
-            )
-
-
-def _line(name: str, column: str, guess: Guess) -> str:
-    """Return the line of a map, with a comment if the unit is doubtful."""
-    parts = [f'column = "{column}"', f'unit = "{guess.unit}"', *guess.more]
-    comment = f"  # {guess.doubt}" if guess.doubt else ""
-    return f"{_quoted(name)} = {{ {', '.join(parts)} }}{comment}"
-
-
-def _quoted(name: str) -> str:
-    """Return a name as a TOML string."""
-    return json.dumps(name, ensure_ascii=False)
-
-
-def _counts_turns(name: LoggerName) -> bool:
-    units = ("rpm", "rps", "1/min", "min-1", "min^-1", "r/min", "u/min", "1/s", "hz")
-    return name.unit.lower() in units
-
-
-def _numbers(values: pd.Series) -> NDArray[np.float64]:
-    """Return the finite numbers of a column, (m,)."""
-    numbers: NDArray[Any] = pd.to_numeric(values, errors="coerce").to_numpy(dtype=np.float64)
-    return np.asarray(numbers[np.isfinite(numbers)])
-
-
-def _stands(values: NDArray[np.float64]) -> bool:
-    """Return whether a voltage is nearly constant, as that of a supply."""
-    if len(values) < 2:
-        return False
-    size = float(np.abs(values).max())
-    return bool(np.ptp(values) < _LEAST_VARIATION * size) or math.isclose(size, 0.0)
-
-
-def _reverses(values: NDArray[np.float64]) -> bool:
-    """Return whether a signal reaches clearly positive and clearly negative values."""
-    if len(values) == 0:
-        return False
-    low, high = float(values.min()), float(values.max())
-    return min(-low, high) > _EITHER_WAY * max(-low, high)
-
-
-def holds_time_stamps(values: pd.Series) -> bool:
-    """Return whether most cells are text with a time of day."""
-    if pd.api.types.is_numeric_dtype(values):
-        return False
-    return bool(values.astype(str).str.contains(r"\d:\d\d", regex=True).mean() > 0.9)
+def _unit_of(suffix: str) -> str:
+    folded = suffix.lower() if len(suffix) >= _LONG else ""
+    return UNITS.get(suffix) or UNITS.get(folded, "")

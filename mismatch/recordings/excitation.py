@@ -24,8 +24,7 @@ from ...plant.ship import Ship
 COURSE_CHANGE = math.radians(30.0)
 """Change of heading [rad] from which a recording turns; it weakens a current from ahead by a seventh."""
 
-LEAST_VARIATION = 0.05
-"""Share of its size over which a command or a load must vary to identify effects."""
+LEAST_VARIATION = 0.05  # share of its size over which a command or a load must vary
 
 
 def varies(values: NDArray[np.float64]) -> bool:
@@ -48,8 +47,7 @@ def course_changes(tables: Iterable[pd.DataFrame]) -> bool:
         >>> course_changes([pd.DataFrame({"time_s": time, "heading_rad": 0.2 * time})])
         True
 
-    Args:
-        tables: canonical columns; for a ship without turning, the signals ``heading`` or ``yaw_rate``.
+    A ship without turning has the signals ``heading`` or ``yaw_rate``.
     """
     first: float | None = None
     for table in tables:
@@ -69,12 +67,7 @@ def course_changes(tables: Iterable[pd.DataFrame]) -> bool:
 
 
 def shaft_runs_one_way(ship: Ship, tables: Iterable[pd.DataFrame]) -> bool:
-    """Return whether shaft speed and drive command of all recordings keep one sign.
-
-    Args:
-        ship: the ship.
-        tables: canonical columns.
-    """
+    """Return whether shaft speed and drive command of all recordings keep one sign."""
     ends = []
     for table in tables:
         for column in {drive_column(ship), SHAFT_SPEED} & set(table):
@@ -91,10 +84,6 @@ def load_varies(ship: Ship, table: pd.DataFrame) -> bool:
     Loads are: a measured inflow; the submergence, if it is less than a diameter; the ship speed, if the
     shaft speed is prescribed; the rudder of a ship that turns; and every signal that is no canonical
     column, such as wind.
-
-    Args:
-        ship: the ship.
-        table: canonical columns.
     """
     return any(varies(table[name].to_numpy(dtype=np.float64)) for name in _loads(ship, table))
 

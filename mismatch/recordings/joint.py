@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import chain, combinations
 from pathlib import Path
 from types import MappingProxyType
 from typing import TypeAlias
@@ -29,24 +29,15 @@ from .noise import estimate_noise
 from .time_base import FEWEST_ROWS
 from .unit_errors import command_columns
 
-ALIKE = 0.01
-"""Relative difference up to which two sampling intervals count as equal."""
-
-MAX_INTERVAL_RATIO = 20.0
-"""Largest ratio of the sampling intervals of recordings in a joint diagnosis."""
+ALIKE = 0.01  # relative difference up to which two sampling intervals count as equal
+MAX_INTERVAL_RATIO = 20.0  # largest ratio of the sampling intervals in a joint diagnosis
 
 
 def at_common_interval(ship: Ship, recordings: Sequence[Recording]) -> list[Recording]:
     """Resample recordings to the longest of their sampling intervals by linear interpolation.
 
-    Measured channels of a recording that is much faster are averaged over one new interval first.
-
-    Args:
-        ship: the nominal ship.
-        recordings: recordings with even time bases.
-
-    Returns:
-        The recordings; each that was resampled has a warning.
+    Measured channels of a recording that is much faster are averaged over one new interval first. Each
+    recording that was resampled has a warning.
 
     Raises:
         RecordingError: the intervals differ by more than a factor of :data:`MAX_INTERVAL_RATIO`.
@@ -98,12 +89,8 @@ Fewer may agree by chance on a ship at rest with coarse instruments."""
 def refuse_overlap(recordings: Sequence[Recording], why: str) -> None:
     """Refuse recordings if two of them hold the same part of a voyage.
 
-    Args:
-        recordings: any number of recordings.
-        why: reason of the refusal, the end of the message.
-
     Raises:
-        RecordingError: gives the two recordings, the shared rows and the reason.
+        RecordingError: gives the two recordings, the shared rows and the reason ``why``.
     """
     for one, other in combinations(recordings, 2):
         refuse_common_rows(one, other, why)
@@ -112,15 +99,8 @@ def refuse_overlap(recordings: Sequence[Recording], why: str) -> None:
 def refuse_common_rows(one: Recording, other: Recording, why: str) -> None:
     """Refuse two recordings that hold the same part of a voyage.
 
-    Time stamps are not compared: a copy may count time from another start.
-
-    Args:
-        one: first recording.
-        other: second recording.
-        why: reason of the refusal, the end of the message.
-
-    Raises:
-        RecordingError: as in :func:`refuse_overlap`.
+    Time stamps are not compared: a copy may count time from another start. Arguments and errors are
+    those of :func:`refuse_overlap`.
     """
     # A heading or an angle may have another zero in a copy, too.
     columns = [c for c in one.channels if c in other and c not in (SHAFT_ANGLE, HEADING, TIME)]
@@ -147,26 +127,21 @@ def _repeated(one: NDArray[np.void], other: NDArray[np.void]) -> tuple[int, int]
 
     Rows that occur more than once in either do not identify a moment, and end a part.
     """
-    places: dict[bytes, int] = {}
-    counts: dict[bytes, int] = {}
-    for rows, own in ((one, places), (other, counts)):
-        for place, row in enumerate(rows.tolist()):
-            own[row] = -1 if row in own else place
-    best, begin, before = (0, 0), 0, -2
-    for place, row in enumerate(other.tolist()):
-        there = places.get(row, -1) if counts[row] >= 0 else -1
-        if there < 0:
-            before = -2
-            continue
-        if there != before + 1:
-            begin = place
-        before = there
-        best = max(best, (place - begin + 1, begin))
-    return best[1], best[0]
+    places = [pd.Series(np.arange(len(rows)), index=rows.tolist()) for rows in (one, other)]
+    first, second = (own[~own.index.duplicated(keep=False)] for own in places)
+    there = first.reindex(second.index)
+    known = there.notna().to_numpy()
+    if not known.any():
+        return 0, 0
+    own, here = there.to_numpy()[known], second.to_numpy()[known]
+    breaks = (np.diff(own) != 1) | (np.diff(here) != 1)
+    starts = np.concatenate([[0], np.flatnonzero(breaks) + 1])
+    lengths = np.diff(np.append(starts, len(here)))
+    longest = int(np.flatnonzero(lengths == lengths.max())[-1])
+    return int(here[starts[longest]]), int(lengths[longest])
 
 
-LEAST_ROWS = 40
-"""Fewest rows of all fitted recordings together, so that a part of them can be held out."""
+LEAST_ROWS = 40  # fewest rows of all fitted recordings, so that a part can be held out
 
 Recorded: TypeAlias = str | Path | Recording | pd.DataFrame
 """Recording as a CSV or Parquet file, a table, or the result of :func:`.load_recording`."""
@@ -235,26 +210,20 @@ def load_jointly(
     groups = load_each(ship, sources, columns, tick, signals)
     count = len(flatten(groups[: len(fitted)]))
     loaded = flatten(groups)
-    _refuse_mixed(loaded)
-    if not loaded[0].steady:
+    steady = {recording.steady: recording.source for recording in loaded}
+    if len(steady) > 1:
+        raise RecordingError(
+            f"{steady[True]} has rows that are equilibria, {steady[False]} has rows in transient "
+            "motion; diagnose them separately, or use --steady if all rows are equilibria"
+        )
+    if False in steady:
         loaded = at_common_interval(ship, loaded)
     refuse_too_few_rows(loaded[:count])
     refuse_overlap(loaded, NO_COMMON_ROWS)
     limits, warnings = _limits_and_warnings(loaded[:count], loaded, ship)
     common = {n: u for n, u in loaded[0].signals.items() if all(n in r.signals for r in loaded)}
     tables = tuple(r.table for r in loaded)
-    held_out_count = len(loaded) - count
-    return JointRecordings(tables, held_out_count, limits, warnings, common, loaded[0].steady)
-
-
-def _refuse_mixed(recordings: Sequence[Recording]) -> None:
-    """Refuse a mixture of recordings with rows that are equilibria and rows that are not."""
-    kinds = {recording.steady: recording.source for recording in recordings}
-    if len(kinds) > 1:
-        raise RecordingError(
-            f"{kinds[True]} has rows that are equilibria, {kinds[False]} has rows in transient motion; "
-            "diagnose them separately, or use --steady if all rows are equilibria"
-        )
+    return JointRecordings(tables, len(loaded) - count, limits, warnings, common, True in steady)
 
 
 def refuse_too_few_rows(recordings: Sequence[Recording]) -> None:
@@ -272,16 +241,11 @@ def refuse_too_few_rows(recordings: Sequence[Recording]) -> None:
 def refuse_repeated_sources(
     sources: Sequence[Recorded], others: Sequence[Recorded] = (), why: str = NO_COMMON_ROWS
 ) -> None:
-    """Refuse a file or a table that is given twice, before any file is read.
-
-    Args:
-        sources: recordings that must differ from each other and from the others.
-        others: further recordings.
-        why: reason of the refusal, the end of the message.
+    """Refuse a file or a table that is given twice, or also among the others, before any file is read.
 
     Raises:
         TypeError: a source is neither a file nor a table nor a recording.
-        ValueError: gives the source that occurs twice.
+        ValueError: gives the source that occurs twice, and the reason ``why``.
     """
     for source in (*sources, *others):
         if not isinstance(source, str | Path | Recording | pd.DataFrame):
@@ -312,13 +276,7 @@ def load_each(
 ) -> list[list[Recording]]:
     """Read and check recordings separately; a recording with long gaps is cut there into parts.
 
-    Args:
-        ship: the nominal ship.
-        sources: files, tables and recordings that were checked before.
-        columns: column map of the files, or None.
-        tick: progress callback.
-        signals: as in :func:`load_jointly`.
-        steady: whether each row is an equilibrium, as in :func:`.load.load_recording`.
+    The arguments are those of :func:`load_jointly` and :func:`.load.load_recording`.
 
     Returns:
         The parts of each source.
@@ -326,16 +284,15 @@ def load_each(
     Raises:
         RecordingError: a recording or the column map cannot be used, or a part has too few rows.
     """
-    tables = sum(isinstance(source, pd.DataFrame) for source in sources)
+    tables = [id(source) for source in sources if isinstance(source, pd.DataFrame)]
     loaded: list[list[Recording]] = []
-    numbered = 0
     for done, source in enumerate(sources):
         tick("loading recordings", done, len(sources))
         if isinstance(source, Recording):
             found = [source]
         else:
-            numbered += isinstance(source, pd.DataFrame)
-            name = f"{TABLE} {numbered}" if tables > 1 else TABLE
+            several = len(tables) > 1 and id(source) in tables
+            name = f"{TABLE} {tables.index(id(source)) + 1}" if several else TABLE
             found = load_parts(source, ship, columns, signals, name, steady)
         for recording in found:
             if len(recording) < FEWEST_ROWS:
@@ -350,7 +307,7 @@ def load_each(
 
 def flatten(groups: Iterable[list[Recording]]) -> list[Recording]:
     """Return the parts of several sources in one list, in their order."""
-    return [recording for group in groups for recording in group]
+    return list(chain.from_iterable(groups))
 
 
 def _limits_and_warnings(
@@ -363,15 +320,15 @@ def _limits_and_warnings(
     """
     if len(loaded) == 1:
         return list(loaded[0].limits), list(loaded[0].warnings)
-    limits = {id(r): [one for one in r.limits if not one.startswith(TOO_SHORT)] for r in loaded}
 
-    def named(part: Iterable[Recording]) -> list[str]:
-        return [f"{r.source.name}: {limit}" for r in part for limit in limits[id(r)]]
+    def others(recording: Recording) -> list[str]:
+        other = [limit for limit in recording.limits if not limit.startswith(TOO_SHORT)]
+        return [f"{recording.source.name}: {limit}" for limit in other]
 
     warnings = [f"{r.source.name}: {warning}" for r in loaded for warning in r.warnings]
     together = []
     if any(limit.startswith(TOO_SHORT) for r in fitted for limit in r.limits):
         together = length_limits([r.table for r in fitted], fitted[0].interval_s, ship)
-    if all(limits[id(recording)] for recording in fitted):
-        return together + named(fitted), warnings
-    return together, warnings + named(loaded)
+    if all(map(others, fitted)):
+        return [*together, *chain.from_iterable(map(others, fitted))], warnings
+    return together, [*warnings, *chain.from_iterable(map(others, loaded))]

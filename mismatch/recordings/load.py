@@ -55,6 +55,7 @@ from .steady_rows import (
 )
 from .time_base import (
     FEWEST_ROWS,
+    Cleaned,
     convert_dates,
     fill_missing,
     resample_evenly,
@@ -64,15 +65,9 @@ from .time_base import (
 )
 from .unit_errors import command_columns, command_ranges, impossible_commands
 
-TABLE = "table"
-"""Name in messages of a recording that is a table and not a file."""
-
-CUT = "the recording was cut"
-"""First words of the warning on a recording that was cut at its gaps."""
-
-MOST_PARTS = 50
-"""Largest number of parts into which a recording is cut at its gaps."""
-
+TABLE = "table"  # name in messages of a recording that is a table and not a file
+CUT = "the recording was cut"  # first words of the warning on a recording that was cut at its gaps
+MOST_PARTS = 50  # largest number of parts into which a recording is cut at its gaps
 EXTRA_SIGNALS = {
     "drift_angle": "rad",
     "sway_speed": "m/s",
@@ -197,15 +192,8 @@ def load_parts(
     """Read a recording and cut it at each gap that is too long to be interpolated.
 
     Each part is checked, and is later simulated from its own first row. Parts of fewer than
-    :data:`.time_base.FEWEST_ROWS` rows are left out.
-
-    Args:
-        source: file or table, as in :func:`load_recording`.
-        ship: the nominal ship.
-        columns: column map, or None.
-        signals: units of further columns for terms.
-        name: name of a table in messages.
-        steady: as in :func:`load_recording`; rows that are equilibria are not cut.
+    :data:`.time_base.FEWEST_ROWS` rows are left out. Rows that are equilibria are not cut. The arguments
+    are those of :func:`load_recording`.
 
     Returns:
         The parts in order of time; the warnings of the first part say where the recording was cut.
@@ -227,15 +215,12 @@ def load_parts(
     if len(intervals) == 1 or len(kept) > MOST_PARTS or 2 * rows < len(raw):
         return [clean_and_check(path, raw, units, ship)]  # This call reports the gaps as an error.
     cuts = [f"{time[a] - time[a - 1]:.4g} s before row {a + 1}" for a, _ in intervals[1:]]
+    short = f"; {len(raw) - rows} rows in parts of fewer than {FEWEST_ROWS} rows were left out"
     warning = (
         f"{CUT} at {len(cuts)} gap{'s' * (len(cuts) > 1)} ({', '.join(cuts[:5])}"
         f"{', ...' if len(cuts) > 5 else ''}) into {len(kept)} parts; each part is simulated from its "
-        "own first row"
+        f"own first row{short if rows < len(raw) else ''}"
     )
-    if rows < len(raw):
-        warning += (
-            f"; {len(raw) - rows} rows in parts of fewer than {FEWEST_ROWS} rows were left out"
-        )
     result = []
     for number, (a, b) in enumerate(kept, 1):
         part = raw.iloc[a:b].reset_index(drop=True)
@@ -265,12 +250,8 @@ def read_canonical(
 ) -> tuple[pd.DataFrame, dict[str, str]]:
     """Read a recording and map it to canonical names and units; nothing is cleaned or checked yet.
 
-    Args:
-        source: text, spreadsheet or Parquet file; or a table. The column map is applied to a table only
-            if the table has one of the columns of the map.
-        ship: the nominal ship, whose ranges define values in percent of range.
-        columns: column map, or None.
-        name: name of a table in messages.
+    The column map is applied to a table only if the table has one of the columns of the map. The ranges
+    of the ship define values in percent of range.
 
     Returns:
         The table, and the unit of each signal of the column map by signal name.
@@ -279,6 +260,7 @@ def read_canonical(
         RecordingError: the file or the column map cannot be used.
     """
     column_map = None if columns is None else load_map(columns)
+    inputs = set() if column_map is None else column_map.inputs
     if isinstance(source, pd.DataFrame):
         path, raw = Path(name), source
         if not raw.columns.is_unique:
@@ -286,13 +268,12 @@ def read_canonical(
             raise RecordingError(
                 f"{path}: column {repeated!r} occurs twice; rename or drop one of the two columns"
             )
-        if column_map is not None and not column_map.inputs & set(raw):
+        if not inputs & set(raw):
             column_map = None
     else:
         path = Path(source)
         layout = {} if column_map is None else column_map.file.model_dump(exclude_none=True)
         raw = read_table(path, layout)
-    inputs = set() if column_map is None else column_map.inputs
     refuse_complex(path, raw, [*COLUMNS, *ship.signals, *inputs])
     if column_map is None:
         return raw, {}
@@ -315,7 +296,7 @@ class _Draft:
     required: list[str]
     warnings: list[str]
 
-    def apply(self, step: tuple[pd.DataFrame, list[str]]) -> bool:
+    def apply(self, step: Cleaned) -> bool:
         """Take over the table and the warnings of a cleaning step; return whether there were any."""
         self.table, warnings = step
         self.warnings += warnings
@@ -347,17 +328,10 @@ class _Draft:
 def clean_and_check(
     path: Path, table: pd.DataFrame, units: Mapping[str, str], ship: Ship, steady: bool = False
 ) -> Recording:
-    """Return the recording of a table with canonical names after all cleaning steps and checks.
+    """Return the recording of a table of :func:`read_canonical` after all cleaning steps and checks.
 
-    Args:
-        path: file name for messages.
-        table: as returned by :func:`read_canonical`.
-        units: units of signals for terms, by name; signals that the table does not have are ignored.
-        ship: the nominal ship.
-        steady: whether the user declares each row to be an equilibrium.
-
-    Raises:
-        RecordingError: as in :func:`load_recording`.
+    ``units`` are those of signals for terms, by name; signals that the table does not have are ignored.
+    Other arguments and errors are as in :func:`load_recording`.
     """
     draft = _prepare(path, table, units, ship, steady)
     _clean(draft)
@@ -372,9 +346,8 @@ def _prepare(
 ) -> _Draft:
     """Convert time stamps to seconds and select the columns that the ship and its terms use."""
     layout = table.attrs.get("layout")
-    warnings = (
-        [f"read as a table with {words}"] if layout and (words := layout.description()) else []
-    )
+    words = layout.description() if layout else ""
+    warnings = [f"read as a table with {words}"] if words else []
     warnings += table.attrs.get("remarks", [])
     if not ship.turns:  # Terms of such a ship may depend on a turn that its equations do not have.
         turn = {n: c for n, c in TURNING_SIGNALS.items() if c in table and n not in table}
@@ -392,10 +365,9 @@ def _prepare(
         refuse_without_drive(path, table, ship)
     unused = absent_columns(ship) | (NO_EQUILIBRIUM if steady else set())
     needs_speed = speed in table or not {SHAFT_POWER, ELECTRIC_POWER} & set(table) - unused
-    required = list(
-        dict.fromkeys([*input_columns(ship), *([speed] * needs_speed), *ship.external_signals])
-    )
+    needed = [*input_columns(ship), *([speed] * needs_speed), *ship.external_signals]
     known = [*(c for c in COLUMNS if c in table and c not in unused), *sorted(signals)]
+    required = list(dict.fromkeys(needed))
     return _Draft(path, ship, table, signals, steady, known, required, warnings)
 
 
@@ -434,10 +406,10 @@ def _swapped_columns(draft: _Draft) -> Iterable[str]:
 
 
 def _diverging_simulation(draft: _Draft) -> Iterable[str]:
-    if draft.reference.divergence:
+    if why := draft.reference.divergence:
         yield (
-            "the nominal ship cannot be simulated with the recorded commands: "
-            f"{draft.reference.divergence}; check the units of the commands and the ship file"
+            f"the nominal ship cannot be simulated with the recorded commands: {why}; check the units "
+            "of the commands and the ship file"
         )
 
 
@@ -470,10 +442,8 @@ def _finish(draft: _Draft) -> Recording:
         dropped = draft.apply(drop_outliers(draft.path, draft.table, simulated, measured))
     table, commands = draft.table, command_columns(ship, draft.table)
     noise = {
-        c: (estimate_command_noise if c in commands else estimate_noise)(
-            table[c].to_numpy(), interval
-        )
-        for c in table
+        c: (estimate_command_noise if c in commands else estimate_noise)(v.to_numpy(), interval)
+        for c, v in table.items()
         if c != TIME and c not in signals
     }
     if draft.steady:
@@ -481,11 +451,8 @@ def _finish(draft: _Draft) -> Recording:
         for c in measured:
             rms = estimate_row_noise(table, at_rows, c, [*commands, *signals])
             noise[c] = replace(noise[c], white_rms=rms)
-    warnings = (
-        *draft.warnings,
-        *end_stop_warnings(table, ship),
-        *constant_channel_warnings(table, ship, noise, simulated),
-    )
+    constant = constant_channel_warnings(table, ship, noise, simulated)
+    warnings = (*draft.warnings, *end_stop_warnings(table, ship), *constant)
     too_short = [] if draft.steady else length_limits([table], interval, ship)
     limits = (*too_short, *insufficient_excitation(table, ship, noise))
     return Recording(draft.path, table, interval, noise, warnings, limits, signals, draft.steady)

@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+Array = NDArray[np.float64]
+
 ORDER = 4
 _GAIN = math.sqrt(math.comb(2 * ORDER, ORDER))  # rms of the ORDER-th difference of unit white noise
 _MAD_TO_RMS = 1.4826  # ratio of the rms to the median absolute deviation of a Gaussian
@@ -67,19 +69,14 @@ def estimate_noise(values: NDArray[Any], interval_s: float) -> Noise:
 def estimate_command_noise(values: NDArray[Any], interval_s: float) -> Noise:
     """Estimate the noise of a command: steps are not counted as noise, and constant stretches are usual.
 
-    Args:
-        values: (n,) samples, evenly spaced and finite.
-        interval_s: sampling interval [s].
-
-    Raises:
-        ValueError: the array is not one-dimensional or not finite.
+    Arguments and errors are those of :func:`estimate_noise`.
     """
     values = _checked(values)
     rests = float(np.mean(np.diff(values) == 0.0)) > 0.5 if len(values) > 1 else True
     return Noise(0.0 if rests else white_rms(values), quantisation(values), interval_s)
 
 
-def _checked(values: NDArray[Any]) -> NDArray[np.float64]:
+def _checked(values: NDArray[Any]) -> Array:
     values = np.asarray(values, dtype=np.float64)
     if values.ndim != 1 or not np.isfinite(values).all():
         raise ValueError(
@@ -105,17 +102,13 @@ def white_rms(values: NDArray[Any]) -> float:
     return scale / _GAIN
 
 
-def row_noise(values: NDArray[Any], explaining: Sequence[NDArray[np.float64]]) -> float:
+def row_noise(values: NDArray[Any], explaining: Sequence[Array]) -> float:
     """Return the rms noise of a channel whose rows are independent equilibria.
 
     The inputs may differ from row to row, so differences between neighbouring rows hold more than
-    noise. The part that a linear regression on the differences of the explaining signals gives is
-    subtracted. If the rows change slowly, :func:`white_rms` may be smaller; the smaller value is
-    returned.
-
-    Args:
-        values: (n,) samples.
-        explaining: inputs and simulated channels, each of shape (n,).
+    noise. The part that a linear regression on the differences of the explaining signals gives, inputs
+    and simulated channels of shape (n,), is subtracted. If the rows change slowly, :func:`white_rms` may
+    be smaller; the smaller value is returned.
     """
     plain = white_rms(values)
     if len(values) < _FEWEST:
@@ -128,7 +121,7 @@ def row_noise(values: NDArray[Any], explaining: Sequence[NDArray[np.float64]]) -
     return min(plain, _MAD_TO_RMS * float(np.median(np.abs(steps))) / math.sqrt(2.0))
 
 
-def _differences(values: NDArray[Any]) -> NDArray[np.float64]:
+def _differences(values: NDArray[Any]) -> Array:
     """Return the differences of order ORDER without the rows in which a noisy channel stopped."""
     first, lengths = _rests(values)
     unusual = _unusual(lengths)
@@ -150,8 +143,7 @@ def _rests(values: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 def _unusual(lengths: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Return which runs are much longer than the usual run of the channel."""
-    unusual: NDArray[np.bool_] = lengths >= _UNUSUAL_REST * max(1.0, float(np.median(lengths)))
-    return unusual
+    return np.asarray(lengths >= _UNUSUAL_REST * max(1.0, float(np.median(lengths))))
 
 
 def quantisation(values: NDArray[Any]) -> float:
@@ -198,11 +190,6 @@ def unusual_rests(values: NDArray[Any], noise: Noise) -> list[tuple[int, int]]:
     first, lengths = _rests(values)
     unusual = _unusual(lengths)
     return [(int(a), int(n)) for a, n in zip(first[unusual], lengths[unusual], strict=True)]
-
-
-def longest_rest(values: NDArray[Any], noise: Noise) -> tuple[int, int]:
-    """Return first sample and length of the longest unusual constant stretch; (0, 0) without one."""
-    return max(unusual_rests(values, noise), key=lambda rest: rest[1], default=(0, 0))
 
 
 def _is_still(values: NDArray[Any], noise: Noise) -> bool:

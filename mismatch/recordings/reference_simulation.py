@@ -74,8 +74,7 @@ class ReferenceSimulation:
     ) -> None:
         per_row = 1 if steady else max(1, math.ceil(interval_s / ship.time_step_s - 1e-9))
         self._model = simulate_steady if steady else simulate_recording
-        self.ship, self._interval_s = ship, interval_s
-        self._drive = drive_column(ship)
+        self.ship, self._interval_s, self._drive = ship, interval_s, drive_column(ship)
         self._shaft = SHAFT_SPEED if SHAFT_SPEED in table else SHAFT_ANGLE
         # The ship starts from a steady state if the first row exceeds one of these limits.
         self._reach = {"pitch_ratio": 2.6, "ship_speed_m_s": 40.0, SHAFT_SPEED: top_speed(ship)}
@@ -108,11 +107,7 @@ class ReferenceSimulation:
             if self._drive != SHAFT_SPEED:
                 steady[SHAFT_SPEED] = 0.0
         for candidate in (table, steady) if sane else (steady,):
-            with (
-                np.errstate(all="ignore"),
-                warnings.catch_warnings(),
-                suppress(RecordingError),
-            ):
+            with np.errstate(all="ignore"), warnings.catch_warnings(), suppress(RecordingError):
                 # A warning of this trial simulation does not concern the run of the user.
                 warnings.simplefilter("ignore", ValidityWarning)
                 try:
@@ -165,12 +160,11 @@ class ReferenceSimulation:
             if any(impossible_commands(self.table.assign(**exchanged), self.ship)):
                 continue
             changed = self.differences_with(exchanged)
-            if not set(self.differences) <= {*changed, a, b}:
-                continue  # On a ship at rest no channel could differ.
-            if all(changed.get(c, 0.0) <= _NAMED for c in (a, b, self._shaft)):
-                score = self._score(changed)
-                if score < best:
-                    best, pair = score, (a, b)
+            # On a ship at rest no channel could differ.
+            comparable = set(self.differences) <= {*changed, a, b}
+            agrees = all(changed.get(c, 0.0) <= _NAMED for c in (a, b, self._shaft))
+            if comparable and agrees and self._score(changed) < best:
+                best, pair = self._score(changed), (a, b)
         return pair
 
     def _score(self, differences: Mapping[str, float]) -> float:
@@ -189,16 +183,13 @@ class ReferenceSimulation:
         apart = {}
         for column in set(_LEVELS) & set(self.differences):
             assert self.simulated is not None
-            recorded, expected = (
-                float(np.sqrt(np.mean(table[column] ** 2)))
-                for table in (self.table, self.simulated)
-            )
+            channels = self.table[column], self.simulated[column]
+            recorded, expected = (float(np.sqrt(np.mean(values**2))) for values in channels)
             dead = float(np.ptp(self.table[column])) == 0.0
             if not dead and not expected / _APART < recorded < expected * _APART:
                 apart[column] = (recorded, expected)
-        if len(apart) < _STRANGE or self._explanations(
-            self._drive, self._shaft, self._large_command_errors()
-        ):
+        command_errors = self._large_command_errors()
+        if len(apart) < _STRANGE or self._explanations(self._drive, self._shaft, command_errors):
             return
         apart = {
             column: levels
@@ -224,7 +215,9 @@ class ReferenceSimulation:
                 yield self._sentence(self._drive, errors)
                 return
         for column, difference in self.differences.items():
-            if difference <= _HONEST or not self._varies(column):
+            # The unit of a channel that is 0 throughout is not identifiable.
+            still = self.simulated is None or self.simulated[column].abs().max() <= _NOTHING
+            if difference <= _HONEST or still:
                 continue
             errors = self._explanations(column, column, likely_unit_errors(column, self.ship))
             if errors and rectified_remark(self.table, self.simulated, column, self._drive, 0.0):
@@ -232,10 +225,6 @@ class ReferenceSimulation:
                 errors = [error for error in errors if error.factor > 0.0]
             if errors := errors or self._power_of_ten(column):
                 yield self._sentence(column, errors)
-
-    def _varies(self, column: str) -> bool:
-        """Return whether the simulated channel is ever above zero, so that its unit is identifiable."""
-        return self.simulated is not None and float(np.abs(self.simulated[column]).max()) > _NOTHING
 
     def _power_of_ten(self, column: str) -> list[UnitError]:
         """Return the error of a channel with the simulated shape at another order of magnitude."""
@@ -271,13 +260,13 @@ class ReferenceSimulation:
 
     def _sentence(self, column: str, errors: list[UnitError]) -> str:
         median, unit = float(self.table[column].median()), BOUNDS[column][2]
-        if self.simulated is not None and column in self.differences:
+        if self.simulated is None or column not in self.differences:
+            expected = f"takes {range_text(column, self.ship)}"
+        else:
             simulated = float(self.simulated[column].median())
             expected = f"reaches {simulated:.4g} {unit} with these commands"
             if column == SHAFT_SPEED:
                 expected += f" (its range: {range_text(column, self.ship)})"
-        else:
-            expected = f"takes {range_text(column, self.ship)}"
         return describe_unit_errors(column, errors, median, expected)
 
     def dead_channel_errors(self) -> Iterator[str]:

@@ -31,8 +31,7 @@ from .unit_errors import command_columns, rectified_remark
 
 Array = NDArray[np.float64]
 
-KINEMATIC = ((SHAFT_ANGLE, SHAFT_SPEED), (HEADING, YAW_RATE))
-"""Pairs of an angle and its rate."""
+KINEMATIC = ((SHAFT_ANGLE, SHAFT_SPEED), (HEADING, YAW_RATE))  # pairs of an angle and its rate
 
 _LEAST_ROWS = 200
 _WIDEST = 0.08  # largest lag as a share of the rows
@@ -46,6 +45,82 @@ _FEWEST_PARTS = 4
 _STANDARD_ERRORS = 4.0  # least ratio of a significant lag to its standard error
 _ROWS = 0.5  # smallest lag in rows that is reported
 _BETTER = 0.02  # least increase of the squared correlation by a significant lag
+_LEVELS = 8  # fewest levels of a quantised channel
+_RECURS = 1.5  # fewest rows per level
+_COARSE = 1e-3  # smallest step that is reported, as a share of the range of the channel
+_OFF_GRID = 0.08  # largest distance of a level from the grid, in steps
+_ON_GRID = 0.98  # least share of the levels within that distance
+
+
+def remarks(recording: Recording, ship: Ship) -> Iterator[str]:
+    """Yield remarks on rectified, shifted and quantised channels of a recording that was checked.
+
+    The nominal ship is simulated with the recorded commands; the recording is not changed.
+    """
+    table = recording.table
+    reference = ReferenceSimulation(ship, table, recording.interval_s, recording.steady)
+    simulated = reference.simulated
+    commands = command_columns(ship, table)
+    measured = [c for c in simulated_columns(ship) if c in table and c not in commands]
+    compared = []
+    for column in measured:
+        noise = recording.noise[column].white_rms if column in recording.noise else 0.0
+        if remark := rectified_remark(table, simulated, column, drive_column(ship), noise):
+            yield remark
+        elif simulated is not None and column in simulated:
+            compared.append(column)
+    if not recording.steady:
+        yield from _timing_remarks(reference.table, simulated, compared, recording.interval_s)
+    for column in (*commands, *measured):
+        if remark := quantisation_remark(column, table[column].to_numpy(dtype=float)):
+            yield remark
+
+
+def _timing_remarks(
+    table: pd.DataFrame, simulated: pd.DataFrame | None, columns: list[str], interval_s: float
+) -> Iterator[str]:
+    """Yield remarks on measured channels with a significant lead or lag against the simulation."""
+    for angle, rate in KINEMATIC:
+        if angle in table and rate in table:
+            turned = np.diff(np.unwrap(table[angle].to_numpy(dtype=float)))
+            between = table[rate].rolling(2).mean().to_numpy(dtype=float)[1:]
+            lag = estimate_lag(turned, between)
+            if lag is not None and lag.is_significant:
+                late = "later" if lag.rows > 0.0 else "earlier"
+                yield (
+                    f"{angle} is {_lag_text(lag, interval_s)} {late} than the integral of {rate}: the "
+                    "two channels were logged at different times, or one of them is filtered"
+                )
+    if simulated is None:
+        return
+    lags: dict[str, Lag] = {}
+    for c in columns:
+        signals = (channels[c].to_numpy(dtype=float) for channels in (table, simulated))
+        if (lag := estimate_lag(*(signal[: len(simulated)] for signal in signals))) is not None:
+            lags[c] = lag
+    rows = [lag.rows if lag.is_significant else 0.0 for lag in lags.values()]
+    alike = len(rows) > 1 and all(rows) and np.ptp(rows) < 1.0
+    for column, lag in lags.items():
+        if not lag.is_significant:
+            continue
+        late = "leads"
+        why = "the command is logged late, the channel is shifted, or the ship model is too slow"
+        if lag.rows > 0.0:
+            late = "lags"
+            why = "the channel or the drive has a delay or a filter, or the ship model is too fast"
+        if alike:
+            why = f"all channels have this shift; {why}"
+        elif len(lags) > 1:
+            others = ", ".join(f"{c} {o.rows:+.1f} rows" for c, o in lags.items() if c != column)
+            why += f"; lags of the other channels behind the simulation: {others}"
+        yield f"{column} {late} the simulation by {_lag_text(lag, interval_s)}: {why}"
+
+
+def _lag_text(lag: Lag, interval_s: float) -> str:
+    return (
+        f"{abs(lag.rows) * interval_s:.3g} s ({abs(lag.rows):.1f} rows, standard error {lag.error:.1f}; "
+        f"correlation of the derivatives {lag.correlation:.2f} at this lag, {lag.without:.2f} without)"
+    )
 
 
 class Lag(NamedTuple):
@@ -109,13 +184,9 @@ def estimate_lag(signal: Array, reference: Array) -> Lag | None:
     count = min(_PARTS, len(a) // (4 * near))
     if count < _FEWEST_PARTS:
         return None
-    parts = []
-    for part in np.array_split(np.arange(len(a)), count):
-        if np.std(b[part]) < 0.2 * np.std(b):
-            continue
-        found = _peak(a[part], b[part], near)
-        if found is not None and found[1] >= _LEAST:
-            parts.append(found[0])
+    cuts = np.array_split(np.arange(len(a)), count)
+    peaks = [_peak(a[c], b[c], near) for c in cuts if np.std(b[c]) >= 0.2 * np.std(b)]
+    parts = [peak[0] for peak in peaks if peak is not None and peak[1] >= _LEAST]
     if len(parts) < _FEWEST_PARTS:
         return None
     error = float(np.std(parts, ddof=1)) / math.sqrt(len(parts))
@@ -140,9 +211,7 @@ def _peak(a: Array, b: Array, reach: int) -> tuple[float, float, float] | None:
     some = full[middle - reach : middle + reach + 1]
     inner = np.arange(1, len(some) - 1)
     tops = inner[(some[inner] >= some[inner - 1]) & (some[inner] > some[inner + 1])]
-    if not len(tops):
-        return None
-    if some[tops].max() <= 0.0:
+    if not len(tops) or some[tops].max() <= 0.0:
         return None
     high = tops[some[tops] >= _NEAREST * some[tops].max()]
     top = int(high[np.argmin(np.abs(high - reach))])
@@ -152,114 +221,8 @@ def _peak(a: Array, b: Array, reach: int) -> tuple[float, float, float] | None:
     return top - reach + float(shift), float(at), float(some[reach])
 
 
-def lags_against(
-    table: pd.DataFrame, simulated: pd.DataFrame, columns: list[str]
-) -> dict[str, Lag]:
-    """Return the lag of each measured channel behind its simulation, if it is identifiable."""
-    lags = {
-        column: estimate_lag(
-            table[column].to_numpy(dtype=float), simulated[column].to_numpy(dtype=float)
-        )
-        for column in columns
-    }
-    return {column: lag for column, lag in lags.items() if lag is not None}
-
-
-def timing_remarks(
-    table: pd.DataFrame, simulated: pd.DataFrame | None, columns: list[str], interval_s: float
-) -> Iterator[str]:
-    """Yield remarks on channels with a significant lead or lag.
-
-    Args:
-        table: canonical columns on an even time base.
-        simulated: simulation of the nominal ship with the same commands; None if it cannot be
-            simulated.
-        columns: measured channels.
-        interval_s: sampling interval [s].
-    """
-    for angle, rate in KINEMATIC:
-        if angle in table and rate in table:
-            turned = np.diff(np.unwrap(table[angle].to_numpy(dtype=float)))
-            between = table[rate].rolling(2).mean().to_numpy(dtype=float)[1:]
-            lag = estimate_lag(turned, between)
-            if lag is not None and lag.is_significant:
-                late = "later" if lag.rows > 0.0 else "earlier"
-                yield (
-                    f"{angle} is {_lag_text(lag, interval_s)} {late} than the integral of {rate}: the "
-                    "two channels were logged at different times, or one of them is filtered"
-                )
-    if simulated is None:
-        return
-    lags = lags_against(table.iloc[: len(simulated)], simulated, columns)
-    rows = [lag.rows if lag.is_significant else 0.0 for lag in lags.values()]
-    alike = len(rows) > 1 and all(rows) and np.ptp(rows) < 1.0
-    for column, lag in lags.items():
-        if not lag.is_significant:
-            continue
-        late = "lags" if lag.rows > 0.0 else "leads"
-        if lag.rows < 0.0:
-            why = (
-                "the command is logged late, the channel is shifted, or the ship model is too slow"
-            )
-        else:
-            why = "the channel or the drive has a delay or a filter, or the ship model is too fast"
-        if alike:
-            why = f"all channels have this shift; {why}"
-        elif len(lags) > 1:
-            others = ", ".join(f"{c} {o.rows:+.1f} rows" for c, o in lags.items() if c != column)
-            why += f"; lags of the other channels behind the simulation: {others}"
-        yield f"{column} {late} the simulation by {_lag_text(lag, interval_s)}: {why}"
-
-
-def _lag_text(lag: Lag, interval_s: float) -> str:
-    return (
-        f"{abs(lag.rows) * interval_s:.3g} s ({abs(lag.rows):.1f} rows, standard error {lag.error:.1f}; "
-        f"correlation of the derivatives {lag.correlation:.2f} at this lag, {lag.without:.2f} without)"
-    )
-
-
-_LEVELS = 8  # fewest levels of a quantised channel
-_RECURS = 1.5  # fewest rows per level
-_COARSE = 1e-3  # smallest step that is reported, as a share of the range of the channel
-_OFF_GRID = 0.08  # largest distance of a level from the grid, in steps
-_ON_GRID = 0.98  # least share of the levels within that distance
-
-
-def remarks(recording: Recording, ship: Ship) -> Iterator[str]:
-    """Yield remarks on rectified, shifted and quantised channels; the recording is not changed.
-
-    Args:
-        recording: a recording that has passed the checks.
-        ship: the nominal ship, which is simulated with the recorded commands.
-    """
-    table = recording.table
-    reference = ReferenceSimulation(ship, table, recording.interval_s, recording.steady)
-    simulated = reference.simulated
-    commands = command_columns(ship, table)
-    measured = [c for c in simulated_columns(ship) if c in table and c not in commands]
-    rectified = []
-    for column in measured:
-        noise = recording.noise[column].white_rms if column in recording.noise else 0.0
-        if remark := rectified_remark(table, simulated, column, drive_column(ship), noise):
-            rectified.append(column)
-            yield remark
-    compared = [
-        c for c in measured if c not in rectified and simulated is not None and c in simulated
-    ]
-    if not recording.steady:
-        yield from timing_remarks(reference.table, simulated, compared, recording.interval_s)
-    for column in (*commands, *measured):
-        if remark := quantisation_remark(column, table[column].to_numpy(dtype=float)):
-            yield remark
-
-
 def quantisation_remark(column: str, values: NDArray[Any]) -> str:
-    """Return a remark on a column whose values lie on a coarse grid, else an empty string.
-
-    Args:
-        column: canonical column.
-        values: (n,) in the unit of the column.
-    """
+    """Return a remark on a column whose values (n,) lie on a coarse grid, else an empty string."""
     step, levels = quantisation_grid(values)
     span = float(np.ptp(values))
     if not step > _COARSE * span:
@@ -295,6 +258,6 @@ def quantisation_grid(values: NDArray[Any]) -> tuple[float, int]:
         if not near.any():
             return 0.0, 0
         step = float(apart[near].sum() / counts[near].sum())
-    off = np.abs(apart / step - np.maximum(1.0, np.round(apart / step)))
-    few = np.round(apart / step) <= 10
-    return (step, len(levels)) if np.mean(off[few] < _OFF_GRID) >= _ON_GRID else (0.0, 0)
+    counts = np.round(apart / step)
+    off = np.abs(apart / step - np.maximum(1.0, counts))[counts <= 10]
+    return (step, len(levels)) if np.mean(off < _OFF_GRID) >= _ON_GRID else (0.0, 0)

@@ -30,7 +30,10 @@ from ...plant.recording import RecordingError
 from ...plant.ship import Ship
 from .checks import find_spikes
 from .noise import row_noise
+from .time_base import Cleaned, refuse_falling_time
 from .unit_errors import top_speed
+
+Array = NDArray[np.float64]
 
 SETTLED = 2.0
 """Interval in surge time constants of the ship from which each row is an equilibrium. The thrust falls
@@ -41,9 +44,7 @@ NO_EQUILIBRIUM = frozenset({SHAFT_ANGLE, RUDDER_COMMAND, *TURNING_COLUMNS})
 
 _SLOW_ROWS_S = 5.0
 _USUAL_SPEED_M_S = 5.0
-_STANDS = (
-    0.1  # share of the 90th percentile of the speed below which a shaft or a ship stands still
-)
+_STANDS = 0.1  # share of the 90th percentile of a speed below which a shaft or a ship stands still
 _MOSTLY = 0.5  # share of missing values above which a column is left out
 _MOST_OUTLIERS = 0.05  # largest share of spikes among the rows
 _EVEN = 0.01  # largest deviation of an even step, as a share of the usual step
@@ -52,9 +53,7 @@ _EVEN = 0.01  # largest deviation of an even step, as a share of the usual step
 def surge_time_constant(ship: Ship, table: pd.DataFrame) -> float:
     """Return mass over the slope of the resistance at the median recorded speed [s]; 0 for a fixed hull.
 
-    Args:
-        ship: the ship.
-        table: canonical columns, before cleaning.
+    The table has canonical columns, before cleaning.
     """
     if not ship.moves:
         return 0.0
@@ -65,31 +64,23 @@ def surge_time_constant(ship: Ship, table: pd.DataFrame) -> float:
     return ship.hull.mass_kg / ship.hull.resistance_slope(max(speed, 1.0))
 
 
-def median_step(time: NDArray[np.float64]) -> float:
+def median_step(time: Array) -> float:
     """Return the median of the positive steps of time [s]; 0 if there are none."""
     steps = np.diff(time)
     steps = steps[np.isfinite(steps) & (steps > 0.0)]
     return float(np.median(steps)) if len(steps) else 0.0
 
 
-def rows_are_steady(
-    ship: Ship, table: pd.DataFrame, time: NDArray[np.float64], asked: bool = False
-) -> bool:
+def rows_are_steady(ship: Ship, table: pd.DataFrame, time: Array, asked: bool = False) -> bool:
     """Return whether each row of a recording is an equilibrium: on request, or by its sampling interval.
 
-    Args:
-        ship: the ship.
-        table: canonical columns, before cleaning.
-        time: time of each row [s], shape (rows,).
-        asked: whether the user declares each row to be an equilibrium.
+    The table has canonical columns, before cleaning; ``time`` is that of each row [s], shape (rows,).
     """
     usual = median_step(time)
     return asked or usual >= max(SETTLED * surge_time_constant(ship, table), 1.01 * _SLOW_ROWS_S)
 
 
-def steady_rows_remark(
-    ship: Ship, table: pd.DataFrame, time: NDArray[np.float64], asked: bool
-) -> str:
+def steady_rows_remark(ship: Ship, table: pd.DataFrame, time: Array, asked: bool) -> str:
     """Return the warning that each row is treated as an equilibrium, with the reason."""
     surge, usual = surge_time_constant(ship, table), median_step(time)
     why = "as requested"
@@ -105,39 +96,22 @@ def steady_rows_remark(
 
 def drop_incomplete_rows(
     path: Path, table: pd.DataFrame, known: list[str], required: list[str]
-) -> tuple[pd.DataFrame, list[str]]:
+) -> Cleaned:
     """Drop columns that are mostly empty, rows without a value and rows that repeat a time.
 
-    Args:
-        path: file name for messages.
-        table: table with canonical names.
-        known: columns that are used.
-        required: those of them that may not be dropped.
-
-    Returns:
-        The remaining rows and columns, and a warning for each kind that was dropped.
+    The table has canonical names; required columns are not dropped.
 
     Raises:
         RecordingError: no row is complete.
     """
-    warnings = []
-    known = [column for column in known if column in table]
-    sparse = [
-        c for c in known if c not in (TIME, *required) and table[c].isna().mean() > _MOSTLY
-    ]  # fmt: skip
-    for column in sparse:
-        warnings.append(
-            f"{column} has no value in {table[column].isna().mean():.0%} of the rows; left out"
-        )
-    known = [column for column in known if column not in sparse]
+    empty = table[[column for column in known if column in table]].isna().mean()
+    sparse = [c for c in empty.index[empty > _MOSTLY] if c not in (TIME, *required)]
+    warnings = [f"{c} has no value in {empty[c]:.0%} of the rows; left out" for c in sparse]
+    known = [column for column in empty.index if column not in sparse]
     missing = table[known].isna().any(axis=1)
     again = table[TIME].duplicated() & ~missing if TIME in table else pd.Series(False, table.index)
-    for rows, why in ((missing, "a value is missing"), (again, "the time repeats another row's")):
-        if rows.any():
-            warnings.append(
-                f"{int(rows.sum())} of {len(table)} rows were left out, first row "
-                f"{int(np.argmax(rows)) + 1}: {why}"
-            )
+    warnings += _left_out(missing, "a value is missing")
+    warnings += _left_out(again, "the time repeats another row's")
     kept = table.drop(columns=sparse)[~(missing | again)]
     if kept.empty:
         raise RecordingError(
@@ -147,29 +121,21 @@ def drop_incomplete_rows(
     return kept.reset_index(drop=True), warnings
 
 
-def keep_running_rows(
-    path: Path, table: pd.DataFrame, ship: Ship
-) -> tuple[pd.DataFrame, list[str]]:
+def _left_out(rows: pd.Series | NDArray[np.bool_], why: str) -> list[str]:
+    """Return a warning on the rows that were left out; none without such rows."""
+    first, count = int(np.argmax(rows)) + 1, int(rows.sum())
+    said = f"{count} of {len(rows)} rows were left out, first row {first}: {why}"
+    return [said] if count else []
+
+
+def keep_running_rows(path: Path, table: pd.DataFrame, ship: Ship) -> Cleaned:
     """Keep the rows in which the ship runs ahead, and replace their times by an even time base.
-
-    Args:
-        path: file name for messages.
-        table: canonical columns with finite values.
-        ship: the ship.
-
-    Returns:
-        The rows and a warning for each kind of change.
 
     Raises:
         RecordingError: time falls, or fewer than two rows remain.
     """
     time = table[TIME].to_numpy()
-    if (np.diff(time) < 0.0).any():
-        row = int(np.argmax(np.diff(time) < 0.0)) + 2
-        raise RecordingError(
-            f"{path}: {TIME}, row {row}: {time[row - 1]:g} s after {time[row - 2]:g} s; time must "
-            "rise from row to row; sort the rows by it"
-        )
+    refuse_falling_time(path, time, np.diff(time) < 0.0)
     runs = np.ones(len(table), np.bool_)
     if ship.moves or ship.has_diesel:
         turning = SHAFT_SPEED if SHAFT_SPEED in table else drive_column(ship)
@@ -177,13 +143,11 @@ def keep_running_rows(
             if column in table:
                 values = table[column].to_numpy()
                 runs &= values > _STANDS * float(np.quantile(np.abs(values), 0.9))
-    warnings = []
-    if not runs.all():
-        warnings.append(
-            f"{int((~runs).sum())} of {len(runs)} rows were left out, first row "
-            f"{int(np.argmin(runs)) + 1}: the shaft or the ship stands still, runs astern or is below "
-            f"{_STANDS:.0%} of its usual speed, so that the row may be no equilibrium"
-        )
+    warnings = _left_out(
+        ~runs,
+        f"the shaft or the ship stands still, runs astern or is below {_STANDS:.0%} of its usual speed, "
+        "so that the row may be no equilibrium",
+    )
     table, usual = table[runs].reset_index(drop=True), median_step(time)
     if len(table) < 2 or not usual > 0.0:
         raise RecordingError(
@@ -200,25 +164,18 @@ def keep_running_rows(
 
 def drop_outliers(
     path: Path, table: pd.DataFrame, simulated: pd.DataFrame | None, measured: list[str]
-) -> tuple[pd.DataFrame, list[str]]:
+) -> Cleaned:
     """Drop the rows in which the residual of a measured channel against the simulation is a spike.
 
-    Args:
-        path: file name for messages.
-        table: finite values at an even interval.
-        simulated: equilibria of the nominal ship at the same rows, or None.
-        measured: channels to be searched for spikes.
-
-    Returns:
-        The remaining rows, and a warning if rows were dropped.
+    The simulation has the equilibria of the nominal ship at the same rows.
 
     Raises:
         RecordingError: more than 5 % of the values of a channel are spikes.
     """
     far = np.zeros(len(table), np.bool_)
-    for column in measured:
-        if simulated is None or column not in simulated or len(simulated) != len(table):
-            continue
+    if simulated is None or len(simulated) != len(table):
+        return table, []
+    for column in (column for column in measured if column in simulated):
         own = find_spikes(table[column].to_numpy() - simulated[column].to_numpy())
         if own.mean() > _MOST_OUTLIERS:
             raise RecordingError(
@@ -227,14 +184,9 @@ def drop_outliers(
                 "column or leave it out"
             )
         far |= own
-    if not far.any():
-        return table, []
     kept = table[~far].reset_index(drop=True)
-    warning = (
-        f"{int(far.sum())} of {len(table)} rows were left out, first row {int(np.argmax(far)) + 1}: a "
-        "measured channel has a spike there"
-    )
-    return kept.assign(**{TIME: table[TIME].to_numpy()[: len(kept)]}), [warning]
+    warnings = _left_out(far, "a measured channel has a spike there")
+    return kept.assign(**{TIME: table[TIME].to_numpy()[: len(kept)]}), warnings
 
 
 def estimate_row_noise(
@@ -242,23 +194,12 @@ def estimate_row_noise(
 ) -> float:
     """Return the rms noise of a measured channel whose rows are independent equilibria, in its unit.
 
-    Args:
-        table: canonical columns.
-        simulated: equilibria at the same rows, or None.
-        column: the channel.
-        inputs: columns on which the equilibrium depends.
+    The equilibria depend on the input columns; ``simulated`` has them at the same rows.
     """
     explaining = [table[name].to_numpy(dtype=np.float64) for name in inputs if name in table]
     if simulated is not None and column in simulated and len(simulated) == len(table):
         explaining.append(simulated[column].to_numpy(dtype=np.float64))
     return row_noise(table[column].to_numpy(dtype=np.float64), explaining)
-
-
-REMARK = (
-    "the recording has no {column}: the simulated shaft turns at the recorded {speed}, and the prime "
-    "mover is not diagnosed"
-)
-"""Remark on a recording whose shaft speed replaces the command of the prime mover."""
 
 
 class NoDriveCommandError(RecordingError):
@@ -281,41 +222,33 @@ def refuse_without_drive(path: Path, table: pd.DataFrame, ship: Ship) -> None:
 def drive_by_shaft_speed(ship: Ship) -> Ship:
     """Return the ship with a drive that prescribes the shaft speed.
 
-    Args:
-        ship: the ship; tolerances of its prime mover and terms that act on it are left out.
+    Tolerances of its prime mover and terms that act on it are left out.
     """
     # The limit is 1.5 times the rated speed, so that noise on a measured speed meets no end stop.
     mover = held_speed_source(min(top_speed(ship) / 2.0, 1e4))
     known = ship.tolerances
     numbers = {k: v for k, v in known.numbers.items() if not k.startswith("prime_mover.")}
-    terms = tuple(term for term in ship.term if term.acts_on not in ("drive", "drive_torque"))
-    return ship.model_copy(
-        update={
-            "prime_mover": mover,
-            "tolerances": known.model_copy(update={"numbers": numbers}),
-            "term": terms if isinstance(ship.term, tuple) else list(terms),
-        }
-    )
+    tolerances = known.model_copy(update={"numbers": numbers})
+    terms = tuple(t for t in ship.term if t.acts_on not in ("drive", "drive_torque"))
+    return ship.model_copy(update={"prime_mover": mover, "tolerances": tolerances, "term": terms})
 
 
 def restore_drive(corrected: Ship, ship: Ship) -> Ship:
-    """Return a corrected ship with the prime mover, the tolerances and all terms of the original ship.
+    """Return a ship of :func:`drive_by_shaft_speed`, corrected by effects, with its original drive.
 
-    Args:
-        corrected: ship of :func:`drive_by_shaft_speed` with identified effects.
-        ship: the ship of the ship file.
+    The prime mover, the tolerances and all terms are those of ``ship``, the ship of the ship file.
     """
     original = {term.id for term in ship.term}
-    terms = [*ship.term, *(term for term in corrected.term if term.id not in original)]
+    new = [term for term in corrected.term if term.id not in original]
+    terms = (*ship.term, *new)
     return corrected.model_copy(
-        update={
-            "prime_mover": ship.prime_mover,
-            "tolerances": ship.tolerances,
-            "term": tuple(terms) if isinstance(ship.term, tuple) else terms,
-        }
+        update={"prime_mover": ship.prime_mover, "tolerances": ship.tolerances, "term": terms}
     )
 
 
 def missing_drive_remark(ship: Ship) -> str:
-    """Return the remark on the missing drive command of a ship."""
-    return REMARK.format(column=drive_column(ship), speed=SHAFT_SPEED)
+    """Return the remark on a recording whose shaft speed replaces the command of the prime mover."""
+    return (
+        f"the recording has no {drive_column(ship)}: the simulated shaft turns at the recorded "
+        f"{SHAFT_SPEED}, and the prime mover is not diagnosed"
+    )

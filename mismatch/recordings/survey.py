@@ -21,7 +21,7 @@ from ...plant.columns import (
 from ...plant.recording import RecordingError, read_table
 from ...plant.ship import Ship
 from ...plant.terms import TURNING_SIGNALS
-from .columns import SignalSource, Source, load_map
+from .columns import ColumnMap, SignalSource, Source, load_map
 from .draft import draft_column_map
 from .joint import refuse_too_few_rows
 from .load import CUT, EXTRA_SIGNALS, Recording, load_parts
@@ -154,12 +154,11 @@ def survey(
             a check raises no error; the survey gives the reason.
     """
     path = Path(path)
-    given = None if columns is None else load_map(columns)
-    raw = read_table(path, {} if given is None else given.file.model_dump(exclude_none=True))
-    sources = {} if given is None else given.sources
+    given = ColumnMap.model_construct() if columns is None else load_map(columns)
+    raw = read_table(path, given.file.model_dump(exclude_none=True))
     recording, refused = None, ""
     no_drive: list[str] = []
-    implausible: tuple[str, ...] = ()
+    implausible: dict[str, None] = {}
     try:
         try:
             parts = load_parts(path, ship, columns, EXTRA_SIGNALS, steady=steady)
@@ -168,55 +167,40 @@ def survey(
             ship = drive_by_shaft_speed(ship)
             parts = load_parts(path, ship, columns, EXTRA_SIGNALS, steady=steady)
         refuse_too_few_rows(parts)
+        implausible = dict.fromkeys(remark for part in parts for remark in remarks(part, ship))
         recording = replace(
             parts[0],
             table=pd.concat([part.table for part in parts], ignore_index=True),
             warnings=(*no_drive, *_numbered_warnings(parts)),
             limits=tuple(dict.fromkeys(limit for part in parts for limit in part.limits)),
         )
-        implausible = tuple(
-            dict.fromkeys(remark for part in parts for remark in remarks(part, ship))
-        )
     except RecordingError as error:
-        recording = None
         refused = str(error).replace(f"{path}: ", "")
-    used = set() if given is None else given.inputs
-    entries = tuple(
-        _entry(name, raw[name], sources.get(name), recording, name in used) for name in raw.columns
-    )
+    entries = [
+        _entry(name, raw[name], given.sources.get(name), recording, name in given.inputs)
+        for name in raw.columns
+    ]
     none = pd.Series(dtype=float)
-    entries += tuple(
-        _entry(f"= {source.formula}", none, source, recording)
-        for source in sources.values()
-        if source.formula is not None
-    )
+    formulas = [source for source in given.sources.values() if source.formula is not None]
+    entries += [_entry(f"= {source.formula}", none, source, recording) for source in formulas]
     have = {entry.column for entry in entries}
-    wanted = [c for c in simulated_columns(ship) if c in COSTS and c not in have]
+    # Power divided by shaft speed is the torque.
     powers = {SHAFT_POWER} if ship.turns_freely else {SHAFT_POWER, ELECTRIC_POWER}
-    if powers & have:  # Power divided by shaft speed is the torque.
-        wanted = [c for c in wanted if c != "shaft_torque_N_m"]
-    if not ship.moves:
-        wanted = [c for c in wanted if c != "ship_speed_m_s"]
-    if not ship.has_voltage:
-        wanted = [c for c in wanted if c != "motor_current_A"]
-    if not ship.has_variable_pitch:
-        wanted = [c for c in wanted if c != "pitch_ratio"]
-    absent = {c: COSTS[c] for c in wanted}
+    useful = {
+        "shaft_torque_N_m": not powers & have, "ship_speed_m_s": ship.moves,
+        "motor_current_A": ship.has_voltage, "pitch_ratio": ship.has_variable_pitch,
+    }  # fmt: skip
+    wanted = [c for c in simulated_columns(ship) if c in COSTS and useful.get(c, True)]
+    absent = {c: COSTS[c] for c in wanted if c not in have}
     absent |= {c: "the ship cannot be simulated" for c in input_columns(ship) if c not in have}
     layout = raw.attrs.get("layout")
     left = raw[[entry.name for entry in entries if not entry.column]]
     begin = tuple(draft_column_map(ship, left, raw.attrs.get("units", {}), have))
     if recording is not None and not any(line.startswith('"') for line in begin):
         begin = ()
+    words = layout.description() if layout else ""
     return Survey(
-        path,
-        entries,
-        absent,
-        recording,
-        refused,
-        layout.description() if layout else "",
-        begin,
-        implausible,
+        path, tuple(entries), absent, recording, refused, words, begin, tuple(implausible)
     )
 
 
@@ -235,15 +219,7 @@ def _entry(
     recording: Recording | None,
     used: bool = False,
 ) -> Entry:
-    """Return the meaning of a column of the file.
-
-    Args:
-        name: name in the file, or the formula.
-        values: values in the file.
-        source: entry of the column map, or None.
-        recording: the checked recording; None if it is refused.
-        used: whether the column map uses the column, possibly in a formula.
-    """
+    """Return the meaning of a column of the file, or of a formula, which the column map may use."""
     known = source.column if source is not None else name if name in COLUMNS else ""
     if recording is not None:
         # On a ship that does not turn, a column of turning is the signal of that name for terms.
@@ -263,6 +239,6 @@ def _entry(
 
 
 def _short(value: float) -> str:
-    return (
-        "–" if np.isnan(value) else f"{value:.0f}" if 1e4 <= abs(value) < 1e15 else f"{value:.4g}"
-    )
+    if np.isnan(value):
+        return "–"
+    return f"{value:.0f}" if 1e4 <= abs(value) < 1e15 else f"{value:.4g}"

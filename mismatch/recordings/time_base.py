@@ -7,7 +7,7 @@ import itertools
 import re
 import warnings
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -16,8 +16,12 @@ from numpy.typing import NDArray
 from ...plant.columns import TIME
 from ...plant.recording import RecordingError
 
-LONGEST_GAP = 3
-"""Largest number of missing samples in a row that are interpolated."""
+Array = NDArray[np.float64]
+
+Cleaned: TypeAlias = tuple[pd.DataFrame, list[str]]
+"""Table after a cleaning step, and a warning for each kind of change."""
+
+LONGEST_GAP = 3  # largest number of missing samples in a row that are interpolated
 
 FEWEST_ROWS = 10
 """Fewest rows of a recording; a part of a voyage with a constant course may be this short."""
@@ -26,9 +30,7 @@ _EVEN = 0.01  # largest deviation of an even step, as a share of the interval
 _UNEVEN = 0.05  # share of uneven steps above which a recording is called irregular
 _FASTEST_S, _SLOWEST_S = 1e-4, 5.0
 _DAY_S = 86400.0
-_REGULAR = (
-    0.9  # share of the stamps of a coarse clock that cover the usual number of rows, within 1
-)
+_REGULAR = 0.9  # share of the stamps of a coarse clock that cover the usual number of rows ± 1
 _SPARSE = 0.95  # share of the values of a slow channel that have the same spacing
 _CLOCK = re.compile(r"\s*(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?\s*")
 _DOTTED = re.compile(r"\s*\d{1,2}\.\d{1,2}\.\d{2,4}\b")
@@ -67,12 +69,8 @@ def seconds_since_first(values: pd.Series, form: str | None = None) -> pd.Series
     return (stamps - stamps.iloc[0]).dt.total_seconds()
 
 
-def convert_dates(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+def convert_dates(path: Path, table: pd.DataFrame) -> Cleaned:
     """Return the table with dates or durations of its time column as seconds, and a warning on dates.
-
-    Args:
-        path: file name for messages.
-        table: table with canonical names.
 
     Raises:
         RecordingError: the time column holds dates or times of day as text.
@@ -93,15 +91,10 @@ def convert_dates(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[s
     return table, []
 
 
-def time_in_seconds(path: Path, table: pd.DataFrame) -> NDArray[np.float64]:
+def time_in_seconds(path: Path, table: pd.DataFrame) -> Array:
     """Return the time of each row [s], shape (rows,): NaN for text, empty without a time column.
 
-    Args:
-        path: file name for messages.
-        table: table with canonical names.
-
-    Raises:
-        RecordingError: as of :func:`convert_dates`.
+    Errors are those of :func:`convert_dates`.
     """
     time = convert_dates(path, table)[0].get(TIME, pd.Series(dtype=float))
     return np.asarray(pd.to_numeric(time, errors="coerce"), dtype=np.float64)
@@ -120,7 +113,7 @@ def first_day(values: pd.Series, form: str | None = None) -> str | None:
         return None
 
 
-def _counted_on(clock: NDArray[Any]) -> NDArray[np.float64]:
+def _counted_on(clock: NDArray[Any]) -> Array:
     """Return the seconds of hours, minutes and seconds; each fall by half a day or more adds a day."""
     parts = [[float(str(part).replace(",", ".")) if isinstance(part, str) else 0.0
               for part in row] for row in clock]  # fmt: skip
@@ -159,44 +152,41 @@ def _moments(texts: pd.Series, form: str | None) -> pd.Series:
     return next(iter(read.values()))
 
 
-def spread_coarse_clock(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+def spread_coarse_clock(path: Path, table: pd.DataFrame) -> Cleaned:
     """Return the table with the rows between two ticks of a coarse clock spread evenly, and a warning.
 
-    Args:
-        path: file name for messages.
-        table: finite values; a time that falls is left as it is.
+    A time that falls is left as it is.
     """
     time = table[TIME].to_numpy()
     stamps, first, counts = np.unique(time, return_index=True, return_counts=True)
     if len(stamps) == len(time) or len(stamps) < 4 or (np.diff(time) < 0.0).any():
         return table, []
     inner = counts[1:-1]  # The first and the last tick may be cut off.
-    usual = float(np.median(inner))
-    if usual < 2.0 or np.mean(np.abs(inner - usual) <= 1.0) < _REGULAR:
+    usual, step = float(np.median(inner)), float(np.median(np.diff(stamps)))
+    regular = np.abs(inner - usual) <= 1.0
+    if usual < 2.0 or np.mean(regular) < _REGULAR:
         return table, []
-    rate = float(np.median(np.diff(stamps))) / float(np.mean(inner[np.abs(inner - usual) <= 1.0]))
+    rate = step / float(np.mean(inner[regular]))
     rows = np.arange(len(time), dtype=np.float64)
     knots, at = first[1:].astype(np.float64), stamps[1:]
     even = np.interp(rows, knots, at)
     even = np.where(rows < knots[0], at[0] - rate * (knots[0] - rows), even)
     even = np.where(rows > knots[-1], at[-1] + rate * (rows - knots[-1]), even)
-    step = float(np.median(np.diff(stamps)))
     return table.assign(**{TIME: even - even[0] + time[0]}), [
         f"the clock repeats each time for {usual:g} rows and then steps by {step:g} s; the rows were "
         f"spread evenly between its steps, {rate:.4g} s apart"
     ]
 
 
-def split_at_gaps(time: NDArray[np.float64]) -> list[tuple[int, int]]:
+def split_at_gaps(time: Array) -> list[tuple[int, int]]:
     """Return the parts between gaps that are too long to be interpolated, as (first, one past the last).
 
     Example:
         >>> split_at_gaps(np.array([0.0, 1.0, 2.0, 60.0, 61.0]))
         [(0, 3), (3, 5)]
 
-    Args:
-        time: time of each row [s], shape (n,). A time that is not finite or falls gives one part; a
-            later check refuses it.
+    The time of each row has the unit [s] and the shape (n,). A time that is not finite or falls gives
+    one part; a later check refuses it.
     """
     steps = np.diff(time)
     if not np.isfinite(time).all() or (steps < 0.0).any() or not (steps > 0.0).any():
@@ -207,22 +197,12 @@ def split_at_gaps(time: NDArray[np.float64]) -> list[tuple[int, int]]:
     return list(itertools.pairwise(edges))
 
 
-def fill_missing(
-    path: Path, table: pd.DataFrame, known: list[str]
-) -> tuple[pd.DataFrame, list[str]]:
+def fill_missing(path: Path, table: pd.DataFrame, known: list[str]) -> Cleaned:
     """Interpolate short runs of missing values.
 
     Up to :data:`LONGEST_GAP` missing values in a row are interpolated linearly. The channel of a slow
     instrument, which has a value in every n-th row only, keeps each value until the next one. Text that
     is no number is left for the check of numbers.
-
-    Args:
-        path: file name for messages.
-        table: table with canonical names.
-        known: columns to be filled in.
-
-    Returns:
-        The table and a warning for each column that was changed.
 
     Raises:
         RecordingError: more values are missing in a row; gives the column, the row and the count.
@@ -240,37 +220,40 @@ def fill_missing(
         runs = np.diff(edges) - 1
         every = int(np.median(np.diff(present))) if len(present) > 2 else 1
         regular = every > 1 and np.mean(np.diff(present) == every) >= _SPARSE
+        total = f"{missing.sum()} of {len(table)}"
         if regular and runs.max() <= every + LONGEST_GAP:
-            table = table.assign(**{column: numbers.ffill().bfill()})
-            messages.append(
-                f"{column} has a value in every {every} rows; each was kept until the next value"
-            )
-            continue
-        if runs.max() > LONGEST_GAP:
+            whole = numbers.ffill().bfill()
+            done = f" has a value in every {every} rows; each was kept until the next value"
+        elif runs.max() > LONGEST_GAP:
             row = int(edges[int(np.argmax(runs))]) + 2
             raise RecordingError(
-                f"{path}: {column}, row {row}: {runs.max()} values in a row are missing "
-                f"({missing.sum()} of {len(table)} in all); up to {LONGEST_GAP} are interpolated; cut "
-                "the recording there and use the parts, or leave the column out"
+                f"{path}: {column}, row {row}: {runs.max()} values in a row are missing ({total} in "
+                f"all); up to {LONGEST_GAP} are interpolated; cut the recording there and use the "
+                "parts, or leave the column out"
             )
-        whole = numbers.interpolate(limit_direction="both")
+        else:
+            whole = numbers.interpolate(limit_direction="both")
+            done = (
+                f": {total} values were missing, up to {runs.max()} in a row, first in row "
+                f"{int(np.argmax(missing)) + 1}; they were interpolated linearly"
+            )
         table = table.assign(**{column: whole})
-        messages.append(
-            f"{column}: {missing.sum()} of {len(table)} values were missing, up to {runs.max()} in a "
-            f"row, first in row {int(np.argmax(missing)) + 1}; they were interpolated linearly"
-        )
+        messages.append(f"{column}{done}")
     return table, messages
 
 
-def resample_evenly(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """Average rows with the same time and interpolate the table onto an even time base.
+def refuse_falling_time(path: Path, time: Array, falls: NDArray[np.bool_], more: str = "") -> None:
+    """Raise a RecordingError at the first row whose step of time (row - 1,) is marked as a fall."""
+    if falls.any():
+        row = int(np.argmax(falls)) + 2
+        raise RecordingError(
+            f"{path}: {TIME}, row {row}: {time[row - 1]:g} s after {time[row - 2]:g} s; time must "
+            f"rise from row to row; sort the rows by it{more}"
+        )
 
-    Args:
-        path: file name for messages.
-        table: canonical columns with finite values.
 
-    Returns:
-        The table and a warning for each kind of change.
+def resample_evenly(path: Path, table: pd.DataFrame) -> Cleaned:
+    """Average rows with the same time and interpolate the finite values onto an even time base.
 
     Raises:
         RecordingError: time falls or is negative, the usual step is outside 0.1 ms to 5 s, or a gap is
@@ -287,12 +270,7 @@ def resample_evenly(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list
         table = table.groupby(TIME, as_index=False).mean()[[*table]]
     time = table[TIME].to_numpy()
     steps = np.diff(time)
-    if (steps <= 0.0).any():
-        row = int(np.argmax(steps <= 0.0)) + 2
-        raise RecordingError(
-            f"{path}: {TIME}, row {row}: {time[row - 1]:g} s after {time[row - 2]:g} s; time must "
-            "rise from row to row; sort the rows by it, or cut the recording there"
-        )
+    refuse_falling_time(path, time, steps <= 0.0, ", or cut the recording there")
     if time[0] < 0.0:
         raise RecordingError(
             f"{path}: {TIME} begins at {time[0]:g} s, and no time may be negative; subtract the first "
@@ -318,8 +296,9 @@ def resample_evenly(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list
             "samples are interpolated); cut the recording there and use the parts, each of at least "
             f"{FEWEST_ROWS} rows"
         )
-    uneven = np.abs(steps - usual) > 0.5 * usual
-    if not len(gaps) and (np.abs(steps - usual) <= _EVEN * usual).all():
+    off = np.abs(steps - usual)
+    uneven = off > 0.5 * usual
+    if not len(gaps) and (off <= _EVEN * usual).all():
         return table, messages
     onto = "every channel was interpolated linearly onto an even time base"
     if uneven.mean() > _UNEVEN:
@@ -330,16 +309,13 @@ def resample_evenly(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list
         )
     elif len(gaps):
         rows = ", ".join(str(row + 2) for row in gaps[:5]) + (", ..." if len(gaps) > 5 else "")
-        messages.append(
-            f"samples are missing before row {rows}; they were interpolated linearly"
-        )  # fmt: skip
-    worst = float(np.max(np.abs(steps[steps <= 1.5 * usual] - usual)))
+        messages.append(f"samples are missing before row {rows}; they were interpolated linearly")
+    worst = float(np.max(off[steps <= 1.5 * usual]))
     if worst > _EVEN * usual and uneven.mean() <= _UNEVEN:
         messages.append(
             f"steps of time differ by up to {worst:.2g} s from the usual {usual:.4g} s; {onto}"
         )
     count = round((time[-1] - time[0]) / float(np.mean(steps[~uneven]))) + 1
     even = np.linspace(time[0], time[-1], count)
-    return pd.DataFrame(
-        {c: np.interp(even, time, table[c]) for c in table} | {TIME: even}
-    ), messages
+    columns = {c: np.interp(even, time, table[c]) for c in table} | {TIME: even}
+    return pd.DataFrame(columns), messages

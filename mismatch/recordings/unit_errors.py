@@ -15,10 +15,14 @@ from ...plant.ship import Ship
 from .columns import PERCENT_OF_RANGE, PITCHES
 from .excitation import helm_column
 
+Array = NDArray[np.float64]
+
+_BEYOND = 1.25  # multiple of its end stop that no command exceeds
+_RPM = math.pi / 30.0
+HELMS = (RUDDER, RUDDER_COMMAND)
+"""Columns of the rudder angle, either of which may be the rudder command."""
 _SIGNED = ("shaft_torque_N_m", "thrust_N", "ship_speed_m_s", "motor_current_A", SHAFT_SPEED)
-_BOTH_WAYS = (
-    0.1  # share of its size that a signal must reach with either sign to count as reversing
-)
+_BOTH_WAYS = 0.1  # share of its size that a reversing signal reaches with either sign
 _NEVER = 0.02  # share of its size by which a magnitude may lie below zero
 _NOISES = 4.0  # multiple of its noise by which a magnitude may lie below zero
 _RECTIFIED = 0.6  # least correlation with the magnitude
@@ -32,8 +36,7 @@ def rectified_remark(
 
     Args:
         table: canonical columns.
-        simulated: simulation of the nominal ship with the same commands; if None, the channel is
-            compared with the drive command.
+        simulated: simulation of the nominal ship; if None, the drive command is compared.
         column: measured channel.
         drive: column of the drive command.
         noise: rms of the white noise of the channel.
@@ -69,14 +72,6 @@ def _correlation(a: NDArray[Any], b: NDArray[Any]) -> float:
     return float(np.corrcoef(a, b)[0, 1])
 
 
-Array = NDArray[np.float64]
-
-_BEYOND = 1.25  # multiple of its end stop that no command exceeds
-_RPM = math.pi / 30.0
-HELMS = (RUDDER, RUDDER_COMMAND)
-"""Columns of the rudder angle, either of which may be the rudder command."""
-
-
 class UnitError(NamedTuple):
     """Likely unit or sign error: its description, its factor, and the keys that correct it."""
 
@@ -98,12 +93,7 @@ def _unit(name: str, factor: float) -> UnitError:
 
 
 def power_of_ten_error(factor: float, unit: str) -> UnitError:
-    """Return the error of a channel whose values are too small or too large by a power of ten.
-
-    Args:
-        factor: factor by which the values must be multiplied; it is rounded to a power of ten.
-        unit: unit of the channel.
-    """
+    """Return the error of a channel whose values must be multiplied by about a power of ten."""
     power = 10.0 ** round(math.log10(factor))
     size = "small" if power > 1.0 else "large"
     looks = f"values that are {max(power, 1.0 / power):g} times too {size} for {unit}"
@@ -174,11 +164,7 @@ def command_columns(ship: Ship, table: pd.DataFrame) -> list[str]:
 def describe_unit_errors(column: str, errors: list[UnitError], median: float, expected: str) -> str:
     """Return a sentence with the likely errors of a column and the keys that correct them.
 
-    Args:
-        column: canonical column.
-        errors: likely errors, the most likely first.
-        median: median of the recorded values.
-        expected: verb phrase with the value that the ship has instead, such as "takes 0 to 40 mm".
+    The verb phrase ``expected`` has the value of the ship, such as "takes 0 to 40 mm".
     """
     return (
         f"{column} looks like {' or '.join(e.looks_like for e in errors)}: its median is {median:.4g} "
@@ -229,17 +215,13 @@ def range_text(column: str, ship: Ship) -> str:
 
 def impossible_commands(table: pd.DataFrame, ship: Ship) -> Iterator[str]:
     """Yield errors on commands outside the range of the ship, with the unit errors that explain them."""
-    plant = ship.record()
     for column in command_columns(ship, table):
         values = table[column].to_numpy()
+        low, high = command_ranges(ship)[column]
         if column == "pitch_ratio_command":
-            high = max(abs(plant["pitch_ratio_min"]), abs(plant["pitch_ratio_max"])) + 0.3
-            low = min(0.0, plant["pitch_ratio_min"])
-        elif column in HELMS:
-            high = _BEYOND * plant["rudder_max"]
-            low = -high
+            low, high = min(0.0, low), max(abs(low), abs(high)) + 0.3
         else:
-            high, low = _BEYOND * plant["drive_max"], plant["drive_min"]
+            low, high = (_BEYOND * low if column in HELMS else low), _BEYOND * high
         if _possible(values, low, high):
             continue
         likely = likely_unit_errors(column, ship)

@@ -6,37 +6,35 @@ import math
 from typing import Any
 
 from ..judge.held_out import rms_errors
+from ..judge.shapes import Shape
 from ..judge.verdict import EXPLAINED
 from ..outcome import Outcome
 from ..simulate.balances import BALANCE_OF_RESIDUAL
 from .text import finding_sentence, headline, sentence
-from .wording import (
-    biased_parameter_as_dict,
-    biased_parameter_of,
-    formula_as_dict,
-    parameters_as_dict,
-)
+from .wording import biased_parameters, formula_as_dict, parameters_as_dict
 
 
 def _location(diagnosis: Outcome) -> dict[str, Any]:
-    duration = float(diagnosis.time_s[-1])
-    if diagnosis.findings:
-        balances = list(dict.fromkeys(f.effect.balance for f in diagnosis.findings))
-        windows = sorted({w for f in diagnosis.findings for w in f.windows})
-        words = [f.regime for f in diagnosis.findings if f.regime]
-        return {
-            "balances": balances,
-            "windows_s": merge_windows(windows),
-            "regime": "; ".join(words),
-        }
-    if diagnosis.shape is not None:
-        shape = diagnosis.shape
-        return {
-            "balances": [BALANCE_OF_RESIDUAL.get(shape.balance, shape.balance)],
-            "windows_s": [list(w) for w in diagnosis.shape_windows] or [[0.0, duration]],
-            "regime": diagnosis.shape_regime,
-        }
-    return {"balances": [], "windows_s": [], "regime": ""}
+    balances: list[str] = []
+    windows: list[list[float]] = []
+    regime, findings, shape = "", diagnosis.findings, diagnosis.shape
+    if findings:
+        balances = list(dict.fromkeys(f.effect.balance for f in findings))
+        windows = merge_windows([w for f in findings for w in f.windows])
+        regime = "; ".join(f.regime for f in findings if f.regime)
+    elif shape is not None:
+        balances = [BALANCE_OF_RESIDUAL.get(shape.balance, shape.balance)]
+        regime = diagnosis.shape_regime
+        windows = [list(w) for w in diagnosis.shape_windows] or [[0.0, float(diagnosis.time_s[-1])]]
+    return {"balances": balances, "windows_s": windows, "regime": regime}
+
+
+def _shape(shape: Shape) -> dict[str, Any]:
+    """Return signal, units and points of a shape."""
+    return {
+        "signal": shape.signal, "signal_unit": shape.signal_unit, "unit": shape.unit,
+        "knots": shape.knots.tolist(), "values": shape.values.tolist(),
+    }  # fmt: skip
 
 
 def _balances(diagnosis: Outcome) -> dict[str, Any]:
@@ -46,18 +44,12 @@ def _balances(diagnosis: Outcome) -> dict[str, Any]:
     for balance in diagnosis.balance_verdicts:
         left: dict[str, Any] | None = None
         if balance.left is not None and balance.verdict != EXPLAINED:
+            own = shape if shape is not None and shape.balance == balance.name else None
             left = {
-                "share": 1.0 - balance.explained,
-                "low_Hz": balance.left.low_Hz,
-                "high_Hz": balance.left.high_Hz,
-                "times_noise": balance.left.ratio,
-                "shape": None,
-            }
-            if shape is not None and shape.balance == balance.name:
-                left["shape"] = {
-                    "signal": shape.signal, "signal_unit": shape.signal_unit, "unit": shape.unit,
-                    "knots": shape.knots.tolist(), "values": shape.values.tolist(),
-                }  # fmt: skip
+                "share": 1.0 - balance.explained, "low_Hz": balance.left.low_Hz,
+                "high_Hz": balance.left.high_Hz, "times_noise": balance.left.ratio,
+                "shape": None if own is None else _shape(own),
+            }  # fmt: skip
         found[balance.name] = {
             "verdict": balance.verdict, "explained_share": balance.explained, "left": left,
         }  # fmt: skip
@@ -95,30 +87,25 @@ def replace_non_finite(value: Any) -> Any:
 def diagnosis_as_dict(diagnosis: Outcome) -> dict[str, Any]:
     """Return ``report.json`` of a diagnosis; values in the units that their names state."""
     effects = []
-    for place, f in enumerate(diagnosis.findings):
-        effect = f.effect
+    for f, biased in zip(diagnosis.findings, biased_parameters(diagnosis), strict=True):
+        effect, none = f.effect, {"ci95": None} if f.unmeasured else {}
+        equivalent = dict.fromkeys(c.effect.id for c in f.rivals if c.effect.id != effect.id)
+        wrong = None
+        if biased is not None:
+            wrong = {k: getattr(biased, k) for k in ("key", "file", "value", "gain")}
         effects.append(
             {
-                "id": effect.id,
-                "balance": effect.balance,
-                "form": effect.form,
-                "equivalent_ids": list(
-                    dict.fromkeys(c.effect.id for c in f.rivals if c.effect.id != effect.id)
-                ),
-                "equation": effect.equation,
+                "id": effect.id, "balance": effect.balance, "form": effect.form,
+                "equivalent_ids": list(equivalent), "equation": effect.equation,
                 "sentence": finding_sentence(f),
-                "parameters": {
-                    e.name: e.to_dict() | ({"ci95": None} if f.unmeasured else {})
-                    for e in f.estimates
-                },
-                "unmeasured": f.unmeasured,
-                "implausible": f.implausible,
+                "parameters": {e.name: e.to_dict() | none for e in f.estimates},
+                "unmeasured": f.unmeasured, "implausible": f.implausible,
                 "evidence": {"score": f.score, "threshold": f.threshold},
-                "windows_s": [list(w) for w in f.windows],
-                "split_by": effect.split_by,
-                "wrong_number": biased_parameter_as_dict(biased_parameter_of(diagnosis, place)),
+                "windows_s": [list(w) for w in f.windows], "split_by": effect.split_by,
+                "wrong_number": wrong,
             }
-        )
+        )  # fmt: skip
+    measured, held = diagnosis.measured, diagnosis.held_rows
     report: dict[str, Any] = {
         "verdict": diagnosis.verdict,
         "headline": headline(diagnosis),
@@ -134,10 +121,9 @@ def diagnosis_as_dict(diagnosis: Outcome) -> dict[str, Any]:
         "balances": _balances(diagnosis),
         "fit": {
             "held_out": {
-                "before": diagnosis.fit_before,
-                "after": diagnosis.fit_after,
-                "rms_before": rms_errors(diagnosis.measured, diagnosis.before, diagnosis.held_rows),
-                "rms_after": rms_errors(diagnosis.measured, diagnosis.after, diagnosis.held_rows),
+                "before": diagnosis.fit_before, "after": diagnosis.fit_after,
+                "rms_before": rms_errors(measured, diagnosis.before, held),
+                "rms_after": rms_errors(measured, diagnosis.after, held),
                 "gain_2logL": diagnosis.held_out_gain,
             }
         },
@@ -160,15 +146,12 @@ def diagnosis_as_dict(diagnosis: Outcome) -> dict[str, Any]:
         "warnings": diagnosis.warnings,
     }  # fmt: skip
     if diagnosis.shape is not None:
-        shape = diagnosis.shape
+        evidence = {"score": diagnosis.shape.gain, "threshold": diagnosis.shape.threshold}
+        balance = diagnosis.shape.balance
         report["unexplained"] = {
-            "balance": shape.balance,
-            "signal": shape.signal,
-            "signal_unit": shape.signal_unit,
-            "knots": shape.knots.tolist(),
-            "values": shape.values.tolist(),
-            "unit": shape.unit,
-            "evidence": {"score": shape.gain, "threshold": shape.threshold},
+            "balance": balance,
+            **_shape(diagnosis.shape),
+            "evidence": evidence,
         }
     plain: dict[str, Any] = replace_non_finite(report)
     return plain

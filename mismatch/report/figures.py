@@ -25,14 +25,7 @@ from ...plant.ship import Ship
 from ..estimate import HALF_95
 from ..outcome import Outcome
 from ..search.catalogue import Window
-from .wording import (
-    axis_label,
-    channel_name,
-    number,
-    scale_unit,
-    superscript,
-    time_unit,
-)
+from .wording import axis_label, channel_name, number, scale_unit, superscript, time_unit
 
 Array = NDArray[np.float64]
 
@@ -45,44 +38,36 @@ BEFORE_LINE: dict[str, Any] = {"color": BEFORE, "linewidth": 1.25, "linestyle": 
 AFTER_LINE: dict[str, Any] = {"color": AFTER, "linewidth": 1.5}
 """Line styles of the nominal and the corrected ship; the dashed line is drawn last to show both."""
 
-WIDTH, HEIGHT = 5.4, 2.35
-"""Size of a panel [inch]; the page shows it about 550 pixels wide."""
+WIDTH, HEIGHT = 5.4, 2.35  # Size of a panel [inch]; the page shows it about 550 pixels wide
 
 _SMALL, _NORMAL = 8.0, 8.8
 _POINTS = 420
+_BINS = 12
+LEAST_SPECTRUM = 64  # smallest number of rows in each segment whose spectra are averaged
+RANKED = 12  # number of candidates that the ranking shows
+_SEA_Hz = (0.04, 0.4)
+_HUMP = 3.0
+
+QUANTITY = {
+    "engine": "torque", "motor": "torque", "propeller": "torque", "load": "torque",
+    "hull": "force", "sway": "force", "yaw": "moment", "thrust": "force",
+    "pitch-actuator": "pitch ratio",
+}  # fmt: skip
+"""Quantity of each balance's residual."""
 
 _UNKNOWN_TO_MATHTEXT = {
-    r"\le ": r"\leq ",
-    r"\ge ": r"\geq ",
-    r"\bigl(": "(",
-    r"\bigr)": ")",
-    r"\bigl|": "|",
-    r"\bigr|": "|",
-}
+    r"\le ": r"\leq ", r"\ge ": r"\geq ", r"\bigl(": "(", r"\bigr)": ")", r"\bigl|": "|", r"\bigr|": "|",
+}  # fmt: skip
 
 
 def panel(
     title: str, x: str, y: str, height: float = HEIGHT, left: float = 0.7
 ) -> tuple[Figure, Axes]:
-    """Return an empty panel.
-
-    Args:
-        title: title above the axes.
-        x: label of the horizontal axis.
-        y: label of the vertical axis.
-        height: height of the panel [inch].
-        left: left margin for the labels of the vertical axis [inch].
-    """
+    """Return an empty panel with a title and axis labels; height and left margin are in inches."""
     figure = Figure(figsize=(WIDTH, height))
     above, below = 0.3, 0.46
-    axes = figure.add_axes(
-        (
-            left / WIDTH,
-            below / height,
-            (WIDTH - left - 0.2) / WIDTH,
-            (height - above - below) / height,
-        )
-    )
+    width, inner = (WIDTH - left - 0.2) / WIDTH, (height - above - below) / height
+    axes = figure.add_axes((left / WIDTH, below / height, width, inner))
     axes.set_title(title, fontsize=_NORMAL, loc="left", color=MEASURED, fontweight="bold", pad=5)
     axes.set_xlabel(x, fontsize=_NORMAL, labelpad=2)
     axes.set_ylabel(y, fontsize=_NORMAL, labelpad=3)
@@ -96,10 +81,7 @@ def panel(
 def svg(figure: Figure, label: str, prefix: str) -> str:
     """Return a figure as an SVG element.
 
-    Args:
-        figure: the figure.
-        label: text for screen readers.
-        prefix: prefix of the element's ids, unique on the page.
+    The label is for screen readers; the prefix of the element's ids is unique on the page.
     """
     buffer = io.StringIO()
     no_metadata: dict[str, Any] = dict.fromkeys(("Creator", "Date", "Format", "Type"))
@@ -118,12 +100,9 @@ def svg(figure: Figure, label: str, prefix: str) -> str:
 
 
 def equation(latex: str, plain: str, prefix: str) -> str:
-    """Return an equation as an SVG element, or as plain text where matplotlib cannot typeset it.
+    """Return an equation (LaTeX without dollar signs) as an SVG element.
 
-    Args:
-        latex: the equation without dollar signs.
-        plain: the equation as plain text.
-        prefix: prefix of the element's ids.
+    It is plain text where matplotlib cannot typeset it.
     """
     spaced = latex + " "
     for unknown, known in _UNKNOWN_TO_MATHTEXT.items():
@@ -147,8 +126,7 @@ def outline(time: Array, values: Array) -> tuple[Array, Array]:
     if size < 3:
         return time, values
     count = len(values) // size
-    cut = values[: count * size].reshape(count, size)
-    at = time[: count * size].reshape(count, size)
+    cut, at = (trace[: count * size].reshape(count, size) for trace in (values, time))
     pairs = np.column_stack([cut.min(axis=1), cut.max(axis=1)]).ravel()
     return np.column_stack([at[:, 0], at[:, size // 2]]).ravel(), pairs
 
@@ -174,7 +152,9 @@ def block_statistics(values: Array, size: int, take: Callable[..., Any] = np.mea
     return np.asarray(take(values[: count * size].reshape(count, size), axis=1))
 
 
-_BINS = 12
+def block_size(diagnosis: Outcome) -> int:
+    """Return the rows of a block of the residuals of a diagnosis."""
+    return block_rows(float(diagnosis.time_s[-1]), sampling_interval(diagnosis))
 
 
 def balances_to_show(diagnosis: Outcome) -> list[int]:
@@ -186,11 +166,8 @@ def balances_to_show(diagnosis: Outcome) -> list[int]:
         return [names.index(diagnosis.shape.balance)]
     if diagnosis.left_over is not None:
         return [diagnosis.left_over.balance]
-    size = block_rows(float(diagnosis.time_s[-1]), sampling_interval(diagnosis))
-    slow = [
-        float(np.std(block_statistics(r, size)) / (np.std(r) + 1e-300))
-        for r in diagnosis.residual_before
-    ]
+    size, before = block_size(diagnosis), diagnosis.residual_before
+    slow = [float(np.std(block_statistics(r, size)) / (np.std(r) + 1e-300)) for r in before]
     return [int(np.argmax(slow))]
 
 
@@ -200,13 +177,11 @@ def signals_to_show(diagnosis: Outcome) -> dict[str, tuple[Array, str, str]]:
     They are simulated with the corrected ship, because the noise of measured signals is also in the
     residual.
     """
-    found = {}
     columns = {
         "shaft_speed": "shaft_speed_rad_s", "ship_speed": "ship_speed_m_s", "pitch_ratio": "pitch_ratio",
     }  # fmt: skip
-    for key, column in columns.items():
-        if column in diagnosis.after:
-            found[key] = (diagnosis.after[column], *channel_name(column))
+    after = diagnosis.after
+    found = {k: (after[c], *channel_name(c)) for k, c in columns.items() if c in after}
     found["drive"] = (diagnosis.drive, *channel_name(drive_column(diagnosis.ship)))
     return {k: v for k, v in found.items() if np.ptp(v[0]) > 0.02 * np.abs(v[0]).max()}
 
@@ -216,19 +191,15 @@ def bin_means(signal: Array, residual: Array, size: int) -> tuple[Array, Array, 
     x, y = block_statistics(signal, size), block_statistics(residual, size)
     order = np.argsort(x)
     parts = [p for p in np.array_split(order, min(_BINS, max(1, len(order) // 5))) if len(p) > 1]
+    centres, means = ([values[p].mean() for p in parts] for values in (x, y))
     error = [HALF_95 * np.std(y[p], ddof=1) / np.sqrt(len(p)) for p in parts]
-    return (
-        np.array([x[p].mean() for p in parts]),
-        np.array([y[p].mean() for p in parts]),
-        np.array(error),
-    )
+    return np.array(centres), np.array(means), np.array(error)
 
 
 def regime_panels(diagnosis: Outcome) -> list[str]:
     """Draw the residuals of the located balances over the operating regime, before and after."""
     drawn: list[str] = []
-    size = block_rows(float(diagnosis.time_s[-1]), sampling_interval(diagnosis))
-    shape = diagnosis.shape
+    size, shape = block_size(diagnosis), diagnosis.shape
     for row in balances_to_show(diagnosis)[:2]:
         name, unit = diagnosis.balances[row]
         lines = [(diagnosis.residual_before[row], BEFORE)]
@@ -273,7 +244,7 @@ def shape_panel(diagnosis: Outcome) -> list[str]:
     names = [name for name, _ in diagnosis.balances]
     signals = {"time": (diagnosis.time_s, "", ""), **signals_to_show(diagnosis)}
     if shape.signal in signals and shape.balance in names:
-        size = block_rows(float(diagnosis.time_s[-1]), sampling_interval(diagnosis))
+        size = block_size(diagnosis)
         residual = diagnosis.residual_before[names.index(shape.balance)]
         # The shape was fitted over the signal of the nominal simulation.
         nominal = {"shaft_speed": "shaft_speed_rad_s", "ship_speed": "ship_speed_m_s"}
@@ -282,23 +253,6 @@ def shape_panel(diagnosis: Outcome) -> list[str]:
         axes.plot(x, y, ".", color=QUIET, markersize=3.0)
     axes.plot(shape.knots, shape.values / factor, "o-", color=BEFORE, linewidth=1.8, markersize=4.5)
     return [svg(figure, f"shape of the residual of the {shape.balance} balance", "s0")]
-
-
-LEAST_SPECTRUM = 64
-"""Smallest number of rows in each segment whose spectra are averaged."""
-
-RANKED = 12
-"""Number of candidates that the ranking shows."""
-
-_SEA_Hz = (0.04, 0.4)
-_HUMP = 3.0
-
-QUANTITY = {
-    "engine": "torque", "motor": "torque", "propeller": "torque", "load": "torque",
-    "hull": "force", "sway": "force", "yaw": "moment", "thrust": "force",
-    "pitch-actuator": "pitch ratio",
-}  # fmt: skip
-"""Quantity of each balance's residual."""
 
 
 class Comparison(Protocol):
@@ -356,12 +310,8 @@ def trace_panels(diagnosis: Comparison) -> list[str]:
             if whole:
                 for a, b in held_out:
                     axes.axvspan(a, b, color=HELD_OUT, linewidth=0)
-            axes.plot(
-                *outline(time[part], measured[part] / factor),
-                color=MEASURED,
-                linewidth=0.7,
-                alpha=0.45,
-            )
+            points = outline(time[part], measured[part] / factor)
+            axes.plot(*points, color=MEASURED, linewidth=0.7, alpha=0.45)
             for channels, style in rows:
                 axes.plot(*thin(time[part], channels[column][part] / factor), **style)
             axes.set_xlim(start, end)
@@ -371,18 +321,16 @@ def trace_panels(diagnosis: Comparison) -> list[str]:
 
 def residual_panels(diagnosis: Outcome) -> list[str]:
     """Draw the residual of each balance over time, before and after."""
-    time = diagnosis.time_s
+    time, size = diagnosis.time_s, block_size(diagnosis)
     drawn: list[str] = []
     clock, seconds = time_unit(float(time[-1]))
-    size = block_rows(float(time[-1]), sampling_interval(diagnosis))
     at = block_statistics(time, size) / clock
     for row, (name, unit) in enumerate(diagnosis.balances):
         before, after = diagnosis.residual_before[row], diagnosis.residual_after[row]
         means = [(block_statistics(before, size), nominal_line(diagnosis))]
         if is_corrected(diagnosis):
             means.insert(0, (block_statistics(after, size), AFTER_LINE))
-        largest = max(float(np.abs(m).max()) for m, _ in means)
-        factor, shown = scale_unit(largest, unit)
+        factor, shown = scale_unit(max(float(np.abs(m).max()) for m, _ in means), unit)
         label = axis_label(f"missing {QUANTITY.get(name, '')}", shown)
         figure, axes = panel(f"{name} balance", f"time [{seconds}]", label)
         for a, b in diagnosis.held_out:
@@ -390,14 +338,14 @@ def residual_panels(diagnosis: Outcome) -> list[str]:
         for a, b in _windows(diagnosis, row):
             axes.axvspan(a / clock, b / clock, color=WINDOW, alpha=0.6, linewidth=0)
         spread = block_statistics(before, size, np.std)
-        low, high = _range([values for values, _ in means], float(np.median(spread)))
-        if float(np.median(spread)) < high - low:
+        usual = float(np.median(spread))
+        low, high = _range([values for values, _ in means], usual)
+        if usual < high - low:
             band = ((means[-1][0] - spread) / factor, (means[-1][0] + spread) / factor)
             axes.fill_between(at, *band, color=QUIET, alpha=0.35, linewidth=0)
         else:
-            prefix, in_unit = scale_unit(float(np.median(spread)), unit)
-            size_of = number(float(np.median(spread)) / prefix, 2)
-            text = f"standard deviation of samples {size_of} {in_unit}".strip()
+            prefix, in_unit = scale_unit(usual, unit)
+            text = f"standard deviation of samples {number(usual / prefix, 2)} {in_unit}".strip()
             axes.text(0.99, 0.96, text, transform=axes.transAxes, ha="right", va="top", fontsize=8)
         axes.axhline(0.0, color=MEASURED, linewidth=0.6)
         for values, style in means:
@@ -427,10 +375,8 @@ def _windows(diagnosis: Outcome, row: int) -> list[tuple[float, float]]:
 def spectrum_panels(diagnosis: Outcome) -> list[str]:
     """Draw the spectrum of the residual of each balance, before and after."""
     drawn = []
-    rate = 1.0 / sampling_interval(diagnosis)
-    least = min(len(diagnosis.time_s) // 4, LEAST_SPECTRUM)
-    length = max(least, min(len(diagnosis.time_s) // 4, round(120.0 * rate)))
-
+    rate, quarter = 1.0 / sampling_interval(diagnosis), len(diagnosis.time_s) // 4
+    length = max(min(quarter, LEAST_SPECTRUM), min(quarter, round(120.0 * rate)))
     for row, (name, unit) in enumerate(diagnosis.balances):
         lines = [(diagnosis.residual_before[row], nominal_line(diagnosis))]
         if is_corrected(diagnosis):
@@ -500,19 +446,11 @@ def ranking_panels(diagnosis: Outcome) -> list[str]:
     for place, (candidate, limit) in enumerate(best):
         gain, name = candidate.gain, candidate.effect.label
         colour = AFTER if name in chosen else "#7fbcc5" if name in rivals else QUIET
-        axes.barh(
-            place, max(gain, 0.0), color=colour, alpha=1.0 if gain > limit else 0.6, height=0.62
-        )
+        alpha = 1.0 if gain > limit else 0.6
+        axes.barh(place, max(gain, 0.0), color=colour, alpha=alpha, height=0.62)
         axes.plot([limit, limit], [place - 0.42, place + 0.42], color=BEFORE, linewidth=1.6)
-        text = f"{gain:.0f}" if gain >= 0.5 else "none"
-        axes.annotate(
-            text,
-            (max(gain, limit), place),
-            (4, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize=8.0,
-        )
+        text, where = f"{gain:.0f}" if gain >= 0.5 else "none", (max(gain, limit), place)
+        axes.annotate(text, where, (4, 0), textcoords="offset points", va="center", fontsize=8.0)
     top = max(max(c.gain, limit) for c, limit in best)
     # The scale is linear up to the thresholds, so that effects above and below them are distinguishable.
     axes.set_xscale("symlog", linthresh=max(limit for _, limit in best))

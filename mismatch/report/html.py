@@ -1,7 +1,4 @@
-"""``report.html``: a diagnosis as one self-contained page with embedded figures.
-
-``report.html`` of an identification: one self-contained page with embedded figures.
-"""
+"""``report.html`` of a diagnosis or an identification: a self-contained page with embedded figures."""
 
 from __future__ import annotations
 
@@ -23,12 +20,12 @@ from ..judge.verdict import NOTHING
 from ..outcome import Outcome
 from ..search.catalogue import SizedEffect, catalogue, confusable_ids
 from . import figures
-from .figures import AFTER, HEIGHT, MEASURED, equation, panel, svg, trace_panels
+from .figures import AFTER, HEIGHT, MEASURED, equation, panel, svg
 from .text import CONSTANT, VERDICT_WORDS, headline, lacking_or_excess, remarks, sentence, status
 from .wording import (
     DAY_S,
-    biased_parameter_of,
     biased_parameter_sentence,
+    biased_parameters,
     breakable_key,
     capitalise,
     channel_name,
@@ -49,57 +46,8 @@ if TYPE_CHECKING:
     from ..identify import Identification
 
 
-_ABSENT = "absent"
-
-
-def changed_keys(diagnosis: Outcome) -> list[tuple[Markup, str, str]]:
-    """Return the keys of the ship file that the correction changes, with old and new value."""
-    old, new = (_values_by_key(ship) for ship in (diagnosis.ship, diagnosis.corrected))
-    return [
-        (
-            breakable_key(key),
-            _value(old.get(key), key, diagnosis.corrected),
-            _value(value, key, diagnosis.corrected),
-        )
-        for key, value in new.items()
-        if value != old.get(key)
-    ]
-
-
-def _values_by_key(ship: Ship) -> dict[str, Any]:
-    """Return the values of a ship file by dotted key, and the expressions of its terms by id."""
-    tree = ship.model_dump()
-    found = _flat({key: value for key, value in tree.items() if key != "term"})
-    for term in ship.term:
-        found[f"term.{term.id}"] = "; ".join(f"{where}: {what}" for where, what in term.expressions)
-        for name, parameter in term.parameters.items():
-            found[f"term.{term.id}.{name}"] = parameter.value
-    return found
-
-
-def _flat(tree: dict[str, Any], above: str = "") -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for key, value in tree.items():
-        found |= _flat(value, f"{above}{key}.") if isinstance(value, dict) else {above + key: value}
-    return found
-
-
-def _value(value: Any, key: str, ship: Ship) -> str:
-    if value is None:
-        return _ABSENT
-    if isinstance(value, list | tuple):
-        return ", ".join(_value(item, "", ship) for item in value)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return str(value)
-    try:
-        unit = ship.parameter(key).info.unit if key else "-"
-    except (ShipError, KeyError, ValueError):
-        unit = "-"
-    return f"{number(float(value), 5)} {superscript(unit)}".strip()
-
-
 def report_html(diagnosis: Outcome) -> str:
-    """Return the page with its style sheet, equations and figures."""
+    """Return the page of a diagnosis with its style sheet, equations and figures."""
     drawn = {
         "traces": figures.trace_panels(diagnosis),
         "residuals": figures.residual_panels(diagnosis),
@@ -108,7 +56,9 @@ def report_html(diagnosis: Outcome) -> str:
         "ranking": figures.ranking_panels(diagnosis),
         "shape": figures.shape_panel(diagnosis),
     }
-    return template("report.html.j2").render(
+    return _render(
+        "report.html.j2",
+        drawn,
         d=diagnosis,
         status=status(diagnosis),
         verdict=VERDICT_WORDS[status(diagnosis)],
@@ -122,51 +72,94 @@ def report_html(diagnosis: Outcome) -> str:
         balances=_balances(diagnosis),
         formula=formula_for_page(diagnosis.formula),
         located=[diagnosis.balances[row][0] for row in figures.balances_to_show(diagnosis)[:2]],
-        figures={key: [Markup(panel) for panel in panels] for key, panels in drawn.items()},
         shown=min(figures.RANKED, len(diagnosis.ranking)),
         detectable=_detectable_rows(diagnosis),
         without_size=_without_size(diagnosis),
         parameters=parameter_rows_for_page(diagnosis),
         remarks=remarks(diagnosis),
         keys=changed_keys(diagnosis),
-        version=version("shaftline"),
-        style=style(),
     )
 
 
+def _render(template: str, drawn: dict[str, list[str]], **fields: Any) -> str:
+    """Return a page from a template of this package, its figures and its fields."""
+    return _template(template).render(
+        figures={key: [Markup(panel) for panel in panels] for key, panels in drawn.items()},
+        version=version("shaftline"), style=Markup(_text("style.css")), **fields,
+    )  # fmt: skip
+
+
 @functools.cache
-def template(name: str) -> Template:
-    """Return a template of this package by file name."""
+def _template(name: str) -> Template:
     return Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     ).from_string(_text(name))
-
-
-def style() -> Markup:
-    """Return the style sheet of the pages."""
-    return Markup(_text("style.css"))
 
 
 def _text(name: str) -> str:
     return importlib.resources.files("shaftline.mismatch.report").joinpath(name).read_text("utf-8")
 
 
+def changed_keys(diagnosis: Outcome) -> list[tuple[Markup, str, str]]:
+    """Return the keys of the ship file that the correction changes, with old and new value."""
+    ship = diagnosis.corrected
+    old, new = _values_by_key(diagnosis.ship), _values_by_key(ship)
+    return [
+        (breakable_key(key), _value(old.get(key), key, ship), _value(value, key, ship))
+        for key, value in new.items()
+        if value != old.get(key)
+    ]
+
+
+def _values_by_key(ship: Ship) -> dict[str, Any]:
+    """Return the values of a ship file by dotted key, and the expressions of its terms by id."""
+
+    def flat(tree: dict[str, Any], above: str = "") -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        for key, value in tree.items():
+            name = above + key
+            found |= flat(value, f"{name}.") if isinstance(value, dict) else {name: value}
+        return found
+
+    found = flat(ship.model_dump(exclude={"term"}))
+    for term in ship.term:
+        found[f"term.{term.id}"] = "; ".join(f"{where}: {what}" for where, what in term.expressions)
+        for name, parameter in term.parameters.items():
+            found[f"term.{term.id}.{name}"] = parameter.value
+    return found
+
+
+def _value(value: Any, key: str, ship: Ship) -> str:
+    if value is None:
+        return "absent"
+    if isinstance(value, list | tuple):
+        return ", ".join(_value(item, "", ship) for item in value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value)
+    try:
+        unit = ship.parameter(key).info.unit if key else "-"
+    except (ShipError, KeyError, ValueError):
+        unit = "-"
+    return f"{number(float(value), 5)} {superscript(unit)}".strip()
+
+
 def _balances(diagnosis: Outcome) -> list[dict[str, str]]:
     """Return one table row for each balance."""
     rows = []
     for balance in diagnosis.balance_verdicts:
-        left = balance.left
-        rows.append(
-            {
-                "name": balance.name,
-                "verdict": VERDICT_WORDS[balance.verdict],
-                "share": "–" if left is None and balance.verdict == NOTHING
-                else f"{100.0 * max(balance.explained, 0.0):.0f} %",
-                "residual": "noise" if left is None
-                else f"{number(left.ratio, 2)} times the noise's power between "
-                f"{number(left.low_Hz, 2)} and {number(left.high_Hz, 2)} Hz",
-            }
-        )  # fmt: skip
+        left, share, residual = (
+            balance.left,
+            f"{100.0 * max(balance.explained, 0.0):.0f} %",
+            "noise",
+        )
+        if left is not None:
+            ratio, low, high = (number(x, 2) for x in (left.ratio, left.low_Hz, left.high_Hz))
+            residual = f"{ratio} times the noise's power between {low} and {high} Hz"
+        elif balance.verdict == NOTHING:
+            share = "–"
+        verdict = VERDICT_WORDS[balance.verdict]
+        row = {"name": balance.name, "verdict": verdict, "share": share, "residual": residual}
+        rows.append(row)
     return rows
 
 
@@ -176,21 +169,18 @@ def _finding(diagnosis: Outcome, index: int) -> dict[str, Any]:
     effect = finding.effect
     rows = []
     for estimate in finding.estimates:
-        low, high = estimate.ci95
         factor, shown = scale_unit(abs(estimate.value), estimate.unit)
+        interval = " … ".join(number(end / factor) for end in estimate.ci95)
         rows.append(
             {
                 "name": parameter_words(estimate.name, estimate.unit),
                 "key": breakable_key(estimate.key),
                 "value": number(estimate.value / factor),
-                "interval": "not measured"
-                if finding.unmeasured
-                else f"{number(low / factor)} … {number(high / factor)}",
+                "interval": "not measured" if finding.unmeasured else interval,
                 "unit": shown or "–",
             }
         )
-    rivals = [_rival(c.sized_effect, ship) for c in finding.rivals]
-    biased = biased_parameter_of(diagnosis, index)
+    biased = biased_parameters(diagnosis)[index]
     return {
         "name": capitalise(effect_words(effect)),
         "effect": effect,
@@ -199,7 +189,7 @@ def _finding(diagnosis: Outcome, index: int) -> dict[str, Any]:
         "lacks": lacking_or_excess(finding),
         "equation": Markup(equation(effect.latex, effect.equation, f"e{index}")),
         "parameters": rows,
-        "rivals": rivals,
+        "rivals": [_rival(c.sized_effect, ship) for c in finding.rivals],
         "biased": "" if biased is None else biased_parameter_sentence(biased),
         "score": number(finding.score),
         "threshold": number(finding.threshold),
@@ -230,11 +220,11 @@ def _facts(diagnosis: Outcome) -> list[tuple[str, str]]:
         ("Effects tried", f"{len(diagnosis.ranking)} of {len(catalogue())} in the catalogue"),
     ]
     if diagnosis.findings:
-        share = (
-            f"{100.0 * diagnosis.explained:.0f} % of the low-frequency residual power beyond noise"
-        )
-        facts.append(("Explained", share))
-        facts.append(("2 Δ log L on held-out data", number(diagnosis.held_out_gain)))
+        share = f"{100.0 * diagnosis.explained:.0f} %"
+        facts += [
+            ("Explained", f"{share} of the low-frequency residual power beyond noise"),
+            ("2 Δ log L on held-out data", number(diagnosis.held_out_gain)),
+        ]
     return facts
 
 
@@ -250,21 +240,12 @@ def _fits(diagnosis: Outcome) -> list[dict[str, Any]]:
 
     rows: list[dict[str, Any]] = []
     for column in diagnosis.measured:
-        name = channel_name(column)[0]
-        if column not in diagnosis.fit_before:
-            rows.append({"name": name, "none": CONSTANT})
-            continue
-        before, after = diagnosis.fit_before[column], diagnosis.fit_after[column]
-        rows.append(
-            {
-                "name": name,
-                "none": "",
-                "before": percent(before),
-                "after": percent(after),
-                "wide_before": width(before),
-                "wide_after": width(after),
-            }
-        )
+        row = {"name": channel_name(column)[0], "none": CONSTANT}
+        if column in diagnosis.fit_before:
+            before, after = diagnosis.fit_before[column], diagnosis.fit_after[column]
+            row |= {"none": "", "before": percent(before), "after": percent(after)}
+            row |= {"wide_before": width(before), "wide_after": width(after)}
+        rows.append(row)
     return rows
 
 
@@ -273,13 +254,11 @@ def _shape(diagnosis: Outcome) -> dict[str, Any] | None:
     if shape is None:
         return None
     factor, unit = scale_unit(float(np.abs(shape.values).max()), shape.unit)
+    points = zip(shape.knots.tolist(), shape.values.tolist(), strict=True)
     return {
         "signal": shape.signal.replace("_", " "),
         "unit": unit,
-        "rows": [
-            (number(float(x)), number(float(y) / factor))
-            for x, y in zip(shape.knots, shape.values, strict=True)
-        ],
+        "rows": [(number(x), number(y / factor)) for x, y in points],
         "gain": number(shape.gain),
         "threshold": number(shape.threshold),
         "windows": windows_in_words(diagnosis.shape_windows, float(diagnosis.time_s[-1])),
@@ -288,6 +267,7 @@ def _shape(diagnosis: Outcome) -> dict[str, Any] | None:
 
 
 def _detectable_rows(diagnosis: Outcome) -> list[dict[str, str]]:
+    found = sorted(diagnosis.detectable, key=lambda item: (item.effect.balance, item.effect.id))
     return [
         {
             "effect": capitalise(effect_words(item.effect)),
@@ -296,9 +276,7 @@ def _detectable_rows(diagnosis: Outcome) -> list[dict[str, str]]:
             "size": value_with_unit(item.value, item.unit),
             "needs": item.effect.excitation,
         }
-        for item in sorted(
-            diagnosis.detectable, key=lambda item: (item.effect.balance, item.effect.id)
-        )
+        for item in found
     ]
 
 
@@ -314,51 +292,43 @@ def _without_size(diagnosis: Outcome) -> dict[str, list[str]]:
 
 
 def identification_html(identification: Identification) -> str:
-    """Return the page with its style sheet and figures."""
+    """Return the page of an identification with its style sheet and figures."""
     drawn = {
         "parameters": [_change_panel(identification), *_correlation_panels(identification)],
-        "traces": trace_panels(identification) if identification.fit_before else [],
+        "traces": figures.trace_panels(identification) if identification.fit_before else [],
         "search": _search_panels(identification),
     }
-    return template("identified.html.j2").render(
-        i=identification,
-        sentence=_sentence(identification),
-        rows=_rows(identification),
-        fits=[
-            {"name": channel_name(c)[0], "before": f"{before:.1f}",
-             "after": f"{identification.fit_after[c]:.1f}"}
-            for c, before in identification.fit_before.items()
-        ],
-        figures={key: [Markup(one) for one in panels] for key, panels in drawn.items()},
-        version=version("shaftline"),
-        style=style(),
-    )  # fmt: skip
+    before, after = identification.fit_before, identification.fit_after
+    fits = [
+        {"name": channel_name(c)[0], "before": f"{before[c]:.1f}", "after": f"{after[c]:.1f}"}
+        for c in before
+    ]
+    said, rows = _sentence(identification), _rows(identification)
+    return _render(
+        "identified.html.j2", drawn, i=identification, sentence=said, rows=rows, fits=fits
+    )
 
 
 def _sentence(identification: Identification) -> str:
     """Return which parameters were identified, and the channel whose fit improves most."""
-    count = len(identification.estimates)
-    words = (
-        f"{identification.ship.name}: {count} parameter{'s' if count > 1 else ''} identified by "
-        f"{identification.method}"
-    )
-    if not identification.fit_before:
+    count, before, after = (
+        len(identification.estimates), identification.fit_before, identification.fit_after,
+    )  # fmt: skip
+    plural = "s" if count > 1 else ""
+    name, method = identification.ship.name, identification.method
+    words = f"{name}: {count} parameter{plural} identified by {method}"
+    if not before:
         return words + "."
-    gains = {
-        column: identification.fit_after[column] - before
-        for column, before in identification.fit_before.items()
-    }
-    best = max(gains, key=lambda column: gains[column])
+    best = max(before, key=lambda column: after[column] - before[column])
     return (
-        f"{words}; FitPercent of {channel_name(best)[0]} changes from "
-        f"{identification.fit_before[best]:.1f} to {identification.fit_after[best]:.1f} %."
+        f"{words}; FitPercent of {channel_name(best)[0]} changes from {before[best]:.1f} to "
+        f"{after[best]:.1f} %."
     )
 
 
 def _rows(identification: Identification) -> list[dict[str, Any]]:
     rows = []
     for estimate in identification.estimates:
-        low, high = estimate.ci95
         before = estimate.neutral
         change = f"{100.0 * (estimate.value / before - 1.0):+.1f} %" if before else "new"
         rows.append(
@@ -366,7 +336,7 @@ def _rows(identification: Identification) -> list[dict[str, Any]]:
                 "key": breakable_key(estimate.key),
                 "before": number(before, 4),
                 "value": number(estimate.value, 4),
-                "interval": f"{number(low, 4)} … {number(high, 4)}",
+                "interval": " … ".join(number(end, 4) for end in estimate.ci95),
                 "change": change.replace("-", "−"),
                 "unit": superscript(estimate.unit) or "–",
             }
@@ -393,16 +363,14 @@ def _change_panel(identification: Identification) -> str:
 
 def _correlation_panels(identification: Identification) -> list[str]:
     """Draw the correlation matrix of the estimates; nothing for a single parameter."""
-    if len(identification.estimates) < 2:
+    if (count := len(identification.estimates)) < 2:
         return []
-    count = len(identification.estimates)
     height = max(HEIGHT, 0.9 + 0.3 * count)
     figure, axes = panel("Correlation of the estimates", "", "", height, 2.2)
     axes.imshow(identification.correlation, vmin=-1.0, vmax=1.0, cmap="RdBu_r", aspect="auto")
     for (i, j), value in np.ndenumerate(identification.correlation):
-        dark = abs(value) > 0.6
-        axes.text(j, i, f"{value:.2f}".replace("-", "−"), ha="center", va="center",
-                  fontsize=7, color="white" if dark else MEASURED)  # fmt: skip
+        text, colour = f"{value:.2f}".replace("-", "−"), "white" if abs(value) > 0.6 else MEASURED
+        axes.text(j, i, text, ha="center", va="center", fontsize=7, color=colour)
     names = [parameter_words(e.name, e.unit) for e in identification.estimates]
     axes.set_yticks(range(count), names, fontsize=7)
     axes.set_xticks(range(count), [str(i + 1) for i in range(count)], fontsize=7)
@@ -416,7 +384,11 @@ def _search_panels(identification: Identification) -> list[str]:
     if table is None or len(table) < 2:
         return []
     if "cost" in table:  # the method has a cost function and no likelihood
-        return [_cost_panel(table)]
+        figure, axes = panel("Cost function", "evaluation", "weighted sum of squared errors")
+        axes.semilogy(np.maximum(table["cost"], 1e-3), color=AFTER)
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        label = "weighted sum of squared errors over the evaluations of the search"
+        return [svg(figure, label, "s0")]
     bands = table.get("highest_Hz", pd.Series(0.0, table.index))
     searches = table["2logL"].groupby(bands, sort=False)
     left = (searches.transform("last") - table["2logL"]).to_numpy()
@@ -425,22 +397,12 @@ def _search_panels(identification: Identification) -> list[str]:
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     drawn = [svg(figure, "2 log L over the steps of the search", "s0")]
     figure, axes = panel("Parameters by step", "step", "share of the final change [%]")
-    units = {estimate.key: estimate.unit for estimate in identification.estimates}
-    for key in units:
-        values = table[key].to_numpy()
+    for e in identification.estimates:
+        values = table[e.key].to_numpy()
         change = values[-1] - values[0]
         if change != 0.0 and math.isfinite(change):
-            axes.plot(100.0 * (values - values[0]) / change, "o-", markersize=3,
-                      label=parameter_words(key.split(".")[-1], units[key]))  # fmt: skip
+            words = parameter_words(e.name, e.unit)
+            axes.plot(100.0 * (values - values[0]) / change, "o-", markersize=3, label=words)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.legend(fontsize=6, frameon=False, loc="upper right", ncols=2)
-    drawn.append(svg(figure, "parameters over the steps of the search", "s1"))
-    return drawn
-
-
-def _cost_panel(table: pd.DataFrame) -> str:
-    """Draw the weighted sum of squared errors by evaluation of the search."""
-    figure, axes = panel("Cost function", "evaluation", "weighted sum of squared errors")
-    axes.semilogy(np.maximum(table["cost"], 1e-3), color=AFTER)
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    return svg(figure, "weighted sum of squared errors over the evaluations of the search", "s0")
+    return [*drawn, svg(figure, "parameters over the steps of the search", "s1")]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 from urllib.parse import quote
 
@@ -17,46 +19,57 @@ from ...plant.ship_files import write_ship
 from .data import replace_non_finite
 from .text import align_columns
 
-REPORT, PAGE = "report.json", "report.html"
-"""File names of the report as data and as a page."""
+REPORT, PAGE = "report.json", "report.html"  # File names of the report as data and as a page
 
 
-def write_result(
-    folder: str | Path,
-    report: dict[str, Any],
-    page: str | None,
-    ships: Mapping[str, Ship],
-    tables: Mapping[str, pd.DataFrame] | None = None,
-) -> Path:
-    """Write the files of a result; each file is renamed into place when it is complete.
+class Result(ABC):
+    """Result of a diagnosis or an identification, which can be written to a folder."""
 
-    Args:
-        folder: created if it does not exist.
-        report: content of :data:`REPORT`.
-        page: content of :data:`PAGE`; None writes no page.
-        ships: ships by file name.
-        tables: tables by file name without ``.csv``.
+    tables: Mapping[str, pd.DataFrame] = MappingProxyType({})
 
-    Returns:
-        The folder.
+    def save(self, folder: str | Path, *, page: bool = True) -> Path:
+        """Write ``report.json``, ``report.html``, the corrected ship, and the tables as CSV.
 
-    Raises:
-        OSError: the folder cannot be written to.
-    """
-    folder = Path(folder)
-    texts = {f"{name}.csv": table.to_csv(index=False) for name, table in (tables or {}).items()}
-    if page is not None:
-        texts[PAGE] = page
-    write_json(folder / REPORT, report)
-    for name, ship in ships.items():
-        write_ship(ship, folder / name)
-    for name, text in texts.items():
-        write_text(folder / name, text)
-    return folder
+        Each file is renamed into place when it is complete.
+
+        Args:
+            folder: created if it does not exist.
+            page: whether to write ``report.html`` with its figures.
+
+        Returns:
+            The folder.
+
+        Raises:
+            OSError: the folder cannot be written to.
+        """
+        folder = Path(folder)
+        texts = {f"{name}.csv": table.to_csv(index=False) for name, table in self.tables.items()}
+        if page:
+            texts[PAGE] = self._page()
+        write_json(folder / REPORT, self.to_dict())
+        for name, ship in self._ships().items():
+            write_ship(ship, folder / name)
+        for name, text in texts.items():
+            write_text(folder / name, text)
+        return folder
+
+    @abstractmethod
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of ``report.json``."""
+
+    @abstractmethod
+    def _page(self) -> str:
+        """Return the content of ``report.html``."""
+
+    @abstractmethod
+    def _ships(self) -> dict[str, Ship]:
+        """Return the written ships by file name."""
 
 
-INDEX_PAGE, INDEX_TABLE = "index.html", "index.csv"
-"""File names of the index as a page and as a table."""
+INDEX_PAGE, INDEX_TABLE = (
+    "index.html",
+    "index.csv",
+)  # File names of the index as a page and as a table
 
 INDEX_COLUMNS = (
     "recording", "ship", "date", "verdict", "balances", "found", "windows_s", "regime", "channel",
@@ -89,13 +102,13 @@ def index_row(
     row |= {"fit_before": float("nan"), "fit_after": float("nan")}
     if report is None:
         return row
-    fit = report["fit"]["held_out"]
+    location, fit = report["location"], report["fit"]["held_out"]
+    before, after = fit["before"], fit["after"]
     gains = {
-        column: after - fit["before"][column]
-        for column, after in fit["after"].items()
-        if after is not None and fit["before"].get(column) is not None
+        column: after[column] - before[column]
+        for column in after
+        if after[column] is not None and before.get(column) is not None
     }
-    location = report["location"]
     row |= {
         "ship": report["ship"],
         "verdict": report["verdict"],
@@ -107,9 +120,8 @@ def index_row(
         "report": link,
     }
     if gains:
-        channel = max(gains, key=lambda column: gains[column])
-        row |= {"channel": channel, "fit_before": fit["before"][channel]}
-        row["fit_after"] = fit["after"][channel]
+        best = max(gains, key=lambda column: gains[column])
+        row |= {"channel": best, "fit_before": before[best], "fit_after": after[best]}
     return row
 
 
@@ -121,10 +133,9 @@ def _effects_in_words(report: Mapping[str, Any]) -> str:
         also = "".join(f" or {other}" for other in effect["equivalent_ids"])
         parts.append(f"{effect['id']}{also} ({name} = {parameter['value']:.4g})")
     if not parts and report["verdict"] == "unexplained":
-        shape = report.get("unexplained")
-        if shape is None:
-            return "unknown cause"
-        return f"unknown cause; depends on {shape['signal'].replace('_', ' ')}"
+        parts = ["unknown cause"]
+        if (shape := report.get("unexplained")) is not None:
+            parts.append(f"depends on {shape['signal'].replace('_', ' ')}")
     return "; ".join(parts)
 
 
@@ -234,6 +245,9 @@ _NOTE = (
 )
 
 
+_HEADS = ("Recording", "Ship", "Date", "Verdict", "Balance and time", "Effects", "FitPercent")
+
+
 def index_html(index: DiagnosisIndex) -> str:
     """Return ``index.html``, self-contained apart from its links to the reports."""
     good, bad = index.diagnosed, index.failed
@@ -248,16 +262,7 @@ def index_html(index: DiagnosisIndex) -> str:
         f"{', '.join(parts)}.</p>",
     ]
     if len(good):
-        heads = (
-            "Recording",
-            "Ship",
-            "Date",
-            "Verdict",
-            "Balance and time",
-            "Effects",
-            "FitPercent",
-        )
-        body += [f"<p>{_NOTE}</p>", _table(heads, map(_row, good.to_dict("records")))]
+        body += [f"<p>{_NOTE}</p>", _table(_HEADS, map(_row, good.to_dict("records")))]
     if len(bad):
         lines = [
             f"<td class=narrow>{escape(row['recording'])}</td><td class=narrow>{row['date']}</td>"
@@ -281,17 +286,17 @@ def _table(heads: Iterable[str], lines: Iterable[str]) -> str:
 
 
 def _row(row: dict[Any, Any]) -> str:
-    where = escape(row["balances"])
-    if row["windows_s"]:
-        where += f"<br><small>{escape(row['windows_s'])} s</small>"
-    if row["regime"]:
-        where += f"<br><small>{escape(row['regime'])}</small>"
+
+    def small(text: str) -> str:
+        return f"<br><small>{escape(text)}</small>" if text else ""
+
+    where = escape(row["balances"]) + small(row["windows_s"] and f"{row['windows_s']} s")
+    where += small(row["regime"])
     what = f"{escape(row['found'])}<br>" if row["found"] else ""
     what += f"<small>{escape(row['sentence'])}</small>"
     fit = ""
     if row["channel"]:
-        fit = f"{row['fit_before']:.1f} → {row['fit_after']:.1f}"
-        fit += f"<br><small>{escape(row['channel'])}</small>"
+        fit = f"{row['fit_before']:.1f} → {row['fit_after']:.1f}{small(row['channel'])}"
     verdict = escape(row["verdict"])
     return (
         f'<td class=narrow><a href="{quote(row["report"])}">{escape(row["recording"])}</a></td>'

@@ -10,14 +10,14 @@ import numpy as np
 from ..judge.held_out import rms_errors
 from ..judge.verdict import EXPLAINED, NOTHING, PARTLY, UNEXPLAINED, BalanceVerdict, Finding
 from ..outcome import Outcome
-from .figures import block_rows, block_statistics, sampling_interval
+from .figures import block_size, block_statistics
 from .wording import (
-    biased_parameter_of,
     biased_parameter_sentence,
+    biased_parameters,
+    capitalise,
     channel_name,
-    corrected_far_parameters,
-    corrected_free_parameters,
-    corrected_names,
+    corrected_parameters,
+    corrections,
     effect_words,
     formula_lines,
     formula_sentence,
@@ -29,11 +29,11 @@ from .wording import (
     value_with_unit,
 )
 
-_WORSE = 1.0
-"""Points of FitPercent by which the correction may worsen a channel without a remark."""
-
-_ELSEWHERE = 3.0
-"""Ratio of the residual on the held-out rows to that on the other rows above which a remark is given."""
+_WORSE = 1.0  # points of FitPercent by which the correction may worsen a channel without a remark
+_ELSEWHERE = 3.0  # ratio of the residual on held-out to other rows that gives a remark
+NEUTRAL = (0.0, 1.0)  # values without an effect that need no mention: of a size and of a factor
+MOST_WORDS = 15  # largest number of words of a headline
+CONSTANT = "constant: no FitPercent"
 
 
 def remarks(diagnosis: Outcome) -> list[str]:
@@ -49,10 +49,9 @@ def remarks(diagnosis: Outcome) -> list[str]:
             f"On the held-out data the corrected ship fits {', '.join(worse)} worse than the nominal "
             "ship does: use the correction as a description of this recording, not as a model."
         )
-    inside = np.zeros(len(diagnosis.time_s), bool)
-    for a, b in diagnosis.held_out:
-        inside |= (diagnosis.time_s >= a) & (diagnosis.time_s < b)
-    size = block_rows(float(diagnosis.time_s[-1]), sampling_interval(diagnosis))
+    time = diagnosis.time_s
+    inside = np.any([(time >= a) & (time < b) for a, b in diagnosis.held_out], axis=0)
+    size = block_size(diagnosis)
     where = block_statistics(inside.astype(float), size) > 0.5
     for (name, _), residual in zip(diagnosis.balances, diagnosis.residual_after, strict=True):
         means = block_statistics(residual, size) - float(np.median(residual[~inside]))
@@ -74,12 +73,6 @@ def remarks(diagnosis: Outcome) -> list[str]:
         )
     return said
 
-
-NEUTRAL = (0.0, 1.0)
-"""Values without an effect that need no mention: 0 of a size and 1 of a factor."""
-
-MOST_WORDS = 15
-"""Largest number of words of a headline."""
 
 VERDICT_WORDS = {
     EXPLAINED: "explained",
@@ -108,7 +101,8 @@ def headline(diagnosis: Outcome) -> str:
     if diagnosis.verdict in (EXPLAINED, PARTLY):
         names = dict.fromkeys(effect_words(f.effect) for f in diagnosis.findings)
         return _shortened(f"{verdict} by", list(names))
-    if wrong := corrected_names(diagnosis):
+    if corrected := corrected_parameters(diagnosis, free=True, far=True):
+        wrong = [parameter_words(n.key.rpartition(".")[2], n.unit) for n in corrected]
         left = "; a residual remains" if has_residual(diagnosis) else ""
         return _shortened("The ship file is wrong in", wrong, left)
     if diagnosis.verdict == NOTHING:
@@ -146,21 +140,23 @@ def finding_sentence(finding: Finding) -> str:
     effect = finding.effect
     sizes = []
     for estimate in finding.estimates:
-        unit = estimate.unit
-        low, high = (value_with_unit(end, unit) for end in estimate.ci95)
-        size = f"{value_with_unit(estimate.value, unit)} (95 % interval: {low} to {high})"
+        value, neutral, low, high = (
+            value_with_unit(size, estimate.unit)
+            for size in (estimate.value, estimate.neutral, *estimate.ci95)
+        )
+        size = f"{value} (95 % interval: {low} to {high})"
         if estimate.neutral not in NEUTRAL and math.isfinite(estimate.neutral):
-            size += f", where the ship file has {value_with_unit(estimate.neutral, unit)}"
+            size += f", where the ship file has {neutral}"
         if finding.unmeasured:
-            size = f"about {value_with_unit(estimate.value, unit)}"
-        sizes.append(f"{parameter_words(estimate.name, unit)} {size}")
+            size = f"about {value}"
+        sizes.append(f"{parameter_words(estimate.name, estimate.unit)} {size}")
     subject = "instrument" if effect.balance == "sensor" else f"{effect.balance} balance"
     where = f", with {finding.regime.replace('_', ' ')}," if finding.regime else ""
     when = _between(finding.windows)
     guess = f" ({finding.unmeasured}: no interval)" if finding.unmeasured else ""
     if finding.implausible:
         guess += f"; {finding.implausible}, so another cause is likely"
-    said = f"{when[:1].upper()}{when[1:]}{where} the {subject} {lacking_or_excess(finding)}"
+    said = f"{capitalise(when)}{where} the {subject} {lacking_or_excess(finding)}"
     return f"{said}, with {', '.join(sizes)}{guess}."
 
 
@@ -170,13 +166,6 @@ def lacking_or_excess(finding: Finding) -> str:
     if math.isfinite(first.neutral) and first.value < first.neutral:
         return f"has {effect.excess or f'too much of this: {effect.lacks}'}"
     return f"lacks {effect.lacks}"
-
-
-def partly_explained_balances(diagnosis: Outcome) -> list[BalanceVerdict]:
-    """Return the balances of a partly explained recording that have a residual beyond noise."""
-    if diagnosis.verdict != PARTLY:
-        return []
-    return [b for b in diagnosis.balance_verdicts if b.left is not None and b.verdict != EXPLAINED]
 
 
 def residual_sentence(balance: BalanceVerdict) -> str:
@@ -199,21 +188,21 @@ def sentence(diagnosis: Outcome) -> str:
     """Return the diagnosis in one sentence, or in one sentence for each finding."""
     limits = "; ".join(diagnosis.limits)
     if diagnosis.verdict in (EXPLAINED, PARTLY):
-        named = " ".join(finding_sentence(f) for f in diagnosis.findings)
-        return " ".join(
-            [named, *(residual_sentence(b) for b in partly_explained_balances(diagnosis))]
-        )
+        verdicts = [b for b in diagnosis.balance_verdicts if b.verdict != EXPLAINED]
+        left = [b for b in verdicts if b.left is not None]
+        said = map(residual_sentence, left if diagnosis.verdict == PARTLY else ())
+        return " ".join([*map(finding_sentence, diagnosis.findings), *said])
     if diagnosis.verdict == NOTHING:
-        if right := corrected_free_parameters(diagnosis):
+        if right := corrections(corrected_parameters(diagnosis, free=True)):
             return (
                 f"No physics is missing once the parameters are corrected: {right}. The simulation then "
                 "differs from the recording by no more than noise and tolerances allow."
             )
-        said = (
+        warning = f" Warning: the recording is limited: {limits}." if limits else ""
+        return (
             "No physics is missing: the simulation differs from the recording by no more than noise and "
-            "the tolerances of the ship's parameters allow."
+            f"the tolerances of the ship's parameters allow.{warning}"
         )
-        return f"{said} Warning: the recording is limited: {limits}." if limits else said
     shape = diagnosis.shape
     if diagnosis.undecidable and not has_residual(diagnosis):
         return f"Whether physics is missing cannot be decided, because {limits}."
@@ -225,10 +214,10 @@ def sentence(diagnosis: Outcome) -> str:
     if diagnosis.formula is not None:
         return f"No effect of the catalogue fits. {formula_sentence(diagnosis.formula)}"
     if shape is None:
-        if biased := corrected_far_parameters(diagnosis):
-            said = f"Parameters of the ship file are wrong: {biased}."
-            left = " The residual is more than noise, and no effect of the catalogue explains it."
-            return said + left if has_residual(diagnosis) else said
+        if biased := corrections(corrected_parameters(diagnosis, far=True)):
+            rest = " The residual is more than noise, and no effect of the catalogue explains it."
+            more = rest if has_residual(diagnosis) else ""
+            return f"Parameters of the ship file are wrong: {biased}.{more}"
         return "Simulation and recording differ, and no effect of the catalogue fits."
     signal = shape.signal.replace("_", " ")
     low, high = float(np.min(shape.values)), float(np.max(shape.values))
@@ -238,9 +227,6 @@ def sentence(diagnosis: Outcome) -> str:
     else:
         much = f"lacks {value_with_unit(low, shape.unit)} to {value_with_unit(high, shape.unit)}"
     return f"No effect of the catalogue fits: the {shape.balance} balance {much}, depending on {signal}."
-
-
-CONSTANT = "constant: no FitPercent"
 
 
 def align_columns(rows: Sequence[Mapping[str, str]], right: Sequence[str] = ()) -> str:
@@ -276,8 +262,8 @@ def summary(diagnosis: Outcome) -> str:
     parts.append("In words\n" + sentence(diagnosis))
     biased = [
         f"{finding.effect.label}: {biased_parameter_sentence(parameter)}"
-        for i, finding in enumerate(diagnosis.findings)
-        if (parameter := biased_parameter_of(diagnosis, i)) is not None
+        for finding, parameter in zip(diagnosis.findings, biased_parameters(diagnosis), strict=True)
+        if parameter is not None
     ]
     if biased:
         parts.append("Alternative: a biased parameter\n" + "\n".join(biased))
@@ -296,8 +282,13 @@ def summary(diagnosis: Outcome) -> str:
         + align_columns(_fits(diagnosis), ("before", "after", "rms before", "rms after"))
         + f"\nevaluated on {held}, which was held out before anything was fitted"
     )
-    notes = [f"note: {note}" for note in (*diagnosis.limits, *diagnosis.warnings)]
-    return "\n\n".join([*parts, "\n".join(notes)] if notes else parts)
+    return "\n\n".join([*parts, *notes_of(diagnosis.limits, diagnosis.warnings)])
+
+
+def notes_of(limits: Sequence[str], warnings: Sequence[str]) -> list[str]:
+    """Return limits and warnings as one paragraph of notes; without any, no paragraph."""
+    notes = "\n".join(f"note: {note}" for note in (*limits, *warnings))
+    return [notes] if notes else []
 
 
 def _balances(diagnosis: Outcome) -> list[dict[str, str]]:
@@ -314,35 +305,27 @@ def _balances(diagnosis: Outcome) -> list[dict[str, str]]:
     ]  # fmt: skip
 
 
+_OF_FINDING = ("effect", "balance", "evidence", "threshold", "indistinguishable from")
+
+
 def _findings(diagnosis: Outcome) -> list[dict[str, str]]:
     """Return one row for each parameter; the first row of a finding has the finding's own columns."""
     rows = []
     for finding in diagnosis.findings:
         effect = finding.effect
         others = [c.effect.label for c in finding.rivals if c.effect.label != effect.label]
-        of_all = {
-            "effect": f"{effect.id} ({effect.form})" if effect.form else effect.id,
-            "balance": effect.balance,
-            "evidence": f"{finding.score:.1f}",
-            "threshold": f"{finding.threshold:.1f}",
-            "indistinguishable from": ", ".join(others),
-        }
-        for estimate in finding.estimates:
-            low, high = estimate.ci95
+        for place, estimate in enumerate(finding.estimates):
+            low, high = ("" if finding.unmeasured else f"{end:.4g}" for end in estimate.ci95)
             row = {
-                "effect": "",
-                "balance": "",
-                "parameter": estimate.name,
-                "value": f"{estimate.value:.4g}",
-                "95 % from": "" if finding.unmeasured else f"{low:.4g}",
-                "to": "" if finding.unmeasured else f"{high:.4g}",
-                "unit": estimate.unit,
-                "evidence": "",
-                "threshold": "",
-                "indistinguishable from": "",
-            }
-            rows.append(row | of_all)
-            of_all = {}
+                "effect": f"{effect.id} ({effect.form})" if effect.form else effect.id,
+                "balance": effect.balance, "parameter": estimate.name,
+                "value": f"{estimate.value:.4g}", "95 % from": low, "to": high, "unit": estimate.unit,
+                "evidence": f"{finding.score:.1f}", "threshold": f"{finding.threshold:.1f}",
+                "indistinguishable from": ", ".join(others),
+            }  # fmt: skip
+            if place > 0:
+                row |= dict.fromkeys(_OF_FINDING, "")
+            rows.append(row)
     return rows
 
 
@@ -353,15 +336,14 @@ def _fits(diagnosis: Outcome) -> list[dict[str, str]]:
     )
     table = []
     for channel in measured:
-        row = {"channel": channel, "before": "–", "after": "–"}
-        if channel in diagnosis.fit_before:
-            row["before"] = f"{diagnosis.fit_before[channel]:.1f}"
-            row["after"] = f"{diagnosis.fit_after[channel]:.1f}"
-        row |= {
-            "rms before": f"{before[channel]:.4g}",
-            "rms after": f"{after[channel]:.4g}",
-            "unit": channel_name(channel)[1],
-            "": "" if channel in diagnosis.fit_before else CONSTANT,
-        }
-        table.append(row)
+        fits = diagnosis.fit_before.get(channel), diagnosis.fit_after.get(channel)
+        fit_before, fit_after = ("–" if fit is None else f"{fit:.1f}" for fit in fits)
+        table.append(
+            {
+                "channel": channel, "before": fit_before, "after": fit_after,
+                "rms before": f"{before[channel]:.4g}", "rms after": f"{after[channel]:.4g}",
+                "unit": channel_name(channel)[1],
+                "": "" if channel in diagnosis.fit_before else CONSTANT,
+            }
+        )  # fmt: skip
     return table

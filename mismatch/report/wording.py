@@ -10,7 +10,6 @@ from markupsafe import Markup, escape
 
 from ...plant.columns import DEMANDS
 from ...plant.signals import SIGNALS
-from ..estimate import Estimate
 from ..identification.parameters import BiasedParameter, ParameterChange
 from ..outcome import Outcome
 from ..search.catalogue import Effect
@@ -49,9 +48,7 @@ def value_with_unit(value: float, unit: str) -> str:
     >>> value_with_unit(13900.0, "N m"), value_with_unit(0.25, "-")
     ('13.9 kN m', '0.250')
     """
-    factor, shown = (
-        scale_unit(abs(value), unit) if math.isfinite(value) else (1.0, superscript(unit))
-    )
+    factor, shown = scale_unit(abs(value) if math.isfinite(value) else 0.0, unit)
     return f"{number(value / factor)} {shown}".strip()
 
 
@@ -131,8 +128,8 @@ def windows_in_words(windows: list[tuple[float, float]], duration: float) -> str
         return "not located"
     if windows[0][0] <= 0.0 and windows[0][1] >= 0.98 * duration:
         return f"the whole recording, {time_span(0.0, duration)}"
-    said = ", ".join(time_span(a, b) for a, b in windows[:6])
-    return said + (f" and {len(windows) - 6} more" if len(windows) > 6 else "")
+    more = f" and {len(windows) - 6} more" if len(windows) > 6 else ""
+    return ", ".join(time_span(a, b) for a, b in windows[:6]) + more
 
 
 def breakable_key(key: str) -> Markup:
@@ -142,8 +139,7 @@ def breakable_key(key: str) -> Markup:
 
 _SOURCES = {"calibrated": "estimated from the reference period", "free": "free"}
 
-INSIDE = 2.0
-"""Standard deviations up to which a parameter counts as inside its tolerance."""
+INSIDE = 2.0  # standard deviations up to which a parameter counts as inside its tolerance
 
 
 def source_words(change: ParameterChange) -> str:
@@ -166,16 +162,10 @@ def parameters_as_dict(diagnosis: Outcome) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def biased_parameter_of(diagnosis: Outcome, place: int) -> BiasedParameter | None:
-    """Return the parameter whose bias would explain a finding as well; None if there is none."""
-    return diagnosis.biased[place] if place < len(diagnosis.biased) else None
-
-
-def biased_parameter_as_dict(biased: BiasedParameter | None) -> dict[str, Any] | None:
-    """Return ``wrong_number`` of ``report.json``; None without a biased parameter."""
-    if biased is None:
-        return None
-    return {"key": biased.key, "file": biased.file, "value": biased.value, "gain": biased.gain}
+def biased_parameters(diagnosis: Outcome) -> list[BiasedParameter | None]:
+    """Return for each finding the parameter whose bias would explain it as well, or None."""
+    count = len(diagnosis.findings)
+    return [*diagnosis.biased, *[None] * count][:count]
 
 
 def biased_parameter_sentence(biased: BiasedParameter) -> str:
@@ -187,31 +177,18 @@ def biased_parameter_sentence(biased: BiasedParameter) -> str:
     )
 
 
-def corrected_free_parameters(diagnosis: Outcome) -> str:
-    """Return the corrected free parameters in words; empty where there are none."""
-    return _corrections([n for n in _corrected(diagnosis) if n.source == "free"])
+def corrected_parameters(
+    diagnosis: Outcome, *, free: bool = False, far: bool = False
+) -> list[ParameterChange]:
+    """Return the corrected parameters that were free, or that lie far from the ship file."""
+    changed = [n for n in diagnosis.parameters if n.corrected != n.file]
+    return [n for n in changed if (free and n.source == "free") or (far and n.is_far)]
 
 
-def corrected_far_parameters(diagnosis: Outcome) -> str:
-    """Return the corrected parameters beyond three tolerances in words; empty where there are none."""
-    return _corrections([n for n in _corrected(diagnosis) if n.is_far])
-
-
-def corrected_names(diagnosis: Outcome) -> list[str]:
-    """Return the names of the corrected parameters that were free or lie far from the ship file."""
-    changed = [n for n in _corrected(diagnosis) if n.source == "free" or n.is_far]
-    return [parameter_words(n.key.rpartition(".")[2], n.unit) for n in changed]
-
-
-def _corrected(diagnosis: Outcome) -> list[ParameterChange]:
-    return [n for n in diagnosis.parameters if n.corrected != n.file]
-
-
-def _corrections(parameters: list[ParameterChange]) -> str:
-    """Return new and old values of parameters in words."""
+def corrections(parameters: list[ParameterChange]) -> str:
+    """Return new and old values of parameters in words; empty without parameters."""
     return " and ".join(
-        f"{n.key} is {_in_file_unit(n.corrected, n.unit)} in place of "
-        f"{_in_file_unit(n.file, n.unit)}"
+        f"{n.key} is {_in_file_unit(n.corrected, n.unit)} in place of {_in_file_unit(n.file, n.unit)}"
         for n in parameters
     )
 
@@ -255,30 +232,21 @@ def parameter_rows_for_page(diagnosis: Outcome) -> list[dict[str, Any]]:
     ]
 
 
-_ACTS_ON = {
-    "drive": "command of the drive",
-    "inflow_velocity": "inflow to the propeller",
-    "thrust": "thrust",
-    "drive_torque": "drive torque",
-    "load_torque": "load torque",
-    "resistance": "resistance",
-    "pitch_rate": "pitch rate",
-    "side_force": "side force",
-    "yaw_moment": "yaw moment",
-}
+_ACTS_ON = {"drive": "command of the drive", "inflow_velocity": "inflow to the propeller"}
+"""Words of the locations in the model whose names do not serve as words."""
 
 
 def formula_sentence(formula: Formula) -> str:
     """Return a formula in words, with its coefficients, their units and intervals."""
     sizes = []
-    for estimate in formula.estimates:
-        low, high = (number(end) for end in estimate.ci95)
-        unit = f" {superscript(estimate.unit)}".rstrip()
-        value = f"{estimate.name} = {number(estimate.value)}{unit}"
-        sizes.append(f"{value} (95 % interval: {low} to {high})")
+    for e in formula.estimates:
+        value = f"{e.name} = {number(e.value)} {superscript(e.unit)}".rstrip()
+        sizes.append(f"{value} (95 % interval: {' to '.join(number(end) for end in e.ci95)})")
+    place = formula.term.acts_on
+    where = _ACTS_ON.get(place, place.replace("_", " "))
     return (
-        f"In the {formula.balance} balance the {_ACTS_ON[formula.term.acts_on]} changes as "
-        f"{formula.words}, with {', '.join(sizes)}."
+        f"In the {formula.balance} balance the {where} changes as {formula.words}, with "
+        f"{', '.join(sizes)}."
     )
 
 
@@ -302,49 +270,41 @@ def formula_as_dict(formula: Formula | None) -> dict[str, Any] | None:
         "coefficients": {e.name: e.to_dict() | {"unit": e.unit} for e in formula.estimates},
         "signals": list(formula.signals),
         "evidence": {
-            "score": formula.gain,
-            "threshold": formula.threshold,
-            "held_out": formula.held_out,
+            "score": formula.gain, "threshold": formula.threshold, "held_out": formula.held_out,
         },
         "or_equally": list(formula.rivals),
         "better_than": list(formula.better_than),
         "sentence": formula_sentence(formula),
-    }
+    }  # fmt: skip
 
 
 def formula_lines(formula: Formula) -> list[str]:
     """Return a formula as lines of text: sentence, evidence and indistinguishable formulas."""
-    lines = [
+    return [
         formula_sentence(formula),
         f"evidence (2 Δ log L) {formula.gain:.1f}, threshold {formula.threshold:.1f}; on the held-out "
         f"data {formula.held_out:.1f}",
+        *([formula_advantage(formula)] if formula.better_than else []),
+        *(f"indistinguishable from {other}" for other in formula.rivals),
     ]
-    if formula.better_than:
-        lines.append(formula_advantage(formula))
-    return [*lines, *(f"indistinguishable from {other}" for other in formula.rivals)]
 
 
 def formula_for_page(formula: Formula | None) -> dict[str, Any] | None:
     """Return the fields of a formula for the page; None without a formula."""
     if formula is None:
         return None
+    coefficients = [
+        {"name": e.name, "value": number(e.value),
+         "interval": " to ".join(number(end) for end in e.ci95), "unit": superscript(e.unit)}
+        for e in formula.estimates
+    ]  # fmt: skip
     return {
         "sentence": formula_sentence(formula),
-        "coefficients": [_coefficient_row(estimate) for estimate in formula.estimates],
+        "coefficients": coefficients,
         "term": f"{formula.term.acts_on}: {formula.term.expression}",
         "score": number(formula.gain),
         "threshold": number(formula.threshold),
         "held_out": number(formula.held_out),
         "rivals": formula.rivals,
         "better": formula_advantage(formula) if formula.better_than else "",
-    }
-
-
-def _coefficient_row(estimate: Estimate) -> dict[str, str]:
-    low, high = estimate.ci95
-    return {
-        "name": estimate.name,
-        "value": number(estimate.value),
-        "interval": f"{number(low)} to {number(high)}",
-        "unit": superscript(estimate.unit),
     }

@@ -7,6 +7,9 @@ the blocks ``beta`` and ``abs(beta) * beta``. Units are written as in the ship f
 
 from __future__ import annotations
 
+import functools
+import itertools
+import operator
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,59 +17,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ..simulate.joint_replay import Floats
 
 Powers = Counter[str]
 """Exponent of each unit by name."""
 
-
-def unit_powers(unit: str) -> Powers:
-    """Return the exponents of a unit such as ``N m s/rad``; ``-`` and unreadable factors have none.
-
-    Example:
-        >>> dict(unit_powers("N s2/m2"))
-        {'N': 1, 's': 2, 'm': -2}
-
-    Args:
-        unit: factors with exponents, separated by spaces; factors after a ``/`` divide.
-    """
-    found: Powers = Counter()
-    for place, part in enumerate(unit.split("/")):
-        for factor in part.split():
-            read = re.fullmatch(r"([A-Za-z]+)(\d*)", factor)
-            if read is not None:
-                found[read[1]] += (-1 if place else 1) * int(read[2] or 1)
-    return found
-
-
-def divide_units(unit: str, by: Powers) -> str:
-    """Return the quotient of two units in the notation of the ship file; ``-`` if it has no unit.
-
-    Example:
-        >>> divide_units("N", unit_powers("m2/s2"))
-        'N s2/m2'
-
-    Args:
-        unit: unit of the dividend.
-        by: exponents of the divisor.
-    """
-    left = unit_powers(unit)
-    left.subtract(by)
-
-    def side(sign: int) -> str:
-        return " ".join(
-            f"{name}{abs(power) if abs(power) > 1 else ''}"
-            for name, power in left.items()
-            if power * sign > 0
-        )
-
-    above, below = side(1), side(-1)
-    if not below:
-        return above or "-"
-    return f"{above or '1'}/{below.replace(' ', '/')}"
-
-
-Values = Mapping[str, NDArray[np.float64]]
+Values = Mapping[str, Floats]
 
 ALIKE = 1.0 - 2e-6
 """Cosine of the traces of two blocks from which they count as equal."""
@@ -92,19 +49,13 @@ DERIVED = (
 
 @dataclass(frozen=True, order=True)
 class Factor:
-    """Simple function of one signal.
+    """Simple function of one signal."""
 
-    Args:
-        signal: name of the signal.
-        kind: ``itself``, ``size`` (magnitude), ``sign`` (smooth sign) or ``over`` (excess over a kink).
-        number: width of the sign or position of the kink, in the unit of the signal.
-    """
+    signal: str  # name of the signal
+    kind: str = "itself"  # ``itself``, ``size`` (magnitude), ``sign`` (smooth) or ``over`` (a kink)
+    number: float = 0.0  # width of the sign or position of the kink, in the unit of the signal
 
-    signal: str
-    kind: str = "itself"
-    number: float = 0.0
-
-    def trace(self, values: Values) -> NDArray[np.float64]:
+    def trace(self, values: Values) -> Floats:
         """Return the values along a simulation, shape (rows,)."""
         x = values[self.signal]
         if self.kind == "size":
@@ -113,25 +64,15 @@ class Factor:
             return np.asarray(np.tanh(x / self.number))
         return np.maximum(x - self.number, 0.0) if self.kind == "over" else x
 
-    @property
-    def expression(self) -> str:
-        """Expression in the syntax of a term."""
-        return {
-            "itself": self.signal,
-            "size": f"abs({self.signal})",
-            "sign": f"tanh({self.signal} / {self.number:g})",
-            "over": f"max({self.signal} - {self.number:g}, 0)".replace("- -", "+ "),
-        }[self.kind]
-
-    @property
-    def words(self) -> str:
-        """Expression in mathematical notation."""
-        name = self.signal.replace("_", " ")
+    def text(self, words: bool) -> str:
+        """Return the expression in mathematical notation, or else in the syntax of a term."""
+        name = self.signal.replace("_", " ") if words else self.signal
+        size, over, minus = ("|{}|", "/", "−") if words else ("abs({})", " / ", "-")
         return {
             "itself": name,
-            "size": f"|{name}|",
-            "sign": f"tanh({name}/{self.number:g})",
-            "over": f"max({name} − {self.number:g}, 0)".replace("− -", "+ "),
+            "size": size.format(name),
+            "sign": f"tanh({name}{over}{self.number:g})",
+            "over": f"max({name} {minus} {self.number:g}, 0)".replace(f"{minus} -", "+ "),
         }[self.kind]
 
 
@@ -157,36 +98,74 @@ class Block:
         own = [1 + (f.kind in ("sign", "over")) + 2 * (f.signal in DERIVED) for f in self.factors]
         return sum(own) + max(len(self.signals) - 1, 0)
 
-    def trace(self, values: Values) -> NDArray[np.float64]:
+    def trace(self, values: Values) -> Floats:
         """Return the values along a simulation, shape (rows,)."""
-        found = np.ones(len(next(iter(values.values()))))
+        product = np.ones(len(next(iter(values.values()))))
         for factor in self.factors:
-            found = found * factor.trace(values)
-        return found
+            product = product * factor.trace(values)
+        return product
 
     def unit(self, units: Mapping[str, str]) -> Powers:
-        """Return the exponents of the unit of the block.
-
-        Args:
-            units: units of the signals, by name.
-        """
-        found: Powers = Counter()
+        """Return the exponents of the unit of the block from the units of the signals by name."""
+        powers: Powers = Counter()
         for factor in self.factors:
             if factor.kind != "sign":
-                found.update(unit_powers(units[factor.signal]))
-        return found
+                powers.update(unit_powers(units[factor.signal]))
+        return powers
 
 
-def product(parts: Sequence[str], power: str, times: str) -> str:
-    """Return the product of expressions as text, equal ones as a power: ``x * y ** 2``.
+def make_blocks(values: Values) -> list[Block]:
+    """Return all distinct blocks of the signals (rows,) that vary, the shortest first."""
+    finite = {name: x for name, x in values.items() if np.isfinite(x).all()}
+    moving = {n: x for n, x in finite.items() if np.ptp(x) > STILL * float(np.abs(x).max())}
+    if not moving:
+        return []
+    every = sorted(dict.fromkeys(_all(moving)), key=lambda block: block.length)
+    skipped = {name: x[:: max(1, len(x) // ROWS)] for name, x in moving.items()}
+    traces: Any = np.array([block.trace(skipped) for block in every])
+    sizes = np.linalg.norm(traces, axis=1)
+    usable = np.isfinite(sizes) & (sizes > 0.0)
+    traces = traces / np.where(usable, sizes, 1.0)[:, None]
+    alike = np.abs(traces @ traces.T) > ALIKE
+    kept: list[int] = []
+    for i in np.flatnonzero(usable):
+        if not alike[i, kept].any():
+            kept.append(int(i))
+    return [every[i] for i in kept]
 
-    Args:
-        parts: expressions.
-        power: text between an expression and its exponent.
-        times: text between two expressions.
-    """
-    counted = Counter(parts)
-    return times.join(f"{p}{power}{n}" if n > 1 else p for p, n in counted.items())
+
+def _all(values: Values) -> Iterator[Block]:
+    """Yield all blocks of one signal, and then of two."""
+    yield Block(())
+    for name, x in values.items():
+        itself, size, sign = _factors(name, x)
+        for count in (1, 2, 3, 4):
+            yield Block.of(*[itself] * count)
+        if x.min() < 0.0 < x.max():
+            yield from (Block.of(size), Block.of(itself, size), Block.of(sign))
+        for place in np.quantile(x, KNEES):
+            if x.min() < _round(place) < x.max():
+                yield Block.of(Factor(name, "over", _round(place)))
+    for name, partner in itertools.permutations(values, 2):
+        x, other = values[name], Factor(partner)
+        itself, size, sign = _factors(name, x)
+        yield Block.of(itself, other)
+        yield Block.of(itself, itself, other)
+        yield Block.of(itself, itself, other, other)
+        if x.min() < 0.0 < x.max():
+            yield Block.of(size, other)
+            yield Block.of(sign, other)
+            yield Block.of(itself, size, other, other)
+
+
+def _factors(name: str, x: Floats) -> tuple[Factor, Factor, Factor]:
+    """Return a signal, its magnitude and its smooth sign."""
+    width = _round(SIGN_SHARE * float(np.abs(x).max()))
+    return Factor(name), Factor(name, "size"), Factor(name, "sign", width)
+
+
+def _round(value: float) -> float:
+    return float(f"{value:.3g}")
 
 
 def join_blocks(blocks: Sequence[Block], names: Sequence[str], *, words: bool = False) -> str:
@@ -204,81 +183,52 @@ def join_blocks(blocks: Sequence[Block], names: Sequence[str], *, words: bool = 
     """
     power, times = ("^", " ") if words else (" ** ", " * ")
 
-    def texts(factors: Counter[Factor]) -> list[str]:
-        return [f.words if words else f.expression for f in sorted(factors.elements())]
+    def product(head: str, factors: Counter[Factor]) -> str:
+        """Return a product as text, equal factors as a power: ``x * y ** 2``."""
+        counts = sorted(factors.items())
+        parts = [f.text(words) + (f"{power}{n}" if n > 1 else "") for f, n in counts]
+        return times.join([head, *parts])
 
     counted = [Counter(block.factors) for block in blocks]
-    shared = counted[0]
-    for one in counted[1:]:
-        shared = shared & one
     if len(blocks) == 1:
-        return times.join(filter(None, (names[0], product(texts(shared), power, times))))
-    own = [
-        times.join(filter(None, (name, product(texts(one - shared), power, times))))
-        for name, one in zip(names, counted, strict=True)
-    ]
-    total = " + ".join(own)
-    if not shared:
-        return total
-    return f"({total}){times}{product(texts(shared), power, times)}"
+        return product(names[0], counted[0])
+    shared = functools.reduce(operator.and_, counted)
+    pairs = zip(names, counted, strict=True)
+    total = " + ".join(product(name, one - shared) for name, one in pairs)
+    return product(f"({total})", shared) if shared else total
 
 
-def make_blocks(values: Values) -> list[Block]:
-    """Return all distinct blocks of the signals that vary, the shortest first.
+def divide_units(unit: str, by: Powers) -> str:
+    """Return the quotient of a unit and the exponents of another unit; ``-`` if it has no unit.
+
+    Example:
+        >>> divide_units("N", unit_powers("m2/s2"))
+        'N s2/m2'
+    """
+    powers = unit_powers(unit)
+    powers.subtract(by)
+    above, below = (
+        [name + (str(abs(p)) if abs(p) > 1 else "") for name, p in powers.items() if p * sign > 0]
+        for sign in (1, -1)
+    )
+    if not below:
+        return " ".join(above) or "-"
+    return f"{' '.join(above) or '1'}/{'/'.join(below)}"
+
+
+def unit_powers(unit: str) -> Powers:
+    """Return the exponents of a unit; ``-`` and unreadable factors have none.
+
+    Example:
+        >>> dict(unit_powers("N s2/m2"))
+        {'N': 1, 's': 2, 'm': -2}
 
     Args:
-        values: signals by name, each of shape (rows,).
+        unit: factors with exponents, separated by spaces; factors after a ``/`` divide.
     """
-    moving = {
-        name: x
-        for name, x in values.items()
-        if np.isfinite(x).all() and np.ptp(x) > STILL * float(np.abs(x).max())
-    }
-    every = sorted(dict.fromkeys(_all(moving)), key=lambda block: block.length)
-    if not moving:
-        return []
-    skipped = {name: x[:: max(1, len(x) // ROWS)] for name, x in moving.items()}
-    traces: Any = np.array([block.trace(skipped) for block in every])
-    sizes = np.linalg.norm(traces, axis=1)
-    usable = np.isfinite(sizes) & (sizes > 0.0)
-    traces = traces / np.where(usable, sizes, 1.0)[:, None]
-    alike = np.abs(traces @ traces.T) > ALIKE
-    kept: list[int] = []
-    for i in np.flatnonzero(usable):
-        if not alike[i, kept].any():
-            kept.append(int(i))
-    return [every[i] for i in kept]
-
-
-def _all(values: Values) -> Iterator[Block]:
-    yield Block(())
-    for name, x in values.items():
-        itself, size = Factor(name), Factor(name, "size")
-        for count in (1, 2, 3, 4):
-            yield Block.of(*[itself] * count)
-        if x.min() < 0.0 < x.max():
-            yield Block.of(size)
-            yield Block.of(itself, size)
-            yield Block.of(_sign(name, x))
-        for place in np.quantile(x, KNEES):
-            if x.min() < _round(place) < x.max():
-                yield Block.of(Factor(name, "over", _round(place)))
-    for name, x in values.items():
-        for other in values:
-            if other == name:
-                continue
-            yield Block.of(Factor(name), Factor(other))
-            yield Block.of(Factor(name), Factor(name), Factor(other))
-            yield Block.of(Factor(name), Factor(name), Factor(other), Factor(other))
-            if x.min() < 0.0 < x.max():
-                yield Block.of(Factor(name, "size"), Factor(other))
-                yield Block.of(_sign(name, x), Factor(other))
-                yield Block.of(Factor(name), Factor(name, "size"), Factor(other), Factor(other))
-
-
-def _sign(name: str, x: NDArray[np.float64]) -> Factor:
-    return Factor(name, "sign", _round(SIGN_SHARE * float(np.abs(x).max())))
-
-
-def _round(value: float) -> float:
-    return float(f"{value:.3g}")
+    powers: Powers = Counter()
+    for k, part in enumerate(unit.split("/")):
+        for factor in part.split():
+            if match := re.fullmatch(r"([A-Za-z]+)(\d*)", factor):
+                powers[match[1]] += (-1 if k else 1) * int(match[2] or 1)
+    return powers

@@ -167,9 +167,7 @@ class Effect:
 
     def acts_on(self, ship: Ship) -> bool:
         """Return whether a ship can have the effect."""
-        if self.balance not in ship.balances:
-            return False
-        if not all(_has(ship, what) for what in self.applies_to):
+        if self.balance not in ship.balances or not all(_has(ship, p) for p in self.applies_to):
             return False
         try:
             host = self.on(ship)
@@ -190,17 +188,9 @@ class Effect:
         return f"{self.id} ({self.balance}{', ' + self.form if self.form else ''})"
 
 
-def _has(ship: Ship, what: str) -> bool:
+def _has(ship: Ship, name: str) -> bool:
     """Return whether a ship has a property, or does not have a property that follows ``not``."""
-    wanted = not what.startswith("not ")
-    return bool(getattr(ship, what.removeprefix("not "))) == wanted
-
-
-@functools.lru_cache(maxsize=256)
-def _with_term(ship: Ship, term: Term | None) -> Ship:
-    if term is None or any(own.id == term.id for own in ship.term):
-        return ship
-    return ship.with_term(term)
+    return bool(getattr(ship, name.removeprefix("not "))) != name.startswith("not ")
 
 
 Window = tuple[float, float]
@@ -209,17 +199,11 @@ Window = tuple[float, float]
 
 @dataclass(frozen=True)
 class SizedEffect:
-    """Effect with values of its parameters.
+    """Effect with values of its parameters."""
 
-    Args:
-        effect: entry of the catalogue.
-        values: values of its parameters in order, in the units of the ship file.
-        window: time window in which a windowed effect acts.
-    """
-
-    effect: Effect
-    values: tuple[float, ...]
-    window: Window | None = None
+    effect: Effect  # entry of the catalogue
+    values: tuple[float, ...]  # values of its parameters in order, in the units of the ship file
+    window: Window | None = None  # time window in which a windowed effect acts
 
     @property
     def pairs(self) -> tuple[tuple[Parameter, float], ...]:
@@ -233,318 +217,6 @@ class SizedEffect:
     def with_values(self, values: Any) -> SizedEffect:
         """Return this effect with other values."""
         return SizedEffect(self.effect, tuple(float(v) for v in values), self.window)
-
-
-_EARLY = len(InputSignals._fields)
-_TRIED = 16  # random states at which a term is evaluated
-_NOTHING = 1e-9
-
-
-class _Trial(FileModel):
-    """Probes and limits of a parameter, as in :class:`Parameter`."""
-
-    probes: tuple[float, ...] = ()
-    of: str = "unit"
-    signed: bool = False
-    absolute: bool = False
-    least: float = 0.0
-    whole: bool = False
-    plausible: tuple[float, float] | None = None
-    plausible_of: str = "unit"
-
-    @model_validator(mode="after")
-    def _plausible_in_order(self) -> _Trial:
-        if self.plausible is not None and self.plausible[0] >= self.plausible[1]:
-            raise ValueError("plausible = [low, high]: low must be below high")
-        return self
-
-    def of_key(self, key: str, term: Term | None = None) -> Parameter:
-        """Return the parameter of an effect for a key."""
-        return Parameter(
-            key, self.probes, self.of, self.signed, self.absolute, self.least, term, self.whole,
-            self.plausible, self.plausible_of,
-        )  # fmt: skip
-
-
-class _OfKey(_Trial):
-    key: str
-
-
-class _OfTerm(_Trial):
-    unit: str = "-"
-    low: float = NO_BOUND[0]
-    high: float = NO_BOUND[1]
-    neutral: float = 0.0
-    set: float | str | None = None
-
-    @model_validator(mode="after")
-    def _tried(self) -> _OfTerm:
-        if not self.probes and self.set is None:
-            raise ValueError(
-                "probes (values at which the parameter is first tried) or set (a fixed value) is needed"
-            )
-        return self
-
-
-class _Entry(FileModel):
-    """Description of an effect and the ships to which it applies, as in :class:`Effect`."""
-
-    id: str = Field(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$", max_length=40)
-    balance: Literal[
-        "engine", "motor", "propeller", "hull", "sway", "yaw", "pitch-actuator", "sensor"
-    ]
-    form: str = Field("", pattern=r"^([a-z0-9]+(-[a-z0-9]+)*)?$", max_length=40)
-    equation: str = ""
-    latex: str = ""
-    lacks: str = ""
-    excess: str = ""
-    excitation: str = ""
-    confused_with: tuple[str, ...] = ()
-    split_by: str = ""
-    needs: tuple[str, ...] = ()
-    applies_to: tuple[str, ...] = ()
-    straight: bool = False
-    both_ways: bool = False
-    together: bool = False
-
-    def common_fields(self) -> dict[str, Any]:
-        """Return the fields that an effect takes over unchanged."""
-        return {name: getattr(self, name) for name in _Entry.model_fields}
-
-
-class _OfKeys(_Entry):
-    """Entry ``[[effect]]``."""
-
-    parameters: tuple[_OfKey, ...] = Field(min_length=1)
-    fixed: dict[str, float | str] = Field(default={})
-    ties: tuple[tuple[str, str, float], ...] = ()
-    windowed: bool = False
-
-    def effect(self) -> Effect:
-        return Effect(
-            **self.common_fields(), parameters=tuple(p.of_key(p.key) for p in self.parameters),
-            fixed=tuple(self.fixed.items()), ties=self.ties, windowed=self.windowed,
-        )  # fmt: skip
-
-
-class _AsTerm(_Entry):
-    """Entry ``[[term]]``."""
-
-    acts_on: str
-    expression: str
-    also: dict[str, str] = Field(default={})
-    state: str | None = None
-    rate: str | None = None
-    parameters: dict[str, _OfTerm] = Field(min_length=1)
-
-    @model_validator(mode="after")
-    def _of_a_size(self) -> _AsTerm:
-        if next(iter(self.parameters.values())).set is not None:
-            raise ValueError(
-                "parameters: the first parameter is the size of the effect and needs probes, not set"
-            )
-        return self
-
-    @property
-    def term(self) -> Term:
-        """Term with neutral parameters."""
-        numbers = {
-            name: {"value": p.neutral, "unit": p.unit, "low": p.low, "high": p.high}
-            for name, p in self.parameters.items()
-        }
-        tree = {
-            "id": "-".join(filter(None, (self.id, self.balance, self.form))),
-            "acts_on": self.acts_on, "expression": self.expression, "parameters": numbers,
-        }  # fmt: skip
-        more = {"also": self.also, "state": self.state, "rate": self.rate}
-        return Term.model_validate(tree | {key: value for key, value in more.items() if value})
-
-    def effect(self) -> Effect:
-        term = self.term
-        fields = self.common_fields()
-        adds = "; ".join(f"{where} + ({what})" for where, what in term.expressions)
-        fields["equation"] = self.equation or adds
-        fields["lacks"] = self.lacks or f"the contribution of {self.id.replace('-', ' ')}"
-        keys = {name: f"term.{term.id}.{name}" for name in self.parameters}
-        return Effect(
-            **fields, term=term,
-            parameters=tuple(
-                p.of_key(keys[n], term) for n, p in self.parameters.items() if p.set is None
-            ),
-            fixed=tuple(
-                (keys[n], p.set) for n, p in self.parameters.items() if p.set is not None
-            ),
-        )  # fmt: skip
-
-
-class _File(FileModel):
-    effect: tuple[_OfKeys, ...] = ()
-    term: tuple[_AsTerm, ...] = ()
-
-
-def parse_entries(text: str, source: str = "catalogue") -> tuple[Effect, ...]:
-    """Return the effects of a catalogue.
-
-    Example:
-        >>> text = '''
-        ... [[term]]
-        ... id = "wave-making"
-        ... balance = "hull"
-        ... acts_on = "resistance"
-        ... expression = "c4 * ship_speed ** 4"
-        ... [term.parameters]
-        ... c4 = { unit = "N s4/m4", low = 0.0, high = 1e4, probes = [0.5, 2.0, 8.0] }
-        ... '''
-        >>> [effect.label for effect in parse_entries(text)]
-        ['wave-making (hull)']
-
-    Args:
-        text: TOML, as described in this module.
-        source: name of the catalogue in errors.
-
-    Raises:
-        ValueError: the message gives the entry, the key and the error.
-    """
-    tree = parse_toml(text, source)
-    try:
-        given = _File.model_validate(tree)
-    except ValidationError as error:
-        raise ValueError(
-            "\n".join(_error_text(source, tree, dict(e)) for e in error.errors())
-        ) from None
-    found = [entry.effect() for entry in given.effect]
-    for entry in given.term:
-        try:
-            found.append(entry.effect())
-        except ValidationError as error:  # The term itself is invalid.
-            whole = {"term": [entry.model_dump()]}
-            parts = [dict(e) | {"loc": ("term", 0, *e["loc"])} for e in error.errors()]
-            lines = [_error_text(source, whole, part) for part in parts]
-            raise ValueError("\n".join(lines)) from None
-    labels = [effect.label for effect in found]
-    if twice := [label for label in labels if labels.count(label) > 1]:
-        raise ValueError(f'{source}: {twice[0]} occurs twice; name a second form with form = "..."')
-    return tuple(found)
-
-
-def read_entries(path: Path) -> tuple[Effect, ...]:
-    """Return the effects of a user's own catalogue file.
-
-    Args:
-        path: TOML file, as described in this module.
-
-    Raises:
-        ValueError: the file cannot be read or used; the message gives file, entry and key.
-    """
-    found = parse_entries(read_text(path), str(path))
-    if not found:
-        raise ValueError(
-            f"{path}: the file has no [[term]] and no [[effect]]; at least one is needed"
-        )
-    for effect in found:
-        if effect.term is not None:
-            _refuse_non_neutral(path, effect.label, effect.term)
-    return found
-
-
-def _refuse_non_neutral(path: Path, label: str, term: Term) -> None:
-    """Refuse a term without a state that is not 0 at its neutral size, or is never finite."""
-    if term.state is not None:  # The value of a term with a state depends on its history.
-        return
-    plant = np.zeros(1, PLANT)[0]
-    add_term(plant, term, term.external_signals)
-    sizes = np.random.default_rng(0).uniform(-20.0, 20.0, (_TRIED, len(TERM_SIGNALS) + MAX_SIGNALS))
-    adds = []
-    for signals in [*sizes.tolist(), *np.abs(sizes).tolist()]:
-        inputs, loads = (
-            InputSignals(*signals[:_EARLY]),
-            LoadSignals(*signals[_EARLY : len(TERM_SIGNALS)]),
-        )
-        given = (plant, inputs), ((0.0,) * MAX_STATES, tuple(signals[len(TERM_SIGNALS) :]))
-        found = [
-            *sum_input_terms(*given[0], *given[1]),
-            *sum_load_terms(*given[0], loads, *given[1]),
-        ]
-        adds.append(max(map(abs, found)) if np.isfinite(found).all() else math.nan)
-    if np.isnan(adds).all():
-        raise ValueError(
-            f"{path}: {label}: the expression gives no finite number in any state of the ship; check it "
-            "for a division by 0"
-        )
-    if (most := float(np.nanmax(adds))) > _NOTHING:
-        size, neutral = next((name, p.value) for name, p in term.parameters.items())
-        raise ValueError(
-            f"{path}: {label}: at {size} = {neutral:g}, its neutral value, the term adds up to "
-            f"{most:.3g}; it must add 0 there, because the neutral value is the ship without the effect"
-        )
-
-
-def _error_text(source: str, tree: dict[str, Any], item: dict[str, Any]) -> str:
-    """Return an error of pydantic as a sentence with the entry and the key."""
-    place = list(item["loc"])
-    name = source
-    if len(place) > 1 and isinstance(place[1], int):
-        entry = tree[place[0]][place[1]]
-        own = entry.get("id", f"number {place[1] + 1}") if isinstance(entry, dict) else place[1] + 1
-        name = f"{source}: {place[0]} {own}"
-        place = place[2:]
-    key = ".".join(map(str, place))
-    kind = item["type"]
-    if kind == "missing":
-        return f"{name}: {key} is missing"
-    if kind == "extra_forbidden":
-        return f"{name}: {key} is not a known key"
-    what = str(item["ctx"]["error"]) if kind == "value_error" else item["msg"].lower()
-    return f"{name}: {key}: {what}" if key else f"{name}: {what}"
-
-
-_TURNING_BALANCES = ("sway", "yaw")
-
-
-def acts_at_equilibrium(ship: Ship, effect: Effect) -> bool:
-    """Return whether an effect changes equilibria of a ship that runs straight ahead.
-
-    An effect with a state, or on the rate of the pitch actuator, acts in transients only.
-    """
-    if effect.balance in _TURNING_BALANCES:
-        return False
-    if effect.term is not None:
-        return effect.term.state is None and effect.term.acts_on != "pitch_rate"
-    host = effect.on(ship)
-    keys = [parameter.key for parameter in effect.parameters]
-    return not any(is_transient(host, key) for key in keys if ".episode_" not in key)
-
-
-def refuse_transient(ship: Ship, keys: Collection[str]) -> None:
-    """Refuse parameters on which equilibria do not depend.
-
-    Raises:
-        ValueError: gives the parameter.
-    """
-    for key in keys:
-        if is_transient(ship, key):
-            raise ValueError(
-                f"{key} acts in transients only, and each row of the recording is treated as an "
-                "equilibrium; leave it out of --free, or use a recording with at least 1 row per second"
-            )
-
-
-@functools.cache
-def catalogue() -> tuple[Effect, ...]:
-    """Return all effects of ``catalogue.toml``.
-
-    Example:
-        >>> [effect.label for effect in catalogue() if effect.id == "hull-fouling"]
-        ['hull-fouling (hull)']
-    """
-    folder = importlib.resources.files("shaftline.mismatch.search")
-    return parse_entries(folder.joinpath("catalogue.toml").read_text("utf-8"))
-
-
-def confusable_ids(effect: Effect, ship: Ship) -> tuple[str, ...]:
-    """Return the ids that may be confused with an effect, among those that a ship can have."""
-    own = {entry.id for entry in catalogue() if entry.acts_on(ship)}
-    return tuple(name for name in effect.confused_with if name in own)
 
 
 def applicable_effects(
@@ -594,3 +266,300 @@ def applicable_effects(
         and not (effect.both_ways and one_way)
         and (acts_at_equilibrium(ship, effect) or not steady)
     ]
+
+
+def acts_at_equilibrium(ship: Ship, effect: Effect) -> bool:
+    """Return whether an effect changes equilibria of a ship that runs straight ahead.
+
+    An effect with a state, or on the rate of the pitch actuator, acts in transients only.
+    """
+    if effect.balance in ("sway", "yaw"):
+        return False
+    if effect.term is not None:
+        return effect.term.state is None and effect.term.acts_on != "pitch_rate"
+    host = effect.on(ship)
+    keys = [parameter.key for parameter in effect.parameters]
+    return not any(is_transient(host, key) for key in keys if ".episode_" not in key)
+
+
+def refuse_transient(ship: Ship, keys: Collection[str]) -> None:
+    """Refuse parameters on which equilibria do not depend.
+
+    Raises:
+        ValueError: gives the parameter.
+    """
+    for key in keys:
+        if is_transient(ship, key):
+            raise ValueError(
+                f"{key} acts in transients only, and each row of the recording is treated as an "
+                "equilibrium; leave it out of --free, or use a recording with at least 1 row per second"
+            )
+
+
+def confusable_ids(effect: Effect, ship: Ship) -> tuple[str, ...]:
+    """Return the ids that may be confused with an effect, among those that a ship can have."""
+    own = {entry.id for entry in catalogue() if entry.acts_on(ship)}
+    return tuple(name for name in effect.confused_with if name in own)
+
+
+@functools.cache
+def catalogue() -> tuple[Effect, ...]:
+    """Return all effects of ``catalogue.toml``.
+
+    Example:
+        >>> [effect.label for effect in catalogue() if effect.id == "hull-fouling"]
+        ['hull-fouling (hull)']
+    """
+    folder = importlib.resources.files("shaftline.mismatch.search")
+    return parse_entries(folder.joinpath("catalogue.toml").read_text("utf-8"))
+
+
+RANDOM_STATES = 16
+"""Number of states of a ship at which a term is evaluated."""
+
+
+def read_entries(path: Path) -> tuple[Effect, ...]:
+    """Return the effects of a user's own catalogue file.
+
+    Args:
+        path: TOML file, as described in this module.
+
+    Raises:
+        ValueError: the file cannot be read or used; the message gives file, entry and key.
+    """
+    effects = parse_entries(read_text(path), str(path))
+    if not effects:
+        needed = "the file has no [[term]] and no [[effect]]; at least one is needed"
+        raise ValueError(f"{path}: {needed}")
+    for effect in effects:
+        if effect.term is not None:
+            _refuse_non_neutral(path, effect.label, effect.term)
+    return effects
+
+
+def _refuse_non_neutral(path: Path, label: str, term: Term) -> None:
+    """Refuse a term without a state that is not 0 at its neutral size, or is never finite."""
+    if term.state is not None:  # The value of a term with a state depends on its history.
+        return
+    plant = np.zeros(1, PLANT)[0]
+    add_term(plant, term, term.external_signals)
+    early, own = len(InputSignals._fields), len(TERM_SIGNALS)
+    sizes = np.random.default_rng(0).uniform(-20.0, 20.0, (RANDOM_STATES, own + MAX_SIGNALS))
+    adds = []
+    for signals in [*sizes.tolist(), *np.abs(sizes).tolist()]:
+        inputs, loads = InputSignals(*signals[:early]), LoadSignals(*signals[early:own])
+        more = (0.0,) * MAX_STATES, tuple(signals[own:])
+        added = [
+            *sum_input_terms(plant, inputs, *more), *sum_load_terms(plant, inputs, loads, *more)
+        ]  # fmt: skip
+        adds.append(max(map(abs, added)) if np.isfinite(added).all() else math.nan)
+    if np.isnan(adds).all():
+        raise ValueError(
+            f"{path}: {label}: the expression gives no finite number in any state of the ship; check it "
+            "for a division by 0"
+        )
+    if (most := float(np.nanmax(adds))) > 1e-9:
+        size, neutral = next((name, p.value) for name, p in term.parameters.items())
+        raise ValueError(
+            f"{path}: {label}: at {size} = {neutral:g}, its neutral value, the term adds up to "
+            f"{most:.3g}; it must add 0 there, because the neutral value is the ship without the effect"
+        )
+
+
+def parse_entries(text: str, source: str = "catalogue") -> tuple[Effect, ...]:
+    """Return the effects of a catalogue.
+
+    Example:
+        >>> text = '''
+        ... [[term]]
+        ... id = "wave-making"
+        ... balance = "hull"
+        ... acts_on = "resistance"
+        ... expression = "c4 * ship_speed ** 4"
+        ... [term.parameters]
+        ... c4 = { unit = "N s4/m4", low = 0.0, high = 1e4, probes = [0.5, 2.0, 8.0] }
+        ... '''
+        >>> [effect.label for effect in parse_entries(text)]
+        ['wave-making (hull)']
+
+    Args:
+        text: TOML, as described in this module.
+        source: name of the catalogue in errors.
+
+    Raises:
+        ValueError: the message gives the entry, the key and the error.
+    """
+    tree = parse_toml(text, source)
+    effects: list[Effect] = []
+    begin: tuple[str | int, ...] = ()  # location of the entry whose own validation fails
+    try:
+        given = _File.model_validate(tree)
+        for kind in ("effect", "term"):
+            for k, entry in enumerate(getattr(given, kind)):
+                begin = (kind, k)
+                effects.append(entry.effect())
+    except ValidationError as error:
+        lines = [_error_text(source, tree, begin, dict(e)) for e in error.errors()]
+        raise ValueError("\n".join(lines)) from None
+    labels = [effect.label for effect in effects]
+    if twice := [label for label in labels if labels.count(label) > 1]:
+        raise ValueError(f'{source}: {twice[0]} occurs twice; name a second form with form = "..."')
+    return tuple(effects)
+
+
+def _error_text(
+    source: str, tree: dict[str, Any], begin: tuple[str | int, ...], item: dict[str, Any]
+) -> str:
+    """Return an error of pydantic at a location in the tree as a sentence with the entry and the key."""
+    place = [*begin, *item["loc"]]
+    name = source
+    if len(place) > 1 and isinstance(place[1], int):
+        entry = tree[place[0]][place[1]]
+        own = entry.get("id", f"number {place[1] + 1}") if isinstance(entry, dict) else place[1] + 1
+        name = f"{source}: {place[0]} {own}"
+        place = place[2:]
+    key = ".".join(map(str, place))
+    kind = item["type"]
+    if kind == "missing":
+        return f"{name}: {key} is missing"
+    if kind == "extra_forbidden":
+        return f"{name}: {key} is not a known key"
+    what = str(item["ctx"]["error"]) if kind == "value_error" else item["msg"].lower()
+    return f"{name}: {key}: {what}" if key else f"{name}: {what}"
+
+
+class _Trial(FileModel):
+    """Probes and limits of a parameter, as in :class:`Parameter`."""
+
+    probes: tuple[float, ...] = ()
+    of: str = "unit"
+    signed: bool = False
+    absolute: bool = False
+    least: float = 0.0
+    whole: bool = False
+    plausible: tuple[float, float] | None = None
+    plausible_of: str = "unit"
+
+    @model_validator(mode="after")
+    def _plausible_in_order(self) -> _Trial:
+        if self.plausible is not None and self.plausible[0] >= self.plausible[1]:
+            raise ValueError("plausible = [low, high]: low must be below high")
+        return self
+
+    def of_key(self, key: str, term: Term | None = None) -> Parameter:
+        """Return the parameter of an effect for a key."""
+        fields = {name: getattr(self, name) for name in _Trial.model_fields}
+        return Parameter(key, term=term, **fields)
+
+
+class _OfKey(_Trial):
+    key: str
+
+
+class _OfTerm(_Trial):
+    unit: str = "-"
+    low: float = NO_BOUND[0]
+    high: float = NO_BOUND[1]
+    neutral: float = 0.0
+    set: float | str | None = None
+
+    @model_validator(mode="after")
+    def _tried(self) -> _OfTerm:
+        if not self.probes and self.set is None:
+            needed = "probes (values at which the parameter is first tried) or set (a fixed value)"
+            raise ValueError(f"{needed} is needed")
+        return self
+
+
+class _Entry(FileModel):
+    """Description of an effect and the ships to which it applies, as in :class:`Effect`."""
+
+    id: str = Field(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$", max_length=40)
+    balance: Literal[
+        "engine", "motor", "propeller", "hull", "sway", "yaw", "pitch-actuator", "sensor"
+    ]
+    form: str = Field("", pattern=r"^([a-z0-9]+(-[a-z0-9]+)*)?$", max_length=40)
+    equation: str = ""
+    latex: str = ""
+    lacks: str = ""
+    excess: str = ""
+    excitation: str = ""
+    confused_with: tuple[str, ...] = ()
+    split_by: str = ""
+    needs: tuple[str, ...] = ()
+    applies_to: tuple[str, ...] = ()
+    straight: bool = False
+    both_ways: bool = False
+    together: bool = False
+
+    def common_fields(self) -> dict[str, Any]:
+        """Return the fields that an effect takes over unchanged."""
+        return {name: getattr(self, name) for name in _Entry.model_fields}
+
+
+class _OfKeys(_Entry):
+    """Entry ``[[effect]]``."""
+
+    parameters: tuple[_OfKey, ...] = Field(min_length=1)
+    fixed: dict[str, float | str] = Field(default={})
+    ties: tuple[tuple[str, str, float], ...] = ()
+    windowed: bool = False
+
+    def effect(self) -> Effect:
+        fields = self.common_fields() | {"ties": self.ties, "windowed": self.windowed}
+        parameters = tuple(p.of_key(p.key) for p in self.parameters)
+        return Effect(**fields, parameters=parameters, fixed=tuple(self.fixed.items()))
+
+
+class _AsTerm(_Entry):
+    """Entry ``[[term]]``."""
+
+    acts_on: str
+    expression: str
+    also: dict[str, str] = Field(default={})
+    state: str | None = None
+    rate: str | None = None
+    parameters: dict[str, _OfTerm] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _of_a_size(self) -> _AsTerm:
+        if next(iter(self.parameters.values())).set is not None:
+            size = "the first parameter is the size of the effect"
+            raise ValueError(f"parameters: {size} and needs probes, not set")
+        return self
+
+    @property
+    def term(self) -> Term:
+        """Term with neutral parameters."""
+        numbers = {
+            name: {"value": p.neutral, "unit": p.unit, "low": p.low, "high": p.high}
+            for name, p in self.parameters.items()
+        }
+        name = "-".join(filter(None, (self.id, self.balance, self.form)))
+        tree = {"id": name, "acts_on": self.acts_on, "expression": self.expression}
+        more = {"also": self.also, "state": self.state, "rate": self.rate}
+        given = {key: value for key, value in more.items() if value}
+        return Term.model_validate({**tree, **given, "parameters": numbers})
+
+    def effect(self) -> Effect:
+        term = self.term
+        fields = self.common_fields()
+        adds = "; ".join(f"{where} + ({what})" for where, what in term.expressions)
+        fields["equation"] = self.equation or adds
+        fields["lacks"] = self.lacks or f"the contribution of {self.id.replace('-', ' ')}"
+        keyed = [(f"term.{term.id}.{name}", p) for name, p in self.parameters.items()]
+        fields["parameters"] = tuple(p.of_key(key, term) for key, p in keyed if p.set is None)
+        fields["fixed"] = tuple((key, p.set) for key, p in keyed if p.set is not None)
+        return Effect(**fields, term=term)
+
+
+class _File(FileModel):
+    effect: tuple[_OfKeys, ...] = ()
+    term: tuple[_AsTerm, ...] = ()
+
+
+@functools.lru_cache(maxsize=256)
+def _with_term(ship: Ship, term: Term | None) -> Ship:
+    if term is None or any(own.id == term.id for own in ship.term):
+        return ship
+    return ship.with_term(term)

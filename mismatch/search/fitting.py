@@ -1,14 +1,12 @@
-"""Fit effects by output error in the simulator, with noise of unknown spectrum.
+"""Fit effects by output error in the simulator, and test whether the residual is more than noise.
 
 The model is always the simulation of the ship. Its difference from the recording, as residuals of the
 balances, is whitened by :mod:`.spectra`. Nominal parameters are free within their tolerances as normal
 variables, so that a small bias of a parameter is not reported as a missing effect.
 
-Test whether a residual is larger than the noise of the instruments.
-
-The noise of each channel is estimated from the recording. The balances give the residual that this noise
-causes at each frequency. Above a certain frequency waves disturb every balance of a ship that moves,
-which is no error of the model; there the residual is not tested.
+The test compares the residual with the one that the noise of each channel, as estimated from the
+recording, causes in the balances at each frequency. Above a certain frequency waves disturb every
+balance of a ship that moves, which is no error of the model; there the residual is not tested.
 """
 
 from __future__ import annotations
@@ -32,7 +30,7 @@ from ..simulate.balances import (
     Perturbation,
     tolerance_perturbations,
 )
-from ..simulate.joint_replay import map_threaded
+from ..simulate.joint_replay import Floats, map_threaded
 from .catalogue import SizedEffect
 from .spectra import Bands, Complex, Likelihood, Marginal, band_products, is_divergent
 from .trial_ship import JointSearch, TrialShip
@@ -53,28 +51,32 @@ LEAST_STEP, REACH = 1e-3, 0.5
 LOUDER = 4.0
 """Largest ratio of the residual power of a balance with a model to that without effects."""
 
+SLOWER_THAN_SEA_HZ = 0.03
+"""Frequency [Hz] below which no waves excite a ship."""
+
+MODEL_M, FULL_M = 12.0, 320.0
+"""Length [m] below which a hull is a scale model in a basin, and length of the ship to which the limit
+belongs. By Froude's law the frequency of waves scales with the inverse square root of the length."""
+
+EXCESS = 2.0
+"""Ratio of power to noise power from which a residual is significant; the rms noise has 10 % error."""
+
+CHANCE = 1e-6
+DRAWS = 6
+
 Transformed: TypeAlias = Callable[[Channels], Complex]
 """Function that transforms simulated channels to the quantities that are compared."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Model fitted to the recording.
+    """Model fitted to the recording; its difference has the parameters of the ship file."""
 
-    Args:
-        effects: effects with fitted values.
-        score: 2 log L with the prior of the tolerances [-]; only differences have a meaning.
-        difference: transformed residuals of the recording minus those of the simulation with the
-            parameters of the ship file, shape (balances, frequencies).
-        tolerances: fitted deviation of each nominal parameter, in standard deviations.
-        weight: inverse covariance of the residual by band, shape (bands, balances, balances).
-    """
-
-    effects: tuple[SizedEffect, ...]
-    score: float
-    difference: Complex
-    tolerances: NDArray[np.float64]
-    weight: Complex
+    effects: tuple[SizedEffect, ...]  # effects with fitted values
+    score: float  # 2 log L with the prior of the tolerances [-]; only differences have a meaning
+    difference: Complex  # transformed recording minus simulation, shape (balances, frequencies)
+    tolerances: Floats  # fitted deviation of each nominal parameter, in standard deviations
+    weight: Complex  # inverse covariance of the residual by band, shape (bands, balances, balances)
 
 
 class Fitter:
@@ -117,36 +119,26 @@ class Fitter:
         self._shares = self.null.tolerances
 
     def _transformed(self, channels: Channels) -> Complex:
-        with np.errstate(
-            invalid="ignore", over="ignore"
-        ):  # A trial may diverge; its score is then -inf.
+        # A trial may diverge; its score is then -inf.
+        with np.errstate(invalid="ignore", over="ignore"):
             return self.bands.transform(self.balances.residuals(channels))
 
     def regressors(self, transformed: Transformed) -> list[Complex]:
-        """Return the changes by each perturbed parameter and by each change of the command times.
-
-        Args:
-            transformed: function that transforms simulated channels.
-        """
+        """Return the changes of transformed channels by each parameter and each command time."""
         replay, plain = self.balances.replay, self.trial_ship.nominal
         nominal = transformed(replay.simulate_channels(plain))
 
-        def moved(move: Perturbation) -> Complex:
-            return (
-                transformed(replay.simulate_channels(move.record, move.start)) - nominal
-            ) / move.share
+        def change(move: Perturbation) -> Complex:
+            channels = replay.simulate_channels(move.record, move.start)
+            return (transformed(channels) - nominal) / move.share
 
-        found = list(map_threaded(moved, self.moves))
-        if self._doubt:
-            for other in replay.with_held_commands():
-                found.append(MISTIMED * (transformed(other.simulate_channels(plain)) - nominal))
-        return found
+        changes = list(map_threaded(change, self.moves))
+        for other in replay.with_held_commands() if self._doubt else ():
+            changes.append(MISTIMED * (transformed(other.simulate_channels(plain)) - nominal))
+        return changes
 
     def sensitivities(
-        self,
-        fit: Fit,
-        transformed: Transformed | None = None,
-        steps: NDArray[np.float64] | None = None,
+        self, fit: Fit, transformed: Transformed | None = None, steps: Floats | None = None
     ) -> tuple[Complex, NDArray[np.complex128]]:
         """Return the prediction of a model and its derivative by each value of its effects.
 
@@ -168,19 +160,15 @@ class Fitter:
 
         here = predict(record(fit.effects))
         columns: list[Complex] = []
-        for i, placed in enumerate(fit.effects):
-            for j, value in enumerate(placed.values):
+        for i, sized in enumerate(fit.effects):
+            for j, value in enumerate(sized.values):
                 step = 1e-2 * abs(value) + 1e-9 if steps is None else steps[len(columns)]
-                values = [*placed.values]
+                values = [*sized.values]
                 values[j] += step
-                trial = placed.with_values(values).replace_in(fit.effects, i)
-                moved = predict(record(trial)) - here
-                columns.append(moved / step if np.isfinite(moved).all() else np.zeros_like(here))
+                trial = sized.with_values(values).replace_in(fit.effects, i)
+                change = predict(record(trial)) - here
+                columns.append(change / step if np.isfinite(change).all() else np.zeros_like(here))
         return here, np.array(columns, np.complex128).reshape(-1, *here.shape)
-
-    def _predict(self, record: Any) -> Complex:
-        self.simulations += 1
-        return self._transformed(self.balances.replay.simulate_channels(record))
 
     def predict(self, record: Any) -> Complex:
         """Return the transformed balance residuals of a simulation, from a cache if possible."""
@@ -189,65 +177,61 @@ class Fitter:
             self._remember(key, self._predict(record))
         return self._cache[key]
 
+    def predict_effects(self, effects: tuple[SizedEffect, ...]) -> Complex:
+        """Return the prediction of effects, as :meth:`predict`."""
+        return self.predict(self.trial_ship.record(effects))
+
     def simulate_ahead(self, models: Iterable[tuple[SizedEffect, ...]]) -> None:
         """Simulate models that will be evaluated next on several threads, as many as the cache holds."""
         records = map(self.trial_ship.record, models)
         pending = {key: r for r in records if (key := r.tobytes()) not in self._cache}
         chosen = dict(itertools.islice(pending.items(), self._capacity // 2))
-        for key, found in zip(chosen, map_threaded(self._predict, chosen.values()), strict=True):
-            self._remember(key, found)
+        predictions = map_threaded(self._predict, chosen.values())
+        for key, prediction in zip(chosen, predictions, strict=True):
+            self._remember(key, prediction)
 
-    def _remember(self, key: bytes, found: Complex) -> None:
+    def _predict(self, record: Any) -> Complex:
+        self.simulations += 1
+        return self._transformed(self.balances.replay.simulate_channels(record))
+
+    def _remember(self, key: bytes, prediction: Complex) -> None:
         if len(self._cache) >= self._capacity:
             self._cache.pop(next(iter(self._cache)))
-        self._cache[key] = found
+        self._cache[key] = prediction
 
     def evaluate(self, effects: tuple[SizedEffect, ...]) -> Fit:
         """Return the fit of effects at their values, with free nominal parameters."""
         return self.evaluate_record(self.trial_ship.record(effects), effects)
 
     def evaluate_record(self, record: Any, effects: tuple[SizedEffect, ...] = ()) -> Fit:
-        """Return the fit of a ship record, with free nominal parameters.
-
-        Args:
-            record: record of a ship with or without effects.
-            effects: effects in the record.
-        """
+        """Return the fit of a ship record, which may have effects, with free nominal parameters."""
         difference = self.measured - self.predict(record)
         if is_divergent(difference):
             empty = np.zeros(len(self.nuisance))
             return Fit(effects, -math.inf, difference, empty, self.null.weight)
-        found = self.likelihood(difference, self._shares)
-        return Fit(effects, found.score, difference, found.shares, found.weight)
+        best = self.likelihood(difference, self._shares)
+        return Fit(effects, best.score, difference, best.shares, best.weight)
 
-    def scale_effect(self, base: Fit, placed: SizedEffect) -> SizedEffect | None:
+    def scale_effect(self, base: Fit, small: SizedEffect) -> SizedEffect | None:
         """Return an effect at the size that a linear extrapolation gives in addition to a model.
 
-        Probes are widely spaced, and the size in a recording may be far smaller than the smallest probe.
-
-        Args:
-            base: the model.
-            placed: the effect at a small size.
-
-        Returns:
-            The effect; None if no size in the range of the parameter helps.
+        Probes are widely spaced, and the size in a recording may be far smaller than the smallest probe,
+        at which the effect is given. None if no size in the range of the parameter helps.
         """
-        parameter = placed.effect.parameters[0]
-        neutral = self.trial_ship.neutral(parameter)
+        parameter, ship = small.effect.parameters[0], self.trial_ship
+        neutral = ship.neutral(parameter)
         if math.isinf(neutral):
             return None
-        moved = self.predict(self.trial_ship.record((*base.effects, placed)))
-        column = moved - self.predict(self.trial_ship.record(base.effects))
+        column = self.predict_effects((*base.effects, small)) - self.predict_effects(base.effects)
         if not np.isfinite(column).all():
             return None
         share, _ = self.likelihood.amount(base.weight, base.difference, column)
-        low, high = self.trial_ship.range_of(parameter)
-        value = float(np.clip(neutral + share * (placed.values[0] - neutral), low, high))
-        if abs(value - neutral) <= self.trial_ship.smallest_size(parameter) or (
-            value < neutral and not parameter.signed
-        ):
+        size = neutral + share * (small.values[0] - neutral)
+        value = float(np.clip(size, *ship.range_of(parameter)))
+        identifiable = abs(value - neutral) > ship.smallest_size(parameter)
+        if not identifiable or (value < neutral and not parameter.signed):
             return None
-        return placed.with_values((value, *placed.values[1:]))
+        return small.with_values((value, *small.values[1:]))
 
     def refine_effect(self, fit: Fit, which: int) -> Fit:
         """Refit one effect with the others fixed."""
@@ -262,21 +246,19 @@ class Fitter:
         search = JointSearch(self.trial_ship, fit.effects)
         point = search.start
         for _ in range(MOST_STEPS):
-            here = self.predict(self.trial_ship.record(fit.effects))
-            moved = [search.effects_at(point + row) for row in LEAST_STEP * np.eye(len(point))]
-            self.simulate_ahead(moved)
-            columns = np.array([self.predict(self.trial_ship.record(m)) - here for m in moved]) * (
-                REACH / LEAST_STEP
-            )
+            here = self.predict_effects(fit.effects)
+            near = [search.effects_at(point + row) for row in LEAST_STEP * np.eye(len(point))]
+            self.simulate_ahead(near)
+            columns = np.array([self.predict_effects(e) - here for e in near])
+            columns *= REACH / LEAST_STEP
             if not np.isfinite(columns).all():
                 break
-            step, better = REACH * self.project_residual(fit, columns).shares[: len(point)], None
+            step = REACH * self.project_residual(fit, columns).shares[: len(point)]
             for share in (1.0, 0.3, 0.1):
-                found = self.evaluate(search.effects_at(point + share * step))
-                if found.score > fit.score:
-                    better = found
+                better = self.evaluate(search.effects_at(point + share * step))
+                if better.score > fit.score:
                     break
-            if better is None:
+            else:
                 break
             gain = better.score - fit.score
             point, fit = point + share * step, better
@@ -303,19 +285,18 @@ class Fitter:
         Residuals that are nearly proportional have a covariance with a small determinant, and so a high
         likelihood although they are large.
         """
-        before, after = (
-            np.abs(self.residual(f)) ** 2 @ self.bands.weights for f in (self.null, fit)
-        )
+        fits, weights = (self.null, fit), self.bands.weights
+        before, after = (np.abs(self.residual(f)) ** 2 @ weights for f in fits)
         return bool(np.any(after > LOUDER * before))
 
     def _search(self, fit: Fit, which: list[int] | None, evaluations: int, spread: float) -> Fit:
         search, best = JointSearch(self.trial_ship, fit.effects, which), [fit]
 
         def loss(point: Any) -> float:
-            found = self.evaluate(search.effects_at(point))
-            if found.score > best[0].score:
-                best[0] = found
-            return -found.score if math.isfinite(found.score) else 1e12
+            trial = self.evaluate(search.effects_at(point))
+            if trial.score > best[0].score:
+                best[0] = trial
+            return -trial.score if math.isfinite(trial.score) else 1e12
 
         start = search.start
         if len(start) == 1:
@@ -336,68 +317,54 @@ class Fitter:
         """Return the values of every effect with standard errors, with free nominal parameters.
 
         The errors come from the curvature of the whitened likelihood over steps of one standard error,
-        so that nonlinearity within the interval is included.
-
-        Args:
-            fit: the model.
-            form: additional error of an inexact form, as a share of the size of an effect.
+        so that nonlinearity within the interval is included. The error of an inexact form, as a share of
+        the size of an effect, is added.
         """
-        flat = [(i, j) for i, placed in enumerate(fit.effects) for j in range(len(placed.values))]
-        if not flat:
+        if not fit.effects:
             return []
-        sizes = np.array([abs(fit.effects[i].values[j]) for i, j in flat])
+        sizes = np.abs([value for sized in fit.effects for value in sized.values])
         steps = errors = 1e-2 * sizes + 1e-9
         for _ in range(3):
             columns = self.sensitivities(fit, steps=steps)[1]
             covariance = np.linalg.pinv(self.likelihood.information(fit.weight, columns))
-            errors = np.sqrt(np.maximum(np.diag(covariance)[: len(flat)], 1e-300))
+            errors = np.sqrt(np.maximum(np.diag(covariance)[: len(sizes)], 1e-300))
             steps = np.clip(errors, 1e-4 * sizes + 1e-12, 0.5 * sizes + 1e-9)
-        host = self.trial_ship.with_terms(fit.effects)
-        found: list[list[Estimate]] = [[] for _ in fit.effects]
-        for (i, j), error in zip(flat, errors, strict=True):
-            parameter, value = fit.effects[i].pairs[j]
-            size = abs(value - self.trial_ship.origin(parameter))
-            found[i].append(
-                Estimate.of(
-                    host, parameter.key, value, float(error),
-                    form_error=form * size,
-                    neutral=self.trial_ship.neutral(parameter),
-                )
-            )  # fmt: skip
-        return [tuple(estimates) for estimates in found]
+        ship = self.trial_ship
+        return estimates_of(ship.with_terms(fit.effects), ship, fit.effects, errors, form)
 
 
-SLOWER_THAN_SEA_HZ = 0.03
-"""Frequency [Hz] below which no waves excite a ship."""
+def estimates_of(
+    host: Ship, trial_ship: TrialShip, effects: tuple[SizedEffect, ...], errors: Floats, form: float
+) -> list[tuple[Estimate, ...]]:
+    """Return estimates of the values of effects.
 
-MODEL_M, FULL_M = 12.0, 320.0
-"""Length [m] below which a hull is a scale model in a basin, and length of the ship to which the limit
-belongs. By Froude's law the frequency of waves scales with the inverse square root of the length."""
-
-EXCESS = 2.0
-"""Ratio of power to noise power from which a residual is significant; the rms noise has 10 % error."""
-
-CHANCE = 1e-6
-DRAWS = 6
+    Args:
+        host: ship with the terms of the effects, to which the estimates belong.
+        trial_ship: ship without the effects, from which their sizes count.
+        effects: effects with fitted values.
+        errors: standard error of each value, in its unit, shape (values,).
+        form: additional error of an inexact form, as a share of the size of an effect.
+    """
+    rest, estimates = iter(errors.tolist()), []
+    for effect in effects:
+        own = []
+        for parameter, value in effect.pairs:
+            more = form * abs(value - trial_ship.origin(parameter))
+            neutral, given = trial_ship.neutral(parameter), (parameter.key, value, next(rest))
+            own.append(Estimate.of(host, *given, form_error=more, neutral=neutral))
+        estimates.append(tuple(own))
+    return estimates
 
 
 @dataclass(frozen=True)
 class Colour:
-    """Residual that exceeds the noise of the instruments.
+    """Residual that exceeds the noise of the instruments."""
 
-    Args:
-        band: index of the band with the largest excess.
-        balance: index of the balance.
-        low_Hz: lower edge of the band.
-        high_Hz: upper edge of the band.
-        ratio: power of the residual over that of the noise.
-    """
-
-    band: int
-    balance: int
-    low_Hz: float
-    high_Hz: float
-    ratio: float
+    band: int  # index of the band with the largest excess
+    balance: int  # index of the balance
+    low_Hz: float  # lower edge of the band
+    high_Hz: float  # upper edge of the band
+    ratio: float  # power of the residual over that of the noise
 
 
 class Whiteness:
@@ -418,40 +385,33 @@ class Whiteness:
     ) -> None:
         self.fitter = fitter
         bands, balances = fitter.bands, fitter.balances
-        channels = balances.nominal
-        base = balances.residuals(channels)
-        rng = np.random.default_rng(0)
+        base = balances.residuals(balances.nominal)
+        rng, steps = np.random.default_rng(0), quantisation or {}
         power = []
         for _ in range(DRAWS):
-            noisy = {
-                c: _measure(
-                    x, noise_rms.get(c, 0.0) * rng.standard_normal(len(x)), rng.random(),
-                    (quantisation or {}).get(c, 0.0),
-                )
-                for c, x in channels.items()
-            }  # fmt: skip
-            drawn = bands.transform(balances.residuals(noisy) - base)
-            power.append(band_products(bands, drawn, drawn).real)
+            noisy = {}
+            for c, x in balances.nominal.items():
+                noise = noise_rms.get(c, 0.0) * rng.standard_normal(len(x))
+                noisy[c] = _measure(x, noise, rng.random(), steps.get(c, 0.0))
+            change = bands.transform(balances.residuals(noisy) - base)
+            power.append(band_products(bands, change, change).real)
         self._expected = np.mean(power, axis=0)
 
-    def ratios(self, fit: Fit) -> NDArray[np.float64]:
+    def ratios(self, fit: Fit) -> Floats:
         """Return residual power over noise power, (bands, balances); 0 for bands without a test."""
         bands, balances = self.fitter.bands, self.fitter.balances
         residual = self.fitter.residual(fit)
-        found = band_products(bands, residual, residual).real
+        powers = band_products(bands, residual, residual).real, self._expected
+        power, noise = (np.diagonal(p, axis1=1, axis2=2) for p in powers)
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.nan_to_num(
-                np.diagonal(found, axis1=1, axis2=2)
-                / np.diagonal(self._expected, axis1=1, axis2=2),
-                posinf=0.0,
-            )
+            ratio = np.nan_to_num(power / noise, posinf=0.0)
         if balances.moving:
             slower = slower_than_waves_hertz(balances.replay.ship)
             ratio[bands.frequency_Hz[bands.edges[1:] - 1] > slower] = 0.0
         return np.asarray(ratio)
 
     @property
-    def _limit(self) -> NDArray[np.float64]:
+    def _limit(self) -> Floats:
         """Power ratio from which a band is significant, shape (bands,)."""
         bands = self.fitter.bands
         freedom = 2.0 * np.add.reduceat(bands.weights, bands.edges[:-1])
@@ -466,21 +426,18 @@ class Whiteness:
     def colour(self, fit: Fit, balance: int | None = None) -> Colour | None:
         """Return the band and balance with the largest excess over the noise; None without an excess.
 
-        Args:
-            fit: the model.
-            balance: index of the balance to be tested; all balances by default.
+        All balances are tested by default, or else the one of an index.
         """
-        bands = self.fitter.bands
-        ratios = self.ratios(fit)
+        bands, ratios = self.fitter.bands, self.ratios(fit)
         excess = ratios / self._limit[:, None]
         if balance is not None:
-            excess[:, [row for row in range(excess.shape[1]) if row != balance]] = 0.0
-        band, row = np.unravel_index(int(np.argmax(excess)), excess.shape)
+            excess[:, np.arange(excess.shape[1]) != balance] = 0.0
+        band, row = map(int, np.unravel_index(int(np.argmax(excess)), excess.shape))
         if excess[band, row] <= 1.0:
             return None
-        edges = bands.edges
-        low, high = bands.frequency_Hz[edges[band]], bands.frequency_Hz[edges[band + 1] - 1]
-        return Colour(int(band), int(row), float(low), float(high), float(ratios[band, row]))
+        first, last = bands.edges[band], bands.edges[band + 1] - 1
+        low, high = (float(bands.frequency_Hz[k]) for k in (first, last))
+        return Colour(band, row, low, high, float(ratios[band, row]))
 
 
 def slower_than_waves_hertz(ship: Ship) -> float:
@@ -491,16 +448,10 @@ def slower_than_waves_hertz(ship: Ship) -> float:
     return float(SLOWER_THAN_SEA_HZ * np.sqrt(FULL_M / length))
 
 
-def _measure(
-    values: NDArray[np.float64], noise: NDArray[np.float64], phase: float, step: float
-) -> NDArray[np.float64]:
+def _measure(values: Floats, noise: Floats, phase: float, step: float) -> Floats:
     """Return measured values: with noise, or with quantisation if the step is larger than 0.
 
-    Args:
-        values: true values, shape (n,).
-        noise: noise, shape (n,).
-        phase: position of the grid of steps, 0 to 1; it is random, as a simulation is not exact.
-        step: quantisation step; 0 for an instrument without one.
+    The phase, 0 to 1, is the position of the grid of steps.
     """
     if step <= 0.0:
         return values + noise

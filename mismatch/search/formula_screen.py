@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ...plant.expressions import InputSignals
 from ...plant.terms import PLACES, TERM_SIGNALS
 from ..simulate.balances import Balances
+from ..simulate.joint_replay import Floats
 from .blocks import Block, Values, make_blocks
 from .catalogue import SizedEffect
 from .fitting import Fit, Fitter
@@ -41,20 +41,13 @@ REACH = 10.0
 """Prior standard deviation of a coefficient, as a multiple of its least-squares value: nearly free."""
 
 LOCATIONS_OF_BALANCE = {
-    "engine": ("drive_torque", "drive"),
-    "motor": ("drive_torque", "drive"),
-    "propeller": ("load_torque", "inflow_velocity"),
-    "load": ("load_torque",),
-    "hull": ("resistance", "inflow_velocity"),
-    "sway": ("side_force",),
-    "yaw": ("yaw_moment",),
-    "thrust": ("thrust", "inflow_velocity"),
-    "pitch-actuator": ("pitch_rate",),
-}
+    "engine": ("drive_torque", "drive"), "motor": ("drive_torque", "drive"),
+    "propeller": ("load_torque", "inflow_velocity"), "load": ("load_torque",),
+    "hull": ("resistance", "inflow_velocity"), "sway": ("side_force",), "yaw": ("yaw_moment",),
+    "thrust": ("thrust", "inflow_velocity"), "pitch-actuator": ("pitch_rate",),
+}  # fmt: skip
 """Locations of a term for each balance; thrust differs from resistance only if thrust is measured."""
 
-PLANAR_LOCATIONS = {"side_force": "sway", "yaw_moment": "yaw"}
-"""Balance of each location on a ship that turns."""
 
 SIGNALS_OF_BALANCE = {
     "engine": ("shaft_speed", "drive", "brake_torque"),
@@ -76,92 +69,69 @@ INPUT_SIGNALS = tuple(InputSignals._fields)
 
 @dataclass(frozen=True)
 class Screened:
-    """Blocks at a location with their linear estimates.
+    """Blocks at a location with their linear estimates."""
 
-    Args:
-        location: location in the model.
-        blocks: one or two blocks.
-        coefficients: coefficient of each block.
-        gain: gain in 2 log L.
-    """
-
-    location: str
-    blocks: tuple[Block, ...]
-    coefficients: tuple[float, ...]
-    gain: float
+    location: str  # location in the model
+    blocks: tuple[Block, ...]  # one or two blocks
+    coefficients: tuple[float, ...]  # coefficient of each block
+    gain: float  # gain in 2 log L
 
 
 def locations_of(balances: Balances, names: Iterable[str]) -> list[str]:
-    """Return the locations of terms that act on given balances.
-
-    Args:
-        balances: balances of ship and recordings.
-        names: names of balances.
-    """
+    """Return the locations of terms that act on balances of some names."""
     ship = balances.replay.ship
-    found = [location for name in names for location in LOCATIONS_OF_BALANCE.get(name, ())]
+    locations = {location for name in names for location in LOCATIONS_OF_BALANCE.get(name, ())}
     if not balances.has_torque and ship.has_propeller and balances.prime_mover in names:
-        found.append("inflow_velocity")
+        locations.add("inflow_velocity")
     if not ship.has_propeller or ship.has_constant_coefficients:
-        found = [location for location in found if location != "inflow_velocity"]
-    return [location for location in PLACES if location in found]
+        locations.discard("inflow_velocity")
+    return [location for location in PLACES if location in locations]
 
 
 def balance_of_location(location: str, balances: Balances) -> str:
     """Return the measured balance in which a term at a location is reported."""
-    if location in ("drive", "drive_torque"):
-        return balances.prime_mover
-    if location == "load_torque":
-        return next(n for n in ("propeller", "load", balances.prime_mover) if n in balances.names)
-    if location == "resistance":
-        return "hull"
-    if location in PLANAR_LOCATIONS:
-        return PLANAR_LOCATIONS[location]
-    if location == "pitch_rate":
-        return "pitch-actuator"
-    order = ("thrust", "hull", "propeller", balances.prime_mover)
-    if location == "inflow_velocity":
-        order = ("propeller", "thrust", "hull", balances.prime_mover)
-    return next(n for n in order if n in balances.names)
+    mover = balances.prime_mover
+    only = {"drive": mover, "drive_torque": mover, "resistance": "hull", "side_force": "sway",
+            "yaw_moment": "yaw", "pitch_rate": "pitch-actuator"}  # fmt: skip
+    if location in only:
+        return only[location]
+    order = {
+        "load_torque": ("propeller", "load", mover),
+        "inflow_velocity": ("propeller", "thrust", "hull", mover),
+        "thrust": ("thrust", "hull", "propeller", mover),
+    }[location]
+    return next(name for name in order if name in balances.names)
 
 
 class Screen:
-    """Linear regressors of blocks about one model.
-
-    Args:
-        fitter: fitter of the recording.
-        base: fit of the effects that are known to be missing.
-    """
+    """Linear regressors of blocks about a fit of the effects that are known to be missing."""
 
     def __init__(self, fitter: Fitter, base: Fit) -> None:
         self.fitter, self.base = fitter, base
         self._blocks: dict[str, list[Block]] = {}
-        self._responses: dict[str, NDArray[np.float64]] = {}
+        self._responses: dict[str, Floats] = {}
         self._values = self.values(base.effects)
 
     def values(self, effects: tuple[SizedEffect, ...]) -> Values:
         """Return every signal that an expression may use, along a simulation, by name."""
         replay = self.fitter.balances.replay
         samples = replay.simulate(self.fitter.trial_ship.record(effects))
-        names = samples.dtype.names
-        found = {n: np.ascontiguousarray(samples[n]) for n in TERM_SIGNALS if n in names}
-        found["pitch_command"] = replay.command
-        found["pitch_rate"] = np.gradient(found["pitch_ratio"], replay.interval_s)
-        return found | replay.outside
+        names = [name for name in TERM_SIGNALS if name in samples.dtype.names]
+        values = {name: np.ascontiguousarray(samples[name]) for name in names}
+        values["pitch_command"] = replay.command
+        values["pitch_rate"] = np.gradient(values["pitch_ratio"], replay.interval_s)
+        return values | replay.outside
 
     def signals_at(self, location: str) -> tuple[str, ...]:
         """Return the signals that a formula at a location may use."""
         balances = self.fitter.balances
         balance = balance_of_location(location, balances)
-        names = list(SIGNALS_OF_BALANCE[balance])
-        if (
-            not balances.has_torque
-            and balance == balances.prime_mover
-            and balances.replay.ship.has_propeller
-        ):
+        names = SIGNALS_OF_BALANCE[balance]
+        one_shaft = balances.replay.ship.has_propeller and not balances.has_torque
+        if one_shaft and balance == balances.prime_mover:
             names += SIGNALS_OF_BALANCE["propeller"]
         if location in ("inflow_velocity", "drive"):
-            names = [name for name in names if name in INPUT_SIGNALS]
+            names = tuple(name for name in names if name in INPUT_SIGNALS)
         return tuple(dict.fromkeys([*names, *balances.replay.outside]))
 
     def blocks(self, location: str) -> list[Block]:
@@ -171,13 +141,13 @@ class Screen:
             self._blocks[location] = make_blocks({name: self._values[name] for name in names})
         return self._blocks[location]
 
-    def unit_response(self, location: str) -> NDArray[np.float64]:
+    def unit_response(self, location: str) -> Floats:
         """Return the response of each balance to one unit at a location, shape (balances, rows)."""
         if location not in self._responses:
             self._responses[location] = self._compute_response(location)
         return self._responses[location]
 
-    def _compute_response(self, location: str) -> NDArray[np.float64]:
+    def _compute_response(self, location: str) -> Floats:
         balances = self.fitter.balances
         replay, plant, names = balances.replay, balances.plant, balances.names
         if location in ("inflow_velocity", "drive"):
@@ -190,21 +160,18 @@ class Screen:
             setattr(other.replay, rows, given + probe)
             here = balances.residuals(balances.nominal)
             return np.asarray((here - other.residuals(balances.nominal)) / probe)
-        push = float(plant["propellers"] * (1.0 - plant["thrust_deduction"]))
-        does = {
-            "drive_torque": {balances.prime_mover: 1.0},
-            "load_torque": dict.fromkeys([balance_of_location(location, balances)], -1.0),
-            "thrust": {"hull": push, "thrust": 1.0},
-            "resistance": {"hull": -1.0},
-            "side_force": {"sway": 1.0},
-            "yaw_moment": {"yaw": 1.0},
-            "pitch_rate": {"pitch-actuator": replay.ship.pitch_actuator.time_constant_s},
-        }[location]
-        found = np.zeros((len(names), replay.rows))
-        for name, factor in does.items():
-            if name in names:
-                found[names.index(name)] = factor
-        return found
+        factors = {balance_of_location(location, balances): 1.0}
+        if location in ("load_torque", "resistance"):
+            factors = dict.fromkeys(factors, -1.0)
+        elif location == "pitch_rate":
+            factors = dict.fromkeys(factors, replay.ship.pitch_actuator.time_constant_s)
+        elif location == "thrust":
+            push = float(plant["propellers"] * (1.0 - plant["thrust_deduction"]))
+            factors = {"hull": push, "thrust": 1.0}
+        response = np.zeros((len(names), replay.rows))
+        for row, name in enumerate(names):
+            response[row] = factors.get(name, 0.0)
+        return response
 
     def columns(self, location: str, blocks: Sequence[Block], values: Values) -> Complex:
         """Return the transformed regressors of blocks at a location, shape (blocks, balances, f)."""
@@ -215,10 +182,10 @@ class Screen:
             kept = float(np.exp(-balances.replay.interval_s / constant))
             traces = scipy.signal.lfilter([1.0 - kept], [1.0, -kept], traces, axis=1)
         response = self.unit_response(location)
-        found = np.zeros((len(blocks), len(balances.names), len(bands.order)), np.complex128)
+        columns = np.zeros((len(blocks), len(balances.names), len(bands.order)), np.complex128)
         for row in np.flatnonzero(np.abs(response).max(axis=1) > 0.0):
-            found[:, row] = bands.transform(traces * response[row])
-        return found
+            columns[:, row] = bands.transform(traces * response[row])
+        return columns
 
     def singles_and_pairs(
         self, location: str, residual: Complex, weight: Complex, values: Values
@@ -238,69 +205,52 @@ class Screen:
         nuisance = white(self.fitter.nuisance)
         root = scipy.linalg.cholesky(nuisance @ nuisance.T + np.eye(len(nuisance)), lower=True)
         explained = scipy.linalg.solve_triangular(root, nuisance, lower=True)
-        columns = white(self.columns(location, blocks, values))
-        rest = white(residual[None])[0]
-        taken = columns @ explained.T
-        gram = columns @ columns.T - taken @ taken.T
-        along = columns @ rest - taken @ (explained @ rest)
+        columns, rest = white(self.columns(location, blocks, values)), white(residual[None])[0]
+        shared = columns @ explained.T
+        gram = columns @ columns.T - shared @ shared.T
+        along = columns @ rest - shared @ (explained @ rest)
         own = np.diag(gram).copy()
         independent = own > LEFT * np.einsum("kd,kd->k", columns, columns)
         own[~independent] = np.inf
         gains = along**2 / own
-        order = np.argsort(-gains)
-        singles = [
-            Screened(location, (blocks[i],), (float(along[i] / own[i]),), float(gains[i]))
-            for i in order[:ONES] if independent[i]
-        ]  # fmt: skip
+
+        def screened(which: Sequence[int], sizes: Floats, gain: float) -> Screened:
+            own_blocks = tuple(blocks[i] for i in which)
+            return Screened(location, own_blocks, tuple(sizes.tolist()), float(gain))
+
+        order = [i for i in np.argsort(-gains)[:ONES].tolist() if independent[i]]
+        singles = [screened([i], along[[i]] / own[i], gains[i]) for i in order]
         pairs: dict[frozenset[int], Screened] = {}
-        for i in order[:FIRST]:
-            if not independent[i]:
-                continue
+        for i in (i for i in np.argsort(-gains)[:FIRST].tolist() if independent[i]):
             cross = gram[i]
             left = own - cross**2 / own[i]
-            left[~independent] = np.inf
-            left[left < LEFT * own] = np.inf
+            left[~independent | (left < LEFT * own)] = np.inf
             more = (along - cross * along[i] / own[i]) ** 2 / left
-            for j in np.argsort(-more)[:SECOND]:
-                if i == j or not np.isfinite(left[j]):
-                    continue
-                both = np.array([i, j])
-                sizes = np.linalg.solve(gram[np.ix_(both, both)], along[both])
-                pairs[frozenset((int(i), int(j)))] = Screened(
-                    location, (blocks[i], blocks[j]), tuple(map(float, sizes)),
-                    float(gains[i] + more[j]),
-                )  # fmt: skip
-        return singles, sorted(pairs.values(), key=lambda one: -one.gain)
+            for j in np.argsort(-more)[:SECOND].tolist():
+                if i != j and np.isfinite(left[j]):
+                    both = [i, j]
+                    sizes = np.linalg.solve(gram[np.ix_(both, both)], along[both])
+                    pairs[frozenset(both)] = screened(both, sizes, gains[i] + more[j])
+        return singles, sorted(pairs.values(), key=lambda pair: -pair.gain)
 
     def likeliest(
-        self,
-        screened: list[Screened],
-        residual: Complex,
-        shares: NDArray[np.float64],
-        values: Values,
+        self, screened: list[Screened], residual: Complex, shares: Floats, values: Values
     ) -> list[Screened]:
         """Return the best screened formulas by their gain with a free covariance, best first.
 
         With the fixed covariance of a model, which the missing effect increases, an inexact form fits
-        nearly as well as the true form.
-
-        Args:
-            screened: screened formulas of any location.
-            residual: residual to be explained, shape (balances, frequencies).
-            shares: initial deviations of the nominal parameters, in standard deviations.
-            values: signals along the simulation about which the model is linearised.
+        nearly as well as the true form. The shares are initial deviations of the nominal parameters, in
+        standard deviations; other arguments are as in :meth:`singles_and_pairs`.
         """
-        found = []
+        profiled = []
         for one in sorted(screened, key=lambda s: -s.gain)[:PROFILED]:
             sizes = REACH * np.abs(one.coefficients)
             columns = self.columns(one.location, one.blocks, values) * sizes[:, None, None]
             judge = Likelihood(self.fitter.bands, np.concatenate([columns, self.fitter.nuisance]))
             marginal = judge(residual, np.concatenate([np.full(len(sizes), 1.0 / REACH), shares]))
-            coefficients = marginal.shares[: len(sizes)] * sizes
-            found.append(
-                replace(one, coefficients=tuple(map(float, coefficients)), gain=marginal.score)
-            )
-        return sorted(found, key=lambda s: -s.gain)
+            coefficients = tuple((marginal.shares[: len(sizes)] * sizes).tolist())
+            profiled.append(replace(one, coefficients=coefficients, gain=marginal.score))
+        return sorted(profiled, key=lambda s: -s.gain)
 
     def _whitener(self, weight: Complex) -> Any:
         """Return a function that whitens residuals (..., balances, f); its squares sum to 2 log L."""
@@ -309,9 +259,9 @@ class Screen:
         roots = np.repeat(np.linalg.cholesky(weight), counts, axis=0)
         sizes = np.sqrt(2.0 * bands.weights)
 
-        def white(found: Complex) -> NDArray[np.float64]:
-            whitened = np.einsum("fqp,kqf->kpf", np.conj(roots), found, optimize=True) * sizes
-            flat = whitened.reshape(len(found), -1)
+        def white(residuals: Complex) -> Floats:
+            whitened = np.einsum("fqp,kqf->kpf", np.conj(roots), residuals, optimize=True) * sizes
+            flat = whitened.reshape(len(residuals), -1)
             return np.concatenate([flat.real, flat.imag], axis=1)
 
         return white

@@ -13,6 +13,7 @@ simulated worse there. The shortest formula with these properties is reported.
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -24,6 +25,8 @@ from numpy.typing import NDArray
 from ...plant.ship import ShipError
 from ...plant.terms import PLACES, TERM_SIGNALS, Term
 from ..estimate import Estimate
+from ..simulate.balances import Channels
+from ..simulate.joint_replay import Floats
 from .blocks import Block, divide_units, join_blocks
 from .catalogue import Effect, Parameter, SizedEffect
 from .fitting import Fit, Fitter, Whiteness
@@ -50,8 +53,7 @@ REACH = 10.0
 """Prior standard deviation of a Gauss-Newton step, as a multiple of a coefficient: nearly free."""
 
 WIDE = 4.0
-"""Factor on the parameter tolerances with which a formula must be significant too; a residual that a
-biased parameter explains as well needs no formula."""
+"""Factor on the tolerances with which a formula must gain too; else a biased parameter explains it."""
 
 NEWLY = 10
 """Largest number of simulations with changed parameters."""
@@ -59,24 +61,160 @@ NEWLY = 10
 ALIKE = 0.999
 """Cosine of the responses of two locations from which they are indistinguishable."""
 
+AS_GOOD = 0.95
+"""Share of the held-out gain of a shape from which a formula replaces it."""
+
+WORSE = 1.05
+"""Factor by which the simulation error of a channel may grow on the held-out data."""
+
+
+@dataclass(frozen=True)
+class Formula:
+    """Formula of the missing torque, force or power of a balance."""
+
+    balance: str  # balance with the residual
+    term: Term  # term of the corrected ship
+    blocks: tuple[Block, ...]  # one or two blocks
+    estimates: tuple[Estimate, ...]  # coefficients in the order of the blocks
+    gain: float  # gain in 2 log L on the fitted data
+    threshold: float  # threshold of the gain
+    held_out: float  # gain in 2 log L on the held-out data
+    rivals: tuple[str, ...] = ()  # indistinguishable expressions
+    better_than: tuple[str, ...] = ()  # labels of identified effects that it replaced
+    ahead: float = 0.0  # excess of gain over threshold above that of these effects, in 2 log L
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Signals on which the formula depends."""
+        return tuple(dict.fromkeys(name for block in self.blocks for name in block.signals))
+
+    @property
+    def words(self) -> str:
+        """Expression in mathematical notation."""
+        return join_blocks(self.blocks, [e.name for e in self.estimates], words=True)
+
+
+def search_formula(
+    whiteness: Whiteness, base: Fit, judge: Callable[[Any], float], rows: NDArray[np.int64]
+) -> Formula | None:
+    """Return the formula of the residual of a model, for the balances whose residual exceeds the noise.
+
+    Args:
+        whiteness: test of the residuals on the fitted data.
+        base: fit of the effects that are known to be missing.
+        judge: function that returns 2 log L of a ship record on the held-out data.
+        rows: indices of the held-out rows.
+
+    Returns:
+        The formula; None if no formula is significant, or if the recording has too little excitation.
+    """
+    names = whiteness.coloured_balances(base)
+    if not names or not whiteness.fitter.balances.replay.excited:
+        return None
+    return choose_formula(FormulaSearch(whiteness.fitter, base, names), HeldOutData(judge, rows))
+
+
+def is_as_good(brought: float, other: float) -> bool:
+    """Return whether a formula explains as much as a shape, by their gains on the held-out data."""
+    return brought > 0.0 and brought >= AS_GOOD * other
+
+
+@dataclass(frozen=True)
+class HeldOutData:
+    """Held-out data."""
+
+    judge: Callable[[Any], float]  # function that returns 2 log L of a ship record on the data
+    rows: NDArray[np.int64]  # indices of the rows
+
+
+def choose_formula(search: FormulaSearch, held_out: HeldOutData) -> Formula | None:
+    """Return the shortest significant formula of a search on the fitted data; None if there is none."""
+    trials = [t for t in search.trials if search.merit(t) > 0.0]
+    judged: dict[int, float] = {}
+
+    def gain_of(trial: Trial) -> float:
+        if id(trial) not in judged:
+            judged[id(trial)] = _held_out_gain(search, held_out, trial)
+        return judged[id(trial)]
+
+    ones = [t for t in trials if len(t.blocks) == 1 and gain_of(t) > 0.0]
+    best = _shortest(ones)
+    price = search.threshold(2) - search.threshold(1)
+    least = max(0.0, 0.0 if best is None else gain_of(best))
+    twos = []
+    for trial in (t for t in trials if len(t.blocks) == 2):
+        ahead = best is None or _gain_over(trial, best) >= price
+        if ahead and gain_of(trial) > least and _both_needed(search, trial, gain_of, price):
+            twos.append(trial)
+    longer = _shortest(twos)
+    chosen = longer or best
+    if chosen is None:
+        return None
+    others = [t for t in (twos if longer else ones) if t is not chosen]
+    rivals = [t for t in others if abs(t.gain - chosen.gain) < INDISTINGUISHABLE][:3]
+    return _formula(search, chosen, gain_of(chosen), rivals)
+
+
+def _held_out_gain(search: FormulaSearch, held_out: HeldOutData, trial: Trial) -> float:
+    """Return the gain on the held-out data; minus infinity if a channel is simulated worse there."""
+    record = search.fitter.trial_ship.record
+    before, after = (search.errors(fit, held_out.rows) for fit in (search.base, trial.fit))
+    # The comparison is false for a simulation that is not finite.
+    if not all(after[column] <= WORSE * before[column] for column in before):
+        return -math.inf
+    return held_out.judge(record(trial.fit.effects)) - held_out.judge(record(search.base.effects))
+
+
+def _both_needed(
+    search: FormulaSearch, trial: Trial, gain_of: Callable[[Trial], float], price: float
+) -> bool:
+    """Return whether each of two blocks is significant and increases the held-out gain."""
+    for block, coefficient in zip(trial.blocks, trial.sized_effect.values, strict=True):
+        alone = search.single(trial, block, coefficient)
+        if alone is None:
+            continue
+        if _gain_over(trial, alone) < price or gain_of(trial) <= gain_of(alone):
+            return False
+    return True
+
+
+def _gain_over(trial: Trial, other: Trial) -> float:
+    """Return the smaller difference of the gains of two formulas, with normal and wide tolerances."""
+    return min(trial.gain - other.gain, trial.sure - other.sure)
+
+
+def _shortest(trials: list[Trial]) -> Trial | None:
+    """Return the shortest of the formulas that are indistinguishable from the best."""
+    if not trials:
+        return None
+    most = max(trial.gain for trial in trials)
+    near = [trial for trial in trials if trial.gain > most - INDISTINGUISHABLE]
+    return min(near, key=lambda trial: (trial.length, -trial.gain))
+
+
+def _formula(search: FormulaSearch, trial: Trial, held: float, rivals: list[Trial]) -> Formula:
+    """Return a fitted formula with its estimates, its gain on the held-out data and its rivals."""
+    estimates = search.fitter.estimates(trial.fit)[-1]
+    balance = balance_of_location(trial.location, search.fitter.balances)
+    tree = search.term(trial.location, trial.blocks).model_dump(exclude_unset=True)
+    for parameter, estimate in zip(tree["parameters"].values(), estimates, strict=True):
+        parameter["value"] = estimate.value
+    equations = tuple(f"{t.location}: {t.sized_effect.effect.equation}" for t in rivals)
+    return Formula(
+        balance, Term.model_validate(tree), trial.blocks, estimates, trial.gain,
+        search.threshold(len(trial.blocks)), held, equations,
+    )  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Trial:
-    """Formula that was fitted in the simulator.
+    """Formula that was fitted in the simulator."""
 
-    Args:
-        location: location in the model.
-        blocks: one or two blocks.
-        fit: fit with the formula as the last effect.
-        gain: gain in 2 log L over the model without the formula.
-        sure: gain with parameter tolerances that are :data:`WIDE` times as large.
-    """
-
-    location: str
-    blocks: tuple[Block, ...]
-    fit: Fit
-    gain: float
-    sure: float
+    location: str  # location in the model
+    blocks: tuple[Block, ...]  # one or two blocks
+    fit: Fit  # fit with the formula as the last effect
+    gain: float  # gain in 2 log L over the model without the formula
+    sure: float  # gain with parameter tolerances that are :data:`WIDE` times as large
 
     @property
     def sized_effect(self) -> SizedEffect:
@@ -90,13 +228,7 @@ class Trial:
 
 
 class FormulaSearch:
-    """Search of a formula for the residual of a model.
-
-    Args:
-        fitter: fitter of the recordings.
-        base: fit of the effects that are known to be missing.
-        names: names of the balances with a significant residual.
-    """
+    """Search of a formula for the residual of a model in balances of given names."""
 
     def __init__(self, fitter: Fitter, base: Fit, names: Sequence[str]) -> None:
         self.fitter, self.base = fitter, base
@@ -104,24 +236,20 @@ class FormulaSearch:
         balances = fitter.balances
         self.locations = self._distinguishable(locations_of(balances, names))
         self.count = sum(len(self.screen.blocks(location)) for location in self.locations)
-        self.samples = sum(
-            b - a for a, b in zip(fitter.bands.starts, fitter.bands.ends, strict=True)
-        )
+        self.samples = sum(fitter.bands.ends) - sum(fitter.bands.starts)
         self._wide = Likelihood(fitter.bands, WIDE * fitter.nuisance)
-        self._base_wide = self._by_numbers()
+        self._base_wide = self._score_with_wide_tolerances()
         ship = fitter.trial_ship.with_terms(base.effects)
-        outside = {**ship.signals}
-        units = {
-            n: text.split("[")[-1].rstrip("]") for n, text in TERM_SIGNALS.items() if "[" in text
-        }
-        self.units = units | {"drive": ship.prime_mover.demand.unit} | outside
-        taken = {term.id for term in ship.term}
-        self._id = next(n for n in _ids() if n not in taken)
-        self._names = [n for n in ("a", "b", "c", "d", "e", "f", "g", "h", "k") if n not in outside]
+        units = {name: _unit_in(text) for name, text in TERM_SIGNALS.items() if "[" in text}
+        self.units = units | {"drive": ship.prime_mover.demand.unit} | {**ship.signals}
+        ids = itertools.chain(["formula"], (f"formula-{k}" for k in itertools.count(2)))
+        used = {term.id for term in ship.term}
+        self._id = next(name for name in ids if name not in used)
+        self._names = [name for name in "abcdefghk" if name not in ship.signals]
 
     def _distinguishable(self, locations: list[str]) -> list[str]:
         """Return the locations with distinguishable responses; direct locations come first."""
-        kept: dict[str, NDArray[np.float64]] = {}
+        kept: dict[str, Floats] = {}
         for location in sorted(locations, key=lambda location: location in INDIRECT):
             response = self.screen.unit_response(location)
             if not response.any():
@@ -131,26 +259,26 @@ class FormulaSearch:
                 kept[location] = response
         return list(kept)
 
-    def _by_numbers(self) -> float:
+    def _score_with_wide_tolerances(self) -> float:
         """Return 2 log L of the model with wider parameter tolerances.
 
         The linear estimate of the parameters is simulated, and the model is linearised there again.
         """
         fitter, base = self.fitter, self.base
-        found = self._wide(base.difference, base.tolerances / WIDE)
-        best: float = found.score
+        marginal = self._wide(base.difference, base.tolerances / WIDE)
+        best: float = marginal.score
         ship = fitter.trial_ship.corrected(base.effects)
-        moved = np.zeros(len(found.shares))
+        shift = np.zeros(len(marginal.shares))
         for _ in range(NEWLY):
-            moved = moved + found.shares
+            shift = shift + marginal.shares
             values: dict[str, float] = {}
-            for share, move in zip(WIDE * moved, fitter.moves, strict=False):
+            for share, move in zip(WIDE * shift, fitter.moves, strict=False):
                 for key, change in move.numbers.items():
                     own = values.get(key, ship.parameter(key).value)
                     values[key] = own + share * change / move.share
             is_parameter = [bool(move.numbers) for move in fitter.moves]
-            moved[: len(is_parameter)] *= is_parameter
-            moved[len(is_parameter) :] = 0.0
+            shift[: len(is_parameter)] *= is_parameter
+            shift[len(is_parameter) :] = 0.0
             try:
                 record = ship.with_values(values).record()
             except ShipError:
@@ -158,10 +286,10 @@ class FormulaSearch:
             difference = fitter.measured - fitter.predict(record)
             if is_divergent(difference):
                 break
-            found = self._wide(difference)
+            marginal = self._wide(difference)
             # The prior refers to the parameters of the ship file, not to the previous linearisation.
-            whole = moved + found.shares
-            best = max(best, float(found.score + found.shares @ found.shares - whole @ whole))
+            own_cost, whole = marginal.shares @ marginal.shares, shift + marginal.shares
+            best = max(best, float(marginal.score + own_cost - whole @ whole))
         return best
 
     def threshold(self, blocks: int) -> float:
@@ -172,31 +300,16 @@ class FormulaSearch:
     def term(self, location: str, blocks: Sequence[Block]) -> Term:
         """Return a formula as a term with coefficients of 0."""
         names = self._names[: len(blocks)]
-        own = PLACES[location].split("[")[-1].rstrip("]")
-        if location == "drive":
-            own = self.units["drive"]
-        return Term.model_validate(
-            {
-                "id": self._id,
-                "acts_on": location,
-                "expression": join_blocks(blocks, names),
-                "parameters": {
-                    name: {"value": 0.0, "unit": divide_units(own, block.unit(self.units))}
-                    for name, block in zip(names, blocks, strict=True)
-                },
-            }
-        )
+        unit = self.units["drive"] if location == "drive" else _unit_in(PLACES[location])
+        units = [divide_units(unit, block.unit(self.units)) for block in blocks]
+        parameters = {n: {"value": 0.0, "unit": u} for n, u in zip(names, units, strict=True)}
+        tree = {"id": self._id, "acts_on": location, "expression": join_blocks(blocks, names)}
+        return Term.model_validate(tree | {"parameters": parameters})
 
     def fit_formula(
         self, location: str, blocks: tuple[Block, ...], start: Sequence[float]
     ) -> Trial | None:
-        """Fit the coefficients of a formula in the simulator; return None if the simulation diverges.
-
-        Args:
-            location: location in the model.
-            blocks: one or two blocks.
-            start: initial coefficients.
-        """
+        """Fit the coefficients of a formula in the simulator, as :meth:`fit_term`."""
         return self.fit_term(self.term(location, blocks), blocks, start)
 
     def fit_term(
@@ -204,22 +317,15 @@ class FormulaSearch:
     ) -> Trial | None:
         """Fit the parameters of a term in the simulator; return None if the simulation diverges.
 
-        Args:
-            term: term that is 0 if its parameters are 0.
-            blocks: blocks of the term; empty for a term that is not made of blocks.
-            start: initial parameters.
+        The term is 0 if its parameters are 0. It has no blocks if it is not made of blocks.
         """
-        location = term.acts_on
-        parameters = tuple(
-            Parameter(f"term.{term.id}.{name}", (), term=term) for name in term.parameters
-        )
-        effect = Effect(
-            term.id, balance_of_location(location, self.fitter.balances), parameters,
-            term.expression, "", "", "", term=term,
-        )  # fmt: skip
+        balance = balance_of_location(term.acts_on, self.fitter.balances)
+        keys = [f"term.{term.id}.{name}" for name in term.parameters]
+        parameters = tuple(Parameter(key, (), term=term) for key in keys)
+        effect = Effect(term.id, balance, parameters, term.expression, "", "", "", term=term)
         sizes = np.asarray(start, dtype=np.float64)
         for _ in range(4):
-            fit = self._at(effect, sizes)
+            fit = self.fitter.evaluate(self._with(effect, sizes))
             if math.isfinite(fit.score):
                 break
             sizes = 0.3 * sizes
@@ -234,64 +340,53 @@ class FormulaSearch:
             if gain < SETTLED:
                 break
         sure = self._wide(fit.difference, fit.tolerances / WIDE).score - self._base_wide
-        return Trial(location, blocks, fit, fit.score - self.base.score, sure)
+        return Trial(term.acts_on, blocks, fit, fit.score - self.base.score, sure)
 
-    def _at(self, effect: Effect, sizes: Any) -> Fit:
-        return self.fitter.evaluate(
-            (*self.base.effects, SizedEffect(effect, tuple(map(float, sizes))))
-        )
+    def _with(self, effect: Effect, sizes: Any) -> tuple[SizedEffect, ...]:
+        """Return the effects of the model and a formula with coefficients."""
+        return (*self.base.effects, SizedEffect(effect, tuple(map(float, sizes))))
 
     def _step(self, effect: Effect, sizes: Any, fit: Fit) -> tuple[Any, Fit] | None:
         """Make a Gauss-Newton step that increases the score; return None if no step does."""
-        fitter, record = self.fitter, self.fitter.trial_ship.record
-        here = fitter.predict(record(fit.effects))
-        columns = []
-        for i, size in enumerate(sizes):
-            moved = sizes.copy()
-            moved[i] += STEP * (size or 1.0)
-            placed = SizedEffect(effect, tuple(map(float, moved)))
-            there = fitter.predict(record((*self.base.effects, placed)))
-            columns.append((there - here) / (STEP * (size or 1.0)))
+        fitter = self.fitter
+        here = fitter.predict_effects(fit.effects)
+        steps = STEP * np.where(sizes == 0.0, 1.0, sizes)
+        trials = [self._with(effect, sizes + row) for row in np.diag(steps)]
+        changes = [fitter.predict_effects(trial) - here for trial in trials]
+        columns = np.array([c / step for c, step in zip(changes, steps, strict=True)])
         if not np.isfinite(columns).all():
             return None
         reach = REACH * np.where(sizes == 0.0, 1.0, np.abs(sizes))
-        found = fitter.project_residual(fit, np.array(columns) * reach[:, None, None])
-        step = found.shares[: len(sizes)] * reach
+        shares = fitter.project_residual(fit, columns * reach[:, None, None]).shares
+        step = shares[: len(sizes)] * reach
         for share in (1.0, 0.3, 0.09):
             trial = sizes + share * step
-            better = self._at(effect, trial)
+            better = fitter.evaluate(self._with(effect, trial))
             if better.score > fit.score:
                 return trial, better
         return None
 
     def errors(self, fit: Fit, rows: NDArray[np.int64]) -> dict[str, float]:
-        """Return the rms error of each simulated channel, with the fitted nominal parameters.
-
-        Args:
-            fit: the model.
-            rows: indices of the rows that are compared.
-        """
+        """Return the rms error on some rows of each channel, with the fitted nominal parameters."""
         replay = self.fitter.balances.replay
-        found = replay.simulate_channels(self.fitter.trial_ship.record(fit.effects))
-        off = {c: (replay.measured[c] - x)[rows] for c, x in found.items()}
-        for share, moved in zip(fit.tolerances, self._moved, strict=False):
-            for column, change in moved.items():
-                off[column] = off[column] - share * change[rows]
-        with np.errstate(
-            over="ignore"
-        ):  # The error of a diverging formula may overflow to infinity.
-            return {c: float(np.sqrt(np.mean(np.square(x)))) for c, x in off.items()}
+        simulated = replay.simulate_channels(self.fitter.trial_ship.record(fit.effects))
+        errors = {c: (replay.measured[c] - x)[rows] for c, x in simulated.items()}
+        for share, changes in zip(fit.tolerances, self._changes, strict=False):
+            for column, change in changes.items():
+                errors[column] = errors[column] - share * change[rows]
+        # The error of a diverging formula may overflow to infinity.
+        with np.errstate(over="ignore"):
+            return {c: float(np.sqrt(np.mean(np.square(x)))) for c, x in errors.items()}
 
     @functools.cached_property
-    def _moved(self) -> list[dict[str, NDArray[np.float64]]]:
+    def _changes(self) -> list[Channels]:
         """Change of the channels by one standard deviation of each nominal parameter."""
         fitter, replay = self.fitter, self.fitter.balances.replay
-        here = replay.simulate_channels(fitter.trial_ship.nominal)
-        found = []
+        nominal, changes = replay.simulate_channels(fitter.trial_ship.nominal), []
         for move in fitter.moves:
-            there = replay.simulate_channels(move.record, move.start)
-            found.append({c: (there[c] - x) / move.share for c, x in here.items()})
-        return found
+            channels = replay.simulate_channels(move.record, move.start)
+            changes.append({c: (channels[c] - x) / move.share for c, x in nominal.items()})
+        return changes
 
     @functools.cached_property
     def trials(self) -> list[Trial]:
@@ -301,10 +396,11 @@ class FormulaSearch:
         for _ in range(ROUNDS):
             for one in self._screened(about):
                 key = (one.location, frozenset(one.blocks))
-                if key not in tried:
-                    found = self.fit_formula(one.location, one.blocks, one.coefficients)
-                    if found is not None:
-                        tried[key] = found
+                if key in tried:
+                    continue
+                trial = self.fit_formula(one.location, one.blocks, one.coefficients)
+                if trial is not None:
+                    tried[key] = trial
             if not tried:
                 break
             best = max(tried.values(), key=self.merit)
@@ -326,7 +422,8 @@ class FormulaSearch:
         if about is not None:
             own = screen.columns(about.location, about.blocks, values)
             residual = residual + np.einsum("k,kmf->mf", np.array(about.sized_effect.values), own)
-        singles, pairs = [], []
+        singles: list[Screened] = []
+        pairs: list[Screened] = []
         for location in self.locations:
             ones, twos = screen.singles_and_pairs(location, residual, fit.weight, values)
             singles += ones
@@ -340,182 +437,6 @@ class FormulaSearch:
         return self.fit_formula(trial.location, (block,), (coefficient,))
 
 
-def _ids() -> Iterator[str]:
-    yield "formula"
-    for number in range(2, 99):
-        yield f"formula-{number}"
-
-
-AS_GOOD = 0.95
-"""Share of the held-out gain of a shape from which a formula replaces it."""
-
-WORSE = 1.05
-"""Factor by which the simulation error of a channel may grow on the held-out data."""
-
-
-@dataclass(frozen=True)
-class Formula:
-    """Formula of the missing torque, force or power of a balance.
-
-    Args:
-        balance: balance with the residual.
-        term: term of the corrected ship.
-        blocks: one or two blocks.
-        estimates: coefficients in the order of the blocks.
-        gain: gain in 2 log L on the fitted data.
-        threshold: threshold of the gain.
-        held_out: gain in 2 log L on the held-out data.
-        rivals: indistinguishable expressions.
-        better_than: labels of identified effects that the formula replaced because it fits better.
-        ahead: excess of its gain over the threshold above that of these effects, in 2 log L.
-    """
-
-    balance: str
-    term: Term
-    blocks: tuple[Block, ...]
-    estimates: tuple[Estimate, ...]
-    gain: float
-    threshold: float
-    held_out: float
-    rivals: tuple[str, ...] = ()
-    better_than: tuple[str, ...] = ()
-    ahead: float = 0.0
-
-    @property
-    def signals(self) -> tuple[str, ...]:
-        """Signals on which the formula depends."""
-        return tuple(dict.fromkeys(name for block in self.blocks for name in block.signals))
-
-    @property
-    def words(self) -> str:
-        """Expression in mathematical notation."""
-        return join_blocks(self.blocks, [e.name for e in self.estimates], words=True)
-
-
-def search_formula(
-    whiteness: Whiteness, base: Fit, judge: Callable[[Any], float], rows: NDArray[np.int64]
-) -> Formula | None:
-    """Return the formula of the residual of a model, for the balances whose residual exceeds the noise.
-
-    Args:
-        whiteness: test of the residuals on the fitted data.
-        base: fit of the effects that are known to be missing; of no effects by default.
-        judge: function that returns 2 log L of a ship record on the held-out data.
-        rows: indices of the held-out rows.
-
-    Returns:
-        The formula; None if no formula is significant, or if the recording has too little excitation.
-    """
-    names = whiteness.coloured_balances(base)
-    if not names or not whiteness.fitter.balances.replay.excited:
-        return None
-    return choose_formula(FormulaSearch(whiteness.fitter, base, names), HeldOutData(judge, rows))
-
-
-def is_as_good(brought: float, other: float) -> bool:
-    """Return whether a formula explains as much as a shape, by their gains on the held-out data."""
-    return brought > 0.0 and brought >= AS_GOOD * other
-
-
-@dataclass(frozen=True)
-class HeldOutData:
-    """Held-out data.
-
-    Args:
-        judge: function that returns 2 log L of a ship record on the data.
-        rows: indices of the rows.
-    """
-
-    judge: Callable[[Any], float]
-    rows: NDArray[np.int64]
-
-
-def choose_formula(search: FormulaSearch, held_out: HeldOutData) -> Formula | None:
-    """Return the shortest significant formula; None if there is none.
-
-    Args:
-        search: search on the fitted data.
-        held_out: held-out data.
-    """
-    trials = [t for t in search.trials if search.merit(t) > 0.0]
-    judged: dict[int, float] = {}
-
-    def gain_of(trial: Trial) -> float:
-        if id(trial) not in judged:
-            judged[id(trial)] = _held_out_gain(search, held_out, trial)
-        return judged[id(trial)]
-
-    ones = [t for t in trials if len(t.blocks) == 1 and gain_of(t) > 0.0]
-    best = _shortest(ones)
-    price = search.threshold(2) - search.threshold(1)
-    twos = []
-    for trial in (t for t in trials if len(t.blocks) == 2):
-        if best is not None and _gain_over(trial, best) < price:
-            continue
-        if gain_of(trial) > max(0.0, 0.0 if best is None else gain_of(best)) and _both_needed(
-            search, trial, gain_of, price
-        ):
-            twos.append(trial)
-    longer = _shortest(twos)
-    chosen = longer or best
-    if chosen is None:
-        return None
-    rivals = _near(twos if longer else ones, chosen)
-    return _formula(search, chosen, gain_of(chosen), rivals)
-
-
-def _gain_over(trial: Trial, other: Trial) -> float:
-    """Return the smaller difference of the gains of two formulas, with normal and wide tolerances."""
-    return min(trial.gain - other.gain, trial.sure - other.sure)
-
-
-def _shortest(trials: list[Trial]) -> Trial | None:
-    """Return the shortest of the formulas that are indistinguishable from the best."""
-    if not trials:
-        return None
-    most = max(trial.gain for trial in trials)
-    near = [trial for trial in trials if trial.gain > most - INDISTINGUISHABLE]
-    return min(near, key=lambda trial: (trial.length, -trial.gain))
-
-
-def _near(trials: list[Trial], chosen: Trial) -> list[Trial]:
-    return [t for t in trials if t is not chosen and abs(t.gain - chosen.gain) < INDISTINGUISHABLE][
-        :3
-    ]
-
-
-def _both_needed(
-    search: FormulaSearch, trial: Trial, gain_of: Callable[[Trial], float], price: float
-) -> bool:
-    """Return whether each of two blocks is significant and increases the held-out gain."""
-    for block, coefficient in zip(trial.blocks, trial.sized_effect.values, strict=True):
-        alone = search.single(trial, block, coefficient)
-        if alone is not None and (
-            _gain_over(trial, alone) < price or gain_of(trial) <= gain_of(alone)
-        ):
-            return False
-    return True
-
-
-def _held_out_gain(search: FormulaSearch, held_out: HeldOutData, trial: Trial) -> float:
-    """Return the gain on the held-out data; minus infinity if a channel is simulated worse there."""
-    record = search.fitter.trial_ship.record
-    before, after = (search.errors(fit, held_out.rows) for fit in (search.base, trial.fit))
-    # The comparison is false for a simulation that is not finite.
-    if not all(after[column] <= WORSE * before[column] for column in before):
-        return -math.inf
-    return held_out.judge(record(trial.fit.effects)) - held_out.judge(record(search.base.effects))
-
-
-def _formula(search: FormulaSearch, trial: Trial, held: float, rivals: list[Trial]) -> Formula:
-    fitter, location = search.fitter, trial.location
-    estimates = fitter.estimates(trial.fit)[-1]
-    term = search.term(location, trial.blocks)
-    tree = term.model_dump(exclude_unset=True)
-    for name, estimate in zip(term.parameters, estimates, strict=True):
-        tree["parameters"][name]["value"] = estimate.value
-    return Formula(
-        balance_of_location(location, fitter.balances), Term.model_validate(tree), trial.blocks,
-        estimates, trial.gain, search.threshold(len(trial.blocks)), held,
-        tuple(f"{t.location}: {t.sized_effect.effect.equation}" for t in rivals),
-    )  # fmt: skip
+def _unit_in(text: str) -> str:
+    """Return the unit in the brackets of a description."""
+    return text.split("[")[-1].rstrip("]")

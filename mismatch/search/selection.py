@@ -17,70 +17,8 @@ from .catalogue import Effect, SizedEffect, Window
 from .fitting import Fit, Fitter
 from .spectra import Complex, Likelihood, chance_gain
 
-PIECES = 24
-"""Number of equal pieces of a recording; windows begin and end at their edges."""
-
-STRETCHES = PIECES * (PIECES + 1) // 2 - 1
-"""Number of windows that are scanned: all except the whole recording."""
-
-MOST_WINDOWS = 4
-ALIKE = 0.6
-"""Overlap of two windows, as a share of their union, from which only the better one is kept."""
-
-LEAST_GAIN = 9.0
-"""Smallest gain in 2 log L of a window that is tried; chance reaches smaller gains."""
-
-
-def find_episodes(fitter: Fitter, fit: Fit) -> list[Window]:
-    """Return the windows [s] in which a changed resistance explains most of the hull residual.
-
-    All windows of :data:`PIECES` pieces are compared by generalised least squares; a change of the
-    resistance acts in the hull balance only.
-
-    Args:
-        fitter: fitter of one recording; for several recordings, or without ship speed, there are no
-            windows.
-        fit: model with the effects that are known to be missing.
-    """
-    balances, bands = fitter.balances, fitter.bands
-    replay, names = balances.replay, balances.names
-    if "hull" not in names or len(replay.segments) > 1:
-        return []
-    edges = np.linspace(0, replay.rows, PIECES + 1).astype(int)
-    columns = []
-    for a, b in itertools.pairwise(edges):
-        piece = np.zeros((len(names), replay.rows))
-        piece[names.index("hull"), a:b] = balances.nominal_samples["resistance"][a:b]
-        columns.append(bands.transform(piece))
-    columns.append(fit.difference)
-    information = fitter.likelihood.information(fit.weight, np.array(columns))
-    count = len(columns)
-    across, regressors = information[:count, count:], information[count:, count:]
-    own = information[:count, :count] - across @ np.linalg.solve(regressors, across.T)
-    times = replay.interval_s * edges
-    gains: dict[Window, float] = {}
-    for a, b in itertools.combinations(range(PIECES + 1), 2):
-        power = float(own[a:b, a:b].sum())
-        if power > 0.0 and b - a < PIECES:
-            gain = float(own[a:b, -1].sum()) ** 2 / power
-            if gain > LEAST_GAIN:
-                gains[(float(times[a]), float(times[b]))] = gain
-    found: list[Window] = []
-    for window in sorted(gains, key=lambda w: -gains[w]):
-        if len(found) < MOST_WINDOWS and all(_common(window, other) < ALIKE for other in found):
-            found.append(window)
-    return found
-
-
-def _common(one: Window, other: Window) -> float:
-    """Return the overlap of two windows as a share of their union."""
-    shared = max(0.0, min(one[1], other[1]) - max(one[0], other[0]))
-    return shared / (one[1] - one[0] + other[1] - other[0] - shared)
-
-
 MOST_EFFECTS, MORE_TURNING = 3, 2
-"""Largest number of effects in a search, and the additional number for a ship that turns, which has two
-more balances."""
+"""Largest number of effects in a search; more for a ship that turns, which has two more balances."""
 
 REFINED, FORMS = 5, 2
 """Number of the best effects of a screen that are refined by output error, and of forms of each."""
@@ -93,8 +31,7 @@ LEAST_PROMISE, AGAIN = 0.3, 0.1
 tried in addition to other effects; LEAST_PROMISE times its threshold is also needed for a refinement."""
 
 FREE = 10.0
-"""Prior standard deviation of the values of other effects, as a multiple of each value, while a further
-effect is tried."""
+"""Prior standard deviation of other effects' values, in their values, while a further one is tried."""
 
 NEAR_GAIN = 0.25
 """Share of the best gain from which a candidate is refined."""
@@ -104,6 +41,20 @@ INDISTINGUISHABLE = 6.0
 
 NEAR_SHARE = 0.01
 """Share of a gain by which the true effect may fit worse than another because its form is inexact."""
+
+PIECES = 24
+"""Number of equal pieces of a recording; windows begin and end at their edges."""
+
+STRETCHES = PIECES * (PIECES + 1) // 2 - 1
+"""Number of windows that are scanned: all except the whole recording."""
+
+MOST_WINDOWS = 4
+
+ALIKE = 0.6
+"""Overlap of two windows, as a share of their union, from which only the better one is kept."""
+
+LEAST_GAIN = 9.0
+"""Smallest gain in 2 log L of a window that is tried; chance reaches smaller gains."""
 
 
 @dataclass(frozen=True)
@@ -122,44 +73,13 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Selection:
-    """Result of the search.
+    """Result of the search."""
 
-    Args:
-        fit: the model with the selected effects, in the order of their selection.
-        gains: gain in 2 log L of each selected effect with all other effects present.
-        thresholds: threshold of each gain.
-        rivals: alternatives of each selected effect with similar gains, best first.
-        ranking: the first screen of the whole catalogue, best first.
-    """
-
-    fit: Fit
-    gains: tuple[float, ...]
-    thresholds: tuple[float, ...]
-    rivals: tuple[tuple[Candidate, ...], ...]
-    ranking: tuple[Candidate, ...]
-
-
-def threshold(effect: Effect, tried: int) -> float:
-    """Return the gain that an effect must exceed; a window counts as two more parameters.
-
-    Args:
-        effect: the effect.
-        tried: number of effects that were tried.
-    """
-    count = len(effect.parameters) + 2 * effect.windowed
-    return chance_gain(count, tried + STRETCHES * effect.windowed, RISK)
-
-
-def are_confusable(one: Effect, other: Effect) -> bool:
-    """Return whether the catalogue lists one of two effects as confusable with the other."""
-    return one.id in other.confused_with or other.id in one.confused_with
-
-
-def likelihood_with_free_effects(fitter: Fitter, fit: Fit) -> Likelihood:
-    """Return a likelihood in which the values of the effects of a model are free too, linearised."""
-    values = [abs(v) for placed in fit.effects for v in placed.values]
-    own = FREE * np.reshape(values, (-1, 1, 1)) * fitter.sensitivities(fit)[1]
-    return Likelihood(fitter.bands, np.concatenate([own, fitter.nuisance]))
+    fit: Fit  # the model with the selected effects, in the order of their selection
+    gains: tuple[float, ...]  # gain of each effect with all others present, in 2 log L
+    thresholds: tuple[float, ...]  # threshold of each gain
+    rivals: tuple[tuple[Candidate, ...], ...]  # alternatives of each effect, best first
+    ranking: tuple[Candidate, ...]  # the first screen of the whole catalogue, best first
 
 
 class Selector:
@@ -182,7 +102,7 @@ class Selector:
         self.tick = tick
         usual = MOST_EFFECTS + MORE_TURNING * fitter.trial_ship.ship.turns
         self.most = usual if most is None else most
-        self._moved: dict[str, list[Complex]] = {}
+        self._changes: dict[str, list[Complex]] = {}  # by each effect alone, by label
 
     def threshold(self, effect: Effect) -> float:
         """Return the gain that an effect must exceed."""
@@ -198,40 +118,35 @@ class Selector:
             self.windows = find_episodes(self.fitter, base)
         predicted = self._predicted_gains(base) if base.effects else {}
         pending = [e for e in self.effects if not base.effects or e.label in predicted]
-        found = []
+        candidates = []
         for done, effect in enumerate(pending):
             self.tick(stage, done, len(pending))
-            best: Fit | None = None
             trials = self.fitter.trial_ship.trials(effect, self.windows)
-            self.fitter.simulate_ahead((*base.effects, placed) for placed in trials)
-            for placed in self._trials(base, effect):
-                fit = self.fitter.evaluate((*base.effects, placed))
-                if best is None or fit.score > best.score:
-                    best = fit
+            self.fitter.simulate_ahead((*base.effects, trial) for trial in trials)
+            effects = ((*base.effects, trial) for trial in self._trials(base, effect))
+            best = max(map(self.fitter.evaluate, effects), key=_score, default=None)
             if not base.effects:
                 self._alone(effect)  # The simulations that it needs are still in the cache.
             if best is None or not math.isfinite(best.score):
                 continue
-            if (
-                base.effects
-                and best.score - base.score < predicted[effect.label] - INDISTINGUISHABLE
-            ):
+            least = predicted.get(effect.label, 0.0) - INDISTINGUISHABLE
+            if base.effects and best.score - base.score < least:
                 best = self.fitter.polish(best)  # The other effects must be refitted first.
-            found.append(Candidate(effect, best, best.score - base.score))
+            candidates.append(Candidate(effect, best, best.score - base.score))
         self.tick(stage, len(pending), len(pending))
-        return sorted(found, key=self._merit, reverse=True)
+        return sorted(candidates, key=self._merit, reverse=True)
 
     def _alone(self, effect: Effect) -> list[Complex]:
         """Return the changes by the smallest probes of an effect without other effects, transformed."""
-        if effect.label not in self._moved or effect.windowed:
-            trial_ship, predicted = self.fitter.trial_ship, self.fitter.predict
-            nothing = predicted(trial_ship.nominal)
+        if effect.label not in self._changes or effect.windowed:
+            predict, trial_ship = self.fitter.predict, self.fitter.trial_ship
+            nothing = predict(trial_ship.nominal)
             trials = trial_ship.smallest_trials(effect, self.windows)
-            moved = [predicted(trial_ship.record((placed,))) - nothing for placed in trials]
-            self._moved[effect.label] = [
-                m.astype(np.complex64) for m in moved if np.isfinite(m).all()
+            changes = [predict(trial_ship.record((trial,))) - nothing for trial in trials]
+            self._changes[effect.label] = [
+                c.astype(np.complex64) for c in changes if np.isfinite(c).all()
             ]
-        return self._moved[effect.label]
+        return self._changes[effect.label]
 
     def _predicted_gains(self, base: Fit) -> dict[str, float]:
         """Return the predicted gains of effects that the model does not have, by label, if sufficient.
@@ -240,55 +155,50 @@ class Selector:
         model, whose values are free.
         """
         beside = likelihood_with_free_effects(self.fitter, base)
-        taken = {placed.effect.kind for placed in base.effects}
-        found: dict[str, float] = {}
+        kinds = {sized.effect.kind for sized in base.effects}
+        gains: dict[str, float] = {}
         limits = {}
-        for effect in (e for e in self.effects if e.kind not in taken):
-            moved = self._alone(effect)
-            gains = [beside.amount(base.weight, base.difference, m)[1] for m in moved]
-            found[effect.label] = max(gains, default=0.0)
+        for effect in (e for e in self.effects if e.kind not in kinds):
+            amounts = [beside.amount(base.weight, base.difference, c) for c in self._alone(effect)]
+            gains[effect.label] = max((gain for _, gain in amounts), default=0.0)
             limits[effect.label] = LEAST_PROMISE * self.threshold(effect)
-        least = AGAIN * max(found.values(), default=0.0)
-        return {label: gain for label, gain in found.items() if gain > max(least, limits[label])}
+        least = AGAIN * max(gains.values(), default=0.0)
+        return {label: gain for label, gain in gains.items() if gain > max(least, limits[label])}
 
     def _to_refine(self, screened: list[Candidate]) -> list[Candidate]:
         """Return the best candidates of a screen and those confusable with the best one."""
-        if not screened:
-            return []
-        best = screened[0]
-        found: dict[tuple[str, str], list[Candidate]] = {}
+        forms: dict[tuple[str, str], list[Candidate]] = {}
         for candidate in screened:
+            best = screened[0]
             near = candidate.gain > NEAR_GAIN * best.gain
             if candidate.gain > 1.0 and (near or are_confusable(candidate.effect, best.effect)):
-                found.setdefault(candidate.effect.kind, []).append(candidate)
-        return [c for forms in list(found.values())[:REFINED] for c in forms[:FORMS]]
+                forms.setdefault(candidate.effect.kind, []).append(candidate)
+        return [c for own in [*forms.values()][:REFINED] for c in own[:FORMS]]
 
     def _trials(self, base: Fit, effect: Effect) -> Iterator[SizedEffect]:
         """Yield an effect at its probes and at the sizes that a linear extrapolation gives."""
         trial_ship = self.fitter.trial_ship
         yield from trial_ship.trials(effect, self.windows)
         for small in trial_ship.smallest_trials(effect, self.windows):
-            placed = self.fitter.scale_effect(base, small)
-            if placed is not None:
-                yield placed
+            if (scaled := self.fitter.scale_effect(base, small)) is not None:
+                yield scaled
 
     def _merit(self, candidate: Candidate) -> float:
         return candidate.gain - self.threshold(candidate.effect)
 
     def refine(self, base: Fit, candidates: list[Candidate]) -> list[Candidate]:
         """Return the best candidates of a screen with fitted values, best first."""
-        found = []
+        refined = []
         if base.effects:
-            candidates = [
-                c for c in candidates if c.gain > LEAST_PROMISE * self.threshold(c.effect)
-            ]
+            limits = [LEAST_PROMISE * self.threshold(c.effect) for c in candidates]
+            candidates = [c for c, least in zip(candidates, limits, strict=True) if c.gain > least]
         for candidate in self._to_refine(candidates):
             fit = self.fitter.refine_effect(candidate.fit, len(candidate.fit.effects) - 1)
             if len(candidate.effect.parameters) > 1:
                 fit = self.fitter.polish(fit)
             if not self.fitter.increases_residual(fit):
-                found.append(Candidate(candidate.effect, fit, fit.score - base.score))
-        return sorted(found, key=self._merit, reverse=True)
+                refined.append(Candidate(candidate.effect, fit, fit.score - base.score))
+        return sorted(refined, key=self._merit, reverse=True)
 
     def search(self) -> Selection:
         """Add effects up to the largest number, and drop superfluous effects after each step."""
@@ -304,18 +214,13 @@ class Selector:
                 ranking = tuple(sorted([*refined, *rest], key=lambda c: -c.gain))
             if not refined or self._merit(refined[0]) <= 0.0:
                 break
-            best = refined[0]
-            fit = self.fitter.refine_effects(best.fit)
-            rivals[best.effect.label] = tuple(refined[1:])
-            base = self._drop_superfluous(fit)
-        gains = tuple(base.score - self._without(base, i).score for i in range(len(base.effects)))
-        return Selection(
-            base,
-            gains,
-            tuple(self.threshold(p.effect) for p in base.effects),
-            tuple(rivals.get(p.effect.label, ()) for p in base.effects),
-            ranking,
-        )
+            rivals[refined[0].effect.label] = tuple(refined[1:])
+            base = self._drop_superfluous(self.fitter.refine_effects(refined[0].fit))
+        effects = [sized.effect for sized in base.effects]
+        gains = tuple(base.score - self._without(base, i).score for i in range(len(effects)))
+        thresholds = tuple(map(self.threshold, effects))
+        own_rivals = tuple(rivals.get(effect.label, ()) for effect in effects)
+        return Selection(base, gains, thresholds, own_rivals, ranking)
 
     def _without(self, fit: Fit, index: int) -> Fit:
         """Return the model without one effect, with the others refitted."""
@@ -330,10 +235,76 @@ class Selector:
     def _drop_superfluous(self, fit: Fit) -> Fit:
         """Drop effects that a later one has made superfluous."""
         index = 0
-        while len(fit.effects) > 1 and index < len(fit.effects) - 1:
+        while index < len(fit.effects) - 1:
             reduced = self._without(fit, index)
             if fit.score - reduced.score < self.threshold(fit.effects[index].effect):
                 fit, index = reduced, 0
             else:
                 index += 1
         return fit
+
+
+def likelihood_with_free_effects(fitter: Fitter, fit: Fit) -> Likelihood:
+    """Return a likelihood in which the values of the effects of a model are free too, linearised."""
+    values = [abs(v) for sized in fit.effects for v in sized.values]
+    own = FREE * np.reshape(values, (-1, 1, 1)) * fitter.sensitivities(fit)[1]
+    return Likelihood(fitter.bands, np.concatenate([own, fitter.nuisance]))
+
+
+def find_episodes(fitter: Fitter, fit: Fit) -> list[Window]:
+    """Return the windows [s] in which a changed resistance explains most of the hull residual.
+
+    All windows of :data:`PIECES` pieces are compared by generalised least squares; a change of the
+    resistance acts in the hull balance only. For several recordings, or without ship speed, there are
+    no windows.
+    """
+    balances, bands = fitter.balances, fitter.bands
+    replay, names = balances.replay, balances.names
+    if "hull" not in names or len(replay.segments) > 1:
+        return []
+    edges = np.linspace(0, replay.rows, PIECES + 1).astype(int)
+    pieces = np.zeros((PIECES, len(names), replay.rows))
+    for piece, a, b in zip(pieces, edges[:-1], edges[1:], strict=True):
+        piece[names.index("hull"), a:b] = balances.nominal_samples["resistance"][a:b]
+    columns = [*map(bands.transform, pieces), fit.difference]
+    information = fitter.likelihood.information(fit.weight, np.array(columns))
+    count = len(columns)
+    across, regressors = information[:count, count:], information[count:, count:]
+    own = information[:count, :count] - across @ np.linalg.solve(regressors, across.T)
+    times = (replay.interval_s * edges).tolist()
+    gains: dict[Window, float] = {}
+    for a, b in itertools.combinations(range(PIECES + 1), 2):
+        power = float(own[a:b, a:b].sum())
+        if power > 0.0 and b - a < PIECES:
+            gain = float(own[a:b, -1].sum()) ** 2 / power
+            if gain > LEAST_GAIN:
+                gains[times[a], times[b]] = gain
+    windows: list[Window] = []
+    for window in sorted(gains, key=lambda w: -gains[w]):
+        if all(_common(window, other) < ALIKE for other in windows):
+            windows.append(window)
+    return windows[:MOST_WINDOWS]
+
+
+def _common(one: Window, other: Window) -> float:
+    """Return the overlap of two windows as a share of their union."""
+    shared = max(0.0, min(one[1], other[1]) - max(one[0], other[0]))
+    return shared / (one[1] - one[0] + other[1] - other[0] - shared)
+
+
+def threshold(effect: Effect, tried: int) -> float:
+    """Return the gain that an effect, one of several that were tried, must exceed.
+
+    A window counts as two more parameters.
+    """
+    count = len(effect.parameters) + 2 * effect.windowed
+    return chance_gain(count, tried + STRETCHES * effect.windowed, RISK)
+
+
+def are_confusable(one: Effect, other: Effect) -> bool:
+    """Return whether the catalogue lists one of two effects as confusable with the other."""
+    return one.id in other.confused_with or other.id in one.confused_with
+
+
+def _score(fit: Fit) -> float:
+    return fit.score

@@ -1,10 +1,4 @@
-"""Find the highest frequency at which recordings carry information about changes of a ship.
-
-Above this frequency the residual holds hardly any effect of such changes, but much of what the ship
-model leaves out: encoders, flexible shafts, the corner of a friction law. Fitted there as well, these
-errors would bias the choice of effects, and more so with faster sampling.
-
-Compute likelihoods of residuals with coloured noise of unknown spectrum (Whittle likelihood).
+"""Compute likelihoods of residuals with coloured noise of unknown spectrum (Whittle likelihood).
 
 The residuals of the balances are noise of unknown spectrum: white instrument noise and its derivatives,
 waves, drift. In the frequency domain such noise is independent from one frequency to the next, with a
@@ -20,6 +14,10 @@ Regressors have shares s with a standard normal prior, and f = -2 sum of n_b log
 maximised over s. Alternating between least squares and new covariances always increases f, but converges
 slowly for shares with little information. Each step is therefore a Newton step with the curvature of the
 log det, damped where the maximum does not lie ahead (Levenberg 1944; Marquardt 1963).
+
+The frequencies end where the recordings carry hardly any information about changes of the ship. Above,
+the residual holds much of what the ship model leaves out: encoders, flexible shafts, the corner of a
+friction law. These errors would bias the choice of effects, and more so with faster sampling.
 """
 
 from __future__ import annotations
@@ -37,94 +35,96 @@ from numpy.typing import NDArray
 from ...core.compiled import compiled_apart
 from ...plant.columns import HEADING, SHAFT_ANGLE, YAW_RATE
 from ..simulate.balances import Balances, Channels, time_derivative, tolerance_records
-from ..simulate.joint_replay import NO_SHIFT, JointReplay, map_threaded
+from ..simulate.joint_replay import NO_SHIFT, Floats, JointReplay, map_threaded
 from .catalogue import Effect
 from .trial_ship import TrialShip
 
+Complex = NDArray[np.complex128]
+
 Segments = list[tuple[int, int]]
+"""First row of each segment, and one past its last."""
 
 INFORMATION_SHARE = 0.95
-"""Share of the Fisher information on a change that lies below the frequency; the rest would reduce the
-standard error of its size by a fortieth."""
+"""Share of the information on a change below the frequency; the rest hardly reduces its error."""
 
 LEAST_FREQUENCIES = 60
-"""Fewest frequencies that are fitted, even for slow changes, so that a change is distinguishable from
-noise."""
+"""Fewest frequencies that are fitted, so that a slow change is distinguishable from noise."""
 
 SAMPLES_A_PERIOD = 5.0
 """Averaged rows per period of the highest frequency. The mean over a row then passes 0.94 of it, and
 aliases are damped to a quarter."""
 
+TAPER_SHARE = 0.05
+"""Share of a segment at each end over which the cosine window rises and falls."""
 
-def informative_frequencies(
-    replay: JointReplay, here: Channels, moved: Iterable[Channels], segments: Segments
-) -> list[float]:
-    """Return the highest informative frequency of each of several changes.
+LONG = 30_000
+"""Rows from which the last are dropped: 108001 rows take 25 times as long to transform as 108000."""
 
-    The information up to a frequency is the squared change of the simulated channels, divided by the
-    variance of their white noise and summed up to this frequency. An angle counts by its derivative.
+BAND_RATIO = 1.25
+"""Ratio of the upper to the lower edge of a band that holds enough frequencies."""
 
-    Args:
-        replay: replay of the recordings.
-        here: channels of a simulation, each of shape (rows,).
-        moved: channels after each change.
-        segments: part of the rows that may be fitted.
+SMALL_SAMPLE = 1.5
+"""Factor on the chi-squared limit with few frequencies per band, from simulated null cases."""
 
-    Returns:
-        Frequency of each change [Hz]; infinite for a change without an effect.
-    """
-    noise = replay.noise_rms
-    segments = [(a, a + fast_length(b - a)) for a, b in segments]
-    frequency = np.concatenate([np.fft.rfftfreq(b - a, replay.interval_s) for a, b in segments])
-    order = np.argsort(frequency)
-    rising = frequency[order]
-    least = float(rising[: LEAST_FREQUENCIES + 1][-1])
-    found = []
-    for there in moved:
-        information = np.zeros(len(frequency))
-        for column in replay.channels:
-            shift = there[column] - here[column]
-            if column == HEADING and YAW_RATE in replay.channels:
-                continue  # The balances use the yaw rate, which is measured more precisely.
-            if column in (SHAFT_ANGLE, HEADING):
-                shift = time_derivative(shift, replay.interval_s)
-            if noise[column] > 0.0 and np.isfinite(shift).all():
-                information += _power(shift / noise[column], segments)
-        information = np.cumsum(information[order])
-        if information[-1] > 0.0:
-            found.append(
-                max(
-                    least,
-                    float(
-                        rising[np.searchsorted(information, INFORMATION_SHARE * information[-1])]
-                    ),
-                )
-            )
-        else:
-            found.append(math.inf)
-    return found
+MOST_STEPS = 60
+"""Largest number of Newton steps."""
+
+LEAST_CURVATURE = 0.02
+"""Smallest curvature of a step, as a share of that of the information."""
+
+TRUSTED, DISTRUSTED = 0.7, 0.25
+"""Ratio of actual to predicted gain above which steps grow and below which they shrink."""
 
 
 def highest_informative_frequency(
     balances: Balances, effects: list[Effect], segments: Segments
 ) -> float:
-    """Return the highest informative frequency of all effects and of all uncertain parameters.
+    """Return the highest informative frequency [Hz] of all effects and of all uncertain parameters.
 
-    Args:
-        balances: balances of ship and recordings.
-        effects: effects at their smallest probes; windowed effects are slow and left out.
-        segments: part of the rows that may be fitted.
-
-    Returns:
-        Frequency [Hz]; infinite if no change has an effect.
+    The effects are at their smallest probes; windowed effects are slow and left out. The frequency is
+    infinite if no change has an effect on the segments.
     """
     replay, trial_ship = balances.replay, TrialShip(balances)
     trials = (next(trial_ship.smallest_trials(effect, []), None) for effect in effects)
-    records = [(trial_ship.record((placed,)), NO_SHIFT) for placed in trials if placed]
+    records = [(trial_ship.record((trial,)), NO_SHIFT) for trial in trials if trial]
     changes = (*records, *tolerance_records(replay))
     moved = map_threaded(lambda change: replay.simulate_channels(*change), changes)
-    found = informative_frequencies(replay, balances.nominal, moved, segments)
-    return max((hertz for hertz in found if math.isfinite(hertz)), default=math.inf)
+    frequencies = informative_frequencies(replay, balances.nominal, moved, segments)
+    return max(filter(math.isfinite, frequencies), default=math.inf)
+
+
+def informative_frequencies(
+    replay: JointReplay, here: Channels, moved: Iterable[Channels], segments: Segments
+) -> list[float]:
+    """Return the highest informative frequency [Hz] of each change; infinite without an effect.
+
+    The information up to a frequency is the squared change of the simulated channels (rows,), divided by
+    the variance of their white noise and summed up to this frequency. An angle counts by its derivative.
+    """
+    noise, columns = replay.noise_rms, [c for c in replay.channels if replay.noise_rms[c] > 0.0]
+    if YAW_RATE in replay.channels and HEADING in columns:
+        columns.remove(HEADING)  # The balances use the yaw rate, which is measured more precisely.
+    segments = [(a, a + fast_length(b - a)) for a, b in segments]
+    frequency = np.concatenate([np.fft.rfftfreq(b - a, replay.interval_s) for a, b in segments])
+    order = np.argsort(frequency)
+    rising = frequency[order]
+    least = float(rising[: LEAST_FREQUENCIES + 1][-1])
+    frequencies = []
+    for there in moved:
+        information = np.zeros(len(frequency))
+        for column in columns:
+            shift = there[column] - here[column]
+            if column in (SHAFT_ANGLE, HEADING):
+                shift = time_derivative(shift, replay.interval_s)
+            if np.isfinite(shift).all():
+                scaled = shift / noise[column]
+                parts = [np.fft.rfft(scaled[a:b] * cosine_taper(b - a)) for a, b in segments]
+                information += np.abs(np.concatenate(parts)) ** 2
+        information = np.cumsum(information[order])
+        last = np.searchsorted(information, INFORMATION_SHARE * information[-1])
+        informative = information[-1] > 0.0
+        frequencies.append(max(least, float(rising[last])) if informative else math.inf)
+    return frequencies
 
 
 def rows_per_average(interval_s: float, highest_Hz: float) -> int:
@@ -143,65 +143,239 @@ def rows_per_average(interval_s: float, highest_Hz: float) -> int:
     return max(1, math.floor(1.0 / (SAMPLES_A_PERIOD * highest_Hz * interval_s) + 1e-9))
 
 
-def _power(values: NDArray[np.float64], segments: Segments) -> NDArray[np.float64]:
-    parts = [np.fft.rfft(values[a:b] * cosine_taper(b - a)) for a, b in segments]
-    return np.asarray(np.abs(np.concatenate(parts)) ** 2)
+class Likelihood:
+    """Likelihood 2 log L of residuals, with regressors that are free under a standard normal prior.
+
+    The regressors are reduced to sums over bands once, so that each maximisation is cheap.
+
+    Args:
+        bands: the bands.
+        regressors: shape (k, m, frequencies).
+    """
+
+    def __init__(self, bands: Bands, regressors: Complex) -> None:
+        self.bands = bands
+        k, m, f = regressors.shape
+        self.shape = (k, m)
+        self._flat = regressors.reshape(k * m, f)
+        count = len(bands.edges) - 1
+        products = band_products(bands, self._flat, self._flat).reshape(count, k, m, k, m)
+        # Rows are pairs (l, k) of regressors; columns are bands and pairs (q, p) of balances.
+        in_order = np.ascontiguousarray(products.transpose(1, 3, 0, 2, 4))
+        self._pairs = in_order.reshape(k * k, -1).view(np.float64)
+        self._counts = np.add.reduceat(bands.weights, bands.edges[:-1])
+
+    def __call__(
+        self, residual: Complex, start: Floats | None = None, tolerance: float = 0.05
+    ) -> Marginal:
+        """Return the best shares and the score of a residual, shape (m, frequencies).
+
+        The maximisation begins at shares (k,), 0 by default, and ends at gains below the tolerance.
+
+        Raises:
+            numpy.linalg.LinAlgError: the covariance of the residual is singular.
+        """
+        k, m = self.shape
+        own = band_products(self.bands, residual, residual)
+        products = band_products(self.bands, residual, self._flat).reshape(-1, m, k, m)
+        crossed = np.ascontiguousarray(products.transpose(2, 0, 1, 3))
+        first = np.zeros(k) if start is None else np.asarray(start, np.float64)
+        sums = Sums(own, crossed, self._pairs, self._counts)
+        score, shares, weight = best_shares(sums, first, tolerance)
+        if not math.isfinite(score):
+            raise np.linalg.LinAlgError(
+                "singular covariance: the residual of a balance is 0 or a multiple of another residual"
+            )
+        return Marginal(score, shares, weight)
+
+    def amount(self, weight: Complex, residual: Complex, column: Complex) -> tuple[float, float]:
+        """Return the amount of a column in a residual by generalised least squares with free regressors.
+
+        Both have the shape (m, frequencies). Also return its gain in 2 log L; both are 0 for a
+        column without independent power. The weight is the inverse covariance by band.
+        """
+        k, m = self.shape
+        both = np.concatenate([residual, column])
+        crossed = band_products(self.bands, both, self._flat).reshape(-1, 2, m, k, m)
+        with_regressors = 2.0 * np.einsum("bpq,baqkp->ak", weight, crossed).real
+        own = band_products(self.bands, both, column).reshape(-1, 2, m, m)
+        with_column = 2.0 * np.einsum("bpq,baqp->a", weight, own).real
+        projection = np.linalg.solve(gram(self._pairs, weight), with_regressors[1])
+        rest = with_column[1] - projection @ with_regressors[1]
+        along = with_column[0] - projection @ with_regressors[0]
+        return (float(along / rest), float(along**2 / rest)) if rest > 0.0 else (0.0, 0.0)
+
+    def information(self, weight: Complex, columns: Complex) -> Floats:
+        """Return the Fisher information of columns and regressors with the prior, (c + k, c + k).
+
+        The weight is the inverse covariance by band; the columns have the shape (c, m, frequencies).
+        """
+        prior = np.diag([0.0] * len(columns) + [1.0] * self.shape[0])
+        return np.asarray(self.information_by_band(weight, columns).sum(axis=0) + prior)
+
+    def information_by_band(self, weight: Complex, columns: Complex) -> Floats:
+        """Return the information of each band without the prior, shape (bands, c + k, c + k)."""
+        c, (k, m) = len(columns), self.shape
+        flat = np.concatenate([columns.reshape(c * m, self._flat.shape[1]), self._flat])
+        products = band_products(self.bands, flat, flat).reshape(-1, c + k, m, c + k, m)
+        return np.asarray(2.0 * np.einsum("bpq,blqkp->bkl", weight, products).real)
 
 
-Complex = NDArray[np.complex128]
+@dataclass(frozen=True)
+class Marginal:
+    """Fit of nuisance regressors to a residual."""
 
-MOST_STEPS = 60
+    score: float  # 2 log L with the prior of the shares
+    shares: Floats  # shares of the regressors in prior standard deviations
+    weight: Complex  # inverse covariance by band, shape (bands, m, m)
 
-LEAST_CURVATURE = 0.02
-"""Smallest curvature of a step, as a share of that of the information."""
 
-TRUSTED, DISTRUSTED = 0.7, 0.25
-"""Ratio of actual to predicted gain above which steps grow and below which they shrink."""
+def is_divergent(residual: Complex) -> bool:
+    """Return whether a residual is so large, or not finite, that its simulation has diverged."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return not math.isfinite(float(np.square(np.abs(residual)).sum()))
+
+
+def chance_gain(freedom: int, tried: int, risk: float) -> float:
+    """Return the gain in 2 log L that the best of several trials exceeds by chance with a given risk.
+
+    Example:
+        >>> round(chance_gain(1, 30, 0.01), 1)
+        19.3
+
+    Args:
+        freedom: number of fitted parameters of each trial.
+        tried: number of trials.
+        risk: probability that at least one trial exceeds the gain.
+    """
+    return SMALL_SAMPLE * float(scipy.stats.chi2.isf(risk / tried, freedom))
+
+
+@dataclass(frozen=True)
+class Bands:
+    """Frequencies of the segments of a recording, pooled in bands."""
+
+    starts: tuple[int, ...]  # first sample of each segment
+    ends: tuple[int, ...]  # one past the last sample of each segment
+    interval_s: float  # sampling interval [s]
+    edges: NDArray[np.int64]  # first sorted frequency of each band, shape (bands + 1,)
+    order: NDArray[np.int64]  # indices that sort the pooled frequencies, shape (frequencies,)
+    frequency_Hz: Floats  # sorted frequencies [Hz], shape (frequencies,)
+    weights: Floats  # weight of each in the likelihood: 1, or 1/2 for a real transform
+    tapers: tuple[Floats, ...]  # window of each segment
+    highest_Hz: float = math.inf  # highest frequency that is used [Hz]
+
+    def transform(self, residual: Floats) -> Complex:
+        """Return the windowed Fourier transform of residuals (..., n) over the whole recording.
+
+        The shape is (..., frequencies), sorted by frequency and scaled to keep the variance.
+        """
+        segments = zip(self.starts, self.ends, self.tapers, strict=True)
+        parts = [
+            np.fft.rfft(residual[..., a:b] * taper, axis=-1) / np.sqrt(np.sum(taper**2))
+            for a, b, taper in segments
+        ]
+        return np.asarray(np.concatenate(parts, axis=-1)[..., self.order])
+
+
+def make_bands(
+    segments: Segments, interval_s: float, balances: int, highest_Hz: float, regressors: int = 0
+) -> Bands:
+    """Return frequency bands for residuals of several balances over segments of a recording.
+
+    Args:
+        segments: (first sample, one past the last) of each segment.
+        interval_s: sampling interval [s].
+        balances: number of residuals with a joint covariance; a band holds at least three times as many
+            frequencies, so that the covariance is well determined.
+        highest_Hz: highest frequency that is used [Hz].
+        regressors: number of free regressors, if there are many. With two more for each further balance,
+            they can make a combination of the balances vanish at half as many frequencies; a band holds
+            at least twice that number, so that it is not fitted perfectly by chance.
+    """
+    lengths = [fast_length(b - a) for a, b in segments]
+    pooled = np.concatenate([np.fft.rfftfreq(length, interval_s) for length in lengths])
+    order = np.argsort(pooled, kind="stable")
+    order = order[pooled[order] <= highest_Hz]
+    ordered = pooled[order]
+    weights = np.where((ordered == 0.0) | np.isclose(ordered, 0.5 / interval_s), 0.5, 1.0)
+    least = max(8, 3 * balances, regressors + 2 * (balances - 1))
+    edges = [0]
+    while edges[-1] < len(ordered):
+        first = edges[-1]
+        last = int(np.searchsorted(ordered, ordered[first] * BAND_RATIO, side="right"))
+        last = max(last, first + least)
+        edges.append(len(ordered) if len(ordered) - last < least else last)
+    starts = tuple(a for a, _ in segments)
+    ends = tuple(a + length for a, length in zip(starts, lengths, strict=True))
+    tapers = tuple(map(cosine_taper, lengths))
+    return Bands(
+        starts, ends, interval_s, np.array(edges), order, ordered, weights, tapers, highest_Hz
+    )
+
+
+def band_products(bands: Bands, left: Complex, right: Complex) -> Complex:
+    """Return the sums of left (p, frequencies) times conjugate right (q, frequencies) over each band.
+
+    The shape is (bands, p, q).
+    """
+    # The shorter left factor is conjugated, so that the long right factor is not copied.
+    conjugate = np.conj(left * bands.weights)
+    sums = np.empty((len(bands.edges) - 1, len(left), len(right)), np.complex128)
+    for band, (first, end) in enumerate(itertools.pairwise(bands.edges)):
+        np.matmul(conjugate[:, first:end], right[:, first:end].T, out=sums[band])
+    return np.conj(sums, out=sums)
+
+
+def fast_length(rows: int) -> int:
+    """Return the number of rows of a segment to be transformed: without prime factors above 7 if long.
+
+    Example:
+        >>> fast_length(108001)
+        108000
+    """
+    if rows < LONG:
+        return rows
+    # A number divides a high power of 2 x 3 x 5 x 7 if it has no other prime factors.
+    return next(n for n in range(rows, 0, -1) if pow(210, n.bit_length(), n) == 0)
+
+
+def cosine_taper(n: int) -> Floats:
+    """Return a Tukey window (split cosine bell) of n samples."""
+    edge = max(1, round(TAPER_SHARE * n))
+    window = np.ones(n)
+    ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / edge)
+    window[:edge], window[n - edge :] = ramp, ramp[::-1]
+    return window
 
 
 class Sums(NamedTuple):
-    """Sums of products over each band, from which the maximisation is computed.
+    """Sums of products over each band; of pairs, real and imaginary parts are side by side."""
 
-    Args:
-        own: products of the residual with itself, shape (bands, m, m).
-        crossed: products of the residual with each regressor, shape (k, bands, m, m).
-        pairs: products of the regressors with each other, real and imaginary parts side by side, shape
-            (k * k, bands * m * m * 2).
-        counts: weight of each band.
-    """
-
-    own: Complex
-    crossed: Complex
-    pairs: NDArray[np.float64]
-    counts: NDArray[np.float64]
+    own: Complex  # products of the residual with itself, shape (bands, m, m)
+    crossed: Complex  # products of the residual with each regressor, shape (k, bands, m, m)
+    pairs: Floats  # products of regressors, shape (k * k, bands * m * m * 2)
+    counts: Floats  # weight of each band
 
 
 @compiled_apart
-def gram(pairs: NDArray[np.float64], weight: Complex) -> NDArray[np.float64]:
+def gram(pairs: Floats, weight: Complex) -> Floats:
     """Return the information on the regressors with their prior, shape (k, k).
 
-    The trace of weight times products needs the transpose of the weight. For a Hermitian weight this is
-    its conjugate, which the real part of the complex product gives.
-
-    Args:
-        pairs: as in :class:`Sums`.
-        weight: inverse covariances, shape (bands, m, m).
+    The weight has the inverse covariances, shape (bands, m, m). The trace of weight times products needs
+    its transpose. For a Hermitian weight this is its conjugate, which the real part of the complex
+    product gives.
     """
     k = int(len(pairs) ** 0.5 + 0.5)
     return 2.0 * (pairs @ weight.reshape(-1).view(np.float64)).reshape(k, k) + np.eye(k)
 
 
 @compiled_apart
-def invert_in_place(matrices: Complex, counts: NDArray[np.float64]) -> float:
-    """Invert one Hermitian matrix per band in place (Gauss-Jordan without pivoting).
+def invert_in_place(matrices: Complex, counts: Floats) -> float:
+    """Invert Hermitian matrices (bands, m, m) in place by Gauss-Jordan elimination without pivoting.
 
-    Args:
-        matrices: positive definite, shape (bands, m, m).
-        counts: weight of each band.
-
-    Returns:
-        Sum over the bands of weight times log |det|; NaN if a matrix is not positive definite, possibly
-        by rounding.
+    Return the sum over the bands of weight times log |det|; NaN if a matrix is not positive definite,
+    possibly by rounding.
     """
     total = 0.0
     for band in range(len(matrices)):
@@ -218,9 +392,8 @@ def invert_in_place(matrices: Complex, counts: NDArray[np.float64]) -> float:
                     share = a[i, p]
                     a[i, p] = 0.0
                     a[i] -= share * a[p]
-        for p in range(
-            len(a)
-        ):  # Rounding makes the inverse of a nearly singular matrix asymmetric.
+        # Rounding makes the inverse of a nearly singular matrix asymmetric.
+        for p in range(len(a)):
             for q in range(p + 1):
                 mean = 0.5 * (a[p, q] + np.conj(a[q, p]))
                 a[p, q], a[q, p] = mean, np.conj(mean)
@@ -228,7 +401,7 @@ def invert_in_place(matrices: Complex, counts: NDArray[np.float64]) -> float:
 
 
 @compiled_apart
-def _at(sums: Sums, shares: NDArray[np.float64]) -> tuple[float, Complex, Complex]:
+def _at(sums: Sums, shares: Floats) -> tuple[float, Complex, Complex]:
     """Return the score at given shares, the inverse covariances and the derivatives of the band sums."""
     k, bands, m, _ = sums.crossed.shape
     moved = shares @ sums.pairs.reshape(k, k * bands * m * m * 2)
@@ -251,11 +424,8 @@ def _at(sums: Sums, shares: NDArray[np.float64]) -> tuple[float, Complex, Comple
 
 @compiled_apart
 def _steepness(
-    weight: Complex,
-    slopes: Complex,
-    counts: NDArray[np.float64],
-    shares: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    weight: Complex, slopes: Complex, counts: Floats, shares: Floats
+) -> tuple[Floats, Floats]:
     """Return half the derivative of the score, and the curvature due to the changing covariances."""
     k, bands, m, _ = slopes.shape
     rise, bent = -shares.copy(), np.zeros((k, k))
@@ -283,18 +453,10 @@ def _steepness(
 
 
 @compiled_apart
-def best_shares(
-    sums: Sums, start: NDArray[np.float64], tolerance: float
-) -> tuple[float, NDArray[np.float64], Complex]:
-    """Maximise f over the shares.
+def best_shares(sums: Sums, start: Floats, tolerance: float) -> tuple[float, Floats, Complex]:
+    """Maximise f over the shares, from initial shares (k,) to steps that gain less than the tolerance.
 
-    Args:
-        sums: sums of products over each band.
-        start: initial shares, shape (k,).
-        tolerance: gain in f below which the maximisation ends.
-
-    Returns:
-        f, the shares, and the inverse covariances, shape (bands, m, m).
+    Return f, the shares, and the inverse covariances, shape (bands, m, m).
     """
     shares = start.copy()
     score, weight, slopes = _at(sums, shares)
@@ -304,9 +466,7 @@ def best_shares(
         definite = True
         try:
             root = np.linalg.cholesky(gram(sums.pairs, weight))
-        except (
-            Exception
-        ):  # Compiled code can catch no narrower class; rounding has ended the search.
+        except Exception:  # Compiled code catches no narrower class; rounding has ended the search.
             definite = False
         if not definite:
             break
@@ -336,283 +496,3 @@ def best_shares(
         elif sure < DISTRUSTED:
             held = max(3.0 * held, 0.1)
     return score, shares, weight
-
-
-TAPER_SHARE = 0.05
-"""Share of a segment at each end over which the cosine window rises and falls."""
-
-LONG = 30_000
-"""Number of rows from which a segment drops its last rows for a fast transform length: 108001 rows
-take 25 times as long as 108000."""
-
-BAND_RATIO = 1.25
-"""Ratio of the upper to the lower edge of a band that holds enough frequencies."""
-
-
-SMALL_SAMPLE = 1.5
-"""Factor by which a likelihood ratio with few frequencies per band exceeds its chi-squared limit, from
-simulated null cases."""
-
-
-def chance_gain(freedom: int, tried: int, risk: float) -> float:
-    """Return the gain in 2 log L that the best of several trials exceeds by chance with a given risk.
-
-    Example:
-        >>> round(chance_gain(1, 30, 0.01), 1)
-        19.3
-
-    Args:
-        freedom: number of fitted parameters of each trial.
-        tried: number of trials.
-        risk: probability that at least one trial exceeds the gain.
-    """
-    return SMALL_SAMPLE * float(scipy.stats.chi2.isf(risk / tried, freedom))
-
-
-@dataclass(frozen=True)
-class Bands:
-    """Frequencies of the segments of a recording, pooled in bands.
-
-    Args:
-        starts: first sample of each segment.
-        ends: one past the last sample of each segment.
-        interval_s: sampling interval [s].
-        edges: index of the first frequency of each band among the sorted frequencies, shape (bands +
-            1,).
-        order: indices that sort the pooled frequencies, shape (frequencies,).
-        frequency_Hz: sorted frequencies [Hz], shape (frequencies,).
-        weights: weight of each sorted frequency in the likelihood: 1, or 1/2 for a real transform.
-        tapers: window of each segment.
-        highest_Hz: highest frequency that is used [Hz].
-    """
-
-    starts: tuple[int, ...]
-    ends: tuple[int, ...]
-    interval_s: float
-    edges: NDArray[np.int64]
-    order: NDArray[np.int64]
-    frequency_Hz: NDArray[np.float64]
-    weights: NDArray[np.float64]
-    tapers: tuple[NDArray[np.float64], ...]
-    highest_Hz: float = math.inf
-
-    def transform(self, residual: NDArray[np.float64]) -> Complex:
-        """Return the windowed Fourier transform of residuals.
-
-        Args:
-            residual: shape (..., n) over the whole recording; the last axis is time.
-
-        Returns:
-            Shape (..., frequencies), sorted by frequency and scaled to keep the variance.
-        """
-        parts = [
-            np.fft.rfft(residual[..., a:b] * cosine_taper, axis=-1)
-            / np.sqrt(np.sum(cosine_taper**2))
-            for a, b, cosine_taper in zip(self.starts, self.ends, self.tapers, strict=True)
-        ]
-        pooled = np.concatenate(parts, axis=-1)
-        return np.asarray(pooled[..., self.order])
-
-
-def cosine_taper(n: int) -> NDArray[np.float64]:
-    """Return a Tukey window (split cosine bell) of n samples."""
-    edge = max(1, round(TAPER_SHARE * n))
-    window = np.ones(n)
-    ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / edge)
-    window[:edge], window[n - edge :] = ramp, ramp[::-1]
-    return window
-
-
-def fast_length(rows: int) -> int:
-    """Return the number of rows of a segment to be transformed: without prime factors above 7 if long.
-
-    Example:
-        >>> fast_length(108001)
-        108000
-    """
-    if rows < LONG:
-        return rows
-    for length in range(rows, 0, -1):
-        rest = length
-        for prime in (2, 3, 5, 7):
-            while rest % prime == 0:
-                rest //= prime
-        if rest == 1:
-            return length
-    return rows
-
-
-def make_bands(
-    segments: list[tuple[int, int]],
-    interval_s: float,
-    balances: int,
-    highest_Hz: float,
-    regressors: int = 0,
-) -> Bands:
-    """Return frequency bands for residuals of several balances over segments of a recording.
-
-    Args:
-        segments: (first sample, one past the last) of each segment.
-        interval_s: sampling interval [s].
-        balances: number of residuals with a joint covariance; a band holds at least three times as many
-            frequencies, so that the covariance is well determined.
-        highest_Hz: highest frequency that is used [Hz].
-        regressors: number of free regressors, if there are many. With two more for each further balance,
-            they can make a combination of the balances vanish at half as many frequencies; a band holds
-            at least twice that number, so that it is not fitted perfectly by chance.
-    """
-    frequency, weight = [], []
-    segments = [(a, a + fast_length(b - a)) for a, b in segments]
-    for a, b in segments:
-        f = np.fft.rfftfreq(b - a, interval_s)
-        real = (f == 0.0) | (np.isclose(f, 0.5 / interval_s))
-        frequency.append(f)
-        weight.append(np.where(real, 0.5, 1.0))
-    pooled = np.concatenate(frequency)
-    order = np.argsort(pooled, kind="stable")
-    order = order[pooled[order] <= highest_Hz]
-    ordered = pooled[order]
-    least = max(8, 3 * balances, regressors + 2 * (balances - 1))
-    edges = [0]
-    while edges[-1] < len(ordered):
-        first = edges[-1]
-        last = int(np.searchsorted(ordered, ordered[first] * BAND_RATIO, side="right"))
-        last = max(last, first + least)
-        edges.append(len(ordered) if len(ordered) - last < least else last)
-    tapers = tuple(cosine_taper(b - a) for a, b in segments)
-    return Bands(
-        tuple(a for a, _ in segments), tuple(b for _, b in segments), interval_s,
-        np.array(edges), order, ordered, np.concatenate(weight)[order], tapers,
-        highest_Hz,
-    )  # fmt: skip
-
-
-def band_products(bands: Bands, left: Complex, right: Complex) -> Complex:
-    """Return the sums of left times conjugate right over each band, shape (bands, p, q).
-
-    Args:
-        bands: the bands.
-        left: shape (p, frequencies).
-        right: shape (q, frequencies).
-    """
-    # The shorter left factor is conjugated, so that the long right factor is not copied.
-    conjugate = np.conj(left * bands.weights)
-    sums = np.empty((len(bands.edges) - 1, len(left), len(right)), np.complex128)
-    for band, (first, end) in enumerate(itertools.pairwise(bands.edges)):
-        np.matmul(conjugate[:, first:end], right[:, first:end].T, out=sums[band])
-    return np.conj(sums, out=sums)
-
-
-@dataclass(frozen=True)
-class Marginal:
-    """Fit of nuisance regressors to a residual."""
-
-    score: float  # 2 log L with the prior of the shares
-    shares: NDArray[np.float64]  # shares of the regressors in prior standard deviations
-    weight: Complex  # inverse covariance by band, shape (bands, m, m)
-
-
-def is_divergent(residual: Complex) -> bool:
-    """Return whether a residual is so large, or not finite, that its simulation has diverged."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        return not math.isfinite(float(np.square(np.abs(residual)).sum()))
-
-
-class Likelihood:
-    """Likelihood 2 log L of residuals, with regressors that are free under a standard normal prior.
-
-    The regressors are reduced to sums over bands once, so that each maximisation is cheap.
-
-    Args:
-        bands: the bands.
-        regressors: shape (k, m, frequencies).
-    """
-
-    def __init__(self, bands: Bands, regressors: Complex) -> None:
-        self.bands = bands
-        k, m, f = regressors.shape
-        self.shape = (k, m)
-        self._flat = regressors.reshape(k * m, f)
-        count = len(bands.edges) - 1
-        products = band_products(bands, self._flat, self._flat).reshape(count, k, m, k, m)
-        # Rows are pairs (l, k) of regressors; columns are bands and pairs (q, p) of balances.
-        in_order = np.ascontiguousarray(products.transpose(1, 3, 0, 2, 4))
-        self._pairs = in_order.reshape(k * k, -1).view(np.float64)
-        self._counts = np.add.reduceat(bands.weights, bands.edges[:-1])
-
-    def __call__(
-        self, residual: Complex, start: NDArray[np.float64] | None = None, tolerance: float = 0.05
-    ) -> Marginal:
-        """Return the best shares and the score of a residual.
-
-        Args:
-            residual: shape (m, frequencies).
-            start: initial shares, shape (k,); 0 by default.
-            tolerance: gain in 2 log L below which the maximisation ends.
-
-        Raises:
-            numpy.linalg.LinAlgError: the covariance of the residual is singular.
-        """
-        k, m = self.shape
-        own = band_products(self.bands, residual, residual)
-        products = band_products(self.bands, residual, self._flat).reshape(-1, m, k, m)
-        crossed = np.ascontiguousarray(products.transpose(2, 0, 1, 3))
-        first = np.zeros(k) if start is None else np.asarray(start, np.float64)
-        sums = Sums(own, crossed, self._pairs, self._counts)
-        score, shares, weight = best_shares(sums, first, tolerance)
-        if not math.isfinite(score):
-            raise np.linalg.LinAlgError(
-                "singular covariance: the residual of a balance is 0 or a multiple of another residual"
-            )
-        return Marginal(score, shares, weight)
-
-    def amount(self, weight: Complex, residual: Complex, column: Complex) -> tuple[float, float]:
-        """Return the amount of a column in a residual by generalised least squares with free regressors.
-
-        Args:
-            weight: inverse covariance by band.
-            residual: shape (m, frequencies).
-            column: shape (m, frequencies).
-
-        Returns:
-            The amount and its gain in 2 log L; both 0 for a column without independent power.
-        """
-        k, m = self.shape
-        both = np.concatenate([residual, column])
-        crossed = band_products(self.bands, both, self._flat).reshape(-1, 2, m, k, m)
-        with_regressors = 2.0 * np.einsum("bpq,baqkp->ak", weight, crossed).real
-        own = band_products(self.bands, both, column).reshape(-1, 2, m, m)
-        with_column = 2.0 * np.einsum("bpq,baqp->a", weight, own).real
-        taken = np.linalg.solve(gram(self._pairs, weight), with_regressors[1])
-        rest = with_column[1] - taken @ with_regressors[1]
-        along = with_column[0] - taken @ with_regressors[0]
-        return (float(along / rest), float(along**2 / rest)) if rest > 0.0 else (0.0, 0.0)
-
-    def information(self, weight: Complex, columns: Complex) -> NDArray[np.float64]:
-        """Return the Fisher information of columns and regressors together, with the prior.
-
-        Args:
-            weight: inverse covariance by band.
-            columns: shape (c, m, frequencies).
-
-        Returns:
-            Shape (c + k, c + k).
-        """
-        prior = np.diag([0.0] * len(columns) + [1.0] * self.shape[0])
-        return np.asarray(self.information_by_band(weight, columns).sum(axis=0) + prior)
-
-    def information_by_band(self, weight: Complex, columns: Complex) -> NDArray[np.float64]:
-        """Return the contribution of each band to the information, without the prior.
-
-        Args:
-            weight: inverse covariance by band.
-            columns: shape (c, m, frequencies).
-
-        Returns:
-            Shape (bands, c + k, c + k).
-        """
-        c = len(columns)
-        k, m = self.shape
-        flat = np.concatenate([columns.reshape(c * m, self._flat.shape[1]), self._flat])
-        products = band_products(self.bands, flat, flat).reshape(-1, c + k, m, c + k, m)
-        return np.asarray(2.0 * np.einsum("bpq,blqkp->bkl", weight, products).real)

@@ -5,11 +5,10 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...plant.columns import SHAFT_ANGLE
 from ...plant.keys import ShipParameter
@@ -19,6 +18,7 @@ from ...plant.shaft import shaft_inertia
 from ...plant.ship import Ship, ShipError
 from ...plant.terms import TURNING_SIGNALS
 from ..simulate.balances import Balances
+from ..simulate.joint_replay import Floats
 from .catalogue import Effect, Parameter, SizedEffect, Window
 
 EDGE_S = 30.0
@@ -26,18 +26,18 @@ EDGE_S = 30.0
 
 
 class JointSearch:
-    """Search coordinates of some effects of a model, with the others fixed."""
+    """Search coordinates of some effects of a model, all by default, with the others fixed."""
 
     def __init__(
         self,
         trial_ship: TrialShip,
         effects: tuple[SizedEffect, ...],
-        which: list[int] | None = None,
+        which: Iterable[int] | None = None,
     ) -> None:
+        which = range(len(effects)) if which is None else which
         self._effects = effects
-        self._which = list(range(len(effects))) if which is None else which
-        self._searches = [EffectSearch(trial_ship, effects[i]) for i in self._which]
-        points = [search.point() for search in self._searches]
+        self._searches = {i: EffectSearch(trial_ship, effects[i]) for i in which}
+        points = [search.point() for search in self._searches.values()]
         self._cuts = np.cumsum([len(point) for point in points])[:-1]
         self.start = np.concatenate(points)
 
@@ -45,7 +45,7 @@ class JointSearch:
         """Return all effects of the model, with the searched ones at given coordinates."""
         trial = list(self._effects)
         parts = np.split(np.atleast_1d(point), self._cuts)
-        for i, search, part in zip(self._which, self._searches, parts, strict=True):
+        for (i, search), part in zip(self._searches.items(), parts, strict=True):
             trial[i] = search.effects_at(part)
         return tuple(trial)
 
@@ -57,37 +57,30 @@ class EffectSearch:
     in units of :data:`EDGE_S`.
     """
 
-    def __init__(self, trial_ship: TrialShip, placed: SizedEffect) -> None:
-        self._placed = placed
-        self._neutral, self._sign, self._least, self._ranges = [], [], [], []
-        for parameter, value in placed.pairs:
-            self._ranges.append(trial_ship.range_of(parameter))
-            base = trial_ship.origin(parameter)
-            self._neutral.append(base)
-            self._sign.append(1.0 if value >= base else -1.0)
-            self._least.append(trial_ship.smallest_size(parameter))
+    def __init__(self, trial_ship: TrialShip, effect: SizedEffect) -> None:
+        self._effect = effect
+        parameters = effect.effect.parameters
+        self._origins = [trial_ship.origin(parameter) for parameter in parameters]
+        self._limits = [(trial_ship.smallest_size(p), trial_ship.range_of(p)) for p in parameters]
 
-    def point(self) -> NDArray[np.float64]:
+    def point(self) -> Floats:
         """Return the coordinates of the effect at its given values."""
-        distance = [abs(v - n) for v, n in zip(self._placed.values, self._neutral, strict=True)]
-        edges = [t / EDGE_S for t in self._placed.window or ()]
+        distance = np.abs(np.subtract(self._effect.values, self._origins))
+        edges = [t / EDGE_S for t in self._effect.window or ()]
         return np.concatenate([np.log(np.maximum(distance, 1e-12)), edges])
 
     def effects_at(self, point: Any) -> SizedEffect:
         """Return the effect at given coordinates."""
-        point = np.atleast_1d(point)
-        count = len(self._neutral)
-        values = [
-            float(np.clip(n + s * max(math.exp(min(x, 60.0)), least), *ends))
-            for n, s, least, ends, x in zip(
-                self._neutral, self._sign, self._least, self._ranges, point[:count], strict=True
-            )
-        ]
-        window = self._placed.window
+        point, values = np.atleast_1d(point), []
+        zipped = zip(self._effect.values, self._origins, self._limits, strict=True)
+        for x, (given, origin, (least, ends)) in zip(point, zipped, strict=False):
+            size = max(math.exp(min(x, 60.0)), least)
+            values.append(float(np.clip(origin + (size if given >= origin else -size), *ends)))
+        window = self._effect.window
         if window is not None:
-            start, end = sorted(float(x) * EDGE_S for x in point[count:])
+            start, end = sorted(float(x) * EDGE_S for x in point[len(values) :])
             window = (max(start, 0.0), max(end, 0.0))
-        return SizedEffect(self._placed.effect, tuple(values), window)
+        return SizedEffect(self._effect.effect, tuple(values), window)
 
 
 PITCH_GAPS = ("pitch_actuator.dead_band", "pitch_actuator.backlash")
@@ -100,8 +93,7 @@ PITCH_OFFSETS = ("sensors.pitch_offset", "pitch_actuator.offset")
 class TrialShip:
     """Ship of a set of recordings, to which effects can be added.
 
-    Args:
-        balances: balances of ship and recordings; their nominal simulation scales the probes.
+    The nominal simulation of the balances scales the probes.
 
     Attributes:
         ship: the nominal ship.
@@ -116,42 +108,38 @@ class TrialShip:
         self._longest_s = (HISTORY - 2) * min(run.dt for run in balances.replay.runs)
         self._numbers: dict[tuple[str, ...], ShipParameter] = {}
 
-    def settings(self, placed: SizedEffect) -> dict[str, float]:
-        """Return the values of an effect by dotted key of the ship file."""
-        found = {parameter.key: value for parameter, value in placed.pairs}
-        for key, of in placed.effect.fixed:
-            found[key] = self._fixed(of)
-        for key, of, factor in placed.effect.ties:
-            found[key] = found[of] * factor
-        if placed.window is not None:
-            section = placed.effect.parameters[0].key.split(".")[0]
-            start, end = placed.window
-            found[f"{section}.episode_start_s"] = start
-            found[f"{section}.episode_end_s"] = end
+    def settings(self, effect: SizedEffect) -> dict[str, float]:
+        """Return the values of an effect by dotted key of the ship file, inside their ranges."""
+        values = {parameter.key: value for parameter, value in effect.pairs}
+        for key, of in effect.effect.fixed:
+            values[key] = self._value_of(of) if isinstance(of, str) else of
+        for key, of, factor in effect.effect.ties:
+            values[key] = values[of] * factor
+        if effect.window is not None:
+            section = effect.effect.parameters[0].key.split(".")[0]
+            for edge, time_s in zip(("start", "end"), effect.window, strict=True):
+                values[f"{section}.episode_{edge}_s"] = time_s
+        numbers = {key: self._number((effect,), key) for key in values}
         return {
-            key: self._inside(self._number((placed,), key), value) for key, value in found.items()
+            key: float(numbers[key].info.inside(np.clip(value, *self._range(numbers[key]))))
+            for key, value in values.items()
         }
 
     def _number(self, effects: tuple[SizedEffect, ...], key: str) -> ShipParameter:
         """Return a parameter of the ship with the terms of some effects, from a cache if possible."""
-        place = (*(placed.effect.label for placed in effects), key)
+        place = (*(sized.effect.label for sized in effects), key)
         if place not in self._numbers:
             self._numbers[place] = self.with_terms(effects).parameter(key)
         return self._numbers[place]
 
-    def _inside(self, number: ShipParameter, value: float) -> float:
-        """Return the nearest value that a parameter can have on this ship and in this recording."""
-        return float(number.info.inside(np.clip(value, *self._range(number))))
+    def _value_of(self, name: str) -> float:
+        """Return a scale by its name, or the value of a key of the ship file."""
+        return self._scales[name] if name in self._scales else self._number((), name).value
 
     def _scale(self, of: str) -> float:
         """Return the value of a probe of 1: a scale by name, or the magnitude of a ship parameter."""
-        return self._scales[of] if of in self._scales else abs(self._number((), of).value)
-
-    def _fixed(self, of: float | str) -> float:
-        """Return a fixed value: a number, a scale by name, or the value of another key."""
-        if isinstance(of, str):
-            return self._scales[of] if of in self._scales else self._number((), of).value
-        return of
+        value = self._value_of(of)
+        return value if of in self._scales else abs(value)
 
     def range_of(self, parameter: Parameter) -> tuple[float, float]:
         """Return the lowest and the highest value of a parameter that the ship file allows."""
@@ -173,8 +161,8 @@ class TrialShip:
     def with_terms(self, effects: tuple[SizedEffect, ...]) -> Ship:
         """Return the ship with the terms of some effects at neutral values."""
         ship = self.ship
-        for placed in effects:
-            ship = placed.effect.on(ship)
+        for sized in effects:
+            ship = sized.effect.on(ship)
         return ship
 
     def record(self, effects: tuple[SizedEffect, ...]) -> Any:
@@ -186,15 +174,15 @@ class TrialShip:
 
     def write(self, plant: Any, effects: tuple[SizedEffect, ...]) -> None:
         """Write the values of some effects to the record of a ship that has their terms."""
-        for placed in effects:
-            for key, value in self.settings(placed).items():
+        for sized in effects:
+            for key, value in self.settings(sized).items():
                 self._number(effects, key).write(plant, value)
 
     def corrected(self, effects: tuple[SizedEffect, ...]) -> Ship:
         """Return the ship with some effects, and with a shorter time step if they need one."""
         values: dict[str, Any] = {}
-        for placed in effects:
-            values |= self.settings(placed)
+        for sized in effects:
+            values |= self.settings(sized)
         host, step_s = self.with_terms(effects), self.ship.time_step_s
         try:
             return host.with_values(values)
@@ -239,9 +227,7 @@ class TrialShip:
 
     def neutral(self, parameter: Parameter) -> float:
         """Return the value at which the effect is absent: that of the ship file."""
-        if parameter.absolute:
-            return 0.0
-        return parameter.in_ship(self.ship).value
+        return 0.0 if parameter.absolute else parameter.in_ship(self.ship).value
 
     def origin(self, parameter: Parameter) -> float:
         """Return the value from which a size counts: the neutral one, or 0 for an infinite limit."""
@@ -263,16 +249,13 @@ class TrialShip:
         start = self.origin(effect.parameters[0])
         probes = self.probes(effect.parameters[0])
         nearest = min(probes, key=lambda value: (abs(value - start), -value), default=None)
-        for placed in self.trials(effect, windows):
-            if placed.values[0] == nearest:
-                yield placed
+        yield from (trial for trial in self.trials(effect, windows) if trial.values[0] == nearest)
 
     def trials(self, effect: Effect, windows: list[Window]) -> Iterator[SizedEffect]:
         """Yield the effect at every combination of its probes and, if windowed, of time windows."""
-        grids = [self.probes(p) for p in effect.parameters]
-        whole: list[Window | None] = [None]
-        for window in windows if effect.windowed else whole:
-            for values in itertools.product(*grids):
+        probes = [self.probes(parameter) for parameter in effect.parameters]
+        for window in windows if effect.windowed else [None]:
+            for values in itertools.product(*probes):
                 yield SizedEffect(effect, values, window)
 
 
@@ -286,61 +269,54 @@ def probe_scales(balances: Balances) -> Mapping[str, float]:
     accelerates the shaft to its speed. ``torque_top`` [N m] is the largest torque of the drive with the
     recorded commands, at the propeller shaft. ``record`` [s] is the duration of the shortest recording.
     """
-    samples, plant = balances.nominal_samples, balances.plant
-    omega = np.abs(samples["shaft_speed"])
-    gear = float(plant["gear_ratio"])
+    samples, plant, replay = balances.nominal_samples, balances.plant, balances.replay
 
     def typical(values: Any) -> float:
         return float(max(np.sqrt(np.mean(np.square(values))), 1e-9))
 
+    omega, gear = np.abs(samples["shaft_speed"]), float(plant["gear_ratio"])
+    brake, force = typical(samples["brake_torque"]), typical(samples["resistance"])
     torque, shaft = typical(samples["propeller_torque"]), typical(omega)
     if plant["propeller_model"] == NO_PROPELLER:
         torque = typical(gear * samples["brake_torque"])
-    drive = balances.replay.drive_rows
-    angle = typical(balances.replay.recorded.get(SHAFT_ANGLE, 1.0))
-    number = cavitation_number(plant, float(omega.max()) / (2.0 * math.pi), float(plant["depth"]))
-    outside = {
-        f"force/{name}/{name}": typical(samples["resistance"]) / typical(signals) ** 2
-        for name, signals in balances.replay.outside.items()
-    }
-    signals: Mapping[str, Any] = balances.replay.outside
+    drive, angle = replay.drive_rows, typical(replay.recorded.get(SHAFT_ANGLE, 1.0))
+    sigma = cavitation_number(plant, float(omega.max()) / (2.0 * math.pi), float(plant["depth"]))
+    inertia = float(plant["inertia_propeller_side"]) + 0.1 * float(plant["inertia_engine_side"])
+    scales = {f"force/{n}/{n}": force / typical(x) ** 2 for n, x in replay.outside.items()}
+    signals: Mapping[str, Any] = replay.outside
     if plant["turns"]:
         signals = {**signals, **{name: samples[name] for name in TURNING_SIGNALS}}
         across = float(plant["mass"]) * typical(samples["ship_speed"] * samples["yaw_rate"])
-        outside |= {f"side_force/{n}/{n}": across / typical(signals[n]) ** 2 for n in signals}
-        rudder = typical(signals["rudder_angle"])
-        outside["force/rudder_angle/rudder_angle"] = typical(samples["resistance"]) / rudder**2
+        scales |= {f"side_force/{n}/{n}": across / typical(x) ** 2 for n, x in signals.items()}
+        scales["force/rudder_angle/rudder_angle"] = force / typical(signals["rudder_angle"]) ** 2
     if "sway_speed" in signals and "yaw_rate" in signals:
         turning = typical(signals["sway_speed"]) * typical(signals["yaw_rate"])
-        outside["force/sway_speed/yaw_rate"] = typical(samples["resistance"]) / turning
-    return outside | {
+        scales["force/sway_speed/yaw_rate"] = force / turning
+    return scales | {
         "unit": 1.0,
         "time_step": float(plant["time_step"]),
-        "torque/drive": torque / typical(drive),
-        "interval": balances.replay.interval_s / balances.replay.every,
+        "interval": replay.interval_s / replay.every,
+        "record": min(float(run.time_s[-1]) for run in replay.runs),
         "torque": torque,
+        "torque/drive": torque / typical(drive),
         "torque/shaft_angle": torque / angle,
-        "torque_top": _largest_torque(balances),
-        "record": min(float(run.time_s[-1]) for run in balances.replay.runs),
-        "shaft_angle": angle,
-        "thrust": typical(samples["thrust"]),
-        "current": typical(samples["motor_current"]),
         "torque/shaft_speed": torque / shaft,
         "torque/shaft_speed/shaft_speed": torque / shaft**2,
-        "brake_torque/engine_speed/engine_speed": typical(samples["brake_torque"])
-        / (gear * shaft) ** 2,
-        "force": typical(samples["resistance"]),
+        "torque_top": _largest_torque(balances),
+        "brake_torque/engine_speed/engine_speed": brake / (gear * shaft) ** 2,
+        "thrust": typical(samples["thrust"]),
+        "force": force,
+        "current": typical(samples["motor_current"]),
+        "current_top": float(np.abs(samples["motor_current"]).max()),
+        "drive": typical(drive),
+        "drive_top": float(np.abs(drive).max()),
+        "shaft_angle": angle,
         "shaft_speed": shaft,
         "engine_speed": gear * float(np.mean(omega)),
         "ship_speed": float(np.mean(samples["ship_speed"])),
-        "drive": typical(drive),
-        "drive_top": float(np.abs(drive).max()),
-        "current_top": float(np.abs(samples["motor_current"]).max()),
-        "inertia": max(
-            float(plant["inertia_propeller_side"]) + 0.1 * float(plant["inertia_engine_side"]), 1e-9
-        ),
+        "inertia": max(inertia, 1e-9),
         "shaft_time": shaft_inertia(plant) * shaft / torque,
-        "sigma_top": float(number),
+        "sigma_top": float(sigma),
     }
 
 

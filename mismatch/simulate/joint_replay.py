@@ -1,16 +1,15 @@
-"""Replay recordings of one ship together, with the recorded commands.
+"""Replay recordings of one ship together with the recorded commands, by its model or linearised.
 
 The regressor of an effect is a change of the simulation with the recorded commands, which have no
 instrument noise. Regressors from measured signals would share their noise with the residual and bias the
 estimates, for example towards an added inertia (errors in variables).
 
-Replay recordings of one ship by its linear model about their mean (Vrijdag & Martelli 2021, eq. 9).
+The linear model (Vrijdag & Martelli 2021, eq. 9) is
 
     x' = f(x0, u0) + A (x - x0) + B (u - u0),    y = y0 + C (x - x0) + D (u - u0)
 
-The model is linearised about the mean of the measured channels, which need not be a steady state. Its
-inputs are drive command, pitch command and inflow. Delays and errors of instruments and the water
-surface are left out.
+about the mean of the measured channels, which need not be a steady state. Its inputs are drive command,
+pitch command and inflow. Delays and errors of instruments and the water surface are left out.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -33,7 +32,7 @@ from ...core.compiled import compiled
 from ...plant.columns import HEADING, MEASURED, SHAFT_ANGLE
 from ...plant.dynamics import settle_lags
 from ...plant.equilibria import SteadyReplay
-from ...plant.linear import INPUTS, tangent
+from ...plant.linear import tangent
 from ...plant.replay import Replay
 from ...plant.ship import Ship
 from ...plant.signals import SAMPLE
@@ -41,35 +40,10 @@ from ...plant.state import Inputs, State, active_states
 from ..recordings.excitation import load_varies, varies
 from ..recordings.noise import estimate_noise, row_noise
 
+Floats: TypeAlias = NDArray[np.float64]
 T = TypeVar("T")
 R = TypeVar("R")
-
 THREADS = min(2, os.cpu_count() or 1)
-
-
-@functools.cache
-def _pool(_process: int) -> ThreadPoolExecutor:
-    """Return the thread pool of a process; a forked process does not have the threads of its parent."""
-    return ThreadPoolExecutor(THREADS)
-
-
-def map_threaded(work: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
-    """Yield the results of ``map(work, items)`` in order, computed on :data:`THREADS` threads.
-
-    Example:
-        >>> list(map_threaded(abs, [-1, 2, -3]))
-        [1, 2, 3]
-
-    Args:
-        work: function whose compiled kernels release the interpreter lock.
-        items: arguments; at most twice as many as there are threads are in progress at a time.
-    """
-    pool, waiting = _pool(os.getpid()), iter(items)
-    running = [pool.submit(work, item) for item in itertools.islice(waiting, 2 * THREADS)]
-    while running:
-        yield running.pop(0).result()
-        running += [pool.submit(work, item) for item in itertools.islice(waiting, 1)]
-
 
 START_STEPS = 40
 """Number of time steps of the ship over which the first state is averaged."""
@@ -77,38 +51,12 @@ START_STEPS = 40
 SEPARATE_STEPS = 12
 """Number of the largest command steps whose unknown times between two rows are treated separately."""
 
-
 NO_SHIFT = (0.0, 0.0, 0.0)
 """Zero shift of the first state."""
 
 RESOLUTION = 1e-5
 """Finest resolution of a channel, as a share of its largest value, or of the largest step of an angle. A
 simulated channel without noise would otherwise have unlimited weight."""
-
-
-def blocks(rows: NDArray[np.float64], every: int) -> NDArray[np.float64]:
-    """Return the means over consecutive groups of rows; incomplete groups at the end are dropped.
-
-    Args:
-        rows: shape (n, ...).
-        every: number of rows in a group, at least 1.
-    """
-    if every == 1:
-        return rows
-    count = len(rows) // every
-    cut = rows[: count * every]
-    return np.asarray(cut.reshape(count, every, *cut.shape[1:]).mean(axis=1))
-
-
-def _shifted(run: Replay, shift: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the shifted first state of a recording; entries after the first three are shifts."""
-    return (*(a + b for a, b in zip(run.start, shift[:3], strict=True)), *shift[3:])
-
-
-def _finest(column: str, values: NDArray[np.float64]) -> float:
-    """Return the finest resolution of a channel in its unit."""
-    sized = np.diff(values) if column in (SHAFT_ANGLE, HEADING) else values
-    return RESOLUTION * float(np.abs(sized).max())
 
 
 class JointReplay:
@@ -142,9 +90,8 @@ class JointReplay:
             for table in tables
         ]
         first = self.runs[0]
-        self.interval_s = first.interval_s * every
+        self.interval_s, self.channels = first.interval_s * every, first.channels
         self.controllable = ship.has_variable_pitch
-        self.channels = first.channels
         for number, run in enumerate(self.runs[1:], 2):
             if run.channels != self.channels or abs(run.interval_s / first.interval_s - 1.0) > 0.01:
                 raise ValueError(
@@ -152,29 +99,22 @@ class JointReplay:
                     f"{', '.join(run.channels)} every {run.interval_s:g} s, not "
                     f"{', '.join(self.channels)} every {first.interval_s:g} s"
                 )
-        sizes = [run.rows // every for run in self.runs]
-        ends = np.cumsum(sizes)
-        self.segments = [(int(e) - size, int(e)) for e, size in zip(ends, sizes, strict=True)]
-        self.rows = int(ends[-1])
+        ends = np.cumsum([run.rows // every for run in self.runs]).tolist()
+        self.segments = list(itertools.pairwise([0, *ends]))
+        self.rows: int = ends[-1]
         self.time_s = np.arange(self.rows, dtype=np.float64) * self.interval_s
         self.start = first.start
-
-        def joined(name: str) -> NDArray[np.float64]:
-            return self._averaged([getattr(run, name) for run in self.runs])
-
-        self.drive_rows, self.command = joined("drive_rows"), joined("command")
-        self.rudder_rows = joined("rudder_rows")
+        self.drive_rows, self.command, self.rudder_rows, self.elevation_rows = (
+            self._averaged([getattr(run, name) for run in self.runs])
+            for name in ("drive_rows", "command", "rudder_rows", "elevation_rows")
+        )
+        self.inflow_rows = self._averaged([run.inflow_rows(ship.record()) for run in self.runs])
         self.excited = any(
             varies(run.drive_rows) or varies(run.command) or load_varies(ship, run.table)
             for run in self.runs
         )
-        self.elevation_rows = joined("elevation_rows")
-        self.outside = {
-            name: self._averaged([run.table[name].to_numpy(dtype=np.float64) for run in self.runs])
-            for name in sorted(ship.signals)
-            if all(name in run.table for run in self.runs)
-        }
-        self.inflow_rows = self._averaged([run.inflow_rows(ship.record()) for run in self.runs])
+        known = [n for n in sorted(ship.signals) if all(n in run.table for run in self.runs)]
+        self.outside = {name: self._column(name) for name in known}
 
     def with_ship(self, ship: Ship, *tables: pd.DataFrame) -> JointReplay:
         """Return a replay by another ship, of the same recordings or of other tables."""
@@ -186,9 +126,13 @@ class JointReplay:
         """Interval for time derivatives [s]; infinite between equilibria."""
         return math.inf if self.steady else self.interval_s
 
-    def _averaged(self, parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    def _averaged(self, parts: list[Floats]) -> Floats:
         """Average a signal of each run, (rows,) or (rows, signals), and concatenate the results."""
         return np.concatenate([blocks(part, self.every) for part in parts])
+
+    def _column(self, name: str) -> Floats:
+        """Return a column of all recordings, averaged."""
+        return self._averaged([run.table[name].to_numpy(dtype=np.float64) for run in self.runs])
 
     def simulate(self, plant: Any, shift: tuple[float, ...] = NO_SHIFT) -> Any:
         """Simulate all recordings with a ship record; return a SAMPLE array of shape (rows,).
@@ -210,13 +154,10 @@ class JointReplay:
         plant: Any,
         shift: tuple[float, ...] = NO_SHIFT,
         each: Sequence[tuple[float, ...]] = (),
-    ) -> dict[str, NDArray[np.float64]]:
+    ) -> dict[str, Floats]:
         """Simulate all recordings and return the measured channels only, each of shape (rows,).
 
-        Args:
-            plant: ship record.
-            shift: shift of the first states, as in :meth:`simulate`.
-            each: separate shift for each recording, instead of ``shift``.
+        The shift is as in :meth:`simulate`, or a separate one for each recording.
         """
         shifts = each or [shift] * len(self.runs)
         parts = [self.simulate_run_channels(k, plant, own) for k, own in enumerate(shifts)]
@@ -224,14 +165,8 @@ class JointReplay:
 
     def simulate_run_channels(
         self, which: int, plant: Any, shift: tuple[float, ...] = NO_SHIFT
-    ) -> dict[str, NDArray[np.float64]]:
-        """Simulate one recording and return its measured channels, each of shape (rows of the run,).
-
-        Args:
-            which: index of the recording.
-            plant: ship record.
-            shift: shift of the first state, as in :meth:`simulate`.
-        """
+    ) -> dict[str, Floats]:
+        """Simulate the recording of an index and return its channels, each of shape (its rows,)."""
         run = self.runs[which]
         samples = self.simulate_into(run, plant, _shifted(run, shift))
         return {c: blocks(samples[MEASURED[c]].copy(), self.every) for c in self.channels}
@@ -242,34 +177,29 @@ class JointReplay:
         The time of a command step between two rows is not recorded. Each of the :data:`SEPARATE_STEPS`
         largest steps gives one replay, and all smaller steps together give one more.
         """
-        sizes = []
-        for run in self.runs:
-            size = np.zeros(run.rows - 1)
-            for rows in (run.drive_rows, run.command):
-                size += np.abs(np.diff(rows)) / max(float(np.ptp(rows)), 1e-12)
-            sizes.append(size)
+
+        def relative_steps(rows: Floats) -> Floats:
+            return np.asarray(np.abs(np.diff(rows)) / max(float(np.ptp(rows)), 1e-12))
+
+        runs = self.runs
+        sizes = [relative_steps(run.drive_rows) + relative_steps(run.command) for run in runs]
         every = np.concatenate(sizes)
         ranks = np.empty(len(every), np.int64)
         ranks[np.argsort(-every, kind="stable")] = np.arange(len(every))
         cuts = np.cumsum([len(size) for size in sizes])[:-1]
         for group in range(SEPARATE_STEPS + 1):
-            chosen = ranks == group if group < SEPARATE_STEPS else ranks >= SEPARATE_STEPS
+            chosen = np.minimum(ranks, SEPARATE_STEPS) == group
             if every[chosen].any():
                 other = copy.copy(self)
                 parts = np.split(chosen, cuts)
-                other.runs = [
-                    run.with_holds(part) for run, part in zip(self.runs, parts, strict=True)
-                ]
+                other.runs = [run.with_holds(part) for run, part in zip(runs, parts, strict=True)]
                 yield other
 
     def simulate_run(self, run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:
-        """Simulate one recording; return its samples.
+        """Simulate one of the recordings; return its samples.
 
-        Args:
-            run: one of ``runs``.
-            plant: ship record.
-            start: pitch ratio [-], shaft speed [rad/s] and ship speed [m/s] at the first row; further
-                entries shift :data:`shaftline.plant.replay.PLANAR_STATES`.
+        The start is pitch ratio [-], shaft speed [rad/s] and ship speed [m/s] at the first row; further
+        entries shift :data:`shaftline.plant.replay.PLANAR_STATES`.
         """
         return run.simulate(plant, start)
 
@@ -278,70 +208,91 @@ class JointReplay:
         return run.simulate_into(plant, start)
 
     @functools.cached_property
-    def recorded(self) -> dict[str, NDArray[np.float64]]:
+    def recorded(self) -> dict[str, Floats]:
         """Measured channels by column, each of shape (rows,)."""
-        return {
-            c: self._averaged([run.table[c].to_numpy(dtype=np.float64) for run in self.runs])
-            for c in self.channels
-        }
+        return {c: self._column(c) for c in self.channels}
 
     @functools.cached_property
-    def measured(self) -> dict[str, NDArray[np.float64]]:
+    def measured(self) -> dict[str, Floats]:
         """Measured channels with noise of :data:`RESOLUTION` added to those with less noise."""
         rng = np.random.default_rng(0)
-        found = dict(self.recorded)
+        measured = dict(self.recorded)
         for column, values in self.recorded.items():
             least = _finest(column, values)
             if estimate_noise(values[slice(*self.segments[0])], self.interval_s).white_rms < least:
-                found[column] = values + least * rng.standard_normal(len(values))
-        return found
+                measured[column] = values + least * rng.standard_normal(len(values))
+        return measured
 
     @functools.cached_property
     def noise_rms(self) -> dict[str, float]:
         """White noise of the first recording by column, in the unit of the column."""
         first = slice(*self.segments[0])
-        noise = {
-            column: estimate_noise(values[first], self.interval_s).white_rms
-            for column, values in self.measured.items()
-        }
+        measured = {column: values[first] for column, values in self.measured.items()}
         if not self.steady:
-            return noise
-        inputs = [self.drive_rows, self.command, *self.outside.values()]
+            return {c: estimate_noise(x, self.interval_s).white_rms for c, x in measured.items()}
+        signals = (self.drive_rows, self.command, *self.outside.values())
+        inputs = [signal[first] for signal in signals]
         nominal = self.simulate_channels(self.ship.record())
-        return {
-            column: row_noise(values[first], [one[first] for one in (*inputs, nominal[column])])
-            for column, values in self.measured.items()
-        }
+        return {c: row_noise(x, [*inputs, nominal[c][first]]) for c, x in measured.items()}
 
     @functools.cached_property
     def quantisation(self) -> dict[str, float]:
         """Quantisation steps that are larger than the noise, by column, in the unit of the column."""
-        found = {}
+        steps, first = {}, self.runs[0]
         for column in self.channels:
-            values = self.runs[0].table[column].to_numpy()
-            own = estimate_noise(values, self.runs[0].interval_s)
+            values = first.table[column].to_numpy()
+            noise = estimate_noise(values, first.interval_s)
             # Steps below the resolution are rounding errors of a simulated channel.
-            if max(own.white_rms, _finest(column, values)) < 0.5 * own.quantisation:
-                found[column] = own.quantisation
-        return found
+            if max(noise.white_rms, _finest(column, values)) < 0.5 * noise.quantisation:
+                steps[column] = noise.quantisation
+        return steps
 
-    def simulated(self, samples: Any) -> dict[str, NDArray[np.float64]]:
+    def simulated(self, samples: Any) -> dict[str, Floats]:
         """Return the measured channels of simulated samples, by column."""
         return {c: np.ascontiguousarray(samples[MEASURED[c]]) for c in self.channels}
 
 
-Floats = NDArray[np.float64]
+def _shifted(run: Replay, shift: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the shifted first state of a recording; entries after the first three are shifts."""
+    return (*(a + b for a, b in zip(run.start, shift[:3], strict=True)), *shift[3:])
 
 
-@compiled
-def _march(carry: Floats, forced: Floats, states: Floats) -> None:
-    """Write x[k + 1] = carry x[k] + forced[k] to ``states``, from its first row."""
-    for k in range(len(forced)):
-        for i in range(len(carry)):
-            total = forced[k, i]
-            for j in range(len(carry)):
-                total += carry[i, j] * states[k, j]
-            states[k + 1, i] = total
+def _finest(column: str, values: Floats) -> float:
+    """Return the finest resolution of a channel in its unit."""
+    sized = np.diff(values) if column in (SHAFT_ANGLE, HEADING) else values
+    return RESOLUTION * float(np.abs(sized).max())
+
+
+def blocks(rows: Floats, every: int) -> Floats:
+    """Return the means over groups of rows, shape (n, ...); incomplete groups at the end are dropped."""
+    if every == 1:
+        return rows
+    count = len(rows) // every
+    cut = rows[: count * every]
+    return np.asarray(cut.reshape(count, every, *cut.shape[1:]).mean(axis=1))
+
+
+def map_threaded(work: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
+    """Yield the results of ``map(work, items)`` in order, computed on :data:`THREADS` threads.
+
+    Compiled kernels release the interpreter lock. At most twice as many items as there are threads are
+    in progress at a time.
+
+    Example:
+        >>> list(map_threaded(abs, [-1, 2, -3]))
+        [1, 2, 3]
+    """
+    pool, waiting = _pool(os.getpid()), iter(items)
+    running = [pool.submit(work, item) for item in itertools.islice(waiting, 2 * THREADS)]
+    while running:
+        yield running.pop(0).result()
+        running += [pool.submit(work, item) for item in itertools.islice(waiting, 1)]
+
+
+@functools.cache
+def _pool(_process: int) -> ThreadPoolExecutor:
+    """Return the thread pool of a process; a forked process does not have the threads of its parent."""
+    return ThreadPoolExecutor(THREADS)
 
 
 class LinearReplay(JointReplay):
@@ -355,65 +306,47 @@ class LinearReplay(JointReplay):
     def __init__(
         self, ship: Any, *tables: Any, line: bool = False, every: int = 1, steady: bool = False
     ) -> None:
-        if steady:
-            raise ValueError(
-                f"{ship.name}: rows that are equilibria have no linear dynamic model; use the nonlinear "
-                "replay"
-            )
-        if ship.turns:
-            raise ValueError(
-                f"{ship.name}: the linear replay has no equations of turning; use the nonlinear replay"
-            )
-        if not ship.turns_freely:
-            raise ValueError(
-                f"{ship.name}: the drive prescribes the shaft speed, which the linear replay does not "
-                "model; use the nonlinear replay"
-            )
+        reasons = {
+            "rows that are equilibria have no linear dynamic model": steady,
+            "the linear replay has no equations of turning": ship.turns,
+            "the drive prescribes the shaft speed, which the linear replay does not model":
+                not ship.turns_freely,
+        }  # fmt: skip
+        for reason, applies in reasons.items():
+            if applies:
+                raise ValueError(f"{ship.name}: {reason}; use the nonlinear replay")
         super().__init__(ship, *tables, line=line, every=every)
 
     def simulate_run(self, run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:
-        """Return the samples at the rows of one recording by the linear model of a ship record.
-
-        Args:
-            run: one of ``runs``.
-            plant: ship record.
-            start: pitch ratio [-], shaft speed [rad/s] and ship speed [m/s] at the first row.
-        """
-        return _simulate(run, plant, start)
+        """Simulate one recording by the linear model; the arguments are those of the nonlinear one."""
+        inflow = run.inflow(plant)
+        acting = np.column_stack([run.pitch, run.drive, np.ones(len(run.drive)), inflow[1::2]])
+        mean = acting.mean(axis=0)
+        pitch, drive, factor, water = mean  # in the order of INPUTS
+        inputs = Inputs(drive, pitch, water, resistance_factor=factor)
+        middle = settle_lags(plant, State(*_means(run)), inputs)
+        first = settle_lags(plant, run.first_state(start), run.first_inputs(inflow))
+        states = [*active_states(plant), "shaft_angle"]
+        outputs = [name.removeprefix("measured_") for name in MEASURED.values()]
+        model = tangent(plant, middle, inputs, middle.pitch_ratio, states, outputs)
+        n = len(states)
+        # The system x' = A x + B u + f is integrated exactly over a step by a matrix exponential.
+        whole = np.zeros((n + 5, n + 5))
+        whole[:n] = np.column_stack([model.a, model.b, model.rates])
+        step = scipy.linalg.expm(whole * run.dt)
+        moved = acting - mean
+        deviations = np.zeros((len(acting) + 1, n))
+        deviations[0] = [getattr(first, name) - getattr(middle, name) for name in states]
+        _march(step[:n, :n].copy(), moved @ step[:n, n:-1].T + step[:n, -1], deviations)
+        rows = slice(None, None, run.per_row)
+        at_rows = np.vstack([moved, moved[-1:]])[rows]
+        values = model.values + deviations[rows] @ model.c.T + at_rows @ model.d.T
+        samples = np.zeros(len(values), SAMPLE)
+        for own, signal, column in zip(outputs, MEASURED.values(), values.T, strict=True):
+            samples[own] = samples[signal] = column
+        return samples
 
     simulate_into = simulate_run
-
-
-def _simulate(run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:
-    inflow = run.inflow(plant)
-    at_middles = inflow[1::2]
-    acting = np.column_stack([run.pitch, run.drive, np.ones(len(run.drive)), at_middles])
-    mean = dict(zip(INPUTS.values(), acting.mean(axis=0), strict=True))
-    inputs = Inputs(
-        mean["drive"], mean["pitch_command"], mean["inflow"],
-        resistance_factor=mean["resistance_factor"],
-    )  # fmt: skip
-    middle = settle_lags(plant, State(*_means(run)), inputs)
-    first = settle_lags(plant, run.first_state(start), run.first_inputs(inflow))
-    states = [*active_states(plant), "shaft_angle"]
-    outputs = [name.removeprefix("measured_") for name in MEASURED.values()]
-    model = tangent(plant, middle, inputs, middle.pitch_ratio, states, outputs)
-    n = len(states)
-    # The system x' = A x + B u + f is integrated exactly over a step by a matrix exponential.
-    whole = np.zeros((n + 5, n + 5))
-    whole[:n] = np.column_stack([model.a, model.b, model.rates])
-    step = scipy.linalg.expm(whole * run.dt)
-    moved = acting - np.array(list(mean.values()))
-    deviations = np.zeros((len(acting) + 1, n))
-    deviations[0] = [getattr(first, name) - getattr(middle, name) for name in states]
-    _march(step[:n, :n].copy(), moved @ step[:n, n:-1].T + step[:n, -1], deviations)
-    rows = slice(None, None, run.per_row)
-    at_rows = np.vstack([moved, moved[-1:]])[rows]
-    found = model.values + deviations[rows] @ model.c.T + at_rows @ model.d.T
-    samples = np.zeros(len(found), SAMPLE)
-    for own, signal, column in zip(outputs, MEASURED.values(), found.T, strict=True):
-        samples[own] = samples[signal] = column
-    return samples
 
 
 def _means(run: Replay) -> tuple[float, float, float]:
@@ -424,3 +357,14 @@ def _means(run: Replay) -> tuple[float, float, float]:
         for c, start in zip(columns, run.start, strict=True)
     )
     return pitch, shaft, speed if run.ship.moves else 0.0
+
+
+@compiled
+def _march(carry: Floats, forced: Floats, states: Floats) -> None:
+    """Write x[k + 1] = carry x[k] + forced[k] to ``states``, from its first row."""
+    for k in range(len(forced)):
+        for i in range(len(carry)):
+            total = forced[k, i]
+            for j in range(len(carry)):
+                total += carry[i, j] * states[k, j]
+            states[k + 1, i] = total

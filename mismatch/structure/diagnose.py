@@ -1,13 +1,12 @@
-"""Estimates of a chosen model for the report: effects, parameters, and remarks on both.
+"""Diagnose recordings by the structure search, and judge the chosen model on the held-out data.
 
 A parameter far from the ship file and an effect may be indistinguishable: fouling acts like a resistance
 that is too low in the file. Where a parameter lies beyond its tolerance, an effect is therefore searched
 that fits as well with the parameter near the file. If there is one, the report gives the effect, and the
 biased parameter as an alternative.
 
-Add the model error to estimated parameters: the change of the estimates by missing physics.
-
-Diagnose recordings by the structure search, and judge the chosen model on the held-out data.
+An identification uses the search as well: the change of its estimates by missing physics is added to
+their uncertainty as model error.
 """
 
 from __future__ import annotations
@@ -35,30 +34,146 @@ from ..judge.verdict import (
     Finding,
     balance_verdicts,
     detectable_effects,
+    doubts,
     explained_shares,
     findings_of,
-    implausible_parameter,
     is_undecidable,
-    parameter_at_bound,
 )
 from ..recordings.joint import JointRecordings
 from ..search.catalogue import Effect, SizedEffect
-from ..search.fitting import Fit, Fitter, Whiteness
+from ..search.fitting import Fit, Fitter, Whiteness, estimates_of
 from ..search.selection import INDISTINGUISHABLE, Candidate, Selection
 from ..setting import Setting
 from ..simulate.balances import Balances
-from ..simulate.joint_replay import JointReplay
-from .model import MOST_SKEW, Floats, Model, Prior, guessed_prior
+from ..simulate.joint_replay import Floats, JointReplay
+from .model import MOST_SKEW, Model, Prior, guessed_prior
 from .noise_model import MOST_ROWS, coarser, reason_to_skip
 from .output_error import OutputError
 from .search import Ranked, StructureSearch, choose, total
 
 PLAUSIBLE = math.log(1.5)
-"""Logarithm of the largest factor by which physics may change a parameter; beyond it the file is
-wrong."""
+"""Logarithm of the largest factor by which physics changes a parameter; beyond, the file is wrong."""
 
 TRIED = 5
 """Number of effects tried in place of a parameter, those with the largest predicted gain."""
+
+REPORTED_SKEW, SURE_SKEW = 0.1, 3.0
+"""Smallest clock skew of a channel that is reported, in rows and in standard errors."""
+
+NOTABLE = 1.1
+"""Multiple of the held-out error from which that of the file without clock skews is reported too."""
+
+LOOSE = 0.3
+"""Standard error of a parameter's logarithm from which only its combination with others is known."""
+
+NEARLY_BEST = 1.1
+"""Multiple of the least held-out error up to which a model with fewer values is preferred."""
+
+OF_NOISE = 2.0
+"""Multiple of a channel's noise up to which its held-out error counts as noise."""
+
+CLOSER = 0.8
+"""Largest held-out error of a model as a share of that of the first diagnosis (geometric mean of the
+channels). Otherwise the first diagnosis stands, which includes effects that act for a limited time."""
+
+AS_CLOSE = 1.05
+"""The same share for a model without effects where the first diagnosis does not explain the recording,
+and for any model where the first diagnosis uses a shape or a formula: parameters and effects that fit as
+well are preferred to a shape or formula."""
+
+BETTER = 0.95
+"""Largest held-out error with effects as a share of that with refitted parameters alone."""
+
+NO_CLOSER = "effects and parameters were also estimated together; the held-out data fit no better"
+"""Remark where the first diagnosis stands."""
+
+NO_MODEL = (
+    "effects and parameters were also estimated together: models with many values fit the held-out data "
+    "better, but no model all of whose effects are significant does"
+)
+"""Remark where the first diagnosis stands although it is incomplete."""
+
+
+def diagnose_structure(
+    first: Diagnosis,
+    setting: Setting,
+    together: JointRecordings,
+    effects: list[Effect],
+    tick: Tick,
+    tolerance: float = 1.0,
+    most: int | None = None,
+) -> Diagnosis:
+    """Diagnose recordings with effects and parameters estimated together.
+
+    Args:
+        first: diagnosis by the search that holds the parameters within their tolerances.
+        setting: interpolation, frequency range and split of the recordings.
+        together: recordings.
+        effects: candidate effects.
+        tick: progress callback ``tick(stage, done, total)``.
+        tolerance: factor on the tolerances of the ship's parameters [-].
+        most: largest number of reported effects; None for the default.
+
+    Returns:
+        The diagnosis; the first one, with a remark, if it leaves noise or fits the held-out data as
+        well.
+    """
+    if first.left_over is None and not any(n.is_biased for n in first.parameters):
+        return first
+    replay = coarser(setting.balances.replay, MOST_ROWS)
+    if why := reason_to_skip(replay):
+        return _add_remark(first, f"effects and parameters were not estimated together: {why}")
+    split, highest = (setting.segments, setting.held), setting.fitter.bands.highest_Hz
+    problem = OutputError(Balances(replay), *split, tolerance, highest)
+    rms, ships = problem.likelihood.rms, [first.corrected]
+    if first.formula is not None:
+        ships.append(first.ship.with_term(first.formula.term))
+    residuals = [held_residual(ship, replay, *split) for ship in ships]
+    residual = min(residuals, key=lambda one: float(np.sum(np.log(rms(one)))))
+    before = rms(residual)
+    if within_noise(problem, before) and first.verdict in (EXPLAINED, NOTHING):
+        return first
+    estimated = [f for f in first.findings if not f.effect.windowed]
+    suggested = [SizedEffect(f.effect, tuple(e.value for e in f.estimates)) for f in estimated]
+    search = StructureSearch(problem, effects, tick, most, tuple(suggested))
+    alone = CLOSER if first.verdict == EXPLAINED else AS_CLOSE
+    named = AS_CLOSE if first.verdict == PARTLY and first.shape is not None else CLOSER
+
+    def largest_error(model: Model) -> float:
+        return named if model.effects else alone
+
+    errors = [(total(problem.held_error(m), before), m) for m in search.quick_pass()]
+    if all(error > largest_error(model) for error, model in errors):
+        return _add_remark(first, NO_CLOSER)
+    ranked = search.search()
+    best, alike = choose(ranked, problem.held_error(problem.file_model()), noise_limit(problem))
+    if (pruned := search.prune(best)) is not best:
+        best, alike = pruned, []
+    plain = next(one for one in ranked if not one.model.effects)
+    if best.model.effects and total(best.held, plain.held) > BETTER:
+        best, alike = plain, []
+    # Outliers of the held-out data may hide that a model is closer.
+    clipped = total(best.compared, rms(residual, search.limit))
+    if min(total(best.held, before), clipped) > largest_error(best.model):
+        verdict = PARTLY if first.verdict == EXPLAINED else first.verdict
+        return _add_remark(replace(first, verdict=verdict), NO_MODEL)
+    model, replaced = replace_far_parameters(search, best.model)
+    if replaced:
+        best, alike = search.rank(model), []
+    diagnosis = _update_diagnosis(first, search, setting, together, best, alike, ranked)
+    biased = [biased_parameter(first.ship, replaced, finding) for finding in diagnosis.findings]
+    return replace(diagnosis, biased=biased)
+
+
+def held_residual(ship: Ship, replay: JointReplay, fitted: Segments, held: Segments) -> Floats:
+    """Return measured minus simulated channels of a ship on the held-out rows."""
+    problem = OutputError(Balances(replay.with_ship(ship)), fitted, held, 0.0)
+    return problem.held_residual(problem.file_model())
+
+
+def _add_remark(first: Diagnosis, remark: str) -> Diagnosis:
+    """Return a diagnosis with one more remark."""
+    return replace(first, warnings=[*first.warnings, remark])
 
 
 def replace_far_parameters(
@@ -67,32 +182,25 @@ def replace_far_parameters(
     """Return a model with effects in place of parameters far from the file, if the fit is as good.
 
     If a parameter is off by more than physics can explain, the file was guessed and the parameters keep
-    their estimates.
-
-    Args:
-        search: search that found the model; it holds replaced parameters near the file afterwards.
-        model: chosen model.
-
-    Returns:
-        The model; and for each effect that replaces parameters, by label, the priors of these parameters
-        with the estimated values.
+    their estimates. The search holds replaced parameters near the file afterwards. Also return, by label
+    of each effect that replaces parameters, the priors of these with the estimated values.
     """
     priors, replaced = search.problem.priors, {}
     far = search.problem.far_parameters(model)
-    if any(priors[k].wrong == 1.0 for k in far):
-        return model, {}
-    if any(priors[k].ratio and abs(model.shifts[k]) > PLAUSIBLE for k in far):
-        return model, {}
+    for k in far:
+        guessed = priors[k].ratio and abs(model.shifts[k]) > PLAUSIBLE
+        if guessed or priors[k].wrong == 1.0:
+            return model, {}
     together = [far] if len(far) > 1 else []
     for group in (*together, *([k] for k in far)):
         if not set(group) <= set(search.problem.far_parameters(model)):
             continue  # replaced already
-        found = _replace_by_effect(search, model, group)
-        if found is None:
+        other = _replace_by_effect(search, model, group)
+        if other is None:
             continue
-        (label,) = found.labels - model.labels
+        (label,) = other.labels - model.labels
         was = [replace(priors[k], value=priors[k].value_at(float(model.shifts[k]))) for k in group]
-        model, replaced[label] = found, was
+        model, replaced[label] = other, was
     return model, replaced
 
 
@@ -103,77 +211,190 @@ def _replace_by_effect(search: StructureSearch, model: Model, group: list[int]) 
     price = sum(before[k].penalty(float(model.shifts[k])) for k in group)
     held = problem.fit_near_file(model, group)
     problem.hold(group)
-    found = [
-        problem.fit((*held.effects, one.starts[0][1]), held) for one in search.screen(held)[:TRIED]
-    ]
-    best = max(found, key=lambda one: one.score, default=held)
-    # a far parameter costs no more than the probability that the file is wrong
-    worse = best.score + INDISTINGUISHABLE < model.score + price
-    if (
-        worse
-        or len(best.effects) == len(model.effects)
-        or set(group) & set(problem.far_parameters(best))
-    ):
-        problem.priors[:] = before
-        return None
-    return best
+    starts = [one.starts[0][1] for one in search.screen(held)[:TRIED]]
+    fits = [problem.fit((*held.effects, start), held) for start in starts]
+    best = max(fits, key=lambda one: one.score, default=held)
+    # A far parameter costs no more than the probability that the file is wrong.
+    as_good = best.score + INDISTINGUISHABLE >= model.score + price
+    near = not set(group) & set(problem.far_parameters(best))
+    if as_good and near and len(best.effects) > len(model.effects):
+        return best
+    problem.priors[:] = before
+    return None
 
 
-REPORTED_SKEW, SURE_SKEW = 0.1, 3.0
-"""Smallest clock skew of a channel that is reported, in rows and in standard errors."""
+def _update_diagnosis(
+    first: Diagnosis,
+    search: StructureSearch,
+    setting: Setting,
+    together: JointRecordings,
+    best: Ranked,
+    alike: list[Ranked],
+    ranked: list[Ranked],
+) -> Diagnosis:
+    """Return the first diagnosis with the results of the best model of a structure search.
 
-NOTABLE = 1.1
-"""Multiple of the reported held-out error from which the error of the corrected ship file without clock
-skews is reported as well."""
+    The models ``alike`` are those that the recordings cannot distinguish from it.
+    """
+    problem, model, replay = search.problem, best.model, setting.balances.replay
+    ship = _with_parameters(first.ship, problem, model)
+    tables = _correct_clocks(together.tables, problem, model)
+    balances = Balances(replay.with_ship(ship, *tables))
+    bands = bands_of(balances, setting.segments, setting.fitter.bands.highest_Hz)
+    fitter = Fitter(balances, bands, problem.tolerance)
+    fit = fitter.evaluate(model.effects)
+    whiteness = Whiteness(fitter, replay.noise_rms, replay.quantisation)
+    corrected = fitter.trial_ship.corrected(fit.effects)
+    judge = HeldOut(setting.fitter, setting.held)
+    gain = float(judge(corrected.record()) - judge(first.ship.record()))
+    verdict, why = verdict_on(best, problem, whiteness, fit, gain)
+    if verdict == NOTHING and is_undecidable(replay.excited, together.limits):
+        verdict = UNEXPLAINED
+    colour = whiteness.colour(fit)
+    shape = None
+    if verdict == UNEXPLAINED and colour is not None:
+        shape = shape_to_show(best_shapes(fitter, fit), balances, colour)
+    selection = _selection(fitter, fit, best, alike, ranked, search)
+    findings = findings_of(fitter, selection, balances.residuals_against(balances.nominal))
+    pairs = zip(findings, effect_estimates(problem, model, fitter), strict=True)
+    after = dict(zip(problem.names, problem.simulate(model), strict=True))
+    shares = explained_shares(whiteness, setting.fitter.null, fit, setting.whiteness)
+    tried = [candidate.effect for candidate in selection.ranking]
+    said = [*why, *remarks(best, problem), *plain_error_remarks(problem, best, corrected)]
+    return replace(
+        first, verdict=verdict, corrected=corrected, after=after,
+        residual_after=setting.balances.residuals_against(after),
+        findings=[replace(finding, estimates=estimates) for finding, estimates in pairs],
+        shape=shape, shape_windows=[], shape_regime="", formula=None,
+        balance_verdicts=balance_verdicts(whiteness, fit, setting.whiteness),
+        explained=float(shares[-1]), left_over=colour,
+        ranking=[(c, search.threshold(c.effect)) for c in selection.ranking],
+        detectable=detectable_effects(fitter, search.threshold, fit, tried),
+        fit_after=fit_percents(first.measured, after, problem.held_rows), held_out_gain=gain,
+        warnings=[*together.warnings, *said],
+        parameters=parameter_estimates(first.ship, problem, model, corrected),
+    )  # fmt: skip
 
-LOOSE = 0.3
-"""Standard error of a parameter's logarithm without the file's tolerances, from which the recordings
-determine only a combination with other parameters."""
+
+def _with_parameters(file: Ship, problem: OutputError, model: Model) -> Ship:
+    """Return the ship with the parameters that a model has shifted."""
+    values = {}
+    for prior, shift in zip(problem.priors, model.shifts.tolist(), strict=True):
+        if abs(shift) > 0.1 * prior.near:
+            number = file.parameter(prior.key)
+            value = float(np.clip(prior.value_at(shift), *number.search_range))
+            values[prior.key] = number.info.inside(value)
+    with contextlib.suppress(ShipError):  # two parameters that do not go together
+        return file.with_values(values) if values else file
+    return file
+
+
+def _correct_clocks(
+    tables: Sequence[pd.DataFrame], problem: OutputError, model: Model
+) -> list[pd.DataFrame]:
+    """Return recordings with the measured channels shifted onto the commands' clock."""
+    skews = model.nuisance[len(problem.starts) :] * problem.replay.every  # rows as recorded
+    shifted = []
+    for table in tables:
+        rows = np.arange(len(table))
+        pairs = zip(problem.names, skews, strict=True)
+        on_time = {c: np.interp(rows - skew, rows, table[c]) for c, skew in pairs if c in table}
+        shifted.append(table.assign(**on_time))
+    return shifted
+
+
+def _selection(
+    fitter: Fitter,
+    fit: Fit,
+    best: Ranked,
+    alike: list[Ranked],
+    ranked: list[Ranked],
+    search: StructureSearch,
+) -> Selection:
+    """Return a model as a selection of the first search: gain, threshold and rivals of each effect."""
+
+    def candidate(sized: SizedEffect, one: Ranked) -> Candidate:
+        """Return an effect of another model with that model's merit."""
+        return Candidate(sized.effect, replace(fitter.null, effects=(sized,)), one.merit)
+
+    labels, effects = best.model.labels, best.model.effects
+    gains, rivals = [], []
+    for sized in effects:
+        rest = tuple(other for other in effects if other is not sized)
+        gains.append(best.model.score - search.problem.fit(rest, best.model).score)
+        own = []
+        for one in alike:
+            others = [other for other in one.model.effects if other.effect.label not in labels]
+            if len(others) == 1 and labels - one.model.labels == {sized.effect.label}:
+                own.append(candidate(others[0], one))
+        rivals.append(tuple(own))
+    thresholds = tuple(search.threshold(sized.effect) for sized in effects)
+    singles = (one for one in ranked if len(one.model.effects) == 1)
+    ranking = tuple(candidate(one.model.effects[0], one) for one in singles)
+    return Selection(fit, tuple(gains), thresholds, tuple(rivals), ranking)
+
+
+def verdict_on(
+    best: Ranked, problem: OutputError, whiteness: Whiteness, fit: Fit, gain: float
+) -> tuple[str, list[str]]:
+    """Return the verdict on a chosen model, and remarks on why it is explained in part only.
+
+    The fit has the model's effects in the balances; the gain is that of the corrected ship without
+    clock skews on the held-out data, in 2 log L.
+    """
+    quiet = within_noise(problem, best.held) or whiteness.colour(fit) is None
+    far = problem.far_parameters(best.model)
+    if not best.model.effects:
+        return (NOTHING if quiet and not far else UNEXPLAINED), []
+    reasons = doubts(problem.trial_ship, fit.effects)
+    if not quiet:
+        reasons.append("the residual on the held-out data is more than noise")
+    if far:
+        moved = ", ".join(problem.priors[k].key for k in far)
+        reasons.append(f"{moved} moved far from the ship file")
+    if gain < 0.0:
+        reasons.append(
+            "the corrected ship, which has no clock skews, is less likely on the held-out data than "
+            f"the ship file by {-gain:.0f} in 2 log L"
+        )
+    if not reasons:
+        return EXPLAINED, []
+    return PARTLY, [f"explained in part only, because {'; '.join(reasons)}"]
+
+
+def noise_limit(problem: OutputError) -> Floats:
+    """Return the rms error of each channel up to which it is noise, in the channels' units."""
+    return OF_NOISE * np.array([problem.replay.noise_rms[c] for c in problem.names])
+
+
+def within_noise(problem: OutputError, error: Floats) -> bool:
+    """Return whether the rms error of every channel is noise."""
+    return bool(np.all(error <= noise_limit(problem)))
 
 
 def effect_estimates(
     problem: OutputError, model: Model, fitter: Fitter
 ) -> list[tuple[Estimate, ...]]:
     """Return the estimates of the effects; their standard errors include all other free values."""
-    errors = problem.standard_errors(model)
+    errors = problem.standard_errors(model)[len(model.shifts) + len(model.nuisance) :]
     host = fitter.trial_ship.with_terms(model.effects)
-    found, place = [], len(model.shifts) + len(model.nuisance)
-    for placed in model.effects:
-        own = []
-        for parameter, value in placed.pairs:
-            origin = problem.trial_ship.origin(parameter)
-            own.append(
-                Estimate.of(
-                    host, parameter.key, value, float(errors[place]),
-                    form_error=FORM_SHARE * abs(value - origin),
-                    neutral=problem.trial_ship.neutral(parameter),
-                )
-            )  # fmt: skip
-            place += 1
-        found.append(tuple(own))
-    return found
+    return estimates_of(host, problem.trial_ship, model.effects, errors, FORM_SHARE)
 
 
 def parameter_estimates(
     file: Ship, problem: OutputError, model: Model, corrected: Ship
 ) -> list[ParameterChange]:
     """Return the parameters that the corrected ship or the model changes by a tolerance or more."""
-    errors = problem.standard_errors(model)
-    found = []
-    for k, (prior, shift) in enumerate(zip(problem.priors, model.shifts, strict=True)):
-        tolerances = float(shift) / prior.near
+    errors = problem.standard_errors(model)[: len(model.shifts)].tolist()
+    changes = []
+    for prior, shift, error in zip(problem.priors, model.shifts.tolist(), errors, strict=True):
+        tolerances, value = shift / prior.near, prior.value_at(shift)
         number, now = file.parameter(prior.key), corrected.parameter(prior.key).value
-        if abs(tolerances) < REPORTED and now == number.value:
-            continue
-        value = prior.value_at(float(shift))
-        spread = float(errors[k]) * (value if prior.ratio else 1.0)
-        found.append(
-            ParameterChange(
-                prior.key, number.info.unit, number.value, value, abs(spread), tolerances,
-                "tolerance", now,
-            )
-        )  # fmt: skip
-    return found
+        if abs(tolerances) >= REPORTED or now != number.value:
+            spread = abs(error * (value if prior.ratio else 1.0))
+            given = prior.key, number.info.unit, number.value
+            changes.append(ParameterChange(*given, value, spread, tolerances, "tolerance", now))
+    return changes
 
 
 def biased_parameter(
@@ -209,14 +430,30 @@ def remarks(best: Ranked, problem: OutputError) -> list[str]:
     return said
 
 
-def plain_error_remarks(problem: OutputError, best: Ranked, corrected: Ship) -> list[str]:
-    """Return a remark on the held-out errors of the corrected ship simulated from its file alone.
+def _skews(model: Model, problem: OutputError) -> list[str]:
+    """Return remarks on channels whose clocks clearly differ from the commands' clock."""
+    replay, clocks, said = problem.replay, len(problem.starts), []
+    skews = (model.nuisance[clocks:] * replay.every).tolist()
+    first = len(model.shifts) + clocks
+    errors = problem.standard_errors(model)[first : first + len(skews)] * replay.every
+    for column, rows, error in zip(problem.names, skews, errors.tolist(), strict=True):
+        if abs(rows) < REPORTED_SKEW or abs(rows) < SURE_SKEW * error:
+            continue
+        milliseconds = 1e3 * abs(rows) * replay.interval_s / replay.every
+        limit = ", the limit of the search," if abs(rows) > MOST_SKEW - 0.01 else ""
+        side, cause = "early", "time stamps"
+        if rows < 0.0:
+            side, cause = "late", "a delay of the sensor or of the command below a row"
+        said.append(
+            f"{column} is {milliseconds:.3g} ms ({abs(rows):.2f} rows){limit} {side} relative to the "
+            f"commands, from the logger's clocks or {cause}; the held-out errors include it, the "
+            "corrected ship does not"
+        )
+    return said
 
-    Args:
-        problem: output-error problem that fitted the model.
-        best: model; its held-out errors include the clock skews and the estimated first states.
-        corrected: ship with the model's effects and parameters.
-    """
+
+def plain_error_remarks(problem: OutputError, best: Ranked, corrected: Ship) -> list[str]:
+    """Return a remark on larger held-out errors of the corrected ship simulated from its file alone."""
     simulated = problem.replay.simulated(problem.replay.simulate(corrected.record()))
     residual = problem.measured - np.array([simulated[c] for c in problem.names])
     errors = problem.likelihood.rms(residual[:, problem.held_rows])
@@ -227,33 +464,6 @@ def plain_error_remarks(problem: OutputError, best: Ranked, corrected: Ship) -> 
         "without clock skews and estimated first states, as in shaftline simulate, the corrected ship "
         f"has these held-out rms errors: {said}"
     ]
-
-
-def _skews(model: Model, problem: OutputError) -> list[str]:
-    """Return remarks on channels whose clocks clearly differ from the commands' clock."""
-    errors = problem.standard_errors(model)[len(model.shifts) :]
-    clocks = len(problem.starts)
-    said = []
-    for k, column in enumerate(problem.names):
-        rows = float(model.nuisance[clocks + k]) * problem.replay.every
-        error = float(errors[clocks + k]) * problem.replay.every
-        if abs(rows) < REPORTED_SKEW or abs(rows) < SURE_SKEW * error:
-            continue
-        milliseconds = 1e3 * abs(rows) * problem.replay.interval_s / problem.replay.every
-        limit = ", the limit of the search," if abs(rows) > MOST_SKEW - 0.01 else ""
-        cause = (
-            "a delay of the sensor or of the command below a row" if rows < 0.0 else "time stamps"
-        )
-        said.append(
-            f"{column} is {milliseconds:.3g} ms ({abs(rows):.2f} rows){limit} "
-            f"{'late' if rows < 0.0 else 'early'} relative to the commands, from the logger's clocks or "
-            f"{cause}; the held-out errors include it, the corrected ship does not"
-        )
-    return said
-
-
-NEARLY_BEST = 1.1
-"""Multiple of the least held-out error up to which a model with fewer values is preferred."""
 
 
 def add_model_error(
@@ -267,18 +477,9 @@ def add_model_error(
 ) -> MethodResult:
     """Return estimated parameters with wider intervals if effects that the ship lacks change them.
 
-    The parameters are estimated again together with effects of the catalogue. If that comes clearly
-    closer to the held-out data, the difference of the estimates is added to their covariance, and a
-    remark names the effects.
-
-    Args:
-        found: parameters estimated without effects.
-        identified: ship with these parameters.
-        balances: balances of the nominal ship and the recordings.
-        fitted: fitted rows, as segments.
-        held: held-out rows, as segments.
-        effects: candidate effects.
-        tick: progress callback ``tick(stage, done, total)``.
+    The parameters, which the identified ship has, are estimated again together with effects of the
+    catalogue. If that comes clearly closer to the held-out data, the difference is added to their
+    covariance, and a remark names the effects. The segments are rows of the nominal balances.
     """
     replay = coarser(balances.replay, MOST_ROWS)
     if not held or reason_to_skip(replay):
@@ -287,36 +488,29 @@ def add_model_error(
     before = problem.likelihood.rms(held_residual(identified, replay, fitted, held))
     if within_noise(problem, before):
         return found
-    known = {prior.key: prior for prior in problem.priors} | {
-        key: guessed_prior(replay.ship.parameter(key))
-        for key in found.keys
-        if replay.ship.has_key(key) and replay.ship.parameter(key).value != 0.0
-    }
-    problem.priors[:] = known.values()
+    numbers = [replay.ship.parameter(key) for key in found.keys if replay.ship.has_key(key)]
+    guessed = {n.key: guessed_prior(n) for n in numbers if n.value != 0.0}
+    problem.priors[:] = ({prior.key: prior for prior in problem.priors} | guessed).values()
     free = set(found.keys)
     rest = [e for e in effects if not free & {parameter.key for parameter in e.parameters}]
     models = StructureSearch(problem, rest, tick).quick_pass()
     errors = [total(problem.held_error(model), before) for model in models]
-    close = [
-        m for m, error in zip(models, errors, strict=True) if error <= NEARLY_BEST * min(errors)
-    ]
-    best = min(close, key=lambda model: model.size)
-    if min(errors) > CLOSER or not best.effects:
+    least = min(errors)
+    close = [k for k, error in enumerate(errors) if error <= NEARLY_BEST * least]
+    best = min(close, key=lambda k: models[k].size)
+    if least > CLOSER or not models[best].effects:
         return found
-    return _widen(found, problem, best, total(problem.held_error(best), before))
+    return _widen(found, problem, models[best], errors[best])
 
 
 def _widen(found: MethodResult, problem: OutputError, model: Model, error: float) -> MethodResult:
     """Return parameters with the squared difference from those of a model in their covariance."""
-    shifts = {
-        prior.key: prior.value_at(float(shift))
-        for prior, shift in zip(problem.priors, model.shifts, strict=True)
-    }
-    values = [shifts.get(key, value) for key, value in zip(found.keys, found.values, strict=True)]
-    apart = np.array(values) - np.array(found.values)
-    changes = ", ".join(
-        f"{key} to {value:.4g}" for key, value in zip(found.keys, values, strict=True)
-    )
+    pairs = zip(problem.priors, model.shifts.tolist(), strict=True)
+    values = dict(zip(found.keys, found.values, strict=True))
+    fitted = {prior.key: prior.value_at(shift) for prior, shift in pairs}
+    values |= {key: value for key, value in fitted.items() if key in values}
+    apart = np.array([*values.values()]) - np.array(found.values)
+    changes = ", ".join(f"{key} to {value:.4g}" for key, value in values.items())
     effects = ", ".join(sorted(model.labels))
     said = (
         f"physics is missing from the ship: with {effects} the held-out error is {error:.2g} times this "
@@ -325,324 +519,3 @@ def _widen(found: MethodResult, problem: OutputError, model: Model, error: float
     )
     covariance = found.covariance + np.outer(apart, apart)
     return replace(found, covariance=covariance, remarks=(*found.remarks, said))
-
-
-OF_NOISE = 2.0
-"""Multiple of a channel's noise up to which its held-out error counts as noise."""
-
-
-def noise_limit(problem: OutputError) -> Floats:
-    """Return the rms error of each channel up to which it is noise, in the channels' units."""
-    return OF_NOISE * np.array([problem.replay.noise_rms[c] for c in problem.names])
-
-
-def within_noise(problem: OutputError, error: Floats) -> bool:
-    """Return whether the rms error of every channel is noise."""
-    return bool(np.all(error <= noise_limit(problem)))
-
-
-def verdict_on(
-    best: Ranked, problem: OutputError, whiteness: Whiteness, fit: Fit, gain: float
-) -> tuple[str, list[str]]:
-    """Return the verdict on a chosen model, and remarks on why it is explained in part only.
-
-    Args:
-        best: chosen model.
-        problem: output-error problem that fitted it.
-        whiteness: whiteness test of its residuals.
-        fit: its effects fitted in the balances.
-        gain: gain of the corrected ship without clock skews on the held-out data, in 2 log L.
-    """
-    quiet = within_noise(problem, best.held) or whiteness.colour(fit) is None
-    far = problem.far_parameters(best.model)
-    if not best.model.effects:
-        return (NOTHING if quiet and not far else UNEXPLAINED), []
-    ship = problem.trial_ship
-    limits = (
-        limit(ship, placed)
-        for placed in fit.effects
-        for limit in (parameter_at_bound, implausible_parameter)
-    )
-    reasons = [said for said in limits if said]
-    if not quiet:
-        reasons.append("the residual on the held-out data is more than noise")
-    if far:
-        reasons.append(
-            f"{', '.join(problem.priors[k].key for k in far)} moved far from the ship file"
-        )
-    if gain < 0.0:
-        reasons.append(
-            "the corrected ship, which has no clock skews, is less likely on the held-out data than "
-            f"the ship file by {-gain:.0f} in 2 log L"
-        )
-    if not reasons:
-        return EXPLAINED, []
-    return PARTLY, [f"explained in part only, because {'; '.join(reasons)}"]
-
-
-CLOSER = 0.8
-"""Largest held-out error of a model as a share of that of the first diagnosis (geometric mean of the
-channels). Otherwise the first diagnosis stands, which includes effects that act for a limited time."""
-
-AS_CLOSE = 1.05
-"""The same share for a model without effects where the first diagnosis does not explain the recording,
-and for any model where the first diagnosis uses a shape or a formula: parameters and effects that fit as
-well are preferred to a shape or formula."""
-
-NO_CLOSER = "effects and parameters were also estimated together; the held-out data fit no better"
-"""Remark where the first diagnosis stands."""
-
-NO_MODEL = (
-    "effects and parameters were also estimated together: models with many values fit the held-out data "
-    "better, but no model all of whose effects are significant does"
-)
-"""Remark where the first diagnosis stands although it is incomplete."""
-
-BETTER = 0.95
-"""Largest held-out error of a model with effects as a share of that with refitted parameters alone;
-otherwise the parameters alone are reported."""
-
-
-def diagnose_structure(
-    first: Diagnosis,
-    setting: Setting,
-    together: JointRecordings,
-    effects: list[Effect],
-    tick: Tick,
-    tolerance: float = 1.0,
-    most: int | None = None,
-) -> Diagnosis:
-    """Diagnose recordings with effects and parameters estimated together.
-
-    Args:
-        first: diagnosis by the search that holds the parameters within their tolerances.
-        setting: interpolation, frequency range and split of the recordings.
-        together: recordings.
-        effects: candidate effects.
-        tick: progress callback ``tick(stage, done, total)``.
-        tolerance: factor on the tolerances of the ship's parameters [-].
-        most: largest number of reported effects; None for the default.
-
-    Returns:
-        The diagnosis; the first one, with a remark, if it leaves noise or fits the held-out data as
-        well.
-    """
-    if first.left_over is None and not any(n.is_biased for n in first.parameters):
-        return first
-    replay = coarser(setting.balances.replay, MOST_ROWS)
-    if why := reason_to_skip(replay):
-        return _add_remark(first, f"effects and parameters were not estimated together: {why}")
-    fitted, held_out, highest = setting.segments, setting.held, setting.fitter.bands.highest_Hz
-    problem = OutputError(Balances(replay), fitted, held_out, tolerance, highest)
-    residual = min(
-        (held_residual(ship, replay, fitted, held_out) for ship in _corrected_ships(first)),
-        key=lambda one: float(np.sum(np.log(problem.likelihood.rms(one)))),
-    )
-    before = problem.likelihood.rms(residual)
-    if within_noise(problem, before) and first.verdict in (EXPLAINED, NOTHING):
-        return first
-    search = StructureSearch(problem, effects, tick, most, _effects_of(first))
-    alone = CLOSER if first.verdict == EXPLAINED else AS_CLOSE
-    named = AS_CLOSE if first.verdict == PARTLY and first.shape is not None else CLOSER
-    if all(
-        total(problem.held_error(quick), before) > (named if quick.effects else alone)
-        for quick in search.quick_pass()
-    ):
-        return _add_remark(first, NO_CLOSER)
-    ranked = search.search()
-    clipped = problem.likelihood.rms(residual, search.limit)
-
-    def closer(one: Ranked) -> bool:
-        """Whether a model is closer to the held-out data, with or without their outliers."""
-        error = min(total(one.held, before), total(one.compared, clipped))
-        return error <= (named if one.model.effects else alone)
-
-    best, alike = choose(ranked, problem.held_error(problem.file_model()), noise_limit(problem))
-    if (pruned := search.prune(best)) is not best:
-        best, alike = pruned, []
-    plain = next(one for one in ranked if not one.model.effects)
-    if best.model.effects and total(best.held, plain.held) > BETTER:
-        best, alike = plain, []
-    if not closer(best):
-        return _downgrade(first)
-    model, replaced = replace_far_parameters(search, best.model)
-    if replaced:
-        best, alike = search.rank(model), []
-    found = _update_diagnosis(first, search, setting, together, best, alike, ranked)
-    biased = [biased_parameter(first.ship, replaced, finding) for finding in found.findings]
-    return replace(found, biased=biased)
-
-
-def _corrected_ships(first: Diagnosis) -> list[Ship]:
-    """Return the corrected ship of a diagnosis and, with a formula, the ship with the formula alone."""
-    if first.formula is None:
-        return [first.corrected]
-    return [first.corrected, first.ship.with_term(first.formula.term)]
-
-
-def held_residual(ship: Ship, replay: JointReplay, fitted: Segments, held: Segments) -> Floats:
-    """Return measured minus simulated channels of a ship on the held-out rows."""
-    problem = OutputError(Balances(replay.with_ship(ship)), fitted, held, 0.0)
-    return problem.held_residual(problem.file_model())
-
-
-def _downgrade(first: Diagnosis) -> Diagnosis:
-    """Return a diagnosis that stands although richer models fit better: explained in part at most."""
-    verdict = PARTLY if first.verdict == EXPLAINED else first.verdict
-    return _add_remark(replace(first, verdict=verdict), NO_MODEL)
-
-
-def _add_remark(first: Diagnosis, remark: str) -> Diagnosis:
-    """Return a diagnosis with one more remark."""
-    return replace(first, warnings=[*first.warnings, remark])
-
-
-def _effects_of(first: Diagnosis) -> tuple[SizedEffect, ...]:
-    """Return the effects of a diagnosis with their values, except those that act for a time."""
-    return tuple(
-        SizedEffect(finding.effect, tuple(estimate.value for estimate in finding.estimates))
-        for finding in first.findings
-        if not finding.effect.windowed
-    )
-
-
-def _update_diagnosis(
-    first: Diagnosis,
-    search: StructureSearch,
-    setting: Setting,
-    together: JointRecordings,
-    best: Ranked,
-    alike: list[Ranked],
-    ranked: list[Ranked],
-) -> Diagnosis:
-    """Return the first diagnosis with the results of a chosen model.
-
-    Args:
-        first: diagnosis by the first search.
-        search: structure search that found the model.
-        setting: interpolation, frequency range and split of the recordings.
-        together: recordings.
-        best: chosen model.
-        alike: models that the recordings cannot distinguish from it.
-        ranked: all models.
-    """
-    problem, model, replay = search.problem, best.model, setting.balances.replay
-    ship = _with_parameters(first.ship, problem, model)
-    tables = _correct_clocks(together.tables, problem, model)
-    balances = Balances(replay.with_ship(ship, *tables))
-    bands = bands_of(balances, setting.segments, setting.fitter.bands.highest_Hz)
-    fitter = Fitter(balances, bands, problem.tolerance)
-    fit = fitter.evaluate(model.effects)
-    whiteness = Whiteness(fitter, replay.noise_rms, replay.quantisation)
-    corrected = fitter.trial_ship.corrected(fit.effects)
-    judge = HeldOut(setting.fitter, setting.held)
-    gain = float(judge(corrected.record()) - judge(first.ship.record()))
-    verdict, why = verdict_on(best, problem, whiteness, fit, gain)
-    if verdict == NOTHING and is_undecidable(replay.excited, together.limits):
-        verdict = UNEXPLAINED
-    colour = whiteness.colour(fit)
-    shape = None
-    if verdict == UNEXPLAINED and colour is not None:
-        shape = shape_to_show(best_shapes(fitter, fit), balances, colour)
-    selection = _selection(fitter, fit, best, alike, ranked, search)
-    findings = findings_of(fitter, selection, balances.residuals_against(balances.nominal))
-    findings = [
-        replace(finding, estimates=estimates)
-        for finding, estimates in zip(
-            findings, effect_estimates(problem, model, fitter), strict=True
-        )
-    ]
-    after = dict(zip(problem.names, problem.simulate(model), strict=True))
-    shares = explained_shares(whiteness, setting.fitter.null, fit, setting.whiteness)
-    return replace(
-        first,
-        verdict=verdict,
-        corrected=corrected,
-        after=after,
-        residual_after=setting.balances.residuals_against(after),
-        findings=findings,
-        shape=shape,
-        shape_windows=[],
-        shape_regime="",
-        formula=None,
-        balance_verdicts=balance_verdicts(whiteness, fit, setting.whiteness),
-        explained=float(shares[-1]),
-        left_over=colour,
-        ranking=[(c, search.threshold(c.effect)) for c in selection.ranking],
-        detectable=detectable_effects(
-            fitter, search.threshold, fit, [c.effect for c in selection.ranking]
-        ),
-        fit_after=fit_percents(first.measured, after, problem.held_rows),
-        held_out_gain=gain,
-        warnings=[
-            *together.warnings,
-            *why,
-            *remarks(best, problem),
-            *plain_error_remarks(problem, best, corrected),
-        ],
-        parameters=parameter_estimates(first.ship, problem, model, corrected),
-    )
-
-
-def _correct_clocks(
-    tables: Sequence[pd.DataFrame], problem: OutputError, model: Model
-) -> list[pd.DataFrame]:
-    """Return recordings with the measured channels shifted onto the commands' clock."""
-    skews = model.nuisance[len(problem.starts) :] * problem.replay.every  # rows as recorded
-    shifted = []
-    for table in tables:
-        rows = np.arange(len(table))
-        pairs = zip(problem.names, skews, strict=True)
-        on_time = {c: np.interp(rows - skew, rows, table[c]) for c, skew in pairs if c in table}
-        shifted.append(table.assign(**on_time))
-    return shifted
-
-
-def _with_parameters(file: Ship, problem: OutputError, model: Model) -> Ship:
-    """Return the ship with the parameters that a model has shifted."""
-    values = {}
-    for prior, shift in zip(problem.priors, model.shifts, strict=True):
-        if abs(shift) > 0.1 * prior.near:
-            number = file.parameter(prior.key)
-            value = float(np.clip(prior.value_at(float(shift)), *number.search_range))
-            values[prior.key] = number.info.inside(value)
-    with contextlib.suppress(ShipError):  # two parameters that do not go together
-        return file.with_values(values) if values else file
-    return file
-
-
-def _selection(
-    fitter: Fitter,
-    fit: Fit,
-    best: Ranked,
-    alike: list[Ranked],
-    ranked: list[Ranked],
-    search: StructureSearch,
-) -> Selection:
-    """Return a model as a selection of the first search: gain, threshold and rivals of each effect."""
-    labels = best.model.labels
-    gains, rivals = [], []
-    for placed in best.model.effects:
-        rest = tuple(p for p in best.model.effects if p is not placed)
-        gains.append(best.model.score - search.problem.fit(rest, best.model).score)
-        others = []
-        for one in alike:
-            other = [p for p in one.model.effects if p.effect.label not in labels]
-            shared = labels & one.model.labels
-            if len(other) == 1 and shared == labels - {placed.effect.label}:
-                others.append(_candidate(fitter, other[0].effect, one))
-        rivals.append(tuple(others))
-    singles = [one for one in ranked if len(one.model.effects) == 1]
-    return Selection(
-        fit,
-        tuple(gains),
-        tuple(search.threshold(placed.effect) for placed in best.model.effects),
-        tuple(rivals),
-        tuple(_candidate(fitter, one.model.effects[0].effect, one) for one in singles),
-    )
-
-
-def _candidate(fitter: Fitter, effect: Effect, one: Ranked) -> Candidate:
-    """Return an effect of another model with that model's merit."""
-    placed = next(p for p in one.model.effects if p.effect is effect)
-    return Candidate(effect, replace(fitter.null, effects=(placed,)), one.merit)

@@ -8,60 +8,22 @@ so that recordings with clear evidence of another value overrule the file, and n
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...plant.keys import ShipParameter
 from ...plant.ship import Ship
 from ..search.catalogue import SizedEffect
 from ..simulate.balances import tolerance_perturbations
-from ..simulate.joint_replay import JointReplay
+from ..simulate.joint_replay import Floats, JointReplay
 
 if TYPE_CHECKING:
     from .output_error import OutputError
-
-
-Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Model:
-    """Ship with effects and shifted parameters, fitted to recordings.
-
-    Args:
-        effects: effects with their values.
-        shifts: distance of each parameter from the ship file, in the scale of its prior, shape
-            (priors,).
-        nuisance: shift of the first pitch ratio, shaft speed and ship speed of each recording, in
-            deviations, and then of each channel's clock, in rows; shape (3 recordings + channels,).
-        score: 2 log L with the priors [-]; only differences mean anything.
-    """
-
-    effects: tuple[SizedEffect, ...]
-    shifts: Floats
-    nuisance: Floats
-    score: float
-
-    @property
-    def labels(self) -> frozenset[str]:
-        """Labels of the effects."""
-        return frozenset(placed.effect.label for placed in self.effects)
-
-    @property
-    def kinds(self) -> frozenset[tuple[str, str]]:
-        """Kinds of the effects, without their forms."""
-        return frozenset(placed.effect.kind for placed in self.effects)
-
-    @property
-    def size(self) -> int:
-        """Number of values that the effects have."""
-        return sum(len(placed.values) for placed in self.effects)
-
 
 STEP_RATIO, STEP_SIZE = 0.01, 0.02
 """Finite differences of a parameter's logarithm, and of an effect's value as a share of its start."""
@@ -74,6 +36,47 @@ MOST_SKEW = 0.5
 
 FIXED = 1e12
 """Precision of a coordinate that does not move."""
+
+WRONG = 0.01
+"""Probability that a parameter lies outside what its tolerance says."""
+
+WIDE = 0.7
+"""Deviation of the logarithm of a parameter in a wrong file: one in three is off by 2 or more."""
+
+WIDE_SHIFT = 30.0
+"""Standard deviation of a parameter in a wrong file, in tolerances, if its tolerance is a difference."""
+
+LARGEST_LOG_FACTOR = 5.0
+"""Largest logarithm of a factor by which a parameter may move."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """Ship with effects and shifted parameters, fitted to recordings.
+
+    The nuisance values are the shift of each recording's first states, in deviations, and then of each
+    channel's clock, in rows.
+    """
+
+    effects: tuple[SizedEffect, ...]  # effects with their values
+    shifts: Floats  # distance of each parameter from the ship file, shape (priors,)
+    nuisance: Floats  # shape (states x recordings + channels,)
+    score: float  # 2 log L with the priors [-]; only differences mean anything
+
+    @property
+    def labels(self) -> frozenset[str]:
+        """Labels of the effects."""
+        return frozenset(sized.effect.label for sized in self.effects)
+
+    @property
+    def kinds(self) -> frozenset[tuple[str, str]]:
+        """Kinds of the effects, without their forms."""
+        return frozenset(sized.effect.kind for sized in self.effects)
+
+    @property
+    def size(self) -> int:
+        """Number of values that the effects have."""
+        return sum(len(sized.values) for sized in self.effects)
 
 
 class Coordinates:
@@ -97,33 +100,27 @@ class Coordinates:
         self._count = len(owner.priors)
         self.clocks = self._count + len(owner.starts)
         self.edge = self.clocks + len(owner.names)
-        trial_ship = owner.trial_ship
-        set_by = {key for placed in effects for key in trial_ship.settings(placed)}
-        self._origins, self._scales, self._low, self._high = [], [], [], []
-        start = [*begin.shifts, *begin.nuisance]
-        for placed in effects:
-            for parameter, value in placed.pairs:
-                origin = trial_ship.origin(parameter)
-                low, high = trial_ship.range_of(parameter)
-                size = abs(value - origin) or abs(value) or 1.0
-                self._origins.append(origin)
-                self._scales.append(size)
-                self._low.append((low - origin) / size)
-                self._high.append((high - origin) / size)
-                start.append((value - origin) / size)
-        self.start = np.array(start, np.float64)
+        ship = owner.trial_ship
+        pairs = [pair for sized in effects for pair in sized.pairs]
+        values = np.array([value for _, value in pairs], np.float64)
+        self._origins = np.array([ship.origin(parameter) for parameter, _ in pairs], np.float64)
+        sizes = (abs(v - o) or abs(v) or 1.0 for v, o in zip(values, self._origins, strict=True))
+        self._scales = np.array([*sizes], np.float64)
+        ends = np.array([ship.range_of(parameter) for parameter, _ in pairs]).reshape(-1, 2).T
+        self._low, self._high = (ends - self._origins) / self._scales
+        scaled = (values - self._origins) / self._scales
+        self.start = np.concatenate([begin.shifts, begin.nuisance, scaled])
         self.units = np.concatenate([np.ones(self.edge), self._scales])
-        steps = np.zeros(len(start))
+        self.steps = np.zeros(len(self.start))
+        set_by = {key for sized in effects for key in ship.settings(sized)}
         for k, prior in enumerate(owner.priors):
             if prior.key not in set_by:
-                steps[k] = STEP_RATIO if prior.ratio else STEP_NEAR * prior.near
+                self.steps[k] = STEP_RATIO if prior.ratio else STEP_NEAR * prior.near
         for run, (a, b) in enumerate(owner.replay.segments):
-            fitted = bool(np.any((owner.rows >= a) & (owner.rows < b)))
-            own = np.arange(owner.states * run, owner.states * (run + 1))
-            free = (owner.starts[own] > 0.0) & fitted
-            steps[self._count + own] = np.where(free, STEP_NEAR, 0.0)
-        steps[self.edge :] = STEP_SIZE
-        self.steps = steps
+            if np.any((owner.rows >= a) & (owner.rows < b)):
+                own = np.arange(owner.states * run, owner.states * (run + 1))
+                self.steps[self._count + own] = np.where(owner.starts[own] > 0.0, STEP_NEAR, 0.0)
+        self.steps[self.edge :] = STEP_SIZE
 
     def run_of(self, k: int) -> int | None:
         """Return the recording whose first state a coordinate shifts; None for any other coordinate."""
@@ -131,21 +128,22 @@ class Coordinates:
 
     def precision(self, point: Floats, guessed: bool) -> Floats:
         """Return the precision of each coordinate's prior; an effect's value has none."""
-        found = np.zeros(len(point))
+        precision = np.zeros(len(point))
         for k, prior in enumerate(self._owner.priors):
-            found[k] = prior.precision(float(point[k]), guessed) if self.steps[k] > 0.0 else FIXED
-        found[self._count : self.edge] = self._owner.nuisance_precision()
-        return found
+            moves = self.steps[k] > 0.0
+            precision[k] = prior.precision(float(point[k]), guessed) if moves else FIXED
+        precision[self._count : self.edge] = self._owner.nuisance_precision()
+        return precision
 
     def inside(self, point: Floats) -> Floats:
         """Return the nearest point within the bounds."""
-        found = point.copy()
+        nearest = point.copy()
         for k, prior in enumerate(self._owner.priors):
-            found[k] = min(max(found[k], prior.range[0]), prior.range[1])
-        most = MOST_SKEW / self._owner.replay.every
-        found[self.clocks : self.edge] = np.clip(found[self.clocks : self.edge], -most, most)
-        found[self.edge :] = np.clip(found[self.edge :], self._low, self._high)
-        return found
+            nearest[k] = min(max(point[k], prior.range[0]), prior.range[1])
+        most, clocks = MOST_SKEW / self._owner.replay.every, slice(self.clocks, self.edge)
+        nearest[clocks] = np.clip(point[clocks], -most, most)
+        nearest[self.edge :] = np.clip(point[self.edge :], self._low, self._high)
+        return nearest
 
     def step(self, point: Floats, lhs: Floats, rhs: Floats) -> Floats:
         """Return the point after the step that solves ``lhs x = rhs``, stopped at the bounds."""
@@ -156,62 +154,36 @@ class Coordinates:
             wanted = (rhs[free] - lhs[np.ix_(free, ~free)] @ step[~free]) / size[free]
             whole = lhs[np.ix_(free, free)] / np.outer(size[free], size[free])
             step[free] = np.linalg.lstsq(whole, wanted, rcond=1e-12)[0] / size[free]
-            found = self.inside(point + step)
-            over = free & (np.abs(found - point - step) > 1e-12)
+            nearest = self.inside(point + step)
+            over = free & (np.abs(nearest - point - step) > 1e-12)
             if not over.any():
                 break
-            step[over] = (found - point)[over]
+            step[over] = (nearest - point)[over]
             free &= ~over
         return self.inside(point + step)
 
     def split(self, point: Floats) -> tuple[tuple[SizedEffect, ...], Floats, Floats]:
         """Return effects with their values, shifts of parameters, and nuisance values."""
-        values = np.array(self._origins) + np.array(self._scales) * point[self.edge :]
-        placed, begin = [], 0
-        for one in self._effects:
-            end = begin + len(one.values)
-            placed.append(one.with_values(values[begin:end]))
-            begin = end
-        return tuple(placed), point[: self._count], point[self._count : self.edge]
-
-
-WRONG = 0.01
-"""Probability that a parameter lies outside what its tolerance says."""
-
-WIDE = 0.7
-"""Standard deviation of the logarithm of a parameter in a wrong file: one in three is off by a factor of
-2 or more."""
-
-WIDE_SHIFT = 30.0
-"""Standard deviation of a parameter in a wrong file, in tolerances, if its tolerance is a difference."""
-
-LARGEST_LOG_FACTOR = 5.0
-"""Largest logarithm of a factor by which a parameter may move."""
+        values = iter(self._origins + self._scales * point[self.edge :])
+        effects = tuple(
+            sized.with_values(itertools.islice(values, len(sized.values)))
+            for sized in self._effects
+        )
+        return effects, point[: self._count], point[self._count : self.edge]
 
 
 @dataclass(frozen=True)
 class Prior:
-    """Prior distribution of a parameter that is estimated while physics is searched.
+    """Prior distribution of a parameter that is estimated while physics is searched."""
 
-    Args:
-        key: dotted key of the ship file.
-        value: value in the ship file, in the key's unit.
-        near: standard deviation by the file's tolerance, of the logarithm or in the key's unit.
-        far: standard deviation where the file is wrong, likewise.
-        wrong: probability that the file is wrong.
-        ratio: whether the parameter moves by a factor ``exp(x)``; otherwise by the difference ``x``.
-        write: writes a value into a ship's record.
-        range: lowest and highest ``x`` that the key allows.
-    """
-
-    key: str
-    value: float
-    near: float
-    far: float
-    wrong: float
-    ratio: bool
-    write: Callable[[Any, float], None]
-    range: tuple[float, float] = (-LARGEST_LOG_FACTOR, LARGEST_LOG_FACTOR)
+    key: str  # dotted key of the ship file
+    value: float  # value in the ship file, in the key's unit
+    near: float  # standard deviation by the file's tolerance, of the logarithm or in the key's unit
+    far: float  # standard deviation where the file is wrong, likewise
+    wrong: float  # probability that the file is wrong
+    ratio: bool  # whether the parameter moves by a factor exp(x); else by a difference x
+    write: Callable[[Any, float], None]  # writes a value into a ship's record
+    range: tuple[float, float] = (-LARGEST_LOG_FACTOR, LARGEST_LOG_FACTOR)  # range of x
 
     def value_at(self, shift: float) -> float:
         """Return the parameter, shifted from the file's value."""
@@ -220,9 +192,7 @@ class Prior:
     def penalty(self, shift: float, guessed: bool = False) -> float:
         """Return 2 log p of the file's own value less that of a shifted one.
 
-        Args:
-            shift: distance from the file's value.
-            guessed: whether to ignore the file's tolerance and use the wide prior alone.
+        The wide prior alone is used if the file is guessed.
         """
         if guessed:
             return (shift / self.far) ** 2
@@ -231,16 +201,9 @@ class Prior:
         return 2.0 * math.log((first + second) / max(near + far, 1e-300))
 
     def precision(self, shift: float, guessed: bool = False) -> float:
-        """Return the inverse variance of the normal distribution with the same slope at a shift.
-
-        Args:
-            shift: distance from the file's value.
-            guessed: as in :meth:`penalty`.
-        """
-        if guessed:
-            return 1.0 / self.far**2
+        """Return the inverse variance of the normal distribution with the same slope at a shift."""
         near, far = self._densities(shift)
-        if near + far < 1e-300:
+        if guessed or near + far < 1e-300:
             return 1.0 / self.far**2
         return (near / self.near**2 + far / self.far**2) / (near + far)
 
@@ -253,54 +216,30 @@ class Prior:
 def parameter_priors(replay: JointReplay, tolerance: float = 1.0) -> list[Prior]:
     """Return priors of the parameters with tolerances, and of the parameters of the ship's own terms.
 
-    Args:
-        replay: replay of the recordings; parameters without influence on it are left out.
-        tolerance: factor on the tolerances; 0 leaves all parameters out.
+    Parameters without influence on the replay are left out; all are, if the factor on the tolerances
+    is 0.
     """
     if tolerance == 0.0:
         return []
     return [*_of_tolerances(replay, tolerance), *_of_terms(replay.ship)]
 
 
-def guessed_prior(number: ShipParameter) -> Prior:
-    """Return the prior of a parameter without a tolerance in the ship file.
-
-    Args:
-        number: parameter of a ship; not 0.
-    """
-    return Prior(
-        number.key, number.value, WIDE, WIDE, 1.0, True, number.write, _log_factors(number)
-    )
-
-
 def _of_tolerances(replay: JointReplay, tolerance: float) -> Iterator[Prior]:
     """Yield the prior of each parameter that a tolerance moves, one by one."""
     ship = replay.ship
     spread: dict[str, float] = {}
-    for moved in tolerance_perturbations(replay, tolerance):
-        for key, change in moved.numbers.items():
+    for perturbation in tolerance_perturbations(replay, tolerance):
+        for key, change in perturbation.numbers.items():
             if change != 0.0:
                 spread[key] = math.hypot(spread.get(key, 0.0), change)
     for key, near in spread.items():
         number = ship.parameter(key)
-        if number.value > 0.0 and key != "hull.wake_fraction" and near < 0.9 * number.value:
-            share = near / number.value
-            yield Prior(
-                key,
-                number.value,
-                share,
-                max(WIDE, share),
-                WRONG,
-                True,
-                number.write,
-                _log_factors(number),
-            )
+        value, far = number.value, WIDE_SHIFT * near
+        if value > 0.0 and key != "hull.wake_fraction" and near < 0.9 * value:
+            yield _factor_prior(number, near / value, WRONG)
         else:
-            low, high = number.search_range
-            yield Prior(
-                key, number.value, near, WIDE_SHIFT * near, WRONG, False, number.write,
-                (low - number.value, high - number.value),
-            )  # fmt: skip
+            low, high = (end - value for end in number.search_range)
+            yield Prior(key, value, near, far, WRONG, False, number.write, (low, high))
 
 
 def _of_terms(ship: Ship) -> Iterator[Prior]:
@@ -312,9 +251,15 @@ def _of_terms(ship: Ship) -> Iterator[Prior]:
                 yield guessed_prior(number)
 
 
-def _log_factors(number: ShipParameter) -> tuple[float, float]:
-    """Return the logarithms of the least and the largest factor on a parameter of either sign."""
-    ends = sorted(end / number.value for end in number.search_range)
-    low = math.log(ends[0]) if ends[0] > 0.0 else -LARGEST_LOG_FACTOR
-    high = math.log(ends[1]) if math.isfinite(ends[1]) else LARGEST_LOG_FACTOR
-    return max(low, -LARGEST_LOG_FACTOR), min(high, LARGEST_LOG_FACTOR)
+def guessed_prior(number: ShipParameter) -> Prior:
+    """Return the prior of a parameter that is not 0 and has no tolerance in the ship file."""
+    return _factor_prior(number, WIDE, 1.0)
+
+
+def _factor_prior(number: ShipParameter, near: float, wrong: float) -> Prior:
+    """Return the prior of a parameter of either sign that moves by a factor."""
+    least, most = sorted(end / number.value for end in number.search_range)
+    low = math.log(least) if least > 0.0 else -math.inf
+    limits = max(low, -LARGEST_LOG_FACTOR), min(math.log(most), LARGEST_LOG_FACTOR)
+    far = max(WIDE, near)
+    return Prior(number.key, number.value, near, far, wrong, True, number.write, limits)

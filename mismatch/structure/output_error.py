@@ -14,7 +14,7 @@ in scaled coordinates, inside bounds: relative differences vanish at neutral val
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -22,21 +22,18 @@ import numpy as np
 
 from ..identification.parameters import FAR_TOLERANCES
 from ..search.catalogue import SizedEffect
+from ..search.spectra import Segments
 from ..search.trial_ship import TrialShip
 from ..simulate.balances import Balances, first_state_deviations
-from ..simulate.joint_replay import map_threaded
-from .model import FIXED, Coordinates, Floats, Model, Prior, parameter_priors
+from ..simulate.joint_replay import Floats, map_threaded
+from .model import FIXED, Coordinates, Model, Prior, parameter_priors
 from .noise_model import Likelihood, with_first_states
-
-Segments = Sequence[tuple[int, int]]
 
 SKEW_ROWS = 0.29
 """Standard deviation of a channel's clock skew, in recorded rows: uniform up to half a row."""
 
 START_PRECISION = 0.01
-"""Precision of a first state's shift, in the deviations of
-:func:`.tolerances.first_state_deviations`: ten of them, because a lagging instrument does not measure
-the state."""
+"""Precision of a first state's shift: ten deviations, as a lagging instrument does not measure it."""
 
 MOST_STEPS, MOST_TRIALS = 14, 6
 """Largest number of Gauss-Newton steps of a fit, and of trials of a step with increasing damping."""
@@ -77,26 +74,24 @@ class OutputError:
         tolerance: float = 1.0,
         highest_Hz: float = math.inf,
     ) -> None:
-        self.replay = balances.replay
+        self.replay = replay = balances.replay
         self.tolerance = tolerance
         self.trial_ship = TrialShip(balances)
-        self.priors: list[Prior] = parameter_priors(self.replay, tolerance)
-        self.names = list(self.replay.channels)
-        self.rows, self.held_rows = (
-            np.concatenate([np.arange(a, b) for a, b in segments]) for segments in (fitted, held)
-        )
+        self.priors: list[Prior] = parameter_priors(replay, tolerance)
+        self.names = list(replay.channels)
+        self.rows = np.concatenate([np.arange(a, b) for a, b in fitted])
+        self.held_rows = np.concatenate([np.arange(a, b) for a, b in held])
         self.simulations = 0
-        start = first_state_deviations(self.replay)
+        start = first_state_deviations(replay)
         self.states = len(start)
-        self.starts = np.tile(start, len(self.replay.runs))
-        self.measured = np.array([self.replay.recorded[c] for c in self.names])
-        self._largest = DIVERGED * np.abs(self.measured).max(axis=1) + 1.0
-        floor = np.array([LEAST_NOISE * self.replay.noise_rms[c] for c in self.names])
-        floor += 1e-9 * np.abs(self.measured).max(axis=1) + 1e-30
-        fitted_lengths, held_lengths = ([b - a for a, b in s] for s in (fitted, held))
-        self.likelihood = Likelihood(
-            floor, fitted_lengths, held_lengths, self.replay.interval_s, highest_Hz
-        )
+        self.starts = np.tile(start, len(replay.runs))
+        self.measured = np.array([replay.recorded[c] for c in self.names])
+        largest = np.abs(self.measured).max(axis=1)
+        self._largest = DIVERGED * largest + 1.0
+        floor = np.array([LEAST_NOISE * replay.noise_rms[c] for c in self.names])
+        floor += 1e-9 * largest + 1e-30
+        lengths = [b - a for a, b in fitted], [b - a for a, b in held]
+        self.likelihood = Likelihood(floor, *lengths, replay.interval_s, highest_Hz)
 
     def record(self, effects: tuple[SizedEffect, ...], shifts: Floats) -> Any:
         """Return the ship's record with shifted parameters and effects; effects take precedence."""
@@ -111,10 +106,8 @@ class OutputError:
     ) -> tuple[Floats, Floats]:
         """Return simulated channels on all rows and their rate by row, each shape (channels, rows)."""
         self.simulations += 1
-        found = self.replay.simulate_channels(
-            self.record(effects, shifts), each=self._first(nuisance)
-        )
-        values = self._bounded(found)
+        record, first = self.record(effects, shifts), self._first(nuisance)
+        values = self._bounded(self.replay.simulate_channels(record, each=first))
         slopes = np.zeros_like(values)
         for a, b in self.replay.segments:
             if b - a > 1 and not self.replay.steady:
@@ -130,13 +123,12 @@ class OutputError:
         self, run: int, effects: tuple[SizedEffect, ...], shifts: Floats, nuisance: Floats
     ) -> Floats:
         """Return one recording's simulated channels without clock skew, shape (channels, rows)."""
-        first = self._first(nuisance)[run]
-        found = self.replay.simulate_run_channels(run, self.record(effects, shifts), first)
-        return self._bounded(found)
+        record, first = self.record(effects, shifts), self._first(nuisance)[run]
+        return self._bounded(self.replay.simulate_run_channels(run, record, first))
 
-    def _bounded(self, found: dict[str, Floats]) -> Floats:
+    def _bounded(self, channels: dict[str, Floats]) -> Floats:
         """Return simulated channels as an array, all NaN where the ship diverges."""
-        values = np.array([found[c] for c in self.names])
+        values = np.array([channels[c] for c in self.names])
         with np.errstate(invalid="ignore"):
             sound = np.all(np.abs(values) <= self._largest[:, None])
         return values if sound else np.full_like(values, math.nan)
@@ -181,14 +173,9 @@ class OutputError:
         return np.concatenate([starts, np.full(len(self.names), skew)])
 
     def fit_near_file(self, model: Model, which: Collection[int] | None = None) -> Model:
-        """Fit a model with parameters held within the file's tolerances.
+        """Fit a model from a start with parameters, all by default, held within the file's tolerances.
 
-        Args:
-            model: where the fit starts.
-            which: indices of these parameters; all by default.
-
-        Returns:
-            The model; its score has no probability that the file is wrong in these parameters.
+        Its score has no probability that the file is wrong in these parameters.
         """
         before, shifts = list(self.priors), model.shifts.copy()
         which = range(len(before)) if which is None else which
@@ -234,43 +221,45 @@ class OutputError:
                 model, which save most simulations; computed at each step by default.
         """
         search = Coordinates(self, effects, begin)
+
+        def evaluate(point: Floats) -> tuple[tuple[Floats, Floats], Floats, float]:
+            """Return channels with their rates, the whitened residual and the score."""
+            parts = search.split(point)
+            channels = self.channels(*parts)
+            white = self.likelihood.white((self.measured - channels[0])[:, self.rows])
+            return channels, white, self.score(white, *parts[1:], guessed)
+
         point = search.start
-        values, slopes = self.channels(*search.split(point))
-        white = self.likelihood.white((self.measured - values)[:, self.rows])
-        score = self.score(white, begin.shifts, begin.nuisance, guessed)
+        channels, white, score = evaluate(point)
         damping, settled = 0.0, SETTLED if tangent is None else ABOUT
         for _ in range(MOST_STEPS):
             if not math.isfinite(score):
                 break
             if tangent is None:
-                columns = self._derivatives(search, point, values, slopes, 0)
+                columns = self._derivatives(search, point, *channels, 0)
             else:
-                own = self._derivatives(search, point, values, slopes, search.edge)
+                own = self._derivatives(search, point, *channels, search.edge)
                 kept = tangent * (search.steps[: search.edge] != 0.0)[:, None, None]
                 kept[search.clocks :] = tangent[search.clocks :]
                 columns = np.concatenate([kept, own])
-            precision = search.precision(point, guessed)
-            scale = self.likelihood.scale(white)
+            precision, scale = search.precision(point, guessed), self.likelihood.scale(white)
             flat = (columns * scale).reshape(len(columns), -1)
             lhs = flat @ flat.T + np.diag(precision)
             rhs = flat @ (white * scale).ravel() - precision * point
-            better = None
+            gained = -math.inf
             for _ in range(MOST_TRIALS):
                 trial = search.step(point, lhs + damping * np.diag(np.diag(lhs)), rhs)
                 step = trial - point
                 if 2.0 * float(rhs @ step) - float(step @ lhs @ step) < settled:
                     break
-                parts = search.split(trial)
-                found = self.channels(*parts)
-                wrong = self.likelihood.white((self.measured - found[0])[:, self.rows])
-                gained = self.score(wrong, parts[1], parts[2], guessed) - score
+                trial_channels, trial_white, trial_score = evaluate(trial)
+                gained = trial_score - score
                 if gained > 0.0:
-                    better = (trial, found, wrong)
+                    point, channels, white = trial, trial_channels, trial_white
                     break
                 damping = max(10.0 * damping, 1e-2)
-            if better is None:
+            if not gained > 0.0:
                 break
-            point, (values, slopes), white = better
             score += gained
             damping *= 0.1
             if gained < settled:
@@ -278,11 +267,7 @@ class OutputError:
         return Model(*search.split(point), score)
 
     def derivatives(self, model: Model) -> tuple[Floats, Coordinates]:
-        """Return derivatives of the simulated channels at a model, whitened, and its coordinates.
-
-        Returns:
-            Shape (free values, channels, whitened values).
-        """
+        """Return whitened derivatives by all coordinates, (coordinates, channels, values), and these."""
         search = Coordinates(self, model.effects, model)
         values, slopes = self.channels(model.effects, model.shifts, model.nuisance)
         return self._derivatives(search, search.start, values, slopes, 0), search
@@ -310,23 +295,21 @@ class OutputError:
                     here = (values - skew * slopes)[:, own]
                     there = self.simulate_run_channels(run, *search.split(inside))
                     column[:, own] = (there - here) / change
-            column = column[:, self.rows]
-            return self.likelihood.white(
-                column if np.isfinite(column).all() else np.zeros_like(column)
-            )
+            fitted = column[:, self.rows]
+            finite = np.isfinite(fitted).all()
+            return self.likelihood.white(fitted if finite else np.zeros_like(fitted))
 
         moving = [k for k in range(first, len(point)) if search.steps[k] > 0.0]
-        found = np.zeros((len(point) - first, *self.likelihood.shape))
+        columns = np.zeros((len(point) - first, *self.likelihood.shape))
         for k, column in zip(moving, map_threaded(derivative, moving), strict=True):
-            found[k - first] = column
+            columns[k - first] = column
         if first <= search.clocks:
-            for c in range(
-                len(self.names)
-            ):  # a clock skew changes its own channel in proportion to its rate
+            # A clock skew changes its own channel in proportion to its rate.
+            for c in range(len(self.names)):
                 alone = np.zeros((len(self.names), len(self.rows)))
                 alone[c] = slopes[c, self.rows]
-                found[search.clocks + c - first] = self.likelihood.white(alone)
-        return found
+                columns[search.clocks + c - first] = self.likelihood.white(alone)
+        return columns
 
     def standard_errors(self, model: Model, guessed: bool = False) -> Floats:
         """Return the standard error of each shift, nuisance value and value of an effect.

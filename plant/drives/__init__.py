@@ -10,9 +10,9 @@ from typing import NamedTuple
 from ...core.compiled import Real, Record, compiled
 from .dc_motor import DcMotor, drive_motor
 from .diesel import Diesel, drive_diesel
-from .prime_mover import supplied_power
+from .prime_mover import add_torque_offset, supplied_power
 from .speed_source import SpeedSource, holding_torque
-from .torque_source import TorqueSource, source_torque
+from .torque_source import TorqueSource
 
 Drive = Diesel | DcMotor | TorqueSource | SpeedSource
 
@@ -47,14 +47,10 @@ class DriveStates(NamedTuple):
 def drive_output(
     plant: Record, engine_speed: Real, demand: Real, states: DriveStates
 ) -> DriveOutput:
-    """Return torque, currents and rates of the prime mover.
+    """Return torque, currents and rates of the prime mover at an engine speed omega_e [rad/s].
 
-    Args:
-        plant: ship record.
-        engine_speed: omega_e [rad/s].
-        demand: fuel rack [mm], voltage [V] or torque [N m]. If the drive holds the speed, its torque
-            follows from the load (:func:`holding_torque`) and is 0 here.
-        states: states of the prime mover.
+    ``demand`` is a fuel rack [mm], a voltage [V] or a torque [N m]. If the drive holds the speed, its
+    torque follows from the load (:func:`holding_torque`) and is 0 here.
     """
     torque_rate = current = current_rate = voltage = charge_rate = warmth_rate = 0.0
     if plant.prime_mover == DIESEL:
@@ -68,7 +64,7 @@ def drive_output(
     elif plant.speed_held != 0:
         torque = 0.0
     else:
-        torque = source_torque(plant, demand)
+        torque = add_torque_offset(plant, demand)
     return DriveOutput(
         torque, torque_rate, current, current_rate, voltage, charge_rate, warmth_rate
     )
@@ -80,11 +76,7 @@ def electric_power(
 ) -> Real:
     """Return the electric power [W] that a drive takes from its supply; 0 for a diesel.
 
-    Args:
-        plant: ship record.
-        mover: outputs of the drive; the power of a DC motor is its voltage times its current.
-        brake_torque: M_b [N m].
-        engine_speed: omega_e [rad/s].
+    That of a DC motor is voltage times current; other drives convert M_b [N m] at omega_e [rad/s].
     """
     if plant.prime_mover == DIESEL:
         return 0.0 * engine_speed
@@ -94,15 +86,6 @@ def electric_power(
 
 
 __all__ = [
-    "DRIVES",
-    "DcMotor",
-    "Diesel",
-    "Drive",
-    "DriveOutput",
-    "DriveStates",
-    "SpeedSource",
-    "TorqueSource",
-    "drive_output",
-    "electric_power",
-    "holding_torque",
-]
+    "DRIVES", "DcMotor", "Diesel", "Drive", "DriveOutput", "DriveStates", "SpeedSource",
+    "TorqueSource", "drive_output", "electric_power", "holding_torque",
+]  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -13,15 +13,13 @@ from ...core.compiled import Real, Record, compiled
 from ...core.numeric import clip
 from ..keys import INF, effect, parameter
 from ..signals import Signal
-from ..validity import Validity
 from .prime_mover import (
+    COMMAND_DELAY,
+    COMMAND_LAG,
+    TORQUE_OFFSET,
     PrimeMover,
     add_torque_offset,
-    command_delay,
-    command_lag,
     end_stops,
-    fill_symmetric_limits,
-    torque_offset,
 )
 
 SWITCHED_ON = 1e-3
@@ -38,21 +36,17 @@ class DcMotor(PrimeMover):
 
     type: Literal["dc-motor"] = Field(description="kind of drive")
 
-    code: ClassVar[int] = 1
-    balance: ClassVar[str] = "motor"
-    electric: ClassVar[bool] = True
-    demand: ClassVar[Signal] = Signal(
-        "motor_voltage_demand", "U", "V", -1e5, 1e5, "demand", "motor_voltage_V",
-        "voltage command to the motor's supply",
-    )  # fmt: skip
-    validity: ClassVar[tuple[Validity, ...]] = (end_stops("motor voltage command", "V"),)
-    steady_keys: ClassVar[tuple[str, ...]] = (  # in the order of Vrijdag & Martelli 2021, eq. 23
+    code, balance, electric = 1, "motor", True
+    demand = Signal("motor_voltage_demand", "U", "V", -1e5, 1e5, "demand", "motor_voltage_V",
+                    "voltage command to the motor's supply")  # fmt: skip
+    validity = (end_stops("motor voltage command", "V"),)
+    steady_keys = (  # in the order of Vrijdag & Martelli 2021, eq. 23
         "transmission.coulomb_friction_engine_side_N_m",
         "prime_mover.motor_constant_V_s_rad",
         "prime_mover.armature_resistance_ohm",
         "propeller.torque_coefficient",
     )
-    response_keys: ClassVar[tuple[str, ...]] = (  # in the order of its Table 5
+    response_keys = (  # in the order of its Table 5
         "prime_mover.armature_inductance_H",
         "prime_mover.motor_constant_V_s_rad",
         "prime_mover.armature_resistance_ohm",
@@ -61,56 +55,38 @@ class DcMotor(PrimeMover):
         "propeller.torque_coefficient",
     )
 
-    motor_constant_V_s_rad: float = parameter(
-        "K_e, back-EMF and torque constant", "V s/rad = N m/A", record="motor_constant",
-        gt=0, le=1e3,
-    )  # fmt: skip
-    armature_resistance_ohm: float = parameter(
-        "armature resistance R_a", "ohm", record="armature_resistance", gt=0, le=1e4
-    )
-    armature_inductance_H: float = parameter(
-        "armature inductance L_a; 0: current without dynamics", "H", record="armature_inductance",
-        ge=0, le=100, default=0.0,
-    )  # fmt: skip
-    voltage_max_V: float = parameter(
-        "end stop of the command, in either direction", "V", record="drive_max", gt=0, le=1e5
-    )
-    command_dead_zone_V: float = effect(
-        0.0, "half width of the dead zone, which is subtracted from the command", "V",
-        record="command_dead_zone", ge=0, le=1e5,
-    )  # fmt: skip
-    reverse_torque_fraction: float = effect(
-        1.0, "torque constant at negative current / at positive current",
-        record="reverse_torque_fraction", gt=0, le=2,
-    )  # fmt: skip
-    open_circuit_fraction: float = effect(
-        0.0, "share of the armature current that is lost at zero voltage command: 1 is an open switch, "
-        "0 a short circuit that brakes", record="open_circuit_fraction", ge=0, le=1,
-    )  # fmt: skip
-    braking_loss_fraction: float = effect(
-        0.0, "share of the torque that is lost while the motor brakes: 1 is a supply that takes no "
-        "current back", record="braking_loss_fraction", ge=0, le=1,
-    )  # fmt: skip
-    torque_offset_N_m: float = torque_offset()
-    command_delay_s: float = command_delay()
-    command_lag_s: float = command_lag()
-    supply_limit_V: float = effect(
-        INF, "highest voltage of the supply, in either direction", "V", record="supply_limit",
-        gt=0,
-    )  # fmt: skip
-    supply_current_limit_A: float = effect(
-        INF, "highest current of the supply, in either direction", "A",
-        record="supply_current_limit", gt=0,
-    )  # fmt: skip
-    supply_soft_current_A: float = effect(
-        INF, "i_s of a supply that gives i_s tanh(i / i_s) instead of a current i", "A",
-        record="supply_soft_current", gt=0,
-    )  # fmt: skip
-
-    @property
-    def delays(self) -> dict[str, float]:
-        """Dead time of the command [s], by its key."""
-        return {"prime_mover.command_delay_s": self.command_delay_s}
+    # fmt: off
+    motor_constant_V_s_rad: float = parameter("K_e, back-EMF and torque constant", "V s/rad = N m/A",
+        record="motor_constant", gt=0, le=1e3)
+    armature_resistance_ohm: float = parameter("armature resistance R_a", "ohm",
+        record="armature_resistance", gt=0, le=1e4)
+    armature_inductance_H: float = parameter("armature inductance L_a; 0: current without dynamics", "H",
+        record="armature_inductance", ge=0, le=100, default=0.0)
+    voltage_max_V: float = parameter("end stop of the command, in either direction", "V",
+        record="drive_max", gt=0, le=1e5)
+    command_dead_zone_V: float = effect(0.0,
+        "half width of the dead zone, which is subtracted from the command", "V",
+        record="command_dead_zone", ge=0, le=1e5)
+    reverse_torque_fraction: float = effect(1.0,
+        "torque constant at negative current / at positive current", record="reverse_torque_fraction",
+        gt=0, le=2)
+    open_circuit_fraction: float = effect(0.0,
+        "share of the armature current that is lost at zero voltage command: 1 is an open switch, "
+        "0 a short circuit that brakes", record="open_circuit_fraction", ge=0, le=1)
+    braking_loss_fraction: float = effect(0.0,
+        "share of the torque that is lost while the motor brakes: 1 is a supply that takes no "
+        "current back", record="braking_loss_fraction", ge=0, le=1)
+    torque_offset_N_m: float = TORQUE_OFFSET
+    command_delay_s: float = COMMAND_DELAY
+    command_lag_s: float = COMMAND_LAG
+    supply_limit_V: float = effect(INF, "highest voltage of the supply, in either direction", "V",
+        record="supply_limit", gt=0)
+    supply_current_limit_A: float = effect(INF, "highest current of the supply, in either direction",
+        "A", record="supply_current_limit", gt=0)
+    supply_soft_current_A: float = effect(INF,
+        "i_s of a supply that gives i_s tanh(i / i_s) instead of a current i", "A",
+        record="supply_soft_current", gt=0)
+    # fmt: on
 
     @property
     def time_constants(self) -> dict[str, float]:
@@ -143,26 +119,16 @@ class DcMotor(PrimeMover):
             "armature_resistance_ohm": (0.0, most, 0.0),
         }
 
-    def fill(self, record: Any) -> None:
-        """Write the parameters; commands go in both directions, without a rack."""
-        super().fill(record)
-        fill_symmetric_limits(record)
-
 
 @compiled
 def applied_voltage(plant: Record, demand: Real, motor_speed: Real) -> Real:
-    """Return the voltage [V] at the armature for a command [V] inside the end stops.
+    """Return the voltage [V] at the armature for a command [V] inside the end stops, at a speed [rad/s].
 
-    Commands within ``command_dead_zone`` give no voltage and short-circuit the armature; larger
-    commands are reduced by the dead zone. The supply gives at most ``supply_limit``. It reduces its
-    voltage to keep the current below ``supply_current_limit``, or gradually by ``supply_soft_current``.
-    A command below :data:`SWITCHED_ON` of the end stop opens the circuit by ``open_circuit_fraction``,
-    which moves the voltage to the back-EMF.
-
-    Args:
-        plant: ship record.
-        demand: voltage command [V].
-        motor_speed: [rad/s].
+    Commands within ``command_dead_zone`` give no voltage and short-circuit the armature; larger commands
+    are reduced by the dead zone. The supply gives at most ``supply_limit``. It reduces its voltage to
+    keep the current below ``supply_current_limit``, or gradually by ``supply_soft_current``. A command
+    below :data:`SWITCHED_ON` of the end stop opens the circuit by ``open_circuit_fraction``, which moves
+    the voltage to the back-EMF.
     """
     voltage = demand
     if plant.command_dead_zone != 0.0:
@@ -218,13 +184,10 @@ def steady_motor_current(plant: Record, voltage: Real, motor_speed: Real) -> Rea
 def drive_motor(
     plant: Record, motor_speed: Real, demand: Real, current: Real
 ) -> tuple[Real, Real, Real, Real]:
-    """Return torque [N m], current [A], di/dt [A/s] (0 without inductance) and voltage [V] of the motor.
+    """Return torque [N m], current [A], di/dt [A/s] and voltage [V] of the motor.
 
-    Args:
-        plant: ship record; with ``armature_inductance`` 0 the current has no dynamics.
-        motor_speed: [rad/s].
-        demand: voltage command [V].
-        current: state of the armature [A].
+    ``motor_speed`` is in rad/s, ``demand`` is the voltage command [V], ``current`` the state of the
+    armature [A]. With ``armature_inductance`` 0 the current has no dynamics and di/dt is 0.
     """
     voltage = applied_voltage(plant, demand, motor_speed)
     rate = 0.0
@@ -232,9 +195,5 @@ def drive_motor(
         rate = motor_current_rate(plant, voltage, motor_speed, current)
     else:
         current = steady_motor_current(plant, voltage, motor_speed)
-    return (
-        add_torque_offset(plant, motor_torque(plant, current, motor_speed)),
-        current,
-        rate,
-        voltage,
-    )
+    torque = add_torque_offset(plant, motor_torque(plant, current, motor_speed))
+    return torque, current, rate, voltage

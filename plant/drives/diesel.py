@@ -12,7 +12,7 @@ the lagged share of the rated power.
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -26,15 +26,10 @@ from .low_speed import FULL_FIRING_SHARE, low_speed_torque
 from .prime_mover import PrimeMover, end_stops
 
 
-def _coefficient(term: str, neutral: float, *, record: str) -> Any:
+def _coefficient(record: str, term: str, default: float = 0.0) -> Any:
     """Declare a coefficient of the fuel surface: fuel share per power share and speed share."""
-    return parameter(
-        f"coefficient of {term} in the fuel surface",
-        record=record,
-        ge=-1e5,
-        le=1e5,
-        default=neutral,
-    )
+    about = f"coefficient of {term} in the fuel surface"
+    return parameter(about, record=record, ge=-1e5, le=1e5, default=default)
 
 
 class Diesel(PrimeMover):
@@ -42,25 +37,19 @@ class Diesel(PrimeMover):
 
     type: Literal["diesel"] = Field(description="kind of drive")
 
-    code: ClassVar[int] = 0
-    balance: ClassVar[str] = "engine"
-    demand: ClassVar[Signal] = Signal(
-        "fuel_rack_demand", "X", "mm", 0, 200, "demand", "fuel_rack_mm", "command to the fuel rack"
-    )
-    steady_keys: ClassVar[tuple[str, ...]] = (
+    code, balance = 0, "engine"
+    demand = Signal("fuel_rack_demand", "X", "mm", 0, 200, "demand", "fuel_rack_mm",
+                    "command to the fuel rack")  # fmt: skip
+    steady_keys = (
         "prime_mover.torque_per_speed_N_m_s_rad",
         "prime_mover.torque_per_rack_N_m_mm",
         "prime_mover.torque_offset_N_m",
     )
-    response_keys: ClassVar[tuple[str, ...]] = (
-        *steady_keys, "transmission.inertia_engine_side_kg_m2",
-    )  # fmt: skip
-    derived: ClassVar[tuple[tuple[Any, ...], ...]] = (
-        ("engine_speed_min", np.float64),
-        ("engine_speed_max", np.float64),
-        ("rated_power", np.float64),
+    response_keys = (*steady_keys, "transmission.inertia_engine_side_kg_m2")
+    derived = tuple(
+        (n, np.float64) for n in ("engine_speed_min", "engine_speed_max", "rated_power")
     )
-    validity: ClassVar[tuple[Validity, ...]] = (
+    validity = (
         end_stops("fuel rack command", "mm"),
         Validity(
             "engine speed", "rad/s",
@@ -70,129 +59,85 @@ class Diesel(PrimeMover):
         ),
     )  # fmt: skip
 
-    torque_per_speed_N_m_s_rad: float = parameter(
-        "a, torque per engine speed", "N m s/rad", record="torque_per_speed", ge=-1e5, le=0
-    )
-    torque_per_rack_N_m_mm: float = parameter(
-        "b, torque per fuel rack", "N m/mm", record="torque_per_rack", gt=0, le=1e6
-    )
-    torque_offset_N_m: float = parameter(
-        "c, torque offset", "N m", record="torque_offset", ge=-1e6, le=1e6
-    )
+    # fmt: off
+    torque_per_speed_N_m_s_rad: float = parameter("a, torque per engine speed", "N m s/rad",
+        record="torque_per_speed", ge=-1e5, le=0)
+    torque_per_rack_N_m_mm: float = parameter("b, torque per fuel rack", "N m/mm",
+        record="torque_per_rack", gt=0, le=1e6)
+    torque_offset_N_m: float = parameter("c, torque offset", "N m", record="torque_offset", ge=-1e6,
+        le=1e6)
     rack_max_mm: float = parameter("end stop of the rack", "mm", record="drive_max", gt=0, le=200)
-    speed_min_rpm: float = quantity(
-        "lowest running (idle) speed; below it ignition fails gradually", "rpm", gt=0, le=3000
-    )
+    speed_min_rpm: float = quantity("lowest running (idle) speed; below it ignition fails gradually",
+        "rpm", gt=0, le=3000)
     speed_max_rpm: float = quantity("highest running speed", "rpm", gt=0, le=5000)
-    torque_limit_N_m: float = parameter(
-        "highest brake torque", "N m", record="torque_limit", gt=0, default=INF
-    )
-    torque_limit_at_min_speed_N_m: float = parameter(
-        "brake torque limit at the lowest speed", "N m", record="torque_limit_idle", gt=0,
-        default=INF,
-    )  # fmt: skip
-    torque_limit_slope_N_m_s_rad: float = parameter(
-        "rise of the limit with engine speed", "N m s/rad", record="torque_limit_slope",
-        ge=0, le=1e6, default=0.0,
-    )  # fmt: skip
+    torque_limit_N_m: float = parameter("highest brake torque", "N m", record="torque_limit", gt=0,
+        default=INF)
+    torque_limit_at_min_speed_N_m: float = parameter("brake torque limit at the lowest speed", "N m",
+        record="torque_limit_idle", gt=0, default=INF)
+    torque_limit_slope_N_m_s_rad: float = parameter("rise of the limit with engine speed", "N m s/rad",
+        record="torque_limit_slope", ge=0, le=1e6, default=0.0)
     starting_air_torque_N_m: float = parameter(
-        "torque of starting air below the firing speed if the rack is open; 0: no starting air",
-        "N m", record="starting_air_torque", ge=0, le=1e7, default=0.0,
-    )  # fmt: skip
-    lag_s: float = effect(
-        0.0, "first-order lag of the torque", "s", record="engine_lag", lag=True, ge=0, le=30
-    )
-    charge_air_lag_s: float = effect(
-        0.0, "lag of the charge air behind the power; 0: no smoke limit", "s", record="charge_lag",
-        lag=True, ge=0, le=60,
-    )  # fmt: skip
-    smoke_limit_N_m: float = parameter(
-        "highest brake torque without charge air", "N m", record="smoke_limit",
-        gt=0, default=INF,
-    )  # fmt: skip
-    smoke_limit_rise_N_m: float = parameter(
-        "increase of that limit up to the charge air at rated power", "N m", record="smoke_limit_rise",
-        ge=0, le=1e7, default=0.0,
-    )  # fmt: skip
-    warmth_lag_s: float = effect(
-        0.0, "lag of the engine's warmth behind the power; 0: no loading limit", "s",
-        record="warmth_lag", lag=True, ge=0, le=7200,
-    )  # fmt: skip
-    loading_limit_N_m: float = parameter(
-        "highest brake torque of the cold engine", "N m", record="loading_limit", gt=0,
-        default=INF,
-    )  # fmt: skip
-    loading_limit_rise_N_m: float = parameter(
-        "increase of that limit up to the warmth at rated power", "N m", record="loading_limit_rise",
-        ge=0, le=1e7, default=0.0,
-    )  # fmt: skip
-    dead_time_s: float = effect(
-        0.0, "dead time of the rack command", "s", record="command_dead_time", ge=0, le=6
-    )
-    rack_rate_limit_mm_s: float = effect(
-        INF, "rate limit of the rack", "mm/s", record="rack_rate_limit", gt=0
-    )
-    derating_fraction: float = effect(
-        0.0, "share of torque lost", record="derating", ge=-0.5, le=0.9
-    )
-    torque_curvature_N_m_s2_rad2: float = effect(
-        0.0, "curvature of the map over engine speed", "N m s2/rad2", record="torque_curvature",
-        ge=-1e4, le=1e4,
-    )  # fmt: skip
-    torque_curvature_speed_rad_s: float = parameter(
-        "engine speed at which the curvature has no effect", "rad/s", record="torque_curvature_speed",
-        ge=0, le=500, default=0.0,
-    )  # fmt: skip
-    fuel_base_g_kWh: float = effect(
-        0.0, "specific consumption that scales the fuel surface; 0: no fuel model", "g/kWh",
-        record="fuel_base", ge=0, le=1000,
-    )  # fmt: skip
+        "torque of starting air below the firing speed if the rack is open; 0: no starting air", "N m",
+        record="starting_air_torque", ge=0, le=1e7, default=0.0)
+    lag_s: float = effect(0.0, "first-order lag of the torque", "s", record="engine_lag", lag=True, ge=0,
+        le=30)
+    charge_air_lag_s: float = effect(0.0, "lag of the charge air behind the power; 0: no smoke limit",
+        "s", record="charge_lag", lag=True, ge=0, le=60)
+    smoke_limit_N_m: float = parameter("highest brake torque without charge air", "N m",
+        record="smoke_limit", gt=0, default=INF)
+    smoke_limit_rise_N_m: float = parameter("increase of that limit up to the charge air at rated power",
+        "N m", record="smoke_limit_rise", ge=0, le=1e7, default=0.0)
+    warmth_lag_s: float = effect(0.0, "lag of the engine's warmth behind the power; 0: no loading limit",
+        "s", record="warmth_lag", lag=True, ge=0, le=7200)
+    loading_limit_N_m: float = parameter("highest brake torque of the cold engine", "N m",
+        record="loading_limit", gt=0, default=INF)
+    loading_limit_rise_N_m: float = parameter("increase of that limit up to the warmth at rated power",
+        "N m", record="loading_limit_rise", ge=0, le=1e7, default=0.0)
+    dead_time_s: float = effect(0.0, "dead time of the rack command", "s", record="command_dead_time",
+        ge=0, le=6)
+    rack_rate_limit_mm_s: float = effect(INF, "rate limit of the rack", "mm/s", record="rack_rate_limit",
+        gt=0)
+    derating_fraction: float = effect(0.0, "share of torque lost", record="derating", ge=-0.5, le=0.9)
+    torque_curvature_N_m_s2_rad2: float = effect(0.0, "curvature of the map over engine speed",
+        "N m s2/rad2", record="torque_curvature", ge=-1e4, le=1e4)
+    torque_curvature_speed_rad_s: float = parameter("engine speed at which the curvature has no effect",
+        "rad/s", record="torque_curvature_speed", ge=0, le=500, default=0.0)
+    fuel_base_g_kWh: float = effect(0.0,
+        "specific consumption that scales the fuel surface; 0: no fuel model", "g/kWh",
+        record="fuel_base", ge=0, le=1000)
     fuel_rated_power_W: float = parameter(
         "reference power N_r of the fuel surface (its reference speed is the highest one)", "W",
-        record="fuel_rated_power", gt=0, le=1e9, default=1.0,
-    )  # fmt: skip
-    fuel_p0_s1: float = _coefficient("omega", 0.0, record="fuel_p0_s1")
-    fuel_p0_s2: float = _coefficient("omega^2", 0.0, record="fuel_p0_s2")
-    fuel_p1_s0: float = _coefficient("N", 1.0, record="fuel_p1_s0")
-    fuel_p1_s1: float = _coefficient("N omega", 0.0, record="fuel_p1_s1")
-    fuel_p1_s2: float = _coefficient("N omega^2", 0.0, record="fuel_p1_s2")
-    fuel_p1_s3: float = _coefficient("N omega^3", 0.0, record="fuel_p1_s3")
-    fuel_p2_s0: float = _coefficient("N^2", 0.0, record="fuel_p2_s0")
-    fuel_p2_s1: float = _coefficient("N^2 omega", 0.0, record="fuel_p2_s1")
-    fuel_p2_s2: float = _coefficient("N^2 omega^2", 0.0, record="fuel_p2_s2")
-    fuel_p2_s3: float = _coefficient("N^2 omega^3", 0.0, record="fuel_p2_s3")
-    fuel_p3_s0: float = _coefficient("N^3", 0.0, record="fuel_p3_s0")
-    fuel_p3_s1: float = _coefficient("N^3 omega", 0.0, record="fuel_p3_s1")
-    fuel_p3_s2: float = _coefficient("N^3 omega^2", 0.0, record="fuel_p3_s2")
-    fuel_p3_s3: float = _coefficient("N^3 omega^3", 0.0, record="fuel_p3_s3")
+        record="fuel_rated_power", gt=0, le=1e9, default=1.0)
+    # fmt: on
+    fuel_p0_s1: float = _coefficient("fuel_p0_s1", "omega")
+    fuel_p0_s2: float = _coefficient("fuel_p0_s2", "omega^2")
+    fuel_p1_s0: float = _coefficient("fuel_p1_s0", "N", 1.0)
+    fuel_p1_s1: float = _coefficient("fuel_p1_s1", "N omega")
+    fuel_p1_s2: float = _coefficient("fuel_p1_s2", "N omega^2")
+    fuel_p1_s3: float = _coefficient("fuel_p1_s3", "N omega^3")
+    fuel_p2_s0: float = _coefficient("fuel_p2_s0", "N^2")
+    fuel_p2_s1: float = _coefficient("fuel_p2_s1", "N^2 omega")
+    fuel_p2_s2: float = _coefficient("fuel_p2_s2", "N^2 omega^2")
+    fuel_p2_s3: float = _coefficient("fuel_p2_s3", "N^2 omega^3")
+    fuel_p3_s0: float = _coefficient("fuel_p3_s0", "N^3")
+    fuel_p3_s1: float = _coefficient("fuel_p3_s1", "N^3 omega")
+    fuel_p3_s2: float = _coefficient("fuel_p3_s2", "N^3 omega^2")
+    fuel_p3_s3: float = _coefficient("fuel_p3_s3", "N^3 omega^3")
 
     @model_validator(mode="after")
-    def _fuel_complete(self) -> Diesel:
+    def _complete(self) -> Diesel:
         if self.fuel_base_g_kWh > 0.0:
             require(self, ("fuel_rated_power_W",), "with a fuel_base_g_kWh")
-        return self
-
-    @model_validator(mode="after")
-    def _ceilings_complete(self) -> Diesel:
         for lag, limit in (("charge_air_lag_s", "smoke"), ("warmth_lag_s", "loading")):
             if getattr(self, lag) > 0.0:
                 keys = ("torque_limit_N_m", f"{limit}_limit_N_m", f"{limit}_limit_rise_N_m")
                 require(self, keys, f"with a {lag}")
-        return self
-
-    @model_validator(mode="after")
-    def _speeds_in_order(self) -> Diesel:
         if self.speed_min_rpm >= self.speed_max_rpm:
             raise ValueError(
                 f"speed_min_rpm = {self.speed_min_rpm:g} must be below speed_max_rpm = "
                 f"{self.speed_max_rpm:g}"
             )
         return self
-
-    @property
-    def delays(self) -> dict[str, float]:
-        """Dead time of the rack command [s], by its key."""
-        return {"prime_mover.dead_time_s": self.dead_time_s}
 
     @property
     def least_running_speed_rad_s(self) -> float:
@@ -211,13 +156,9 @@ class Diesel(PrimeMover):
 def rack_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
     """Return the brake torque M_b [N m] of the rack map (thesis eqs. 2-13 and 2-14), before its limits.
 
-    The map is linear at every speed; :func:`.low_speed_torque` corrects it at low speed.
-
-    Args:
-        plant: ship record; ``torque_curvature`` bends the map about ``torque_curvature_speed``,
-            ``derating`` removes a fraction of the torque.
-        engine_speed: omega_e [rad/s].
-        fuel_rack: X [mm].
+    It is linear in omega_e [rad/s] and X [mm]; :func:`.low_speed_torque` corrects it at low speed.
+    ``torque_curvature`` bends it about ``torque_curvature_speed``, ``derating`` removes a share of the
+    torque.
     """
     torque = plant.torque_per_speed * engine_speed + plant.torque_per_rack * fuel_rack
     torque = torque + plant.torque_offset
@@ -228,14 +169,9 @@ def rack_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
 
 @compiled
 def rack_of_torque(plant: Record, engine_speed: Real, brake_torque: Real) -> Real:
-    """Return the fuel rack X [mm] at which the rack map gives a brake torque, before stops and limits.
+    """Return the fuel rack X [mm] at which the rack map gives a brake torque [N m] at omega_e [rad/s].
 
-    It is the rack of an engine in which all fuel ignites, also at low speed.
-
-    Args:
-        plant: ship record.
-        engine_speed: omega_e [rad/s].
-        brake_torque: M_b [N m].
+    Stops and limits are left out, and all fuel ignites, also at low speed.
     """
     at_no_rack = rack_torque(plant, engine_speed, 0.0)
     return (brake_torque - at_no_rack) / (plant.torque_per_rack * (1.0 - plant.derating))
@@ -309,16 +245,11 @@ class DieselOutput(NamedTuple):
 def drive_diesel(
     plant: Record, engine_speed: Real, fuel_rack: Real, lagged: Real, charge: Real, warmth: Real
 ) -> DieselOutput:
-    """Return the brake torque M_b, and the rates of the lag states.
+    """Return the brake torque M_b, and the rates of the lag states, at omega_e [rad/s] and X [mm].
 
-    Args:
-        plant: ship record; with ``engine_lag`` 0 the torque follows the rack map at once, with
-            ``charge_lag`` or ``warmth_lag`` 0 the corresponding limit is absent.
-        engine_speed: omega_e [rad/s].
-        fuel_rack: X [mm].
-        lagged: brake torque state [N m], as if all fuel ignited; friction has no lag.
-        charge: charge air / that at rated power [-].
-        warmth: warmth of the engine / that at rated power [-].
+    ``lagged`` is the brake torque state [N m] as if all fuel ignited; friction has no lag. ``charge``
+    and ``warmth`` are relative to those at rated power [-]. With ``engine_lag`` 0 the torque follows the
+    rack map at once, with ``charge_lag`` or ``warmth_lag`` 0 the corresponding limit is absent.
     """
     torque = _limited_torque(plant, engine_speed, fuel_rack)
     torque = _ceiling(plant.charge_lag, plant.smoke_limit, plant.smoke_limit_rise, charge, torque)

@@ -42,13 +42,10 @@ FULL_FIRING_SHARE = 0.8
 def sticking_speed(plant: Record, at_rest: Real) -> Real:
     """Return the engine speed [rad/s] within which friction falls to zero towards standstill.
 
-    The slope of the cubic at standstill is 1.5 |M_0| over this speed. If friction of this slope would
-    stop the shaft within a time step, the integration would chatter about standstill; the speed is then
-    raised to 1.5 |M_0| i^2 eta dt / I.
-
-    Args:
-        plant: ship record.
-        at_rest: M_0, torque of the engine without fuel at standstill [N m], not above 0.
+    The slope of the cubic at standstill is 1.5 |M_0| over this speed, with the torque M_0 [N m] of the
+    engine without fuel at rest, not above 0. If friction of this slope would stop the shaft within a
+    time step, the integration would chatter about standstill; the speed is then raised to 1.5 |M_0| i^2
+    eta dt / I.
     """
     speed = STICKING_SHARE * plant.engine_speed_min
     if plant.speed_held != 0:
@@ -62,10 +59,8 @@ def sticking_speed(plant: Record, at_rest: Real) -> Real:
 def friction_torque(plant: Record, engine_speed: Real, no_fuel: Real) -> Real:
     """Return the torque [N m] of an engine without fuel below idle speed; it opposes the rotation.
 
-    Args:
-        plant: ship record.
-        engine_speed: omega_e [rad/s], either sign.
-        no_fuel: torque M_0 of the rack map at no fuel and the same speed ahead [N m], not above 0.
+    ``engine_speed`` [rad/s] has either sign; ``no_fuel`` is M_0 [N m] at the same speed ahead, not above
+    0.
     """
     r = modulus(engine_speed) / sticking_speed(plant, no_fuel)
     if r.real < 1.0:
@@ -85,17 +80,12 @@ def firing_share(plant: Record, engine_speed: Real) -> Real:
 def low_speed_torque(
     plant: Record, engine_speed: Real, fuel_rack: Real, torque: Real, no_fuel: Real
 ) -> Real:
-    """Return the brake torque M_b [N m] of an engine that may turn below its idle speed.
+    """Return the brake torque M_b [N m] of an engine that may turn below its idle speed [rad/s].
 
-    Above 0.8 idle speed the result is ``torque`` itself, to the last bit.
-
-    Args:
-        plant: ship record.
-        engine_speed: omega_e [rad/s], either sign.
-        fuel_rack: X [mm]; starting air acts above 0.
-        torque: torque M [N m] of map, limits and lag if all fuel ignites.
-        no_fuel: torque M_0 of the rack map without fuel at the same speed ahead [N m]; a positive value
-            (a rack with another zero) means no friction.
+    Above 0.8 idle speed it is ``torque`` itself, to the last bit. ``torque`` M [N m] follows from map,
+    limits and lag if all fuel ignites. ``no_fuel`` is M_0 [N m] of the rack map at the same speed ahead;
+    a positive value (a rack with another zero) means no friction. Starting air acts at a rack [mm] above
+    0.
     """
     if engine_speed.real >= FULL_FIRING_SHARE * plant.engine_speed_min.real:
         return torque

@@ -33,8 +33,9 @@ class PrimeMover(Section):
 
     @property
     def delays(self) -> dict[str, float]:
-        """Dead times [s] by key; each needs a delay line."""
-        return {}
+        """Dead times [s] by dotted key; each needs a delay line."""
+        keys = [key for key in ("dead_time_s", "command_delay_s") if key in type(self).model_fields]
+        return {f"prime_mover.{key}": float(getattr(self, key)) for key in keys}
 
     @property
     def damping(self) -> float:
@@ -52,56 +53,43 @@ class PrimeMover(Section):
         return 0.0
 
     def resolved_ranges(self, step_s: float) -> Mapping[str, tuple[float, float, float]]:
-        """Return the ranges of keys that together determine a time constant that a step resolves.
+        """Return the ranges of keys that together determine a time constant that a step [s] resolves.
 
-        Args:
-            step_s: time step of the integration [s].
-
-        Returns:
-            Lowest and highest value by key, and the upper end of the gap above 0
-            (:class:`..keys.KeyInfo`).
+        By key: lowest and highest value, and the upper end of the gap above 0 (:class:`..keys.KeyInfo`).
         """
         return {}
 
+    def fill(self, record: Any) -> None:
+        """Write the parameters; commands to an electric drive go in both directions, without a rack."""
+        super().fill(record)
+        if self.electric:
+            record["drive_min"] = -record["drive_max"]
+            record["rack_rate_limit"] = INF
+
 
 def end_stops(quantity: str, unit: str) -> Validity:
-    """Return the range of validity of a drive command: its end stops.
-
-    Args:
-        quantity: the command, as a noun phrase.
-        unit: SI unit.
-    """
+    """Return the range of validity of a drive command (a noun phrase): its end stops."""
     return Validity(
-        quantity,
-        unit,
-        lambda _, samples: samples["drive"],
+        quantity, unit, lambda _, samples: samples["drive"],
         lambda plant: (float(plant["drive_min"]), float(plant["drive_max"])),
         "outside it the drive stays at its end stop",
-    )
-
-
-def torque_offset() -> Any:
-    """Declare the parameter of a motor's constant torque, which :func:`add_torque_offset` adds."""
-    return effect(
-        0.0, "constant torque of the motor in addition to its command; positive drives ahead", "N m",
-        record="torque_offset", ge=-1e8, le=1e8,
     )  # fmt: skip
 
 
-def drive_efficiency() -> Any:
-    """Declare the efficiency of a drive's conversion of electric to mechanical power."""
-    return parameter(
-        "mechanical power of the drive / electric power without idle power; while the drive brakes, "
-        "electric / mechanical", record="drive_efficiency", gt=0, le=1, default=1.0,
-    )  # fmt: skip
-
-
-def idle_power() -> Any:
-    """Declare the electric power that a drive takes in addition to its load."""
-    return parameter(
-        "electric power that the drive takes at no load and at standstill", "W",
-        record="idle_power", ge=0, le=1e8, default=0.0,
-    )  # fmt: skip
+# Parameters that electric drives share.
+# fmt: off
+TORQUE_OFFSET = effect(0.0,
+    "constant torque of the motor in addition to its command; positive drives ahead", "N m",
+    record="torque_offset", ge=-1e8, le=1e8)
+COMMAND_DELAY = effect(0.0, "dead time between the command and the motor", "s",
+    record="command_dead_time", ge=0, le=6)
+COMMAND_LAG = effect(0.0, "first-order lag of the command: speed controller, power stage, ramp", "s",
+    record="command_lag", ge=0, le=60)
+DRIVE_EFFICIENCY = parameter("mechanical power of the drive / electric power without idle power; while "
+    "the drive brakes, electric / mechanical", record="drive_efficiency", gt=0, le=1, default=1.0)
+IDLE_POWER = parameter("electric power that the drive takes at no load and at standstill", "W",
+    record="idle_power", ge=0, le=1e8, default=0.0)
+# fmt: on
 
 
 @compiled
@@ -124,31 +112,9 @@ def delivered_power(plant: Record, electric: Real) -> Real:
     return net / plant.drive_efficiency
 
 
-def command_delay() -> Any:
-    """Declare the dead time between an electric drive's command and the motor."""
-    return effect(
-        0.0, "dead time between the command and the motor", "s", record="command_dead_time",
-        ge=0, le=6,
-    )  # fmt: skip
-
-
-def command_lag() -> Any:
-    """Declare the first-order lag between an electric drive's command and the motor."""
-    return effect(
-        0.0, "first-order lag of the command: speed controller, power stage, ramp", "s",
-        record="command_lag", ge=0, le=60,
-    )  # fmt: skip
-
-
 @compiled
 def add_torque_offset(plant: Record, torque: Real) -> Real:
     """Return a motor torque [N m] plus its constant offset, as from an amplifier with a zero error."""
     if plant.torque_offset != 0.0:
         torque = torque + plant.torque_offset
     return torque
-
-
-def fill_symmetric_limits(record: Any) -> None:
-    """Write equal end stops in both directions, and no rate limit of a rack."""
-    record["drive_min"] = -record["drive_max"]
-    record["rack_rate_limit"] = INF

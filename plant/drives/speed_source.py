@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -11,7 +11,7 @@ from ...core.compiled import Real, Record, compiled
 from ..keys import parameter
 from ..shaft import shaft_inertia
 from ..signals import Signal
-from .prime_mover import PrimeMover, drive_efficiency, fill_symmetric_limits, idle_power
+from .prime_mover import DRIVE_EFFICIENCY, IDLE_POWER, PrimeMover
 
 
 class SpeedSource(PrimeMover):
@@ -19,27 +19,19 @@ class SpeedSource(PrimeMover):
 
     type: Literal["speed-command"] = Field(description="kind of drive")
 
-    code: ClassVar[int] = 3
-    balance: ClassVar[str] = ""
-    holds_speed: ClassVar[bool] = True
-    electric: ClassVar[bool] = True
-    demand: ClassVar[Signal] = Signal(
-        "shaft_speed", "omega", "rad/s", -1e4, 1e4, "demand", "shaft_speed_rad_s",
-        "speed at which the propeller shaft is held",
-    )  # fmt: skip
-    derived: ClassVar[tuple[tuple[Any, ...], ...]] = (("speed_held", np.int64),)
+    code, balance, holds_speed, electric = 3, "", True, True
+    demand = Signal("shaft_speed", "omega", "rad/s", -1e4, 1e4, "demand", "shaft_speed_rad_s",
+                    "speed at which the propeller shaft is held")  # fmt: skip
+    derived = (("speed_held", np.int64),)
 
-    speed_max_rad_s: float = parameter(
-        "highest speed of the propeller shaft, in either direction", "rad/s", record="drive_max",
-        gt=0, le=1e4,
-    )  # fmt: skip
-    drive_efficiency: float = drive_efficiency()
-    idle_power_W: float = idle_power()
+    speed_max_rad_s: float = parameter("highest speed of the propeller shaft, in either direction",
+        "rad/s", record="drive_max", gt=0, le=1e4)  # fmt: skip
+    drive_efficiency: float = DRIVE_EFFICIENCY
+    idle_power_W: float = IDLE_POWER
 
     def fill(self, record: Any) -> None:
-        """Write the parameters; speeds go in both directions, without a rack."""
+        """Write the parameters, and that the speed is held."""
         super().fill(record)
-        fill_symmetric_limits(record)
         record["speed_held"] = 1
 
 

@@ -7,7 +7,6 @@ coefficients of Table 2.3, without process noise.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,28 +14,18 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from shaftline.display.figures import PALETTE, THESIS, TRUTH, new_figure
-from shaftline.plant import Ship, ShipError, approach, load_ship, nomoto, zig_zag
+from shaftline.display.figures import PALETTE, THESIS
+from shaftline.plant import ShipError, load_ship
+from shaftline.plant.manoeuvres import TurningCircle
 
-from ..cells import Cell, Kind, half_digit, number
+from ..cells import Cell, Kind, half_digit
 from ..pages import fill_template
-from ..side_by_side import Page, cell_table, published_text
-from .zig_zag import (
-    COEFFICIENTS,
-    STEP_S,
-    TEN,
-    FilterRun,
-    Truth,
-    Tuning,
-    Turn,
-    coefficients,
-    make_recording,
-    run_filter,
-    simulate_zig_zag,
-    steady_turn,
-    with_coefficients,
-)
+from ..side_by_side import Page, Tick, cell_table, published_text
+from ..writing import DIGIT, WORDS, Line, Panel, claim, draw, near
+from . import zig_zag
+from .zig_zag import COEFFICIENTS, STEP_S, FilterRun, Truth, identified_ship, steady_turn
 
+TITLE = "Esso Osaka: four steering coefficients from a zig-zag (Taylor 2000, section 2.3)"
 SPEED = 7.0 * 1852.0 / 3600.0  # m/s; assumed, the thesis prints none
 EVERY = 2  # time steps between measurements: one second
 EXECUTES = 6
@@ -47,49 +36,29 @@ TWINS = ((1e-8, 1e-4), (1e-6, 1e-3), (1e-4, 1e-2), (1e-2, 1e-1), (1e-2, 0.0))
 
 SEEDS = 20
 TICKS = len(TWINS) + 1
+HALF = (0.5,) * 4
 
 
 @functools.cache
 def voyage() -> Truth:
     """Return twenty minutes of the zig-zag."""
-    return simulate_zig_zag(load_ship("esso-osaka"), SPEED, 60.0 * MINUTES[-1], EXECUTES)
+    return zig_zag.simulate_zig_zag(load_ship("esso-osaka"), SPEED, 60.0 * MINUTES[-1], EXECUTES)
 
 
 def run_case(variance: float, noise: float, seed: int) -> FilterRun:
-    """Run the filter on one recording.
-
-    Args:
-        variance: R, the variance that the filter assumes [-].
-        noise: rms of the noise that is added to the measurements [-].
-        seed: of the noise.
-    """
+    """Run the filter with the variance R [-] on one recording with an rms noise [-] and a seed."""
     truth = voyage()
-    table = make_recording(truth, noise, seed, EVERY)
-    return run_filter(truth, truth.ship, table, Tuning(variance))
-
-
-def identified_ship(ratios: Any) -> Ship:
-    """Return the ship with coefficients of these ratios to the truth, shape (4,)."""
-    ship = load_ship("esso-osaka")
-    return with_coefficients(ship, np.asarray(ratios) * coefficients(ship))
+    table = zig_zag.make_recording(truth, noise, seed, EVERY)
+    return zig_zag.run_filter(truth, truth.ship, table, zig_zag.Tuning(variance))
 
 
 def diameter(ratios: Any) -> float:
     """Return the diameter of an identified ship's turn [ship lengths]; NaN without a steady turn."""
     try:
-        return steady_turn(identified_ship(ratios), SPEED).diameter
+        own = identified_ship(load_ship("esso-osaka"), ratios)
+        return steady_turn(own, SPEED).steady_diameter
     except ShipError:
         return np.nan
-
-
-def heading_difference(ratios: Any) -> tuple[float, pd.DataFrame]:
-    """Return the largest heading error of an identified ship's zig-zag [deg] and its track."""
-    own = identified_ship(ratios)
-    track = zig_zag(own, approach(own, SPEED), TEN, TEN, executes=EXECUTES).track
-    theirs = voyage().track
-    rows = min(len(track), len(theirs))
-    off = track["heading_rad"].to_numpy()[:rows] - theirs["heading"].to_numpy()[:rows]
-    return float(np.degrees(np.abs(off).max())), track
 
 
 class Results(NamedTuple):
@@ -98,15 +67,14 @@ class Results(NamedTuple):
     twins: pd.DataFrame  # a row for each noise and time: median ratios, worst of the four by seed
     examples: dict[str, FilterRun]  # one run of each noise
     turns: pd.DataFrame  # a row for each noise: diameters after twenty minutes
-    truth_turn: Turn
-    own_turn: Turn  # of the median seed after three minutes at R = 1e-8
+    truth_turn: TurningCircle
+    own_turn: TurningCircle  # of the median seed after three minutes at R = 1e-8
     own_track: pd.DataFrame  # zig-zag of the same ship
-    headings_apart_deg: float
     half_diameter: float  # with half of each coefficient, where the filter starts
     poles: dict[str, float]  # slowest pole [1/L] of the ship, and with half of the coefficients
 
 
-def compute_results(tick: Callable[[], None]) -> Results:
+def compute_results(tick: Tick) -> Results:
     """Return all results; takes about a minute."""
     ship = load_ship("esso-osaka")
     truth_turn = steady_turn(ship, SPEED)
@@ -114,56 +82,43 @@ def compute_results(tick: Callable[[], None]) -> Results:
     early: Any = None
     for variance, noise in TWINS:
         runs = [run_case(variance, noise, seed) for seed in range(SEEDS if noise else 1)]
-        label = f"R = {variance:g}" + ("" if noise else ", exact measurements")
-        examples[label] = runs[0]
+        examples[f"R = {variance:g}" + ("" if noise else ", exact measurements")] = runs[0]
+        case = {"R": variance, "noise": noise}
         for minutes in MINUTES:
             at = np.array([run.ratios[round(60.0 * minutes / STEP_S)] for run in runs])
             worst = np.abs(at - 1.0).max(axis=1)
-            row: dict[str, Any] = {"R": variance, "noise": noise, "minutes": minutes}
-            row |= {"seeds": len(runs)} | dict(
-                zip(COEFFICIENTS, np.median(at, axis=0), strict=True)
-            )
-            row |= {"median error": float(np.median(worst)), "worst error": float(worst.max())}
-            rows.append(row)
+            medians = zip(COEFFICIENTS, np.median(at, axis=0), strict=True)
+            rows.append(
+                {**case, "minutes": minutes, "seeds": len(runs), **dict(medians),
+                 "median error": np.median(worst), "worst error": worst.max()}
+            )  # fmt: skip
             if early is None:  # the first noise after three minutes: the median seed
                 early = at[np.argsort(worst)[len(worst) // 2]]
-        widths = np.array([diameter(run.ratios[-1]) for run in runs])
-        off = np.abs(widths / truth_turn.diameter - 1.0)
+        widths = pd.Series([diameter(run.ratios[-1]) for run in runs])
+        off = (widths / truth_turn.steady_diameter - 1.0).abs()
         turns.append(
-            {"R": variance, "noise": noise, "seeds": len(runs), "diameter": np.nanmedian(widths),
-             "median error": np.nanmedian(off), "worst error": np.nanmax(off),
-             "no turn": int(np.isnan(widths).sum())}
+            {**case, "seeds": len(runs), "diameter": widths.median(), "median error": off.median(),
+             "worst error": off.max(), "no turn": int(widths.isna().sum())}
         )  # fmt: skip
         tick()
-    apart, track = heading_difference(early)
+    own = identified_ship(ship, early)
     poles = {
-        name: max(pole.real for pole in nomoto(own, approach(own, SPEED)).poles)
-        for name, own in (("ship", ship), ("half", identified_ship(np.full(4, 0.5))))
+        name: zig_zag.slowest_pole(one, SPEED)
+        for name, one in (("ship", ship), ("half", identified_ship(ship, HALF)))
     }
-    own_turn = steady_turn(identified_ship(early), SPEED)
-    half = diameter(np.full(4, 0.5))
+    found = Results(
+        pd.DataFrame(rows), examples, pd.DataFrame(turns), truth_turn, steady_turn(own, SPEED),
+        zig_zag.zig_zag_track(own, SPEED, EXECUTES), diameter(HALF), poles,
+    )  # fmt: skip
     tick()
-    return Results(
-        pd.DataFrame(rows),
-        examples,
-        pd.DataFrame(turns),
-        truth_turn,
-        own_turn,
-        track,
-        apart,
-        half,
-        poles,
-    )
+    return found
 
 
-def row_at(results: Results, variance: float, minutes: int) -> pd.Series:
-    """Return the row of :attr:`Results.twins` whose noise has the variance that the filter assumes."""
+def row_at(results: Results, variance: float, minutes: int, exact: bool = False) -> pd.Series:
+    """Return the row of the twins for R and a time [min], with noise or exact measurements."""
     twins = results.twins
-    own = (twins["R"] == variance) & (twins["minutes"] == minutes) & (twins["noise"] > 0.0)
-    return twins[own].iloc[0]
-
-
-TITLE = "Esso Osaka: four steering coefficients from a zig-zag (Taylor 2000, section 2.3)"
+    own = (twins["R"] == variance) & (twins["minutes"] == minutes)
+    return twins[own & ((twins["noise"] == 0.0) == exact)].iloc[0]
 
 
 def measures(results: Results) -> dict[str, float]:
@@ -171,77 +126,71 @@ def measures(results: Results) -> dict[str, float]:
     three, twenty = row_at(results, 1e-8, 3), row_at(results, 1e-4, 20)
     turns = results.turns.set_index(["R", "noise"])
     turn, coarse = turns.loc[(1e-4, 1e-2)], turns.loc[(1e-2, 1e-1)]
-    twins = results.twins
-    exact = twins[(twins["noise"] == 0.0) & (twins["minutes"] == 3)]
-    own = results.own_turn.diameter / results.truth_turn.diameter - 1.0
-    ratios = np.abs(twenty[[*COEFFICIENTS]].to_numpy(dtype=float) - 1.0)
+    own = results.own_turn.steady_diameter / results.truth_turn.steady_diameter - 1.0
+    track, theirs = results.own_track["heading_rad"], voyage().track["heading"]
+    rows = min(len(track), len(theirs))
+    off = track.to_numpy()[:rows] - theirs.to_numpy()[:rows]
     shares = {
         "worst_error_percent_3_min": three["median error"],
         "worst_seed_error_percent_3_min": three["worst error"],
         "worst_error_percent_20_min": twenty["median error"],
         "worst_seed_error_percent_20_min": twenty["worst error"],
-        "bias_percent_20_min": ratios.max(),
+        "bias_percent_20_min": (twenty[[*COEFFICIENTS]].astype(float) - 1.0).abs().max(),
         "turn_diameter_error_percent": turn["median error"],
         "turn_diameter_worst_seed_error_percent": turn["worst error"],
         "turn_diameter_error_percent_3_min": abs(own),
         "turn_diameter_error_percent_coarse": coarse["median error"],
+        "worst_error_percent_exact": row_at(results, 1e-2, 3, exact=True)["median error"],
     }
     found = {key: 100.0 * float(value) for key, value in shares.items()}
-    return found | {
-        "worst_error_percent_exact": 100.0 * float(exact["median error"].iloc[0]),
-        "headings_apart_deg": results.headings_apart_deg,
-    }
+    return found | {"headings_apart_deg": float(np.degrees(np.abs(off).max()))}
 
 
 def cells_of(found: dict[str, float]) -> list[Cell]:
     """Return the printed numbers and sentences with ours."""
     table = published_text("esso_osaka_coefficients")["value"]
-    ours = coefficients(load_ship("esso-osaka"))
+    ours = zig_zag.coefficients(load_ship("esso-osaka"))
     cells = [
-        number("Table 2.3", name, "", value, float(table[name]), half_digit(table[name]),
-               "half a unit of the last printed digit", Kind.INPUT)
+        near(
+            "Table 2.3", name, value, float(table[name]), half_digit(table[name]), DIGIT, Kind.INPUT
+        )
         for name, value in zip(COEFFICIENTS, ours, strict=True)
-    ]  # fmt: skip
-    exact = "a plotted curve on its end value, read as 3 %"
-    converges = "about 3 minutes to the exact value"
-
-    def share(
-        where: str, what: str, key: str, words: str, most: float, basis: str, kind: Kind = Kind.FREE
-    ) -> Cell:
-        return Cell(where, what, "", found[key], 0.0, most, basis, kind, words=words)
-
-    line, five = "a plotted curve on its end value, read as 2 %", "the limit that the words name"
-    end, turn = "the exact value", "less than 5 %"
-    figure, circle = "Figure 2-4", "Figure 2-7"
-    return [
-        *cells,
-        share(figure, "worst coefficient, 3 min, R = 1e-8 [%]", "worst_error_percent_3_min", converges,
-              3.0, exact, Kind.CALIBRATED),
-        share(figure, "worst coefficient of the worst seed, 3 min, R = 1e-8 [%]",
-              "worst_seed_error_percent_3_min", converges, 3.0, exact, Kind.CALIBRATED),
-        share(figure, "worst coefficient, 3 min, exact measurements, R = 0.01 [%]",
-              "worst_error_percent_exact", converges, 3.0, exact),
-        share(figure, "worst coefficient, 20 min, R = 1e-4 [%]", "worst_error_percent_20_min", end, 2.0,
-              line),
-        share(figure, "worst coefficient of the worst seed, 20 min, R = 1e-4 [%]",
-              "worst_seed_error_percent_20_min", end, 2.0, line),
-        share(figure, "median over the seeds, 20 min, R = 1e-4 [%]", "bias_percent_20_min", end, 2.0,
-              line),
-        share(circle, "diameter of the turn, 20 min, R = 1e-4 [%]", "turn_diameter_error_percent", turn,
-              5.0, five),
-        share(circle, "diameter of the worst seed, 20 min, R = 1e-4 [%]",
-              "turn_diameter_worst_seed_error_percent", turn, 5.0, five),
-        share(circle, "diameter, 3 min, R = 1e-8 [%]", "turn_diameter_error_percent_3_min", turn, 5.0,
-              five),
-        share(circle, "diameter, 20 min, R = 0.01 and such noise [%]",
-              "turn_diameter_error_percent_coarse", turn, 5.0, five),
-        share("Figure 2-5", "zig-zag of the identified ship, heading off by at most [deg]",
-              "headings_apart_deg", "very small error", 0.5,
-              "the width of a plotted line, read as 0.5 degrees of 10"),
-    ]  # fmt: skip
+    ]
+    early = "Figure 2-4", "about 3 minutes to the exact value", 3.0, (
+        "a plotted curve on its end value, read as 3 %"
+    )  # fmt: skip
+    late = "Figure 2-4", "the exact value", 2.0, "a plotted curve on its end value, read as 2 %"
+    circle = "Figure 2-7", "less than 5 %", 5.0, WORDS
+    headings = "Figure 2-5", "very small error", 0.5, (
+        "the width of a plotted line, read as 0.5 degrees of 10"
+    )  # fmt: skip
+    fitted, free = Kind.CALIBRATED, Kind.FREE
+    rows = (
+        (early, "worst coefficient, 3 min, R = 1e-8 [%]", "worst_error_percent_3_min", fitted),
+        (early, "worst coefficient of the worst seed, 3 min, R = 1e-8 [%]",
+         "worst_seed_error_percent_3_min", fitted),
+        (early, "worst coefficient, 3 min, exact measurements, R = 0.01 [%]",
+         "worst_error_percent_exact", free),
+        (late, "worst coefficient, 20 min, R = 1e-4 [%]", "worst_error_percent_20_min", free),
+        (late, "worst coefficient of the worst seed, 20 min, R = 1e-4 [%]",
+         "worst_seed_error_percent_20_min", free),
+        (late, "median over the seeds, 20 min, R = 1e-4 [%]", "bias_percent_20_min", free),
+        (circle, "diameter of the turn, 20 min, R = 1e-4 [%]", "turn_diameter_error_percent", free),
+        (circle, "diameter of the worst seed, 20 min, R = 1e-4 [%]",
+         "turn_diameter_worst_seed_error_percent", free),
+        (circle, "diameter, 3 min, R = 1e-8 [%]", "turn_diameter_error_percent_3_min", free),
+        (circle, "diameter, 20 min, R = 0.01 and such noise [%]", "turn_diameter_error_percent_coarse",
+         free),
+        (headings, "zig-zag of the identified ship, heading off by at most [deg]", "headings_apart_deg",
+         free),
+    )  # fmt: skip
+    return cells + [
+        claim(where, what, found[key], words, 0.0, most, basis, kind)
+        for (where, words, most, basis), what, key, kind in rows
+    ]
 
 
-def page(tick: Callable[[], None]) -> Page:
+def page(tick: Tick) -> Page:
     """Return the page of the Esso Osaka."""
     results = compute_results(tick)
     found = measures(results)
@@ -258,45 +207,34 @@ def page(tick: Callable[[], None]) -> Page:
     for minutes, variance in ((3, 1e-8), (20, 1e-4)):
         own = row_at(results, variance, minutes)
         numbers |= {f"{name} {minutes} min": float(own[name]) for name in COEFFICIENTS}
-    numbers["turn_diameter_lengths"] = results.truth_turn.diameter
+    numbers["turn_diameter_lengths"] = results.truth_turn.steady_diameter
     numbers["turn_diameter_lengths_at_the_start"] = results.half_diameter
     return Page(cells, body, {"esso-osaka": _figure(results)}, numbers)
 
 
 def _figure(results: Results) -> Figure:
     """Draw the coefficients over time for two noises, the zig-zag and the turn."""
-    figure, axes = new_figure(2, 2, (11.0, 8.0))
-    figure.suptitle("Esso Osaka, identified from its zig-zag at 7 knots", fontsize=12)
-    ends = {"R = 1e-08": 6.0, "R = 0.0001": float(MINUTES[-1])}
-    for axis, (label, most) in zip(axes[0], ends.items(), strict=True):
+    panels = []
+    for label, most in (("R = 1e-08", 6.0), ("R = 0.0001", float(MINUTES[-1]))):
         run = results.examples[label]
         minutes = STEP_S * np.arange(len(run.ratios)) / 60.0
-        for colour, name, own in zip(PALETTE, COEFFICIENTS, run.ratios.T, strict=False):
-            axis.plot(minutes, own, color=colour, label=name, linewidth=1.1)
-        axis.axhline(1.0, color=TRUTH, linewidth=0.8, linestyle=":")
-        axis.set(title=f"estimate over truth, {label}", xlabel="time [min]", xlim=(0.0, most))
-        axis.set_ylim(0.0, 2.0)
-    axes[0, 0].legend(fontsize=8, frameon=False)
-    axis, theirs = axes[1, 0], voyage().track
-    own_track = results.own_track[results.own_track["time_s"] <= 60.0 * MINUTES[-1]]
-    axis.plot(theirs["time_s"] / 60.0, np.degrees(theirs["heading"]), color=TRUTH, label="ship")
-    axis.plot(theirs["time_s"] / 60.0, np.degrees(theirs["rudder"]), color=THESIS, linewidth=0.8,
-              label="rudder")  # fmt: skip
-    axis.plot(own_track["time_s"] / 60.0, np.degrees(own_track["heading_rad"]), color=PALETTE[0],
-              linestyle="--", label="identified in 3 min, R = 1e-8")  # fmt: skip
-    axis.set(title="zig-zag: heading [deg]", xlabel="time [min]", ylim=(-24.0, 15.0))
-    axis.legend(fontsize=8, frameon=False, loc="lower left")
-    axis, length = axes[1, 1], voyage().ship.manoeuvring.length_m
-    for name, turn, colour, style in (
-        ("ship", results.truth_turn, TRUTH, "-"),
-        ("identified in 3 min, R = 1e-8", results.own_turn, PALETTE[0], "--"),
-    ):
-        axis.plot(
-            turn.track["cross_track_m"] / length, turn.track["position_m"] / length, color=colour,
-            linestyle=style, label=name,
-        )  # fmt: skip
-    axis.set(title="turn with 10 degrees of rudder", xlabel="to starboard [L]")
-    axis.set_ylabel("advance [L]")
-    axis.set_aspect("equal", adjustable="datalim")
-    axis.legend(fontsize=8, frameon=False)
+        settings = {"xlabel": "time [min]", "xlim": (0.0, most), "ylim": (0.0, 2.0)}
+        panels.append(zig_zag.ratio_panel(minutes, run, label, **settings))
+    theirs, identified = voyage().track, "identified in 3 min, R = 1e-8"
+    own = results.own_track[results.own_track["time_s"] <= 60.0 * MINUTES[-1]]
+    minutes = theirs["time_s"] / 60.0
+    headings = [
+        Line(minutes, np.degrees(theirs["heading"]), "ship"),
+        Line(minutes, np.degrees(theirs["rudder"]), "rudder", THESIS, width=0.8),
+        Line(own["time_s"] / 60.0, np.degrees(own["heading_rad"]), identified, PALETTE[0], "--"),
+    ]
+    settings = {"title": "zig-zag: heading [deg]", "xlabel": "time [min]", "ylim": (-24.0, 15.0)}
+    turns = {"ship": results.truth_turn, identified: results.own_turn}
+    panels += [
+        Panel(headings, settings, 1),
+        zig_zag.turn_panel(turns, voyage().ship.manoeuvring.length_m),
+    ]
+    title = "Esso Osaka, identified from its zig-zag at 7 knots"
+    figure = draw(panels, (11.0, 8.0), 2, title=title)
+    figure.axes[0].legend(fontsize=8, frameon=False)
     return figure

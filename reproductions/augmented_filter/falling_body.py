@@ -40,35 +40,24 @@ def height(x: Any, theta: Any, u: Any) -> Any:
 def simulate_fall(
     beta: float, seed: int, update_s: float = UPDATE_S, noise_ft: float = RANGE_VARIANCE**0.5
 ) -> pd.DataFrame:
-    """Simulate a fall and run the filter on it.
+    """Simulate a fall of a body with beta [lb/ft2], and run the filter on it.
 
-    Args:
-        beta: true ballistic coefficient [lb/ft2].
-        seed: of the radar noise.
-        update_s: interval of the measurements [s].
-        noise_ft: rms of the noise [ft]; the filter assumes :data:`RANGE_VARIANCE` always.
-
-    Returns:
-        A row for each update: ``time_s``, true ``height_ft``, ``velocity_error_ft_s``, ``beta`` and
-        ``beta_sd``.
+    The filter assumes :data:`RANGE_VARIANCE` for any rms noise [ft]. Each update is a row:
+    ``time_s``, true ``height_ft``, ``velocity_error_ft_s``, ``beta`` and ``beta_sd``.
     """
     rng = np.random.default_rng(seed)
     body = AugmentedFilter(
         rate, height, TRUE_START, [beta], covariance=np.zeros(3), noise=RANGE_VARIANCE
     )
-    own = AugmentedFilter(
-        rate, height, ASSUMED_START, [ASSUMED_BETA], covariance=START_VARIANCES,
-        noise=RANGE_VARIANCE,
-    )  # fmt: skip
+    own = AugmentedFilter(rate, height, ASSUMED_START, [ASSUMED_BETA], covariance=START_VARIANCES,
+                          noise=RANGE_VARIANCE)  # fmt: skip
     rows = []
     for k in range(1, round(SECONDS / update_s) + 1):
         body.predict(None, update_s)
         own.predict(None, update_s)
         own.update(body.z[0] + noise_ft * rng.standard_normal())
-        velocity_error = own.z[1] - body.z[1]
-        rows.append(
-            [k * update_s, body.z[0], velocity_error, own.parameters[0], own.standard_errors[2]]
-        )
+        rows.append((k * update_s, body.z[0], own.z[1] - body.z[1], own.parameters[0],
+                     own.standard_errors[2]))  # fmt: skip
     columns = ["time_s", "height_ft", "velocity_error_ft_s", "beta", "beta_sd"]
     return pd.DataFrame(rows, columns=columns)
 
@@ -83,20 +72,10 @@ LIMITS = {
 
 
 def largest_errors(fall: pd.DataFrame, beta: float) -> NDArray[np.float64]:
-    """Return the quantities of :data:`LIMITS` of one fall, shape (4,).
-
-    Args:
-        fall: from :func:`simulate_fall`.
-        beta: true ballistic coefficient [lb/ft2].
-    """
+    """Return the quantities of :data:`LIMITS` of one fall with a true beta [lb/ft2], shape (4,)."""
     time = fall["time_s"].to_numpy()
     off = np.abs(fall["beta"].to_numpy() / beta - 1.0)
     high = fall["beta"][fall["height_ft"] > 65e3] / ASSUMED_BETA
-    return np.array(
-        [
-            fall["velocity_error_ft_s"].abs()[time > 1.99].max(),
-            (high - 1.0).abs().max(),
-            off[np.argmax(time > 11.99)],
-            off[time > 13.99].max(),
-        ]
-    )
+    speed = fall["velocity_error_ft_s"].abs()[time > 1.99].max()
+    above = (high - 1.0).abs().max()
+    return np.array([speed, above, off[np.argmax(time > 11.99)], off[time > 13.99].max()])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,8 @@ from shaftline.mismatch.identification.augmented_filter import ekf
 from shaftline.observers import follow, follow_parameter, get_observer, simulated_measurements
 from shaftline.plant import Schedule, Ship, equilibrium, get_sea, load_ship, realise, simulate
 from shaftline.plant.columns import MEASURED, drive_column
+
+from ..side_by_side import Tick
 
 FOULING = "hull.fouling_fraction"
 FRICTION = "transmission.coulomb_friction_engine_side_N_m"
@@ -32,30 +33,21 @@ NOISE = {
 GROWTH = ([0.0, 1800.0, 5400.0, 7200.0], [0.0, 0.0, 0.2, 0.2])
 """Time [s] and fouling fraction of the run with growing fouling."""
 
-METER_ERROR_N_M = 1.5e3
-"""Error of the shaft torque meter: 1 % of the torque at the design point."""
+METER_ERROR_N_M = 1.5e3  # error of the shaft torque meter: 1 % of the torque at the design point
 
 
 def simulate_run(
     ship: Ship, seconds: float, sea: str, seed: int, grows: bool = False
 ) -> tuple[Any, pd.DataFrame]:
-    """Simulate a run with steps of fuel rack and pitch every minute.
+    """Simulate a run with steps of fuel rack and pitch every minute; return samples and noisy recording.
 
-    Args:
-        ship: true ship.
-        seconds: duration [s].
-        sea: preset, or ``calm``.
-        seed: of commands, waves and noise.
-        grows: whether fouling grows by :data:`GROWTH`.
-
-    Returns:
-        The samples, and the recording with measurement noise.
+    ``sea`` is a preset or ``calm``; fouling may grow by :data:`GROWTH`.
     """
     rng = np.random.default_rng(seed)
     count = int(seconds / 60.0) + 1
     rack, pitch = rng.uniform(14.0, 24.0, count), rng.uniform(1.0, 1.35, count)
 
-    def held(values: NDArray[np.float64]) -> Callable[[Any], Any]:
+    def held(values: Any) -> Any:
         return lambda t: values[(t // 60.0).astype(int)]
 
     def resistance(t: Any) -> Any:
@@ -67,16 +59,15 @@ def simulate_run(
     begin = equilibrium(ship, rack[0], pitch[0]).state
     samples = simulate(ship, schedule, seconds, initial=begin, sea=waves)
     columns = {
-        "time_s": samples["time"],
-        drive_column(ship): samples["drive"],
+        "time_s": samples["time"], drive_column(ship): samples["drive"],
         "pitch_ratio_command": samples["pitch_command"],
-    }
-    for column, rms in NOISE.items():
-        columns[column] = samples[MEASURED[column]] + rms * rng.standard_normal(len(samples))
+    }  # fmt: skip
+    for column, noise in NOISE.items():
+        columns[column] = samples[MEASURED[column]] + noise * rng.standard_normal(len(samples))
     return samples, pd.DataFrame(columns)
 
 
-def estimate_from_recordings(tick: Callable[[], None]) -> pd.DataFrame:
+def estimate_from_recordings(tick: Tick) -> pd.DataFrame:
     """Estimate fouling and friction by ``identify --method ekf``; a row for each sea, seed and key."""
     ship = load_ship("frigate")
     rows = []
@@ -84,28 +75,22 @@ def estimate_from_recordings(tick: Callable[[], None]) -> pd.DataFrame:
         for seed in SEEDS:
             _, table = simulate_run(ship.with_values(CONCEALED), SECONDS, sea, seed)
             found = ekf(ship, [table], tuple(CONCEALED))
-            for key, value, error in zip(
-                found.keys, found.values, found.standard_errors, strict=True
-            ):
-                own = float(found.tables["estimates"][f"{key} se"].iloc[-1])
-                rows.append(
-                    {"sea": sea, "seed": seed, "key": key, "truth": CONCEALED[key],
-                     "found": value, "own error": own, "standard error": float(error)}
-                )  # fmt: skip
+            last = found.tables["estimates"].iloc[-1]
+            rows += [
+                {"sea": sea, "seed": seed, "key": key, "truth": CONCEALED[key], "found": value,
+                 "own error": float(last[f"{key} se"]), "standard error": float(error)}
+                for key, value, error in zip(
+                    found.keys, found.values, found.standard_errors, strict=True
+                )
+            ]  # fmt: skip
             tick()
     return pd.DataFrame(rows)
 
 
-def measurements_of(
+def _measurements(
     samples: Any, table: pd.DataFrame, meter_error: float = 0.0
 ) -> NDArray[np.float64]:
-    """Return the inputs of an observer, shape (n, 5).
-
-    Args:
-        samples: of the run, for the true inflow of the oracle.
-        table: the recording.
-        meter_error: added to the torque [N m].
-    """
+    """Return the inputs of an observer, shape (n, 5); the torque meter may have an error [N m]."""
     found = simulated_measurements(samples)
     columns = ["shaft_speed_rad_s", "shaft_torque_N_m", "pitch_ratio"]
     found[:, :3] = table[columns].to_numpy()
@@ -116,36 +101,26 @@ def measurements_of(
 def follow_growth(sea: str, seed: int) -> tuple[pd.DataFrame, dict[str, float]]:
     """Estimate growing fouling over two hours by the observer and by the filter of the whole plant.
 
-    Args:
-        sea: preset, or ``calm``.
-        seed: of the run.
-
     Returns:
         By second ``truth``, ``observer`` and ``filter`` with their standard deviations; and the rms
         error of the advance velocity by observer [m/s].
     """
     ship = load_ship("frigate")
     samples, table = simulate_run(ship, GROWTH[0][-1], sea, seed, grows=True)
-    dt = ship.time_step_s
-    read = measurements_of(samples, table)
-    number, deviation = follow_parameter(get_observer("augmented-kalman"), ship, read, dt)
-    biased, _ = follow_parameter(
-        get_observer("augmented-kalman"), ship, measurements_of(samples, table, METER_ERROR_N_M), dt
-    )
+    dt, observer = ship.time_step_s, get_observer("augmented-kalman")
+    read = _measurements(samples, table)
+    number, deviation = follow_parameter(observer, ship, read, dt)
+    wrong = _measurements(samples, table, METER_ERROR_N_M)
+    biased, _ = follow_parameter(observer, ship, wrong, dt)
     coarse = table.iloc[::2].reset_index(drop=True)
     own = ekf(ship, [coarse], (FOULING,), parameter_walk={FOULING: 1e-3}).tables["estimates"]
     time = samples["time"][::20]
     found = pd.DataFrame(
-        {
-            "time_s": time,
-            "truth": np.interp(time, *GROWTH),
-            "observer": number[::20],
-            "observer sd": deviation[::20],
-            "observer, torque meter 1 % off": biased[::20],
-            "filter": np.interp(time, own["time_s"], own[FOULING]),
-            "filter sd": np.interp(time, own["time_s"], own[f"{FOULING} se"]),
-        }
-    )
+        {"time_s": time, "truth": np.interp(time, *GROWTH), "observer": number[::20],
+         "observer sd": deviation[::20], "observer, torque meter 1 % off": biased[::20],
+         "filter": np.interp(time, own["time_s"], own[FOULING]),
+         "filter sd": np.interp(time, own["time_s"], own[f"{FOULING} se"])}
+    )  # fmt: skip
     errors = {}
     for name in ("augmented-kalman", "random-walk-kalman"):
         velocity, _ = follow(get_observer(name), ship, read, dt)
@@ -154,16 +129,9 @@ def follow_growth(sea: str, seed: int) -> tuple[pd.DataFrame, dict[str, float]]:
 
 
 def estimate_friction_online(sea: str, seed: int) -> tuple[float, float]:
-    """Estimate the friction in the stern tube in an hour: value and standard deviation [N m].
-
-    Args:
-        sea: preset, or ``calm``.
-        seed: of the run.
-    """
-    nominal = load_ship("frigate")
-    samples, table = simulate_run(
-        nominal.with_values({STERN_TUBE: CONCEALED[FRICTION]}), 3600.0, sea, seed
-    )
-    observer = get_observer("augmented-kalman-friction")
-    number, deviation = follow_parameter(observer, nominal, measurements_of(samples, table), 0.05)
+    """Estimate the friction in the stern tube in an hour: value and standard deviation [N m]."""
+    ship, observer = load_ship("frigate"), get_observer("augmented-kalman-friction")
+    truth = ship.with_values({STERN_TUBE: CONCEALED[FRICTION]})
+    read = _measurements(*simulate_run(truth, 3600.0, sea, seed))
+    number, deviation = follow_parameter(observer, ship, read, 0.05)
     return float(number[-1]), float(deviation[-1])

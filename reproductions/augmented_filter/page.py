@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,10 +9,12 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from shaftline.display.figures import PALETTE, TRUTH, new_figure
+from shaftline.display.figures import PALETTE, TRUTH
 
 from ..cells import Cell
 from ..pages import fill_template
+from ..side_by_side import Tick
+from ..writing import Line, Panel, claim, draw, rms
 from . import falling_body, frigate
 from .falling_body import LIMITS
 
@@ -29,29 +30,21 @@ FALLS = {
 COMPARED = "noise of 10 ft, ten a second"
 """Measurements that are compared with the thesis, in which the position is measured with noise."""
 
-WORDS = dict(
-    zip(
-        LIMITS,
-        (
-            "very accurately",
-            "does not change much initially",
-            "converges as the object enters the dense atmosphere",
-            "converges to the true value and remains there",
-        ),
-        strict=True,
-    )
-)
+WORDS = (
+    "very accurately", "does not change much initially",
+    "converges as the object enters the dense atmosphere",
+    "converges to the true value and remains there",
+)  # fmt: skip
 """Words of the thesis on figure A-2, by quantity of :data:`.falling_body.LIMITS`."""
 
 TICKS = len(BETAS) * len(FALLS) + len(frigate.SEAS) * (len(frigate.SEEDS) + 1)
+BIASED = "observer, torque meter 1 % off"
 
 
 class Results(NamedTuple):
     """Results of the falling body and the frigate."""
 
-    falls: (
-        pd.DataFrame
-    )  # a row for each truth and kind of measurement: median over the seeds, and worst
+    falls: pd.DataFrame  # for each truth and kind of measurement: median over the seeds, and worst
     fall: dict[float, pd.DataFrame]  # one fall of each truth, for the figure
     identified: pd.DataFrame  # parameters of the frigate from recordings
     growth: dict[str, pd.DataFrame]  # growing fouling by sea
@@ -59,18 +52,18 @@ class Results(NamedTuple):
     friction: dict[str, tuple[float, float]]  # on line, by sea
 
 
-def compute_results(tick: Callable[[], None]) -> Results:
+def compute_results(tick: Tick) -> Results:
     """Return all results; takes about two minutes."""
     rows = []
     for beta in BETAS:
         for name, (update_s, noise, seeds) in FALLS.items():
             falls = [falling_body.simulate_fall(beta, k, update_s, noise) for k in range(seeds)]
             errors = np.array([falling_body.largest_errors(fall, beta) for fall in falls])
-            for quantity, values in zip(LIMITS, errors.T, strict=True):
-                rows.append(
-                    {"beta": beta, "readings": name, "quantity": quantity, "seeds": seeds,
-                     "median": np.median(values), "worst": values.max()}
-                )  # fmt: skip
+            rows += [
+                {"beta": beta, "readings": name, "quantity": quantity, "seeds": seeds,
+                 "median": np.median(values), "worst": values.max()}
+                for quantity, values in zip(LIMITS, errors.T, strict=True)
+            ]  # fmt: skip
             tick()
     fall = {beta: falling_body.simulate_fall(beta, 0) for beta in BETAS}
     identified = frigate.estimate_from_recordings(tick)
@@ -84,12 +77,12 @@ def compute_results(tick: Callable[[], None]) -> Results:
 
 def cells_of(results: Results) -> list[Cell]:
     """Return the sentences on figure A-2 with ours, the median of the seeds."""
-    falls = results.falls[results.falls["readings"] == COMPARED]
+    words, falls = dict(zip(LIMITS, WORDS, strict=True)), results.falls
     return [
-        Cell(f"Figure A-2, {line.quantity}", f"true beta {line.beta:g}", "", float(line.median), 0.0,
-             LIMITS[line.quantity], "our limit for the words, which name no number",
-             words=WORDS[line.quantity])
-        for line in falls.itertuples()
+        claim(f"Figure A-2, {line.quantity}", f"true beta {line.beta:g}", float(line.median),
+              words[line.quantity], 0.0, LIMITS[line.quantity],
+              "our limit for the words, which name no number")
+        for line in falls[falls["readings"] == COMPARED].itertuples()
     ]  # fmt: skip
 
 
@@ -98,8 +91,9 @@ def fall_table(results: Results) -> pd.DataFrame:
     limits = {"true beta": "", "measurements": "limit", "seeds": ""}
     limits |= {q: f"{100 * x:g} %" if q.endswith("within") else f"{x:g}" for q, x in LIMITS.items()}
     rows = []
-    for (beta, readings), own in results.falls.groupby(["beta", "readings"], sort=False):
-        seeds = own["seeds"].iloc[0]
+    for (beta, readings, seeds), own in results.falls.groupby(
+        ["beta", "readings", "seeds"], sort=False
+    ):
         row = {"true beta": f"{beta:g}", "measurements": readings, "seeds": str(seeds)}
         for found in own.itertuples():
             scale, unit = (100.0, " %") if found.quantity.endswith("within") else (1.0, "")
@@ -109,42 +103,32 @@ def fall_table(results: Results) -> pd.DataFrame:
     return pd.DataFrame([limits, *rows])
 
 
-def identified_table(results: Results) -> pd.DataFrame:
+def _identified_table(results: Results) -> pd.DataFrame:
     """Return the rms errors of the frigate's parameters over the seeds, and their standard errors."""
-    rows = []
-    for (sea, key), own in results.identified.groupby(["sea", "key"], sort=False):
-        error = own["found"] - own["truth"]
-        rows.append(
-            {
-                "sea": sea,
-                "key": key,
-                "truth": f"{own['truth'].iloc[0]:g}",
-                "mean estimate": f"{own['found'].mean():.5g}",
-                "rms error": f"{np.sqrt(np.mean(error**2)):.2g}",
-                "standard error of the filter": f"{own['own error'].mean():.2g}",
-                "reported, with tolerances": f"{own['standard error'].mean():.2g}",
-            }
-        )
-    return pd.DataFrame(rows)
+    groups = results.identified.groupby(["sea", "key"], sort=False)
+    return pd.DataFrame(
+        {"sea": sea, "key": key, "truth": f"{own['truth'].iloc[0]:g}",
+         "mean estimate": f"{own['found'].mean():.5g}",
+         "rms error": f"{rms(own['found'] - own['truth']):.2g}",
+         "standard error of the filter": f"{own['own error'].mean():.2g}",
+         "reported, with tolerances": f"{own['standard error'].mean():.2g}"}
+        for (sea, key), own in groups
+    )  # fmt: skip
 
 
-def growth_table(results: Results) -> pd.DataFrame:
+def _growth_table(results: Results) -> pd.DataFrame:
     """Return the errors of the growing fouling by sea and estimator."""
     rows = []
     for sea, own in results.growth.items():
         later = own[own["time_s"] > 900.0]
-        growing = later[(later["time_s"] > 2400.0) & (later["time_s"] < 5400.0)]
-        for name in ("observer", "observer, torque meter 1 % off", "filter"):
+        grows = later["time_s"].between(2400.0, 5400.0, inclusive="neither")
+        for name in ("observer", BIASED, "filter"):
             error = later[name] - later["truth"]
             rows.append(
-                {
-                    "sea": sea,
-                    "estimator": name,
-                    "rms error": float(np.sqrt(np.mean(error**2))),
-                    "largest error": float(error.abs().max()),
-                    "mean error during growth": float((growing[name] - growing["truth"]).mean()),
-                }
-            )
+                {"sea": sea, "estimator": name, "rms error": rms(error),
+                 "largest error": float(error.abs().max()),
+                 "mean error during growth": float(error[grows].mean())}
+            )  # fmt: skip
     return pd.DataFrame(rows)
 
 
@@ -152,34 +136,35 @@ def body(results: Results) -> str:
     """Return the page below its title."""
     return fill_template(
         Path(__file__).with_name("page.md"), falls=fall_table(results), results=results,
-        assumed=falling_body.ASSUMED_BETA, identified=identified_table(results),
-        growth=growth_table(results), friction=frigate.CONCEALED[frigate.FRICTION],
+        assumed=falling_body.ASSUMED_BETA, identified=_identified_table(results),
+        growth=_growth_table(results), friction=frigate.CONCEALED[frigate.FRICTION],
         seconds=frigate.SECONDS, seeds=len(frigate.SEEDS), fouling=frigate.CONCEALED[frigate.FOULING],
     )  # fmt: skip
 
 
 def figure(results: Results) -> Figure:
     """Draw beta, and the fouling in calm water and at sea."""
-    drawn, axes = new_figure(1, 3, (13.0, 4.0))
-    axis = axes[0, 0]
+    title = "Falling body: beta [lb/ft2], 2 sd"
+    settings = {"title": title, "xlabel": "time [s]", "ylim": (1200.0, 3800.0)}
+    lines, bands = [], []
     for colour, (beta, fall) in zip(PALETTE, results.fall.items(), strict=False):
-        axis.plot(fall["time_s"], fall["beta"], color=colour, label=f"estimate, truth {beta:g}")
-        axis.fill_between(
-            fall["time_s"], fall["beta"] - 2.0 * fall["beta_sd"],
-            fall["beta"] + 2.0 * fall["beta_sd"], color=colour, alpha=0.15,
-        )  # fmt: skip
-        axis.axhline(beta, color=TRUTH, linewidth=0.8, linestyle=":")
-    axis.set(title="Falling body: beta [lb/ft2], 2 sd", xlabel="time [s]", ylim=(1200.0, 3800.0))
-    axis.legend(fontsize=8)
-    for axis, (sea, own) in zip(axes[0, 1:], results.growth.items(), strict=True):
+        time = fall["time_s"]
+        lines.append(Line(time, fall["beta"], f"estimate, truth {beta:g}", colour))
+        lines.append(Line(time, np.full(len(time), beta), color=TRUTH, style=":", width=0.8))
+        bands.append((0, time, fall["beta"], fall["beta_sd"], colour))
+    panels = [Panel(lines, settings, 1)]
+    for sea, own in results.growth.items():
         hours = own["time_s"] / 3600.0
+        lines = [Line(hours, own[BIASED], BIASED, PALETTE[2])]
+        lines.append(Line(hours, own["truth"], "truth", TRUTH, "--"))
         for colour, name in zip(PALETTE, ("observer", "filter"), strict=False):
-            axis.plot(hours, own[name], color=colour, label=f"{name}, 2 sd")
-            low, high = (own[name] + side * own[f"{name} sd"] for side in (-2.0, 2.0))
-            axis.fill_between(hours, low, high, color=colour, alpha=0.15)
-        name = "observer, torque meter 1 % off"
-        axis.plot(hours, own[name], color=PALETTE[2], linewidth=1.0, label=name)
-        axis.plot(hours, own["truth"], color=TRUTH, linestyle="--", label="truth")
-        axis.set(title=f"Frigate: fouling, sea {sea}", xlabel="time [h]", ylim=(-0.1, 0.3))
-        axis.legend(fontsize=8)
+            lines.append(Line(hours, own[name], f"{name}, 2 sd", colour))
+            bands.append((len(panels), hours, own[name], own[f"{name} sd"], colour))
+        title = f"Frigate: fouling, sea {sea}"
+        settings = {"title": title, "xlabel": "time [h]", "ylim": (-0.1, 0.3)}
+        panels.append(Panel(lines, settings, 1))
+    drawn = draw(panels, (13.0, 4.0), len(panels))
+    for k, x, middle, sd, colour in bands:
+        low, high = middle - 2.0 * sd, middle + 2.0 * sd
+        drawn.axes[k].fill_between(x, low, high, color=colour, alpha=0.15)
     return drawn

@@ -13,45 +13,36 @@ of turn by U / L, the shaft speed by that of the approach, and densities per shi
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from shaftline.display.figures import PALETTE, TRUTH
 from shaftline.observers import ShipFilter
-from shaftline.plant import Equilibrium, Ship, approach, turning_circle, zig_zag
-from shaftline.plant.columns import (
-    RUDDER,
-    RUDDER_COMMAND,
-    SHAFT_SPEED,
-    SWAY_SPEED,
-    YAW_RATE,
-    drive_column,
-)
+from shaftline.plant import Equilibrium, Ship, approach, columns, nomoto, turning_circle, zig_zag
+from shaftline.plant.manoeuvres import TurningCircle
 from shaftline.plant.manoeuvring import hull_area
 from shaftline.plant.replay import Replay
+
+from ..writing import Line, Panel
 
 Floats = NDArray[np.float64]
 
 KEYS = ("manoeuvring.Y_v", "manoeuvring.Y_r", "manoeuvring.N_v", "manoeuvring.N_r")
 COEFFICIENTS = ("-Yv", "m-Yr", "-Nv", "m xg-Nr")
 
-TEN = math.radians(10.0)
-"""Rudder and heading of the zig-zag, and rudder of the turn."""
-
-STEP_S = 0.5
-"""Time step of plant and filter."""
-
+TEN = math.radians(10.0)  # rudder and heading of the zig-zag, and rudder of the turn
+STEP_S = 0.5  # time step of plant and filter
 STATE_SPMEASURED = 1e-3
 """Standard deviation of each state at the start [-]: the straight course is known."""
 
 MEASURED = {
-    "ship_speed_m_s": "ship_speed",
-    SWAY_SPEED: "sway_speed",
-    YAW_RATE: "yaw_rate",
-    SHAFT_SPEED: "shaft_speed",
-}
+    "ship_speed_m_s": "ship_speed", columns.SWAY_SPEED: "sway_speed", columns.YAW_RATE: "yaw_rate",
+    columns.SHAFT_SPEED: "shaft_speed",
+}  # fmt: skip
 """Measured columns, and the states that they measure."""
 
 
@@ -74,6 +65,15 @@ def with_coefficients(ship: Ship, theta: Floats) -> Ship:
     return ship.with_values(dict(zip(KEYS, map(float, values), strict=True)))
 
 
+def identified_ship(ship: Ship, ratios: Any) -> Ship:
+    """Return the ship with its coefficients multiplied by ratios, shape (4,).
+
+    Raises:
+        ShipError: a coefficient is outside the range of a ship file.
+    """
+    return with_coefficients(ship, np.asarray(ratios) * coefficients(ship))
+
+
 class Truth(NamedTuple):
     """A simulated zig-zag."""
 
@@ -85,68 +85,55 @@ class Truth(NamedTuple):
     """By time step: ship_speed, sway_speed, yaw_rate, shaft_speed, heading, rudder."""
 
 
-def simulate_zig_zag(ship: Ship, speed_m_s: float, seconds: float, executes: int) -> Truth:
-    """Simulate the 10/10 zig-zag from a straight course.
+def zig_zag_track(ship: Ship, speed_m_s: float, executes: int) -> pd.DataFrame:
+    """Return the track of the 10/10 zig-zag from a straight course at a speed [m/s]."""
+    return zig_zag(ship, approach(ship, speed_m_s), TEN, TEN, executes=executes).track
 
-    Args:
-        ship: ship with manoeuvring data.
-        speed_m_s: speed of the approach [m/s].
-        seconds: duration that is returned [s].
-        executes: number of rudder executes, enough for this duration.
+
+def simulate_zig_zag(ship: Ship, speed_m_s: float, seconds: float, executes: int) -> Truth:
+    """Simulate the 10/10 zig-zag from a straight course at a speed for some seconds.
 
     Raises:
         ValueError: the executes take less time than asked for.
     """
     own = ship.with_values({"integration.time_step_s": STEP_S})
-    point = approach(own, speed_m_s)
-    whole = zig_zag(own, point, TEN, TEN, executes=executes).track
-    if whole["time_s"].iloc[-1] < seconds:
-        raise ValueError(
-            f"{executes} executes take {whole['time_s'].iloc[-1]:g} s, less than {seconds:g} s"
-        )
+    whole = zig_zag_track(own, speed_m_s, executes)
+    if (end := whole["time_s"].iloc[-1]) < seconds:
+        raise ValueError(f"{executes} executes take {end:g} s, less than {seconds:g} s")
     whole = whole[whole["time_s"] < seconds + 0.5 * STEP_S]
     track = pd.DataFrame(
-        {
-            "time_s": whole["time_s"],
-            "ship_speed": whole["speed_m_s"] * np.cos(whole["drift_rad"]),
-            "sway_speed": -whole["speed_m_s"] * np.sin(whole["drift_rad"]),
-            "yaw_rate": whole["yaw_rate_rad_s"],
-            "shaft_speed": whole["shaft_speed_rad_s"],
-            "heading": whole["heading_rad"],
-            "rudder": whole["rudder_rad"],
-        }
-    )
-    length = ship.manoeuvring.length_m
-    shaft = float(point.state.shaft_speed)
+        {"time_s": whole["time_s"],
+         "ship_speed": whole["speed_m_s"] * np.cos(whole["drift_rad"]),
+         "sway_speed": -whole["speed_m_s"] * np.sin(whole["drift_rad"]),
+         "yaw_rate": whole["yaw_rate_rad_s"], "shaft_speed": whole["shaft_speed_rad_s"],
+         "heading": whole["heading_rad"], "rudder": whole["rudder_rad"]}
+    )  # fmt: skip
+    point, length = approach(own, speed_m_s), ship.manoeuvring.length_m
     units = dict.fromkeys(("ship_speed", "sway_speed"), speed_m_s)
-    units |= {"yaw_rate": speed_m_s / length, "shaft_speed": shaft}
+    units |= {"yaw_rate": speed_m_s / length, "shaft_speed": float(point.state.shaft_speed)}
     units |= {"heading": 1.0, "rudder_angle": 1.0}
     return Truth(own, point, units, length / speed_m_s, track)
 
 
 def make_recording(truth: Truth, noise: float, seed: int, every: int = 1) -> pd.DataFrame:
-    """Return a recording with measurement noise; its first row is the exact straight course.
+    """Return a recording with an rms noise [-]; its first row is the exact straight course.
 
-    The shaft speed is held constant, so its command is recorded without noise.
-
-    Args:
-        truth: the simulated zig-zag.
-        noise: rms of the noise of each measurement [-].
-        seed: of the noise.
-        every: time steps between two measurements.
+    The shaft speed is held constant, so its command has no noise. ``every`` is the number of time steps
+    between two measurements.
     """
     track, ship = truth.track, truth.ship
     rng = np.random.default_rng(seed)
     errors = noise * rng.standard_normal((len(track), len(MEASURED)))
     errors[0] = 0.0
-    columns: dict[str, Any] = {"time_s": track["time_s"]}
+    table: dict[str, Any] = {"time_s": track["time_s"]}
     for k, (column, state) in enumerate(MEASURED.items()):
         read = (track[state] + truth.units[state] * errors[:, k]).to_numpy(copy=True)
         read[np.arange(len(read)) % every > 0] = np.nan
-        columns[column] = read
-    columns[drive_column(ship)] = truth.point.inputs.drive
-    helm = RUDDER if ship.rudder.time_constant_s > 0.0 else RUDDER_COMMAND
-    return pd.DataFrame(columns | {helm: track["rudder"]})
+        table[column] = read
+    table[columns.drive_column(ship)] = truth.point.inputs.drive
+    lags = ship.rudder.time_constant_s > 0.0
+    helm = columns.RUDDER if lags else columns.RUDDER_COMMAND
+    return pd.DataFrame(table | {helm: track["rudder"]})
 
 
 class Tuning(NamedTuple):
@@ -166,20 +153,14 @@ class FilterRun(NamedTuple):
 
 
 def run_filter(truth: Truth, model: Ship, table: pd.DataFrame, tuning: Tuning) -> FilterRun:
-    """Estimate the four coefficients along a zig-zag, starting at half of the truth.
+    """Estimate the four coefficients along a zig-zag by a model, starting at half of the truth.
 
     The initial standard deviation of a coefficient is its true value.
-
-    Args:
-        truth: the simulated zig-zag.
-        model: ship of the filter, apart from the four coefficients.
-        table: from :func:`make_recording`.
-        tuning: of the filter.
     """
     theta, units = coefficients(truth.ship), truth.units
     start = with_coefficients(model, 0.5 * theta)
     start = start.with_values({"integration.time_step_s": STEP_S})
-    read = {c: s for c, s in MEASURED.items() if c != drive_column(start)}
+    read = {c: s for c, s in MEASURED.items() if c != columns.drive_column(start)}
     drift, wander = (math.sqrt(q / truth.length_s) for q in tuning[1:])
     own = ShipFilter(
         start, KEYS,
@@ -198,20 +179,37 @@ def run_filter(truth: Truth, model: Ship, table: pd.DataFrame, tuning: Tuning) -
     )
 
 
-class Turn(NamedTuple):
-    """A steady turn with 10 degrees of rudder."""
-
-    diameter: float  # in ship lengths
-    speed_ratio: float  # over the speed of the approach
-    shaft_speed_ratio: float  # over the shaft speed of the approach
-    track: pd.DataFrame  # from :func:`shaftline.plant.turning_circle`
-
-
-def steady_turn(ship: Ship, speed_m_s: float) -> Turn:
-    """Return the steady turn of a ship after an approach at a speed [m/s].
+def steady_turn(ship: Ship, speed_m_s: float) -> TurningCircle:
+    """Return the turn with 10 degrees of rudder after an approach at a speed [m/s].
 
     Raises:
         ShipError: the ship does not turn steadily.
     """
-    own = turning_circle(ship, approach(ship, speed_m_s), TEN)
-    return Turn(own.steady_diameter, own.speed_ratio, own.shaft_speed_ratio, own.track)
+    return turning_circle(ship, approach(ship, speed_m_s), TEN)
+
+
+def slowest_pole(ship: Ship, speed_m_s: float) -> float:
+    """Return the largest real part of the poles of sway and yaw at a speed [1/L]."""
+    return max(pole.real for pole in nomoto(ship, approach(ship, speed_m_s)).poles)
+
+
+def ratio_panel(x: Any, run: FilterRun, title: str, **settings: Any) -> Panel:
+    """Return the panel of the estimated over the true coefficients of a run."""
+    lines = [
+        Line(x, own, name, colour, width=1.1)
+        for colour, name, own in zip(PALETTE, COEFFICIENTS, run.ratios.T, strict=False)
+    ]
+    one = Line((x[0], x[-1]), (1.0, 1.0), color=TRUTH, style=":", width=0.8)
+    return Panel([*lines, one], {"title": f"estimate over truth, {title}"} | settings)
+
+
+def turn_panel(turns: Mapping[str, TurningCircle], length_m: float) -> Panel:
+    """Return the panel of some turns by label, the first of which is the truth."""
+    lines = [
+        Line(turn.track["cross_track_m"] / length_m, turn.track["position_m"] / length_m, label, colour,
+             "-" if colour == TRUTH else "--", 1.1)
+        for colour, (label, turn) in zip((TRUTH, *PALETTE), turns.items(), strict=False)
+    ]  # fmt: skip
+    settings = {"title": "turn with 10 degrees of rudder", "xlabel": "to starboard [L]",
+                "ylabel": "advance [L]", "aspect": "equal", "adjustable": "datalim"}  # fmt: skip
+    return Panel(lines, settings, 1)

@@ -6,8 +6,9 @@ The first is fitted; the second is held out and simulated open loop from its for
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -15,9 +16,10 @@ import scipy
 from numpy.typing import NDArray
 
 from shaftline.mismatch import Options, diagnose, identify, load_recording
-from shaftline.mismatch.estimate import Tick, ignore_progress
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.replay import simulate_recording
+
+from ..writing import rms
 
 HOME = Path(__file__).parent
 MASS = "transmission.inertia_engine_side_kg_m2"
@@ -26,14 +28,14 @@ COULOMB = "transmission.coulomb_friction_engine_side_N_m"
 OFFSET = "prime_mover.torque_offset_N_m"
 STICTION = "transmission.stiction_speed_rad_s"
 KEYS = (MASS, VISCOUS, COULOMB, OFFSET)
+NAMES = dict(zip(KEYS, ("mass_kg", "viscous_N_s_m", "coulomb_N", "offset_N"), strict=True))
+"""Columns of the table by key."""
 
 PUBLISHED = dict(zip(KEYS, (95.11, 203.5, 20.4, 3.2), strict=True))
 """[kg, N s/m, N, N]; their offset opposes the force, ours is added by the drive."""
 
-STARTS: dict[str, dict[str, float]] = {
-    "as in the file": {},
-    "far off": {MASS: 60.0, VISCOUS: 300.0, COULOMB: 30.0},
-}
+FAR_OFF = {MASS: 60.0, VISCOUS: 300.0, COULOMB: 30.0}
+STARTS: dict[str, dict[str, float]] = {"as in the file": {}, "far off": FAR_OFF}
 EVERY = (1, 5, 20)
 """One row in so many is kept for the identification: 1000, 200 and 50 Hz, without a filter."""
 
@@ -45,8 +47,7 @@ SMOOTHED_HZ = 20.0
 """Velocities are low-passed (zero-phase Butterworth of fourth order), then differentiated."""
 
 
-@dataclass(frozen=True)
-class Recordings:
+class Recordings(NamedTuple):
     """Both recordings with canonical columns."""
 
     estimation: pd.DataFrame
@@ -59,66 +60,54 @@ def rig() -> Ship:
 
 
 def load_runs(folder: Path) -> Recordings:
-    """Return both recordings.
-
-    Args:
-        folder: that holds ``estimation.csv`` and ``validation.csv``.
-    """
-    found = [
-        load_recording(folder / f"{name}.csv", rig(), HOME / "columns.toml").table
-        for name in ("estimation", "validation")
-    ]
-    return Recordings(*found)
+    """Return both recordings of a folder: ``estimation.csv`` and ``validation.csv``."""
+    files = (folder / f"{name}.csv" for name in Recordings._fields)
+    return Recordings(*(load_recording(f, rig(), HOME / "columns.toml").table for f in files))
 
 
 def errors(ship: Ship, recording: pd.DataFrame) -> tuple[float, float]:
     """Return the rms position error [mm] and the relative rms velocity error [%], open loop."""
     found = simulate_recording(ship, recording)[POSITION].to_numpy()
     measured = recording[POSITION].to_numpy()
-    off = _velocity(found) - _velocity(measured)
-    share = np.sqrt(np.mean(off**2) / np.mean(_velocity(measured) ** 2))
-    return 1e3 * float(np.sqrt(np.mean((found - measured) ** 2))), 100.0 * float(share)
+    off, velocity = _velocity(found) - _velocity(measured), _velocity(measured)
+    return 1e3 * rms(found - measured), 100.0 * rms(off) / rms(velocity)
+
+
+def _low_passed(values: NDArray[np.float64], cut_off_Hz: float) -> NDArray[np.float64]:
+    """Return values at 1 kHz after a zero-phase Butterworth filter of fourth order."""
+    low = scipy.signal.butter(4, cut_off_Hz, output="sos", fs=1000.0)
+    return np.asarray(scipy.signal.sosfiltfilt(low, values))
 
 
 def _velocity(position: NDArray[np.float64]) -> NDArray[np.float64]:
-    smooth = scipy.signal.sosfiltfilt(
-        scipy.signal.butter(4, SMOOTHED_HZ, output="sos", fs=1000.0), position
-    )
-    return np.asarray(np.gradient(smooth, 1e-3))
+    return np.asarray(np.gradient(_low_passed(position, SMOOTHED_HZ), 1e-3))
 
 
-def identify_all(runs: Recordings, tick: Tick = ignore_progress) -> pd.DataFrame:
+def identify_all(runs: Recordings) -> pd.DataFrame:
     """Identify the parameters from each start, at each rate and with each sticking speed.
 
-    Returns:
-        A row each: parameters, standard errors, differences from the published values [%], and the
-        errors on both recordings at 1 kHz.
+    A row has parameters, standard errors, differences from the published values [%], and the errors on
+    both recordings at 1 kHz.
     """
     rows = []
-    tried = [(s, e, v) for s in STARTS for e in EVERY for v in STICTIONS]
-    for count, (start, every, stiction) in enumerate(tried):
-        tick("identifying", count, len(tried))
+    for start, every, stiction in itertools.product(STARTS, EVERY, STICTIONS):
+        print(f"identifying: {start}, {1000 // every} Hz, {stiction:g} m/s", flush=True)
         ship = rig().with_values({**STARTS[start], STICTION: stiction})
-        kept = runs.estimation.iloc[::every].reset_index(drop=True)
-        judged = runs.validation.iloc[::every].reset_index(drop=True)
+        kept, judged = (table.iloc[::every].reset_index(drop=True) for table in runs)
         found = identify(ship, kept, free=KEYS, hold_out=[judged])
-        rows.append(
-            {"start": start, "rate_Hz": 1000 // every, "stiction_m_s": stiction}
-            | _row(found.identified, runs)
-            | {f"se_{_short(e.key)}": e.standard_error for e in found.estimates}
-        )
-    tick("identifying", len(tried), len(tried))
+        case = {"start": start, "rate_Hz": 1000 // every, "stiction_m_s": stiction}
+        deviations = {f"se_{NAMES[e.key]}": e.standard_error for e in found.estimates}
+        rows.append(case | _row(found.identified, runs) | deviations)
     return pd.DataFrame(rows)
 
 
 def references(runs: Recordings) -> pd.DataFrame:
     """Return the errors of the published parameters, and the least position error of four parameters."""
     published = rig().with_values(PUBLISHED)
+    less = published.with_values({OFFSET: 0.0})
     tried = {
-        "published, mass and viscous friction alone": published.with_values(
-            {COULOMB: 0.0, OFFSET: 0.0}
-        ),
-        "published, without the offset": published.with_values({OFFSET: 0.0}),
+        "published, mass and viscous friction alone": less.with_values({COULOMB: 0.0}),
+        "published, without the offset": less,
         "published": published,
         "least position error on estimation": fit_position(runs.estimation),
         "least position error on validation itself": fit_position(runs.validation),
@@ -138,26 +127,18 @@ def fit_position(recording: pd.DataFrame) -> Ship:
         found = simulate_recording(at(shares), recording)[POSITION].to_numpy()
         return np.asarray(1e3 * (found - measured)[::10])
 
-    return at(
-        scipy.optimize.least_squares(
-            residuals, np.ones(len(KEYS)), diff_step=np.full(len(KEYS), 1e-3)
-        ).x
-    )
+    start = np.ones(len(KEYS))
+    return at(scipy.optimize.least_squares(residuals, start, diff_step=1e-3 * start).x)
 
 
 def _row(ship: Ship, runs: Recordings) -> dict[str, float]:
     values = {key: ship.parameter(key).value for key in KEYS}
-    row = {_short(key): value for key, value in values.items()}
+    row = {NAMES[key]: value for key, value in values.items()}
     for key in KEYS[:3]:
-        row[f"{_short(key)}_off_percent"] = 100.0 * (values[key] / PUBLISHED[key] - 1.0)
-    for name, recording in (("estimation", runs.estimation), ("validation", runs.validation)):
+        row[f"{NAMES[key]}_off_percent"] = 100.0 * (values[key] / PUBLISHED[key] - 1.0)
+    for name, recording in runs._asdict().items():
         row[f"{name}_mm"], row[f"{name}_velocity_percent"] = errors(ship, recording)
     return row
-
-
-def _short(key: str) -> str:
-    names = ("mass_kg", "viscous_N_s_m", "coulomb_N", "offset_N")
-    return dict(zip(KEYS, names, strict=True))[key]
 
 
 DIAGNOSED_EVERY = (1, 5, 10, 20)
@@ -167,62 +148,38 @@ CUT_OFF = 0.4
 MOST_HZ = 40.0
 """Cut-off over the kept rate, and its largest value; zero-phase Butterworth filter of fourth order."""
 
-QUICK = Options(quick=True)
-"""Options of the first search alone; the page of rigs has both."""
-
 FILES = {
     "no Coulomb friction, no offset": {COULOMB: 0.0, OFFSET: 0.0},
     "no friction at all, no offset": {COULOMB: 0.0, OFFSET: 0.0, VISCOUS: 0.0},
 }
 
 
-def diagnose_all(runs: Recordings, tick: Tick = ignore_progress) -> pd.DataFrame:
+def diagnose_all(runs: Recordings) -> pd.DataFrame:
     """Diagnose at each rate, raw and filtered, with the second recording held out.
 
-    Returns:
-        A row each: verdict, effects, and the errors of the corrected ship on the second recording at
-        1 kHz.
+    A row has verdict, effects, and the errors of the corrected ship on the second recording at 1 kHz.
     """
     rows = []
-    tried = [(f, e, k) for f in FILES for e in DIAGNOSED_EVERY for k in ("raw", "filtered")]
-    for count, (file, every, kind) in enumerate(tried):
-        tick("diagnosing", count, len(tried))
+    for file, every, kind in itertools.product(FILES, DIAGNOSED_EVERY, ("raw", "filtered")):
+        print(f"diagnosing: {file}, {1000 // every} Hz, {kind}", flush=True)
         ship = rig().with_values({**PUBLISHED, **FILES[file]})
-        estimation, validation = (
-            _logged(table, every, kind == "filtered")
-            for table in (runs.estimation, runs.validation)
-        )
-        found = diagnose(ship, estimation, hold_out=[validation], options=QUICK)
+        estimation, validation = (_logged(table, every, kind == "filtered") for table in runs)
+        found = diagnose(ship, estimation, hold_out=[validation], options=Options(quick=True))
         position, velocity = errors(found.corrected, runs.validation)
+        said = [f"{f.effect.id} {f.estimates[0].value:.4g}" for f in found.findings]
         rows.append(
-            {
-                "file": file,
-                "rate_Hz": 1000 // every,
-                "recording": kind,
-                "verdict": found.verdict,
-                "named": ", ".join(
-                    f"{f.effect.id} {f.estimates[0].value:.4g}" for f in found.findings
-                ),
-                "judged_to_Hz": found.highest_Hz,
-                "demands": "lines" if found.line else "held",
-                "validation_mm": position,
-                "validation_velocity_percent": velocity,
-            }
-        )
-    tick("diagnosing", len(tried), len(tried))
+            {"file": file, "rate_Hz": 1000 // every, "recording": kind, "verdict": found.verdict,
+             "named": ", ".join(said), "judged_to_Hz": found.highest_Hz,
+             "demands": "lines" if found.line else "held", "validation_mm": position,
+             "validation_velocity_percent": velocity}
+        )  # fmt: skip
     return pd.DataFrame(rows)
 
 
 def _logged(table: pd.DataFrame, every: int, filtered: bool) -> pd.DataFrame:
+    """Return one row in so many, of channels that are low-passed before if wanted."""
     if filtered:
-        low = scipy.signal.butter(
-            4, min(CUT_OFF * 1000.0 / every, MOST_HZ), output="sos", fs=1000.0
-        )
-        table = table.assign(
-            **{
-                c: scipy.signal.sosfiltfilt(low, table[c].to_numpy())
-                for c in table
-                if c != "time_s"
-            }
-        )
+        cut_off = min(CUT_OFF * 1000.0 / every, MOST_HZ)
+        channels = [c for c in table if c != "time_s"]
+        table = table.assign(**{c: _low_passed(table[c].to_numpy(), cut_off) for c in channels})
     return table.iloc[::every].reset_index(drop=True)

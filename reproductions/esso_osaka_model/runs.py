@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.resources
 import math
 import tempfile
 from collections.abc import Mapping
@@ -16,9 +15,12 @@ import tomli_w
 from shaftline.mismatch import Diagnosis, Options, diagnose, identify, load_recording
 from shaftline.mismatch.estimate import Tick, ignore_progress
 from shaftline.plant import Ship, load_ship
-from shaftline.plant.columns import RUDDER, SHAFT_SPEED, TIME
+from shaftline.plant.columns import HEADING, RUDDER, SHAFT_SPEED, SWAY_SPEED, TIME, YAW_RATE
 from shaftline.plant.replay import simulate_recording
 
+from ..writing import rms
+
+HERE = Path(__file__).parent
 SPEED = "ship_speed_m_s"
 WIND, WIND_ACROSS = "head_wind", "side_wind"
 
@@ -40,45 +42,32 @@ class Found(NamedTuple):
 
     def over(self, names: tuple[str, ...]) -> float:
         """Return the root mean square over some runs, equally weighted [m/s]."""
-        return float(np.sqrt(np.mean([self.errors[name] ** 2 for name in names])))
+        return rms([self.errors[name] for name in names])
 
 
 def surge_ship() -> Ship:
     """Return the surge model of the ship file."""
-    return load_ship(str(importlib.resources.files(__package__).joinpath("surge.toml")))
+    return load_ship(HERE / "surge.toml")
 
 
 def canonical(raw: pd.DataFrame, across: bool = False) -> pd.DataFrame:
-    """Return a recording with canonical columns and the wind from ahead.
-
-    Args:
-        raw: as published: positions, velocities, revolutions, rudder, apparent wind and its direction.
-        across: whether to include the wind to starboard.
-    """
+    """Return a published recording with canonical columns and the wind from ahead, or also across."""
     wind, comes_from = raw["wind_velo_relative_mid [m/s]"], raw["wind_dir_relative_mid [rad]"]
     aside = {WIND_ACROSS: -wind * np.sin(comes_from)} if across else {}
     return pd.DataFrame(
-        {
-            TIME: raw["t [s]"] - raw["t [s]"].iloc[0],
-            SHAFT_SPEED: 2.0 * math.pi * raw["n_prop [rps]"],
-            SPEED: raw["u_velo [m/s]"],
-            "sway_speed_m_s": raw["vm_velo [m/s]"],
-            "yaw_rate_rad_s": raw["r_angvelo [rad/s]"],
-            "heading_rad": np.unwrap(raw["psi_hat [rad]"]),
-            RUDDER: raw["delta_rudder [rad]"],
-            WIND: wind * np.cos(comes_from),
-            **aside,
-        }
-    )
+        {TIME: raw["t [s]"] - raw["t [s]"].iloc[0],
+         SHAFT_SPEED: 2.0 * math.pi * raw["n_prop [rps]"], SPEED: raw["u_velo [m/s]"],
+         SWAY_SPEED: raw["vm_velo [m/s]"], YAW_RATE: raw["r_angvelo [rad/s]"],
+         HEADING: np.unwrap(raw["psi_hat [rad]"]), RUDDER: raw["delta_rudder [rad]"],
+         WIND: wind * np.cos(comes_from), **aside}
+    )  # fmt: skip
 
 
 class Recordings:
-    """Temporary files of the runs with canonical columns; a context manager.
+    """Temporary files of the runs of a folder with canonical columns; a context manager.
 
-    Args:
-        folder: folder of the published CSV files.
-        across: whether to include the cross wind for the manoeuvring ship; these files have one row in
-            :data:`EVERY`, because this ship is slower to simulate.
+    With ``across`` they have the cross wind for the manoeuvring ship, and one row in :data:`EVERY`,
+    because this ship is slower to simulate.
 
     Raises:
         FileNotFoundError: a held-out run is missing.
@@ -116,17 +105,12 @@ class Recordings:
         """Return the tables that a diagnosis of a ship loads."""
         return {n: load_recording(p, ship, self.columns).table for n, p in self.paths.items()}
 
-    def errors(self, ship: Ship) -> dict[str, float]:
-        """Return the rms error of the free-running speed by run [m/s]."""
-        found = {}
-        for name, table in self.tables(ship).items():
-            error = simulate_recording(ship, table)[SPEED] - table[SPEED]
-            found[name] = float(np.sqrt(np.mean(np.square(error))))
-        return found
-
     def evaluate(self, ship: Ship) -> Found:
         """Return a ship with its errors."""
-        return Found(ship, self.errors(ship))
+        tables = self.tables(ship).items()
+        return Found(
+            ship, {n: rms(simulate_recording(ship, t)[SPEED] - t[SPEED]) for n, t in tables}
+        )
 
 
 def identify_surge(runs: Recordings, tick: Tick = ignore_progress) -> Found:
@@ -138,26 +122,14 @@ def identify_surge(runs: Recordings, tick: Tick = ignore_progress) -> Found:
 
 
 def diagnose_surge(
-    runs: Recordings,
-    free: tuple[str, ...] = (),
-    exclude: tuple[str, ...] = (),
+    runs: Recordings, free: tuple[str, ...] = (), most: int | None = None,
     tick: Tick = ignore_progress,
-    most: int | None = None,
-) -> tuple[Diagnosis, Found]:
+) -> tuple[Diagnosis, Found]:  # fmt: skip
     """Diagnose the ship file on the fitted runs, and evaluate it on all.
 
-    Args:
-        runs: the recordings.
-        free: parameters with wide tolerances.
-        exclude: ids of effects that are not tried.
-        tick: progress callback.
-        most: largest number of effects; that of the search by default.
+    ``free`` parameters get wide tolerances; ``most`` is the largest number of effects.
     """
-    options = Options(
-        columns=runs.columns, free=free, exclude=exclude, most_effects=most, quick=True
-    )
-    said = diagnose(
-        surge_ship(), *(runs.paths[name] for name in runs.fitted),
-        hold_out=[runs.paths[name] for name in HELD_OUT], options=options, tick=tick,
-    )  # fmt: skip
+    options = Options(columns=runs.columns, free=free, most_effects=most, quick=True)
+    fitted, held = ([runs.paths[name] for name in some] for some in (runs.fitted, HELD_OUT))
+    said = diagnose(surge_ship(), *fitted, hold_out=held, options=options, tick=tick)
     return said, runs.evaluate(said.corrected)

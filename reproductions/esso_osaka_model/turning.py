@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.resources
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -12,12 +11,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from shaftline.core.compiled import Record, compiled
-from shaftline.display import figures
 from shaftline.mismatch import Diagnosis, Options, diagnose, identify
 from shaftline.mismatch.estimate import Tick, ignore_progress
 from shaftline.mismatch.identify import Identification
 from shaftline.plant import Ship, load_ship
-from shaftline.plant.columns import HEADING, SWAY_SPEED, TIME, YAW_RATE
+from shaftline.plant.columns import HEADING, SWAY_SPEED, YAW_RATE
 from shaftline.plant.dynamics import loads
 from shaftline.plant.expressions import external_at
 from shaftline.plant.manoeuvring import planar_acceleration
@@ -25,7 +23,8 @@ from shaftline.plant.replay import Replay, simulate_recording
 from shaftline.plant.state import STATE, Inputs, get_state
 
 from .. import nomoto
-from .runs import HELD_OUT, SPEED, Recordings
+from ..writing import Panel, draw, rms
+from .runs import HELD_OUT, HERE, SPEED, Recordings
 
 SURGE = "speed at measured sway and turn"
 """Name of the speed error with measured sway speed, rate of turn and heading."""
@@ -52,17 +51,12 @@ class Turning(NamedTuple):
 
 def turning_ship() -> Ship:
     """Return the ship file with the owners' parameters."""
-    return load_ship(str(importlib.resources.files(__package__).joinpath("turning.toml")))
+    return load_ship(HERE / "turning.toml")
 
 
 @compiled
 def _surge(
-    plant: Record,
-    states: Any,
-    drive: Floats,
-    rudder: Floats,
-    signals: Floats,
-    dt: float,
+    plant: Record, states: Any, drive: Floats, rudder: Floats, signals: Floats, dt: float
 ) -> None:
     """Integrate the speed ahead [m/s] of STATE records with all other states given."""
     for k in range(len(states) - 1):
@@ -100,8 +94,8 @@ def surge_at_measured(ship: Ship, table: pd.DataFrame) -> Floats:
     for column, state in ((SWAY_SPEED, "sway_speed"), (YAW_RATE, "yaw_rate"), (HEADING, "heading")):
         states[state] = table[column]
     states["ship_speed"][0] = table[SPEED].iloc[0]
-    rows = np.repeat(run.signals, run.rows, axis=0) if len(run.signals) == 1 else None
-    signals = run.signals[:: 2 * run.per_row] if rows is None else rows
+    constant = len(run.signals) == 1
+    signals = run.signals.repeat(run.rows, 0) if constant else run.signals[:: 2 * run.per_row]
     signals = np.ascontiguousarray(signals)
     _surge(plant, states, run.drive_rows, run.rudder_rows, signals, run.interval_s)
     return np.asarray(states["ship_speed"])
@@ -110,7 +104,7 @@ def surge_at_measured(ship: Ship, table: pd.DataFrame) -> Floats:
 def errors_of(ship: Ship, tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """Return the rms errors of a ship on each run, free-running from its first row."""
     errors = nomoto.run_errors(lambda table: simulate_recording(ship, table), tables)
-    surge = {n: nomoto.rms(surge_at_measured(ship, t) - t[SPEED]) for n, t in tables.items()}
+    surge = {n: rms(surge_at_measured(ship, t) - t[SPEED]) for n, t in tables.items()}
     return errors.assign(**{SURGE: pd.Series(surge)})
 
 
@@ -119,13 +113,15 @@ def simulate_all(runs: Recordings, tick: Tick = ignore_progress) -> Turning:
     ship = turning_ship()
     paths = [runs.paths[name] for name in runs.fitted]
     held = [runs.paths[name] for name in HELD_OUT]
-    options = Options(columns=runs.columns)
-    said = diagnose(ship, *paths, hold_out=held, options=options, tick=tick)
-    found = identify(
-        said.corrected, *paths, free=FREE, hold_out=held, columns=runs.columns, tick=tick
-    )
-    ships = {"captive tests": ship, "diagnosed": said.corrected}
-    ships["diagnosed, then identified"] = found.identified
+    columns = runs.columns
+    said = diagnose(ship, *paths, hold_out=held, options=Options(columns=columns), tick=tick)
+    own = said.corrected
+    found = identify(own, *paths, free=FREE, hold_out=held, columns=columns, tick=tick)
+    ships = {
+        "captive tests": ship,
+        "diagnosed": own,
+        "diagnosed, then identified": found.identified,
+    }
     tables = runs.tables(said.corrected)
     errors = {what: errors_of(one, tables) for what, one in ships.items()}
     length = ship.manoeuvring.length_m
@@ -139,11 +135,7 @@ TITLES = nomoto.TITLES | {SURGE: f"{SURGE}, m/s"}
 
 def csv_table(turning: Turning) -> pd.DataFrame:
     """Return the rms errors in SI units, a row for each ship and run."""
-    parts = [
-        own.rename_axis("run").reset_index().assign(ship=what)
-        for what, own in turning.errors.items()
-    ]
-    table = pd.concat(parts, ignore_index=True)
+    table = pd.concat(turning.errors, names=["ship", "run"]).reset_index()
     table["held out"] = np.where(table["run"].isin(HELD_OUT), "yes", "")
     return table[["ship", "run", "held out", *TITLES]]
 
@@ -167,26 +159,21 @@ def errors_by_run(turning: Turning, channel: str) -> pd.DataFrame:
 
 def effects_table(turning: Turning) -> pd.DataFrame:
     """Return the identified effects with their parameters."""
-    rows = []
-    for finding in turning.said.findings:
-        for own in finding.estimates:
-            low, high = own.ci95
-            rows.append(
-                {"effect": finding.effect.label, "parameter": own.name, "file": f"{own.neutral:.3g}",
-                 "value": f"{own.value:.3g}", "95 %": f"{low:.3g} to {high:.3g}", "unit": own.unit,
-                 "2 Δ log L": f"{finding.score:.0f}"}
-            )  # fmt: skip
-    return pd.DataFrame(rows)
+    return pd.DataFrame(
+        {"effect": finding.effect.label, "parameter": own.name, "file": f"{own.neutral:.3g}",
+         "value": f"{own.value:.3g}", "95 %": f"{own.ci95[0]:.3g} to {own.ci95[1]:.3g}",
+         "unit": own.unit, "2 Δ log L": f"{finding.score:.0f}"}
+        for finding in turning.said.findings for own in finding.estimates
+    )  # fmt: skip
 
 
 def estimates_table(turning: Turning) -> pd.DataFrame:
     """Return the identified parameters."""
-    rows = [
+    return pd.DataFrame(
         {"key": e.key, "before": f"{e.neutral:.4g}", "identified": f"{e.value:.4g}",
          "95 %": f"{e.ci95[0]:.4g} to {e.ci95[1]:.4g}"}
         for e in turning.found.estimates
-    ]  # fmt: skip
-    return pd.DataFrame(rows)
+    )  # fmt: skip
 
 
 def summary(turning: Turning) -> dict[str, Any]:
@@ -199,42 +186,29 @@ def summary(turning: Turning) -> dict[str, Any]:
     fitted = tuple(name for name in turning.errors[first].index if name not in HELD_OUT)
     turns = tuple(name for name in fitted if name.startswith("turn"))
     k = next(e.value for f in turning.said.findings for e in f.estimates if "wind-side" in e.key)
+    rates = {
+        what: [f"{np.degrees(at(what, YAW_RATE, names)):.2f}" for names in (HELD_OUT, fitted)]
+        for what in ("Nomoto", first, named, last)
+    }
     return {
-        "rates": {
-            what: [f"{np.degrees(at(what, YAW_RATE, names)):.2f}" for names in (HELD_OUT, fitted)]
-            for what in ("Nomoto", first, named, last)
-        },
-        "sway": [at(what, SWAY_SPEED) for what in (first, named)],
-        "k": k,
-        "side_force": k / (0.5 * 1.166 * 0.52038),
+        "rates": rates, "sway": [at(what, SWAY_SPEED) for what in (first, named)], "k": k,
+        "side_force": k / (0.5 * 1.166 * 0.52038), "surge": at(named, SURGE), "speed": at(named, SPEED),
         "turns": [at(first, channel, turns) for channel in (SPEED, SURGE)],
-        "surge": at(named, SURGE),
-        "speed": at(named, SPEED),
         "worst": turning.errors[named][SURGE].idxmax(),
         "noise": turning.said.verdict == "nothing-missing",
-    }
+    }  # fmt: skip
 
 
 def figure_of(runs: Recordings, turning: Turning) -> Figure:
     """Draw rate of turn and sway of the held-out runs, measured and simulated."""
-    figure, axes = figures.new_figure(len(HELD_OUT), 2, (10.0, 5.6))
     length = turning.ships["captive tests"].manoeuvring.length_m
     tables = runs.tables(turning.ships["diagnosed"])
-    for row, name in zip(axes, HELD_OUT, strict=True):
+    panels: list[Panel] = []
+    for name in HELD_OUT:
         table = tables[name]
         lines = {what: simulate_recording(ship, table) for what, ship in turning.ships.items()}
         lines["Nomoto"] = nomoto.simulate_response(turning.response, table, length)
-        for axis, column in zip(row, (YAW_RATE, SWAY_SPEED), strict=True):
-            factor = np.degrees(1.0) if column == YAW_RATE else 1.0
-            measured = factor * table[column]
-            axis.plot(table[TIME], measured, color=figures.TRUTH, lw=1.3, label="measured")
-            for colour, (what, simulated) in zip(figures.PALETTE, lines.items(), strict=False):
-                style = ":" if what == "Nomoto" else "-"
-                values = factor * simulated[column]
-                axis.plot(simulated[TIME], values, style, color=colour, lw=1.0, label=what)
-            axis.set_title(f"{name}, held out", fontsize=8, loc="left")
-            axis.set_ylabel(TITLES[column], fontsize=8)
-    for axis in axes[-1]:
-        axis.set_xlabel("time [s]", fontsize=8)
-    axes[0, 0].legend(fontsize=7, frameon=False, ncols=2)
-    return figure
+        for column in (YAW_RATE, SWAY_SPEED):
+            legend, title = 0 if panels else 2, f"{name}, held out"
+            panels.append(nomoto.channel_panel(table, lines, column, title, legend))
+    return draw(panels, (10.0, 5.6), 2, "time [s]")

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -24,32 +24,17 @@ from numpy.typing import NDArray
 from shaftline.baselines.combinator_surface import combinator_surface
 from shaftline.baselines.steady_points import steady_point
 from shaftline.display import figures
-from shaftline.display.tables import write_table
 from shaftline.plant import Ship, load_ship
 
-from ..pages import fill_template, make_parser
-from ..side_by_side import published
-from .experiment import (
-    COMBINATOR,
-    CORRECTED,
-    HELD,
-    PAPERS,
-    RAISED,
-    WHOLE_ENVELOPE,
-    compare_controls,
-    in_units_of_paper,
-    optimal_state,
-    pitch_for,
-    resistance_rises,
-)
+from ..pages import label_axis, make_parser, write_page
+from . import experiment
+from .experiment import COMBINATOR, CORRECTED, HELD, RAISED, printed_levers, resistance_rises
 from .levers import HALF_DIGIT, implied_rises, implied_savings, table_cells
 
 Floats = NDArray[np.float64]
 
 RATED_W, RATED_RPM, BASE = 1e5, 2200.0, 300.0
-TERMS = tuple((i, j) for i in range(3) for j in range(4))
-"""Powers of N and n of the paper's form."""
-
+TERMS = tuple((i, j) for i in range(3) for j in range(4))  # powers of N and n of the paper's form
 SLOPE_WEIGHT, PRIOR_WEIGHT = 0.06, 0.01
 """Weights of the slope of an optimum (share of the fuel by share of the speed) and of the prior."""
 
@@ -70,41 +55,37 @@ class States(NamedTuple):
 def _power(ship: Ship, rpm: float, ship_speed: float, factor: float) -> float:
     gear = ship.transmission.gear_ratio
     shaft = rpm * math.pi / 30.0 / gear
-    point = steady_point(ship, shaft, pitch_for(ship, shaft, ship_speed, factor), factor)
-    return point.brake_torque * gear * shaft / RATED_W
+    pitch = experiment.pitch_for(ship, shaft, ship_speed, factor)
+    return steady_point(ship, shaft, pitch, factor).brake_torque * gear * shaft / RATED_W
 
 
 def states(ship: Ship, rise: tuple[float, ...] | None = None) -> States:
-    """Return the thirty entries.
+    """Return the thirty entries, with the power of the ferry's hull and propeller.
 
-    Args:
-        ship: the ferry, whose hull and propeller give the power; its own map is not used.
-        rise: resistance after the disturbance over that before it, by lever [-]; those of
-            :func:`.experiment.resistance_rises` by default.
+    ``rise`` is the resistance after the disturbance over that before it, by lever [-]; that of
+    :func:`.experiment.resistance_rises` by default.
     """
-    tables, rise = published(PAPERS), rise or resistance_rises()
-    rows = []
+    rows: list[tuple[Any, ...]] = []
     for control in (COMBINATOR, HELD, CORRECTED):
-        for lever, row in tables.loc[control].set_index("condition").iterrows():
-            for when, factor in (("before", 1.0), ("after", rise[int(str(lever)) - 1])):
-                rpm = float(row[f"engine_speed_rpm_{when}"])
-                knots = float(row[f"ship_speed_m_s_{when}"])
-                power = [_power(ship, rpm + off, knots, factor) for off in (-1.0, 0.0, 1.0)]
-                rows.append(
-                    (control, int(str(lever)), when, knots, power[1], rpm / RATED_RPM,
-                     float(row[f"sfoc_g_kwh_{when}"]), 0.5 * (power[2] - power[0]) * RATED_RPM)
-                )  # fmt: skip
-    columns = list(zip(*rows, strict=True))
-    return States(*(list(c) for c in columns[:3]), *(np.array(c) for c in columns[3:]))  # type: ignore[arg-type]
+        for (lever, row), more in zip(
+            printed_levers(control).iterrows(), rise or resistance_rises(), strict=True
+        ):
+            for when, factor in (("before", 1.0), ("after", more)):
+                rpm, speed, sfoc = (
+                    float(row[f"{name}_{when}"])
+                    for name in ("engine_speed_rpm", "ship_speed_m_s", "sfoc_g_kwh")
+                )
+                power = [_power(ship, rpm + off, speed, factor) for off in (-1.0, 0.0, 1.0)]
+                slope = 0.5 * (power[2] - power[0]) * RATED_RPM
+                rows.append((control, lever, when, speed, power[1], rpm / RATED_RPM, sfoc, slope))
+    columns: list[Any] = list(zip(*rows, strict=True))
+    return States(*map(list, columns[:3]), *map(np.array, columns[3:]))  # type: ignore[arg-type]
 
 
 def form_terms(power: Floats, speed: Floats, terms: tuple[tuple[int, int], ...] = TERMS) -> Floats:
     """Return the terms of the surface at states, shape (n, len(terms)).
 
-    Args:
-        power: over the rated power [-], shape (n,).
-        speed: over the rated speed [-], shape (n,).
-        terms: powers of both.
+    Power and speed are over the rated ones [-], shape (n,).
     """
     return np.column_stack([power**i * speed**j for i, j in terms])
 
@@ -112,20 +93,12 @@ def form_terms(power: Floats, speed: Floats, terms: tuple[tuple[int, int], ...] 
 def _prior() -> tuple[Floats, Floats, Floats]:
     """Return states all over the map and the consumption of the ``ferry`` there, over its mean."""
     engine = load_ship("ferry").prime_mover
-    grid = np.array(
-        [
-            (p, s)
-            for s in np.linspace(0.35, 1.0, 8)
-            for p in np.linspace(0.1, 1.0, 8)
-            if p < 1.15 * s
-        ]
-    )
-    power, speed = grid.T
-    share = np.zeros(len(grid))
+    speeds, powers = np.linspace(0.35, 1.0, 8), np.linspace(0.1, 1.0, 8)
+    power, speed = np.array([(p, s) for s in speeds for p in powers if p < 1.15 * s]).T
+    share = np.zeros(len(power))
     for name in type(engine).model_fields:
         if name.startswith("fuel_p"):
-            i, j = int(name[6]), int(name[9])
-            share += getattr(engine, name) * power**i * speed**j
+            share += getattr(engine, name) * power ** int(name[6]) * speed ** int(name[9])
     return power, speed, share / power
 
 
@@ -135,22 +108,15 @@ def fit_map(
     """Return the coefficients of the map [g/kWh], in the order of :data:`TERMS`."""
     p, s, c = known.power, known.speed, known.consumption
     best = np.array([table != COMBINATOR for table in known.table])
-    slopes = (
-        np.column_stack(
-            [
-                (i + 1) * p**i * s**j * known.slope + p ** (i + 1) * j * s ** max(j - 1, 0)
-                for i, j in TERMS
-            ]
-        )
-        / (p * c)[:, None]
-    )
+    along = [
+        (i + 1) * p**i * s**j * known.slope + p ** (i + 1) * j * s ** max(j - 1, 0)
+        for i, j in TERMS
+    ]
+    slopes = np.column_stack(along) / (p * c)[:, None]
     power, speed, shape = _prior()
     level = c.mean() / np.mean(shape)
-    rows = [
-        form_terms(p, s),
-        slope_weight * BASE * slopes[best],
-        prior_weight * form_terms(power, speed),
-    ]
+    prior = prior_weight * form_terms(power, speed)
+    rows = [form_terms(p, s), slope_weight * BASE * slopes[best], prior]
     aims = [c, np.zeros(int(best.sum())), prior_weight * level * shape]
     return np.asarray(np.linalg.lstsq(np.vstack(rows), np.concatenate(aims), rcond=None)[0])
 
@@ -168,22 +134,20 @@ def compare_forms(known: States) -> pd.DataFrame:
     """Return the errors of surfaces of several forms at the thirty entries, and at a state left out."""
     full = tuple((i, j) for i in range(3) for j in range(3) if i + j <= 2)
     p, s, c = known.power, known.speed, known.consumption
-    places = [f"{a:.6f} {b:.6f}" for a, b in zip(known.ship_speed, s, strict=True)]
+    places = np.array([f"{a:.6f} {b:.6f}" for a, b in zip(known.ship_speed, s, strict=True)])
     rows = []
     for name, terms in (("full quadratic, 6 coefficients", full), ("the paper's form, 12", TERMS)):
-        whole = form_terms(p, s, terms)
-        off = whole @ np.linalg.lstsq(whole, c, rcond=None)[0] - c
-        out = []
-        for place in sorted(set(places)):
-            kept = np.array([one != place for one in places])
+        whole, out = form_terms(p, s, terms), []
+        for place in np.unique(places):
+            kept = places != place
             told = np.linalg.lstsq(whole[kept], c[kept], rcond=None)[0]
             out.append(float(np.mean(whole[~kept] @ told - c[~kept])))
+        off = whole @ np.linalg.lstsq(whole, c, rcond=None)[0] - c
         rows.append((name, rms(off), float(np.abs(off).max()), rms(np.array(out))))
     off = form_terms(p, s) @ fit_map(known) - c
     rows.append(("the ship's: with optima and prior", rms(off), float(np.abs(off).max()), math.nan))
-    return pd.DataFrame(
-        rows, columns=["form", "rms [g/kWh]", "worst [g/kWh]", "a state left out, rms [g/kWh]"]
-    )
+    columns = ["form", "rms [g/kWh]", "worst [g/kWh]", "a state left out, rms [g/kWh]"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def rms(values: Floats) -> float:
@@ -192,20 +156,20 @@ def rms(values: Floats) -> float:
 
 
 SHIP = "ferry-printed"
-TRADED = (0.01, 0.02, 0.03, 0.06, 0.12)
-"""Weights of the slopes that are tried."""
+TRADED = (0.01, 0.02, 0.03, 0.06, 0.12)  # weights of the slopes that are tried
 
 
 def optimiser_states(ship: Ship) -> pd.DataFrame:
     """Return the optimiser's states at the printed ship speeds, beside the printed states."""
-    surface = combinator_surface(ship, WHOLE_ENVELOPE)
-    printed = published(PAPERS).loc[CORRECTED].set_index("condition")
-    rows = []
-    for lever, row in printed.iterrows():
-        for when, factor in (("before", 1.0), ("after", resistance_rises()[int(str(lever)) - 1])):
-            point = optimal_state(ship, surface, float(row[f"ship_speed_m_s_{when}"]), factor)
+    surface, rows = combinator_surface(ship, experiment.WHOLE_ENVELOPE), []
+    for (lever, row), rise in zip(
+        printed_levers(CORRECTED).iterrows(), resistance_rises(), strict=True
+    ):
+        for when, factor in (("before", 1.0), ("after", rise)):
+            speed = float(row[f"ship_speed_m_s_{when}"])
+            point = experiment.optimal_state(ship, surface, speed, factor)
             assert point is not None
-            own = in_units_of_paper(ship, point)
+            own = experiment.in_units_of_paper(ship, point)
             rows.append(
                 {"lever": str(lever), "when": when, "engine [rpm]": own["engine_speed_rpm"],
                  "printed [rpm]": float(row[f"engine_speed_rpm_{when}"]),
@@ -219,29 +183,19 @@ def try_slope_weights(ship: Ship) -> pd.DataFrame:
     known, rows = states(ship), []
     for weight in TRADED:
         other = ship.with_values(ship_keys(fit_map(known, weight)))
-        found = compare_controls(other)
+        found = experiment.compare_controls(other)
         found = found[found["curve"] == "printed"]
-        off = {
-            name: np.array(
-                [
-                    abs(cell.ours - cell.printed)
-                    for cell in table_cells(found, other)
-                    if cell.column == name and not re.search("lever 5|variation", cell.row)
-                ]
-            )
-            for name in HALF_DIGIT
-        }
+        off: dict[str, list[float]] = {name: [] for name in HALF_DIGIT}
+        for cell in table_cells(found, other):
+            if not re.search("lever 5|variation", cell.row):
+                off[cell.column].append(abs(cell.ours - cell.printed))
         saved = found.loc[(found["condition"] == RAISED) & (found["lever"] < 5), "saving_percent"]
         rows.append(
-            {
-                "weight of the slopes": weight,
-                "SFOC, rms [g/kWh]": rms(off["sfoc_g_kwh"]),
-                "worst [g/kWh]": off["sfoc_g_kwh"].max(),
-                "worst engine speed [rpm]": off["engine_speed_rpm"].max(),
-                "fuel saved, least [%]": saved.min(),
-                "most [%]": saved.max(),
-            }
-        )
+            {"weight of the slopes": weight, "SFOC, rms [g/kWh]": rms(np.array(off["sfoc_g_kwh"])),
+             "worst [g/kWh]": max(off["sfoc_g_kwh"]),
+             "worst engine speed [rpm]": max(off["engine_speed_rpm"]),
+             "fuel saved, least [%]": saved.min(), "most [%]": saved.max()}
+        )  # fmt: skip
     return pd.DataFrame(rows)
 
 
@@ -258,10 +212,8 @@ def draw_map(known: States, coefficients: Floats) -> Figure:
         own = np.array([name == table for name in known.table])
         axis.plot(RATED_RPM * known.speed[own], 100.0 * known.power[own], "os^"[k], markersize=4,
                   color=figures.PALETTE[k], label=f"Table {k + 1}")  # fmt: skip
-    axis.set_xlabel("engine speed [rpm]")
-    axis.set_ylabel("power of our ferry there [kW]")
-    axis.set_title("Specific consumption [g/kWh] inferred from the printed states", fontsize=10)
-    axis.legend(fontsize=8, frameon=False)
+    title = "Specific consumption [g/kWh] inferred from the printed states"
+    label_axis(axis, "engine speed [rpm]", "power of our ferry there [kW]", title, 10, None, 8)
     return figure
 
 
@@ -276,25 +228,14 @@ def main() -> None:
     found = optimiser_states(ship)
     by_table_1 = tuple(1.0 + 0.01 * implied_rises(ship)["rise by Table 1 [%]"])
     tried = {"10.0 to 12.3 %": resistance_rises(), "15 %": (1.15,) * 5, "by Table 1": by_table_1}
-    body = fill_template(
-        Path(__file__).with_name("engine_map.md"), states=found, weight=SLOPE_WEIGHT,
-        weights=try_slope_weights(ship), four=found["lever"] != "5", five=found["lever"] == "5",
+    figures.save(draw_map(known, coefficients), folder / "figures" / "ferry-map.png")
+    write_page(
+        folder, "ferry-map", "Engine map of the ferry, inferred from printed tables",
+        "ferry.engine_map --out docs/results", found, Path(__file__).with_name("engine_map.md"),
+        states=found, weight=SLOPE_WEIGHT, weights=try_slope_weights(ship),
+        four=found["lever"] != "5", five=found["lever"] == "5",
         off_rpm=(found["engine [rpm]"] - found["printed [rpm]"]).abs(),
         off=(found["SFOC [g/kWh]"] - found["printed [g/kWh]"]).abs(),
         forms=pd.concat([compare_forms(states(ship, r)).assign(rise=n) for n, r in tried.items()]),
         saved=-implied_savings(ship)["fuel per mile change [%]"].iloc[:4],
     )  # fmt: skip
-    figures.save(draw_map(known, coefficients), folder / "figures" / "ferry-map.png")
-    command = "python -m reproductions ferry.engine_map --out docs/results"
-    write_table(
-        folder,
-        "ferry-map",
-        "Engine map of the ferry, inferred from printed tables",
-        command,
-        found,
-        body,
-    )
-
-
-if __name__ == "__main__":
-    main()

@@ -9,9 +9,10 @@ the second simulates one lever in closed loop.
 from __future__ import annotations
 
 import functools
+import itertools
 import math
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -30,17 +31,11 @@ from shaftline.plant import Ship
 from shaftline.plant.fuel import specific_consumption
 from shaftline.plant.hull import resistance, wake_inflow
 
-from ..side_by_side import published
+from ..side_by_side import Tick, published
 
-PAPERS = "cpp_ferry_tables"
-"""The paper's Tables 1 to 3, in ``reproductions/data``."""
-
-TOP_SPEED_M_S = 13.0 * 1852.0 / 3600.0
-"""The paper's ferry: 13 kn."""
-
-WHOLE_ENVELOPE = 1.0
-"""Share of the torque limit that the paper's constraint N <= N_max(n) allows."""
-
+PAPERS = "cpp_ferry_tables"  # the paper's Tables 1 to 3, in ``reproductions/data``
+TOP_SPEED_M_S = 13.0 * 1852.0 / 3600.0  # of the paper's ferry: 13 kn
+WHOLE_ENVELOPE = 1.0  # share of the torque limit that the constraint N <= N_max(n) allows
 COMBINATOR, HELD, CORRECTED = "combinator", "optimal", "optimal-thrust-corrected"
 """The paper's Tables 1 to 3: combinator; optimiser that holds its thrust; optimiser at equal speed."""
 
@@ -60,38 +55,29 @@ def resistance_rises() -> tuple[float, ...]:
     return tuple(float(value) ** 2 for value in share)
 
 
-class Condition(NamedTuple):
-    """A disturbance."""
-
-    raised: bool  # resistance by :func:`resistance_rises`
-    displacement: float  # over the design displacement [-]
-
-    def factor(self, lever: int) -> float:
-        """Return the factor on the resistance d_c1 [-] at a lever, counted from 1."""
-        return resistance_rises()[lever - 1] if self.raised else 1.0
-
-
-FERRIES = ("ferry", "ferry-printed")
-"""Ships that stand for the paper's own."""
-
+FERRIES = ("ferry", "ferry-printed")  # ships that stand for the paper's own
 CALM, RAISED = "calm", "resistance +10 to 12 %"
 
 CONDITIONS = {
-    CALM: Condition(False, 1.0),
-    RAISED: Condition(True, 1.0),
-    "displacement +40 %": Condition(False, 1.4),
-    "both": Condition(True, 1.4),
+    CALM: (False, 1.0),
+    RAISED: (True, 1.0),
+    "displacement +40 %": (False, 1.4),
+    "both": (True, 1.4),
 }
-"""The paper's two disturbances, alone and together."""
+"""The paper's two disturbances, alone and together: more resistance; displacement over the design's."""
+
+
+def printed_levers(control: str) -> pd.DataFrame:
+    """Return one of the paper's Tables 1 to 3 by lever."""
+    return published(PAPERS).loc[control].set_index("condition")
 
 
 def lever_speeds(ship: Ship) -> list[float]:
     """Return the ship speeds [m/s] of the five levers: the paper's, or in proportion on other ships."""
-    printed = published(PAPERS).loc[COMBINATOR, "ship_speed_m_s_before"].to_numpy()
-    if ship.name in FERRIES:
-        return [float(v) for v in printed]
-    top = combinator_curve(ship).ship_speed[-1]
-    return [float(v) for v in printed / TOP_SPEED_M_S * top]
+    speeds = published(PAPERS).loc[COMBINATOR, "ship_speed_m_s_before"].to_numpy()
+    if ship.name not in FERRIES:
+        speeds = speeds / TOP_SPEED_M_S * combinator_curve(ship).ship_speed[-1]
+    return [float(v) for v in speeds]
 
 
 def load_ship_deeper(ship: Ship, displacement: float) -> Ship:
@@ -100,14 +86,9 @@ def load_ship_deeper(ship: Ship, displacement: float) -> Ship:
     The mass grows in proportion, the resistance at equal speed by the power 2/3 (Admiralty formula).
     Wake, thrust deduction and the propeller's depth are left as they are.
     """
-    hull = ship.hull
-    return ship.with_values(
-        {
-            "hull.mass_kg": displacement * hull.mass_kg,
-            "hull.resistance_coefficient_N_s2_m2": displacement ** (2.0 / 3.0)
-            * hull.resistance_coefficient_N_s2_m2,
-        }
-    )
+    powers = {"hull.mass_kg": 1.0, "hull.resistance_coefficient_N_s2_m2": 2.0 / 3.0}
+    values = {k: displacement**power * ship.parameter(k).value for k, power in powers.items()}
+    return ship.with_values(values)
 
 
 def speed_at_held_thrust(ship: Ship, ship_speed: float, more: float) -> float:
@@ -146,11 +127,8 @@ def optimal_state(
 ) -> SteadyPoint | None:
     """Return the optimiser's state after its thrust controller has reached a ship speed [m/s].
 
-    Args:
-        ship: at its present displacement.
-        surface: combinator surface of the ship as designed: the optimiser knows of no disturbance.
-        ship_speed: [m/s].
-        factor: resistance factor d_c1 [-].
+    ``surface`` is that of the ship as designed, ``factor`` the resistance factor d_c1 [-]: the optimiser
+    knows of no disturbance.
     """
     plant = ship.record()
     push = float(plant["propellers"] * (1.0 - plant["thrust_deduction"]))
@@ -170,11 +148,11 @@ def combinator_curves(ship: Ship, surface: CombinatorSurface) -> dict[str, Curve
     """
     speeds = lever_speeds(ship)
     numbers = list(range(1, len(speeds) + 1))
-    best = [optimal_state(ship, surface, v, 1.0) for v in speeds]
-    found = {"standard": combinator_curve(ship)}
-    found["design"] = curve_through(
-        ship, numbers, [p.pitch_ratio for p in best if p], [p.shaft_speed for p in best if p]
+    best = [point for v in speeds if (point := optimal_state(ship, surface, v, 1.0))]
+    design = curve_through(
+        ship, numbers, [p.pitch_ratio for p in best], [p.shaft_speed for p in best]
     )
+    found = {"standard": combinator_curve(ship), "design": design}
     if ship.name in FERRIES:
         engine = published(PAPERS).loc[COMBINATOR, "engine_speed_rpm_before"]
         shaft = engine.to_numpy() * math.pi / 30.0 / ship.transmission.gear_ratio
@@ -185,14 +163,12 @@ def combinator_curves(ship: Ship, surface: CombinatorSurface) -> dict[str, Curve
 
 def pitch_for(ship: Ship, shaft_speed: float, ship_speed: float, factor: float) -> float:
     """Return the P/D [-] at which the ship runs at a speed [m/s] with a shaft speed [rad/s]."""
-    screw = ship.propeller
+    ends = ship.propeller.pitch_ratio_min, ship.propeller.pitch_ratio_max
 
     def missing(pitch: float) -> float:
         return steady_point(ship, shaft_speed, pitch, factor).ship_speed - ship_speed
 
-    return float(
-        scipy.optimize.brentq(missing, screw.pitch_ratio_min, screw.pitch_ratio_max, xtol=1e-9)
-    )
+    return float(scipy.optimize.brentq(missing, *ends, xtol=1e-9))
 
 
 def blade_angle(pitch_ratio: float) -> float:
@@ -219,17 +195,12 @@ def describe_state(
 ) -> dict[str, float | str]:
     """Return a steady state in the paper's units, fuel per mile, and the active constraints.
 
-    Args:
-        ship: a ship with a diesel.
-        fit: of its propeller.
-        point: the steady state.
-        allowed: share of the torque limit that the control may use [-].
+    ``fit`` is that of the propeller, ``allowed`` the usable share of the torque limit [-].
     """
     plant = ship.record()
     engine = float(plant["gear_ratio"]) * point.shaft_speed  # rad/s
-    slope = working_point(
-        plant, fit.thrust, fit.torque, point.advance_velocity, point.shaft_speed, point.pitch_ratio
-    ).efficiency_slope
+    at = point.advance_velocity, point.shaft_speed, point.pitch_ratio
+    slope = working_point(plant, fit.thrust, fit.torque, *at).efficiency_slope
     active = {
         "torque": point.torque_share > allowed - _AT_LIMIT,
         "engine speed": engine > (1.0 - _AT_LIMIT) * float(plant["engine_speed_max"]),
@@ -249,38 +220,35 @@ def describe_state(
 def compare_controls(ship: Ship, allowed: float = WHOLE_ENVELOPE) -> pd.DataFrame:
     """Return the experiment on one ship: a row for each curve, condition, lever and control.
 
-    Args:
-        ship: a ship with a diesel and a propeller of controllable pitch.
-        allowed: share of the torque limit that the optimiser may use [-]; the combinator's governor
-            always has all of it.
+    ``allowed`` is the share of the torque limit that the optimiser may use [-]; the combinator's
+    governor always has all of it.
     """
     surface, fit = combinator_surface(ship, allowed), fit_open_water(ship)
     rows = []
-    for name, curve in combinator_curves(ship, surface).items():
-        for condition, met in CONDITIONS.items():
-            afloat = load_ship_deeper(ship, met.displacement)
-            for lever, speed in enumerate(lever_speeds(ship), 1):
-                factor = met.factor(lever)
-                more = factor * met.displacement ** (2.0 / 3.0)
-                shaft = float(np.interp(speed, curve.ship_speed, curve.shaft_speed))
-                pitch = float(np.interp(speed, curve.ship_speed, curve.pitch_ratio))
-                plain = state_under_governor(afloat, shaft, pitch, factor)
-                points = {
-                    COMBINATOR: plain,
-                    HELD: optimal_state(
-                        afloat, surface, speed_at_held_thrust(ship, speed, more), factor
-                    ),
-                    CORRECTED: optimal_state(afloat, surface, plain.ship_speed, factor),
-                }
-                for control, point in points.items():
-                    if point is None:
-                        continue
-                    row = {"ship": ship.name, "curve": name, "condition": condition,
-                           "lever": lever, "control": control}  # fmt: skip
-                    row |= describe_state(afloat, fit, point, allowed)
-                    fuel = 1.0 - point.fuel_flow / plain.fuel_flow
-                    row["saving_percent"] = 100.0 * fuel if control == CORRECTED else math.nan
-                    rows.append(row)
+    for (name, curve), (condition, (raised, load)), (lever, speed) in itertools.product(
+        combinator_curves(ship, surface).items(),
+        CONDITIONS.items(),
+        enumerate(lever_speeds(ship), 1),
+    ):
+        afloat = load_ship_deeper(ship, load)
+        factor = resistance_rises()[lever - 1] if raised else 1.0
+        shaft = float(np.interp(speed, curve.ship_speed, curve.shaft_speed))
+        pitch = float(np.interp(speed, curve.ship_speed, curve.pitch_ratio))
+        plain = state_under_governor(afloat, shaft, pitch, factor)
+        held = speed_at_held_thrust(ship, speed, factor * load ** (2.0 / 3.0))
+        points = {
+            COMBINATOR: plain,
+            HELD: optimal_state(afloat, surface, held, factor),
+            CORRECTED: optimal_state(afloat, surface, plain.ship_speed, factor),
+        }
+        for control, point in points.items():
+            if point is not None:
+                saved = 100.0 * (1.0 - point.fuel_flow / plain.fuel_flow)
+                rows.append(
+                    {"ship": ship.name, "curve": name, "condition": condition, "lever": lever,
+                     "control": control, **describe_state(afloat, fit, point, allowed),
+                     "saving_percent": saved if control == CORRECTED else math.nan}
+                )  # fmt: skip
     return pd.DataFrame(rows)
 
 
@@ -288,28 +256,14 @@ LEVER, SECONDS, STEP_AT = 3, 600.0, 300.0
 MEANS_OVER = 100.0  # last seconds
 
 
-def simulate_voyage(
-    ship: Ship,
-    controller: Any,
-    speed: float,
-    corrected: float,
-    *,
-    sea: str = "calm",
-    rise: float | None = None,
-    observer: str = "oracle",
-    noise: float | Mapping[str, float] = 0.0,
-) -> pd.DataFrame:
-    """Simulate a ship in closed loop, with a step of the resistance.
+def simulate_voyage(ship: Ship, controller: Any, speed: float, corrected: float, *, sea: str = "calm",
+                    rise: float | None = None, observer: str = "oracle",
+                    noise: float | Mapping[str, float] = 0.0) -> pd.DataFrame:  # fmt: skip
+    """Simulate a ship in closed loop in head seas, with a step of the resistance.
 
-    Args:
-        ship: a ship with a diesel.
-        controller: with ``predict``.
-        speed: set-point of the ship speed [m/s].
-        corrected: set-point [m/s] from the step on.
-        sea: name of the head seas; calm water by default.
-        rise: resistance factor from the step on [-]; that of the middle lever by default.
-        observer: of the advance velocity; the truth by default.
-        noise: of the instruments, as ``sensor_noise`` of the environment; none by default.
+    The set-point of the ship speed is ``speed``, from the step on ``corrected`` [m/s]. ``rise`` is the
+    resistance factor from then on [-], that of the middle lever by default; ``observer`` that of the
+    advance velocity, ``noise`` the ``sensor_noise`` of the environment.
 
     Returns:
         One row per 0.5 s: time [s], ship speed [m/s], engine speed [rpm], P/D, SFOC [g/kWh], fuel
@@ -319,47 +273,28 @@ def simulate_voyage(
     task = get_task("transit").model_dump() | still
     factor = resistance_rises()[LEVER - 1] if rise is None else rise
     # only the sea knows of the step
-    heavier = ship.with_values(
-        {"hull.episode_resistance_fraction": factor - 1.0, "hull.episode_start_s": STEP_AT}
-    )
-    env = FrigateEnv(
-        ship=heavier,
-        task=task,
-        observer=observer,
-        sensor_noise=noise,
-        max_episode_steps=None,
-        **CLASSIC,
-    )
+    step = {"hull.episode_resistance_fraction": factor - 1.0, "hull.episode_start_s": STEP_AT}
+    env = FrigateEnv(ship=ship.with_values(step), task=task, observer=observer, sensor_noise=noise,
+                     max_episode_steps=None, **CLASSIC)  # fmt: skip
     plant = ship.record()
     orders = {"speed_order_m_s": (speed, corrected), "order_interval_s": STEP_AT}
     observation, _ = env.reset(seed=0, options=orders)
     remembered, rows = None, []
     for k in range(round(SECONDS / env.batch.interval_s)):
-        time = 0.5 * k
         action, remembered = controller.predict(observation, remembered, np.array([k == 0]))
         observation, _, _, _, info = env.step(action)
         engine = float(plant["gear_ratio"]) * info["shaft_speed"]
-        sfoc = specific_consumption(plant, engine, info["brake_torque"])
-        pitch = float(measurements_of(observation).pitch_ratio[0])
-        rpm = engine * 30.0 / math.pi
         rows.append(
-            (time + 0.5, info["ship_speed"], rpm, pitch, sfoc, info["fuel_flow"], info["thrust"])
-        )
-    names = [
-        "time_s",
-        "ship_speed_m_s",
-        "engine_speed_rpm",
-        "pitch_ratio",
-        "sfoc_g_kwh",
-        "fuel_kg_s",
-        "thrust_N",
-    ]
-    return pd.DataFrame(rows, columns=names)
+            {"time_s": 0.5 * k + 0.5, "ship_speed_m_s": info["ship_speed"],
+             "engine_speed_rpm": engine * 30.0 / math.pi,
+             "pitch_ratio": float(measurements_of(observation).pitch_ratio[0]),
+             "sfoc_g_kwh": specific_consumption(plant, engine, info["brake_torque"]),
+             "fuel_kg_s": info["fuel_flow"], "thrust_N": info["thrust"]}
+        )  # fmt: skip
+    return pd.DataFrame(rows)
 
 
-def simulate_voyages(
-    ship: Ship, tick: Callable[[], None] = lambda: None
-) -> dict[str, pd.DataFrame]:
+def simulate_voyages(ship: Ship, tick: Tick = lambda: None) -> dict[str, pd.DataFrame]:
     """Simulate the three controls of the paper at the middle lever, all from the design curve."""
     curve = combinator_curves(ship, combinator_surface(ship))["design"]
     speed = lever_speeds(ship)[LEVER - 1]

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import functools
-import importlib.resources
 import time
 import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,22 +28,18 @@ from shaftline.plant.ship import Ship
 from shaftline.plant.ship_files import load_ship
 from shaftline.plant.terms import TERM_SIGNALS, Term
 
-NULLS = {"frigate": 30, "motor": 20}
-"""Number of null cases (nothing missing) by rig."""
-
+NULLS = {"frigate": 30, "motor": 20}  # number of null cases (nothing missing) by rig
 WRONG = 0.01
 """Relative standard deviation of the parameters in every fourth case; tolerances are 0.15 to 0.5 %."""
 
 NOISE = {
-    "pitch_ratio": 0.004,
-    "shaft_speed_rad_s": 0.014,
-    "shaft_torque_N_m": 1400.0,
-    "ship_speed_m_s": 0.05,
-}
-"""Rms noise of the frigate's instruments."""
-
-MOTOR_NOISE = 0.3
-"""Rms noise of the motor's shaft speed [rad/s]."""
+    "frigate": {
+        "pitch_ratio": 0.004, "shaft_speed_rad_s": 0.014, "shaft_torque_N_m": 1400.0,
+        "ship_speed_m_s": 0.05,
+    },
+    "motor": {"shaft_speed_rad_s": 0.3},
+}  # fmt: skip
+"""Rms noise of the instruments by rig."""
 
 OUTSIDE = {
     "frigate": {
@@ -71,19 +67,12 @@ BIASED = {
 
 @dataclass(frozen=True)
 class Case:
-    """One recording.
+    """One recording."""
 
-    Args:
-        rig: ``frigate`` or ``motor``.
-        truth: missing term; None in a null case.
-        seed: of commands, noise, signals and biased parameters.
-        wrong: whether the parameters are off by :data:`WRONG`.
-    """
-
-    rig: str
-    truth: Term | None
-    seed: int
-    wrong: bool
+    rig: str  # ``frigate`` or ``motor``
+    truth: Term | None  # missing term; None in a null case
+    seed: int  # of commands, noise, signals and biased parameters
+    wrong: bool  # whether the parameters are off by :data:`WRONG`
 
     @property
     def name(self) -> str:
@@ -93,14 +82,12 @@ class Case:
 
 def cases(seed: int) -> list[Case]:
     """Return a case for each truth, and the null cases; every fourth has biased parameters."""
-    text = importlib.resources.files(__package__).joinpath("truths.toml").read_text("utf-8")
+    text = Path(__file__).with_name("truths.toml").read_text("utf-8")
     found: list[Case] = []
-    for entry in tomllib.loads(text)["truth"]:
-        term = Term.model_validate(entry["term"])
-        found.append(Case(entry["rig"], term, seed + len(found), len(found) % 4 == 3))
+    for i, entry in enumerate(tomllib.loads(text)["truth"]):
+        found.append(Case(entry["rig"], Term.model_validate(entry["term"]), seed + i, i % 4 == 3))
     for rig, count in NULLS.items():
-        for number in range(count):
-            found.append(Case(rig, None, seed + len(found), number % 4 == 3))
+        found += [Case(rig, None, seed + len(found) + i, i % 4 == 3) for i in range(count)]
     return found
 
 
@@ -109,53 +96,47 @@ def nominal_ship(rig: str) -> Ship:
     """Return the ship of the file with the longest time step that its recording allows."""
     units = {name: unit for name, (unit, _, _) in OUTSIDE[rig].items()}
     if rig == "frigate":
-        return (
-            load_ship("frigate").with_values({"integration.time_step_s": 0.2}).with_signals(units)
-        )
-    bench = {"prime_mover.armature_inductance_H": 0.0, "integration.time_step_s": 0.005}
-    return load_ship("tito-neri-sine").with_values(bench).with_signals(units)
+        file, values = "frigate", {"integration.time_step_s": 0.2}
+    else:
+        file = "tito-neri-sine"
+        values = {"prime_mover.armature_inductance_H": 0.0, "integration.time_step_s": 0.005}
+    return load_ship(file).with_values(values).with_signals(units)
 
 
 def make_recording(case: Case) -> pd.DataFrame:
     """Return the recording of a case: steps of the commands at random times, and random signals."""
     rng = np.random.default_rng(case.seed)
-    ship = nominal_ship(case.rig)
+    ship, noise, outside = nominal_ship(case.rig), NOISE[case.rig], OUTSIDE[case.rig]
     if case.wrong:
-        ship = ship.with_values(
-            {
-                k: ship.parameter(k).value * (1.0 + WRONG * rng.standard_normal())
-                for k in BIASED[case.rig]
-            }
-        )
+        values = {
+            k: ship.parameter(k).value * (1.0 + WRONG * rng.standard_normal())
+            for k in BIASED[case.rig]
+        }
+        ship = ship.with_values(values)
     if case.truth is not None:
         ship = ship.with_term(case.truth)
-    frigate = case.rig == "frigate"
-    rows, interval = (3001, 0.2) if frigate else (1500, 0.02)
+    rows, interval = (3001, 0.2) if case.rig == "frigate" else (1500, 0.02)
     table = pd.DataFrame({"time_s": np.arange(rows) * interval})
-    if frigate:
+    if case.rig == "frigate":
         table["fuel_rack_mm"] = _steps(rng, rows, 12.0, 26.0, (100, 450))
         table["pitch_ratio_command"] = _steps(rng, rows, 0.9, 1.35, (100, 450))
     else:
         table["motor_voltage_V"] = _steps(rng, rows, -9.0, 9.0, (25, 90))
+    commands = [*table]
+    if case.rig == "motor":
         table["shaft_speed_rad_s"] = 0.0
-    for name, (_, middle, most) in OUTSIDE[case.rig].items():
+    for name, (_, middle, most) in outside.items():
         table[name] = middle + most * _random_signal(rng, rows)
-    signals = table[list(OUTSIDE[case.rig])]
-    simulated = simulate_recording(ship, table)
-    noise = NOISE if frigate else {"shaft_speed_rad_s": MOTOR_NOISE}
-    kept = list(NOISE) if frigate else ["shaft_speed_rad_s"]
-    demands = [c for c in ("fuel_rack_mm", "pitch_ratio_command", "motor_voltage_V") if c in table]
-    found = simulated[["time_s", *demands, *kept]].copy()
+    found = simulate_recording(ship, table)[[*commands, *noise]].copy()
     for column, rms in noise.items():
         found[column] += rms * rng.standard_normal(rows)
-    return pd.concat([found, signals], axis=1)
+    return pd.concat([found, table[list(outside)]], axis=1)
 
 
 def _steps(
     rng: np.random.Generator, rows: int, low: float, high: float, hold: Sequence[int]
 ) -> NDArray[np.float64]:
-    values = np.empty(rows)
-    at = 0
+    values, at = np.empty(rows), 0
     while at < rows:
         length = int(rng.uniform(*hold))
         values[at : at + length] = rng.uniform(low, high)
@@ -171,16 +152,12 @@ def _random_signal(rng: np.random.Generator, rows: int) -> NDArray[np.float64]:
     return np.asarray(waves / np.abs(waves).max())
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")  # type: ignore[untyped-decorator]
 def search_case(case: Case) -> dict[str, Any]:
     """Search formulas in every balance, without the catalogue.
 
     For null cases this is harder than a diagnosis, which first tests whether the residual is noise.
     """
-    with threadpool_limits(1, "blas"):
-        return _search(case)
-
-
-def _search(case: Case) -> dict[str, Any]:
     ship, options = nominal_ship(case.rig), Options()
     together = load_jointly(ship, [make_recording(case)], signals=options.signals)
     effects = applicable_effects(ship, set(together.tables[0].columns))
@@ -195,29 +172,29 @@ def _search(case: Case) -> dict[str, Any]:
         "case": case.name, "rig": case.rig, "seed": case.seed, "wrong_numbers": case.wrong,
         "tried": search.count, "seconds": time.perf_counter() - begin,
         "coloured": ", ".join(setting.whiteness.coloured_balances(fitter.null)),
-        "formula": "" if formula is None else f"{formula.term.acts_on}: {formula.term.expression}",
-        "signals": [] if formula is None else sorted(formula.signals),
-        "gain": 0.0 if formula is None else formula.gain,
-        "held_out": 0.0 if formula is None else formula.held_out,
-        "threshold": search.threshold(1) if formula is None else formula.threshold,
-        "rivals": [] if formula is None else list(formula.rivals),
+        "formula": "", "signals": [], "gain": 0.0, "held_out": 0.0, "threshold": search.threshold(1),
+        "rivals": [],
     }  # fmt: skip
+    if formula is not None:
+        found |= {
+            "formula": f"{formula.term.acts_on}: {formula.term.expression}",
+            "signals": sorted(formula.signals), "gain": formula.gain, "held_out": formula.held_out,
+            "threshold": formula.threshold, "rivals": list(formula.rivals),
+        }  # fmt: skip
     if case.truth is None:
         return found
-    signals = sorted(
-        {n for n in names_in(case.truth.expression) if n in TERM_SIGNALS or n in ship.signals}
-    )
-    start = [p.value for p in case.truth.parameters.values()]
-    true = search.fit_term(case.truth.model_copy(update={"id": "truth"}), (), start)
+    truth = case.truth
+    signals = [n for n in names_in(truth.expression) if n in TERM_SIGNALS or n in ship.signals]
+    start = [p.value for p in truth.parameters.values()]
+    true = search.fit_term(truth.model_copy(update={"id": "truth"}), (), start)
     assert true is not None
     record = fitter.trial_ship.record
-    possible = aside.judge(record(true.fit.effects)) - aside.judge(record(()))
     return found | {
-        "truth": f"{case.truth.acts_on}: {case.truth.expression}",
-        "true_signals": signals,
-        "right_signals": found["signals"] == signals,
+        "truth": f"{truth.acts_on}: {truth.expression}",
+        "true_signals": sorted(signals),
+        "right_signals": found["signals"] == sorted(signals),
         "possible": true.gain,
-        "possible_held_out": possible,
+        "possible_held_out": aside.judge(record(true.fit.effects)) - aside.judge(record(())),
     }
 
 

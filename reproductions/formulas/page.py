@@ -22,8 +22,7 @@ from .cases import OUTSIDE, cases, diagnose_case, search_case
 NAME, TITLE = "formulas", "Formula search: physics that the catalogue does not contain"
 COMMAND = "python -m reproductions formulas --seed {seed} --out docs/results"
 
-LEAST = 6.0
-"""Gain of the true form on held-out data below which a ratio to it is not meaningful."""
+LEAST = 6.0  # gain of the true form on held-out data below which a ratio to it is not meaningful
 
 
 def main() -> None:
@@ -37,11 +36,14 @@ def main() -> None:
     found = sweep(search_case, named, options.kept / "searched", jobs=options.jobs)
     whole = sweep(diagnose_case, lacking, options.kept / "diagnosed", jobs=options.jobs)
     rows = pd.DataFrame([found[name] for name in named])
-    table = rows.copy()
-    for column in ("signals", "true_signals", "rivals"):
-        table[column] = [" | ".join(x) if isinstance(x, list) else "" for x in table[column]]
+    lists = {
+        column: [" | ".join(x) if isinstance(x, list) else "" for x in rows[column]]
+        for column in ("signals", "true_signals", "rivals")
+    }
     text = body(rows, pd.DataFrame([whole[name] for name in lacking]))
-    write_table(options.out, NAME, TITLE, COMMAND.format(seed=options.seed), table, text)
+    write_table(
+        options.out, NAME, TITLE, COMMAND.format(seed=options.seed), rows.assign(**lists), text
+    )
     print(f"page: {options.out / f'{NAME}.md'}")
 
 
@@ -70,23 +72,24 @@ def summary_rows(truths: pd.DataFrame, nulls: pd.DataFrame) -> list[tuple[str, s
     right = truths["right_signals"].astype(bool)
     either = [_right_or_rival(row) for _, row in truths.iterrows()]
     share = truths["gain"] / truths["possible"]
-    held = truths[truths["possible_held_out"] > LEAST]
-    held_share = held["held_out"] / held["possible_held_out"]
-    formula, seconds = truths["formula"] != "", truths["seconds"]
-    null = nulls["formula"] != ""
-    gated = null & (nulls["coloured"] != "")
+    held = _held_share(truths).dropna()
+    seconds, null = truths["seconds"], nulls["formula"] != ""
     plain = ~truths["wrong_numbers"].astype(bool)
     return [
-        ("truths with a formula", _of(formula), "–"),
+        ("truths with a formula", _of(truths["formula"] != ""), "–"),
         ("right signals", _of(right), "80 %"),
         ("right signals, or in an indistinguishable formula", _of(np.array(either)), "–"),
         ("right signals, parameters exact", _of(right[plain]), "–"),
         ("gain at least 0.8 of the true form's", _of(share >= 0.8), "–"),
         ("median gain over the true form's", f"{share.median():.2f}", "0.8"),
         ("mean gain over the true form's", f"{share.mean():.2f}", "–"),
-        ("the median on held-out data", f"{held_share.median():.2f}", "0.8"),
+        ("the median on held-out data", f"{held.median():.2f}", "0.8"),
         ("null cases with a formula", _of(null), "at most 2 %"),
-        ("of these, with a residual above noise", _of(gated), "at most 2 %"),
+        (
+            "of these, with a residual above noise",
+            _of(null & (nulls["coloured"] != "")),
+            "at most 2 %",
+        ),
         (
             "seconds of a search: median, largest",
             f"{seconds.median():.0f}, {seconds.max():.0f}",
@@ -95,16 +98,17 @@ def summary_rows(truths: pd.DataFrame, nulls: pd.DataFrame) -> list[tuple[str, s
     ]
 
 
+def _held_share(truths: pd.DataFrame) -> pd.Series:
+    """Return the held-out gain over that of the true form, NaN where this is not meaningful."""
+    possible = truths["possible_held_out"]
+    return (truths["held_out"] / possible).where(possible > LEAST)
+
+
 def _right_or_rival(row: Any) -> bool:
-    if row["right_signals"]:
-        return True
-    wanted = set(row["true_signals"])
-    return any(_signals(rival, row["rig"]) == wanted for rival in row["rivals"])
-
-
-def _signals(rival: str, rig: str) -> set[str]:
-    """Return the signals of a formula that is written as ``LOCATION: EXPRESSION``."""
-    return {*names_in(rival.split(": ")[1])} & {*TERM_SIGNALS, *OUTSIDE[rig]}
+    """Return whether the formula, or one written as ``LOCATION: EXPRESSION``, has the true signals."""
+    known = {*TERM_SIGNALS, *OUTSIDE[row["rig"]]}
+    rivals = ({*names_in(rival.split(": ")[1])} & known for rival in row["rivals"])
+    return bool(row["right_signals"]) or {*row["true_signals"]} in rivals
 
 
 def _of(found: Any) -> str:
@@ -120,9 +124,7 @@ def _rows(truths: pd.DataFrame) -> pd.DataFrame:
             "signals": np.where(truths["right_signals"].astype(bool), "right", ""),
             "gain": truths["gain"],
             "over true form": truths["gain"] / truths["possible"],
-            "held out, over true form": (truths["held_out"] / truths["possible_held_out"]).where(
-                truths["possible_held_out"] > LEAST
-            ),
+            "held out, over true form": _held_share(truths),
         }
     )
 
@@ -131,17 +133,12 @@ def diagnoses_table(whole: pd.DataFrame, truths: pd.DataFrame) -> pd.DataFrame:
     """Return verdict, effects and formula of each diagnosis."""
     wanted = dict(zip(truths["case"], truths["true_signals"], strict=True))
     rows = []
-    for _, row in whole.iterrows():
+    for row in whole.to_dict("records"):
         formula = row["formula"] if isinstance(row["formula"], dict) else None
         right = formula is not None and sorted(formula["signals"]) == wanted[row["case"]]
         rows.append(
-            {
-                "case": row["case"],
-                "verdict": row["verdict"],
-                "identified": ", ".join(row["named"]),
-                "formula": f"{formula['acts_on']}: {formula['expression']}" if formula else "",
-                "signals": "right" if right else "",
-                "held-out gain": row["held_out"],
-            }
-        )
+            {"case": row["case"], "verdict": row["verdict"], "identified": ", ".join(row["named"]),
+             "formula": f"{formula['acts_on']}: {formula['expression']}" if formula else "",
+             "signals": "right" if right else "", "held-out gain": row["held_out"]}
+        )  # fmt: skip
     return pd.DataFrame(rows)

@@ -10,7 +10,7 @@ side was run alone.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -27,54 +27,39 @@ from shaftline.plant.recording import convert_numbers, read_recording, read_tabl
 from shaftline.plant.ship import validate_tables
 from shaftline.plant.state import motion_state, steady_inputs
 
+from ..writing import refusal, rms
+
 NAMES = (
     "z_05_01", "z_10_01", "z_10_05", "z_10_10_p", "z_10_10_s", "z_15_01", "z_15_05", "z_20_05",
     "z_20_10_p", "z_20_10_s", "z_25_05", "z_30_05", "z_35_05",
 )  # fmt: skip
-UNSEEN = "z_35_05"
-"""Held-out run: the largest rudder angle and the largest loss of speed."""
-
+UNSEEN = "z_35_05"  # held-out run: the largest rudder angle and the largest loss of speed
 TORQUE, THRUST, SPEED = "shaft_torque_N_m", "thrust_N", "ship_speed_m_s"
 SWAY, YAW, RUDDER = "sway_speed_m_s", "yaw_rate_rad_s", "rudder_rad"
 CHANNELS = (TIME, SHAFT_SPEED, TORQUE, THRUST, SPEED)
 """Columns that are fitted; sway, yaw and rudder only select the rows."""
 
-PROPELLER_AT_M = -3.386
-"""Position of the propeller, forward of midship [m]."""
-
-DENSITY = 1000.0
-"""Density of the tank's fresh water [kg/m3]; not printed."""
-
+PROPELLER_AT_M = -3.386  # position of the propeller, forward of midship [m]
+DENSITY = 1000.0  # density of the tank's fresh water [kg/m3]; not printed
 PRINTED_WAKE, PRINTED_DEDUCTION = 0.40, 0.25
 APPROACH_SPEED = 15.5 * 1852.0 / 3600.0 / 45.7**0.5
 """Model speed at which the printed values are assumed to be in balance [m/s]: 15.5 kn full scale."""
 
-REVOLUTIONS = 10.23
-"""Revolutions, constant in all runs [1/s]."""
-
+REVOLUTIONS = 10.23  # revolutions, constant in all runs [1/s]
 Runs = dict[str, pd.DataFrame]
+Floats = NDArray[np.float64]
 
 
 class Straight(NamedTuple):
-    """Limits within which the rows of a run count as straight.
+    """Limits within which the rows of a run count as straight."""
 
-    Args:
-        title: name for the page.
-        drift_deg: largest drift angle at the propeller; infinite where the rudder alone counts.
-        yaw_deg_s: largest yaw rate.
-        rudder_deg: largest rudder angle.
-        from_s: time before which all rows are left out [s].
-        first_only: whether to end at the first row beyond a limit.
-        least_rows: least number of rows of a part.
-    """
-
-    title: str
-    drift_deg: float
+    title: str  # for the page
+    drift_deg: float  # largest drift angle at the propeller; infinite where the rudder alone counts
     yaw_deg_s: float
     rudder_deg: float
-    from_s: float
-    first_only: bool
-    least_rows: int
+    from_s: float  # time before which all rows are left out
+    first_only: bool  # whether to end at the first row beyond a limit
+    least_rows: int  # of a part
 
 
 SMALL = Straight("small drift", 1.5, 0.2, 6.0, 3.0, False, 40)
@@ -84,15 +69,10 @@ BEFORE = Straight("before the first rudder execute", np.inf, np.inf, 1.0, 0.0, T
 """Rows before the rudder leaves midship."""
 
 LIMITS = (
-    SMALL._replace(drift_deg=1.0, yaw_deg_s=0.1),
-    SMALL._replace(drift_deg=1.0),
-    SMALL,
-    SMALL._replace(drift_deg=2.0, yaw_deg_s=0.3),
-    SMALL._replace(drift_deg=3.0, yaw_deg_s=0.5),
-    SMALL._replace(drift_deg=2.0, yaw_deg_s=0.3, rudder_deg=11.0),
-    SMALL._replace(from_s=0.0),
-    BEFORE,
-)
+    SMALL._replace(drift_deg=1.0, yaw_deg_s=0.1), SMALL._replace(drift_deg=1.0), SMALL,
+    *(SMALL._replace(drift_deg=d, yaw_deg_s=y) for d, y in ((2.0, 0.3), (3.0, 0.5))),
+    SMALL._replace(drift_deg=2.0, yaw_deg_s=0.3, rudder_deg=11.0), SMALL._replace(from_s=0.0), BEFORE,
+)  # fmt: skip
 """Other limits, for the sensitivity of the result."""
 
 
@@ -120,22 +100,15 @@ def ship_of(folder: Path) -> Ship:
     if not np.isfinite(table.to_numpy(dtype=np.float64)).all():
         raise RecordingError(f"{path}: an entry is not a finite number")
     entries = table.astype(float)
-    tree: dict[str, Any] = {
+    tree = {
         "name": "kvlcc2",
         "description": "7 m model of the tanker KVLCC2 at constant revolutions",
         "water": {"density_kg_m3": DENSITY},
-        "hull": {
-            "mass_kg": 3272.0,
-            "resistance_coefficient_N_s2_m2": 1.0,
-            "wake_fraction": PRINTED_WAKE,
-            "thrust_deduction": PRINTED_DEDUCTION,
-        },
-        "propeller": {
-            "model": "table",
-            "diameter_m": 0.204,
-            "blades": 4,
-            "relative_rotative_efficiency": 1.0,  # not printed
-            "depth_m": 0.3,  # assumed; without effect while nothing ventilates
+        "hull": {"mass_kg": 3272.0, "resistance_coefficient_N_s2_m2": 1.0,
+                 "wake_fraction": PRINTED_WAKE, "thrust_deduction": PRINTED_DEDUCTION},
+        "propeller": {  # eta_R is not printed; the assumed depth acts where air is drawn only
+            "model": "table", "diameter_m": 0.204, "blades": 4, "relative_rotative_efficiency": 1.0,
+            "depth_m": 0.3,
             "open_water": {
                 "advance_ratio": entries["J"].tolist(),
                 "thrust_coefficient": entries["Kt"].tolist(),
@@ -145,15 +118,15 @@ def ship_of(folder: Path) -> Ship:
         "prime_mover": {"type": "speed-command", "speed_max_rad_s": 100.0},
         "transmission": {"inertia_propeller_side_kg_m2": 0.0},
         "integration": {"time_step_s": 0.05},
-    }
+    }  # fmt: skip
     ship = validate_tables(Ship, tree, "kvlcc2")
     omega = np.array([2.0 * np.pi * REVOLUTIONS])
     thrust = loads_at(ship, np.array([APPROACH_SPEED]), omega)[0][0]
     resistance = (1.0 - PRINTED_DEDUCTION) * float(thrust) / APPROACH_SPEED**2
-    return ship.with_values({"hull.resistance_coefficient_N_s2_m2": round(resistance, 2)})
+    return ship.with_values({RESISTANCE: round(resistance, 2)})
 
 
-def drift_at_propeller(run: pd.DataFrame) -> NDArray[np.float64]:
+def drift_at_propeller(run: pd.DataFrame) -> Floats:
     """Return the drift angle at the propeller [rad], shape (rows,)."""
     across = run[SWAY] + PROPELLER_AT_M * run[YAW]
     return np.asarray(np.arctan2(across.to_numpy(), run[SPEED].to_numpy()))
@@ -161,20 +134,13 @@ def drift_at_propeller(run: pd.DataFrame) -> NDArray[np.float64]:
 
 def straight_rows(run: pd.DataFrame, by: Straight) -> list[tuple[int, int]]:
     """Return the first row of each straight part of a run, and one past its last."""
-    straight = (
-        (np.degrees(np.abs(drift_at_propeller(run))) < by.drift_deg)
-        & (np.degrees(np.abs(run[YAW].to_numpy())) < by.yaw_deg_s)
-        & (np.degrees(np.abs(run[RUDDER].to_numpy())) < by.rudder_deg)
-        & (run[TIME].to_numpy() >= by.from_s)
-    )
+    angles = np.degrees(np.abs([drift_at_propeller(run), run[YAW], run[RUDDER]]))
+    straight = np.less(angles.T, by[1:4]).all(axis=1) & (run[TIME].to_numpy() >= by.from_s)
     if by.first_only:
         straight = np.logical_and.accumulate(straight)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], straight.astype(int), [0]])))
-    return [
-        (int(a), int(b))
-        for a, b in zip(edges[::2], edges[1::2], strict=True)
-        if b - a >= by.least_rows
-    ]
+    pairs = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+    return [(a, b) for a, b in pairs if b - a >= by.least_rows]
 
 
 def straight_parts(runs: Runs, by: Straight) -> list[pd.DataFrame]:
@@ -190,11 +156,7 @@ def straight_parts(runs: Runs, by: Straight) -> list[pd.DataFrame]:
 
 @compiled
 def _fill_loads(
-    plant: Record,
-    ship_speed: NDArray[np.float64],
-    shaft_speed: NDArray[np.float64],
-    thrust: NDArray[np.float64],
-    torque: NDArray[np.float64],
+    plant: Record, ship_speed: Floats, shaft_speed: Floats, thrust: Floats, torque: Floats
 ) -> None:
     """Fill thrust [N] and torque [N m] behind the ship at each row."""
     for k in range(len(ship_speed)):
@@ -205,9 +167,7 @@ def _fill_loads(
         torque[k] = acting.load_torque
 
 
-def loads_at(
-    ship: Ship, ship_speed: NDArray[np.float64], shaft_speed: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def loads_at(ship: Ship, ship_speed: Floats, shaft_speed: Floats) -> tuple[Floats, Floats]:
     """Return thrust [N] and torque [N m] at measured speeds [m/s, rad/s], each of shape (rows,).
 
     The measured speed is used because a surge model lacks the speed loss by drift and rudder.
@@ -224,10 +184,7 @@ EFFICIENCY = "propeller.relative_rotative_efficiency"
 FREE = (WAKE, EFFICIENCY, RESISTANCE)
 """Free parameters: thrust identifies the wake, torque eta_R, the balance of the hull one more."""
 
-REFUSED: tuple[tuple[str, ...], ...] = (
-    (WAKE, EFFICIENCY, RESISTANCE, DEDUCTION),
-    (WAKE, EFFICIENCY, RESISTANCE, DEDUCTION, MASS),
-)
+REFUSED: tuple[tuple[str, ...], ...] = ((*FREE, DEDUCTION), (*FREE, DEDUCTION, MASS))
 """Parameters that the straight parts cannot identify together."""
 
 FRESH_COLD = 998.0
@@ -251,21 +208,13 @@ def identify_variants(ship: Ship, runs: Runs, by: Straight) -> dict[str, Identif
 
 
 def refusals(ship: Ship, runs: Runs) -> dict[tuple[str, ...], str]:
-    """Return the messages with which ``identify`` refuses parameter sets that are not identifiable.
+    """Return the messages with which ``identify`` refuses :data:`REFUSED`.
 
     Raises:
         ValueError: a set is not refused.
     """
     parts = straight_parts(runs, SMALL)
-    messages: dict[tuple[str, ...], str] = {}
-    for keys in REFUSED:
-        try:
-            identify(ship, *parts, free=keys)
-        except ValueError as error:
-            messages[keys] = str(error)
-        else:
-            raise ValueError(f"identify did not refuse {', '.join(keys)}")
-    return messages
+    return {keys: refusal(ship, parts, keys) for keys in REFUSED}
 
 
 def sensitivity(ship: Ship, runs: Runs) -> pd.DataFrame:
@@ -273,15 +222,8 @@ def sensitivity(ship: Ship, runs: Runs) -> pd.DataFrame:
     rows = []
     for by in LIMITS:
         parts = straight_parts(runs, by)
-        row: dict[str, float | str] = {
-            "title": by.title,
-            "drift_deg": by.drift_deg,
-            "yaw_deg_s": by.yaw_deg_s,
-            "rudder_deg": by.rudder_deg,
-            "from_s": by.from_s,
-            "parts": len(parts),
-            "rows": sum(map(len, parts)),
-        }
+        row = dict(zip(by._fields[:5], by, strict=False))
+        row |= {"parts": len(parts), "rows": sum(map(len, parts))}
         for e in identify(ship, *parts, free=FREE).estimates:
             row |= {e.name: e.value, f"{e.name}_se": e.standard_error}
         rows.append(row)
@@ -298,10 +240,6 @@ class Errors(NamedTuple):
 def errors(ship: Ship, run: pd.DataFrame) -> Errors:
     """Return the errors of thrust and torque on a whole run at its measured speeds."""
     thrust, torque = loads_at(ship, run[SPEED].to_numpy(), run[SHAFT_SPEED].to_numpy())
-
-    def rms(difference: pd.Series[float]) -> float:
-        return float(np.sqrt(np.mean(difference**2)))
-
     return Errors(rms(thrust - run[THRUST]), rms(torque - run[TORQUE]))
 
 
@@ -323,15 +261,9 @@ def zigzag_errors(ship: Ship, found: dict[str, Ship], runs: Runs) -> pd.DataFram
     rows = []
     for name, run in runs.items():
         wake, least = best_wake(ship, run)
-        before = errors(ship, run)
-        row: dict[str, float | str] = {
-            "run": name,
-            "unseen": "yes" if name == UNSEEN else "no",
-            "thrust_before_N": before.thrust,
-        }
-        after = {word: errors(other, run) for word, other in found.items()}
-        row |= {f"thrust_{word}_N": e.thrust for word, e in after.items()}
-        row |= {"best_wake": wake, "thrust_least_N": least, "torque_before_N_m": before.torque}
-        row |= {f"torque_{word}_N_m": e.torque for word, e in after.items()}
-        rows.append(row)
+        all_ = {word: errors(one, run) for word, one in {"before": ship, **found}.items()}
+        row: dict[str, float | str] = {"run": name, "unseen": "yes" if name == UNSEEN else "no"}
+        row |= {f"thrust_{word}_N": e.thrust for word, e in all_.items()}
+        row |= {"best_wake": wake, "thrust_least_N": least}
+        rows.append(row | {f"torque_{word}_N_m": e.torque for word, e in all_.items()})
     return pd.DataFrame(rows)

@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from shaftline.display import figures
 from shaftline.mismatch import identify
 from shaftline.mismatch.identify import Identification
 from shaftline.plant import Ship, load_ship
@@ -17,15 +16,14 @@ from shaftline.plant.columns import HEADING, SHAFT_SPEED, TIME
 from shaftline.plant.replay import simulate_recording
 
 from .. import nomoto
+from ..writing import Panel, draw, interval
 from .oblique import FITTED
 from .runs import RUDDER, UNSEEN, YAW, Runs, ship_of
 
 EVERY = 4
 """One row in so many of 20 Hz is fitted: a zig-zag has no information at higher frequencies."""
 
-THREE = (
-    "hull.resistance_coefficient_N_s2_m2", "manoeuvring.N_r", "rudder.normal_force_slope",
-)  # fmt: skip
+THREE = ("hull.resistance_coefficient_N_s2_m2", "manoeuvring.N_r", "rudder.normal_force_slope")
 SIX = (*THREE, "manoeuvring.Y_v", "manoeuvring.Y_r", "manoeuvring.N_v")
 EIGHT = (*SIX, "rudder.straightening_port", "rudder.straightening_starboard")
 SETS = {"three parameters": THREE, "six parameters": SIX, "eight parameters": EIGHT}
@@ -100,14 +98,11 @@ def estimates_table(turning: Turning) -> pd.DataFrame:
     """Return the estimates of each identification with their 95 % intervals."""
     rows = []
     for key in EIGHT:
-        row: dict[str, str] = {"key": key, "published": ""}
+        row = {"key": key, "published": ""}
         for what, one in turning.found.items():
-            known = {e.key: e for e in one.estimates}
-            row[what] = ""
-            if key in known:
-                low, high = known[key].ci95
-                row["published"] = f"{known[key].neutral:.4g}"
-                row[what] = f"{known[key].value:.3g} ({low:.3g} to {high:.3g})"
+            known = next((e for e in one.estimates if e.key == key), None)
+            row[what] = interval(known) if known else ""
+            row["published"] = f"{known.neutral:.4g}" if known else row["published"]
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -122,21 +117,12 @@ def error_of(turning: Turning, what: str, channel: str, group: str = UNSEEN) -> 
 def figure_of(turning: Turning, runs: Runs) -> Figure:
     """Draw the rate of turn of a fitted and of the held-out run, measured and simulated."""
     names, steered = ("z_20_05", UNSEEN), steered_runs(runs)
-    figure, axes = figures.new_figure(len(names), 1, (9.0, 5.6))
-    for axis, name in zip(axes[:, 0], names, strict=True):
+    panels: list[Panel] = []
+    length = turning.ships[DRAWN[0]].manoeuvring.length_m
+    for name in names:
         run = steered[name]
-        lines = {w: simulate_recording(turning.ships[w], run) for w in DRAWN}
-        lines["Nomoto"] = nomoto.simulate_response(
-            turning.response, run, turning.ships[DRAWN[0]].manoeuvring.length_m
-        )
-        axis.plot(run[TIME], np.degrees(run[YAW]), color=figures.TRUTH, lw=1.4, label="measured")
-        for colour, (what, simulated) in zip(figures.PALETTE, lines.items(), strict=False):
-            style = ":" if what == "Nomoto" else "-"
-            axis.plot(
-                simulated[TIME], np.degrees(simulated[YAW]), style, color=colour, lw=1.1, label=what
-            )
-        axis.set_title(f"{name}{', held out' if name == UNSEEN else ''}", fontsize=9, loc="left")
-        axis.set_ylabel("rate of turn [deg/s]", fontsize=8)
-    axes[0, 0].legend(fontsize=8, frameon=False, ncols=3)
-    axes[-1, 0].set_xlabel("time [s]", fontsize=8)
-    return figure
+        lines = {what: simulate_recording(turning.ships[what], run) for what in DRAWN}
+        lines["Nomoto"] = nomoto.simulate_response(turning.response, run, length)
+        title = f"{name}{', held out' if name == UNSEEN else ''}"
+        panels.append(nomoto.channel_panel(run, lines, YAW, title, 0 if panels else 3))
+    return draw(panels, (9.0, 5.6), xlabel="time [s]")

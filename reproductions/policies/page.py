@@ -23,17 +23,16 @@ from shaftline.agents.policy.card import card
 from shaftline.agents.policy.policy import load_policy, packaged_policies_folder
 from shaftline.core.files import read_json, write_text
 from shaftline.core.sweep import SweepError, sweep
-from shaftline.display.tables import write_table
 from shaftline.envs import DEFAULTS, get_task, tasks
 
 from ..learners.references import CONTROLLERS, EPISODES, FIRST_SEED, TUNED
-from ..pages import fill_template, make_parser, print_dot
+from ..pages import make_parser, print_dot
+from ..writing import write_results
 from .trainings import BLOCKS, classic_cell, policy_cell
 
 COMBINATOR, VA_PITCH = CONTROLLERS[0], "va-pitch"
 CLASSIC = (COMBINATOR, VA_PITCH, TUNED)
 TITLE = "Policies of the package"
-NAME, COMMAND = "policies", "python -m reproductions policies --out docs/results"
 
 NOTES = (
     f"Each mean is over {EPISODES} episodes from seed {FIRST_SEED}, which no training and no search "
@@ -61,10 +60,8 @@ def episodes_of(task: str, part: str, found: Mapping[str, Any]) -> NDArray[np.fl
     return np.atleast_2d(np.array(rows, dtype=np.float64)) if rows else np.zeros((0, 0))
 
 
-def classic_of(task: str, name: str, part: str, found: Mapping[str, Any]) -> NDArray[np.float64]:
-    """Return the returns of a classic controller, shape (episodes,)."""
-    key = f"classic_{task}_{name}".replace(" ", "-")
-    return np.array(found[key][part]["values"], dtype=np.float64)
+def _classic_key(task: str, name: str) -> str:
+    return f"classic_{task}_{name}".replace(" ", "-")
 
 
 def table_of(found: Mapping[str, Any]) -> pd.DataFrame:
@@ -75,10 +72,9 @@ def table_of(found: Mapping[str, Any]) -> pd.DataFrame:
             policies = episodes_of(task, part, found)
             if not len(policies):
                 continue
-            classic = {name: classic_of(task, name, part, found) for name in CLASSIC}
+            classic = {n: np.array(found[_classic_key(task, n)][part]["values"]) for n in CLASSIC}
             gain, low, high = mean_with_interval(policies - classic[TUNED])
-            bound = bounds().get(task)
-            steps = DEFAULTS.max_episode_steps or 1
+            bound, steps = bounds().get(task), DEFAULTS.max_episode_steps or 1
             unit = np.nan if bound is None else steps * (bound.best - bound.combinator)
             rows.append(
                 {"task": task, "seas": part, "trainings": len(policies),
@@ -90,24 +86,15 @@ def table_of(found: Mapping[str, Any]) -> pd.DataFrame:
 
 
 def _shown(table: pd.DataFrame, part: str) -> pd.DataFrame:
-    rows = table[table["seas"] == part]
-    unit = rows["score_unit"]
     return pd.DataFrame(
-        {
-            "task": rows["task"],
-            "action mode": [_mode(task) for task in rows["task"]],
-            "trainings": rows["trainings"],
-            **{name: [f"{x:.1f}" for x in rows[name]] for name in (*CLASSIC, "policy")},
-            "policy less tuned controller": [
-                f"{r['gain']:+.1f} ({r['gain_low']:+.1f} to {r['gain_high']:+.1f})"
-                for _, r in rows.iterrows()
-            ],
-            "in % of the score": [
-                "–" if np.isnan(u) else f"{100.0 * g / u:+.0f}"
-                for g, u in zip(rows["gain"], unit, strict=True)
-            ],
-        }
-    )
+        {"task": row["task"], "action mode": _mode(row["task"]), "trainings": row["trainings"],
+         **{name: f"{row[name]:.1f}" for name in (*CLASSIC, "policy")},
+         "policy less tuned controller":
+             f"{row['gain']:+.1f} ({row['gain_low']:+.1f} to {row['gain_high']:+.1f})",
+         "in % of the score": "–" if np.isnan(row["score_unit"])
+             else f"{100.0 * row['gain'] / row['score_unit']:+.0f}"}
+        for row in table[table["seas"] == part].to_dict("records")
+    )  # fmt: skip
 
 
 def _mode(task: str) -> str:
@@ -140,20 +127,16 @@ def figures(found: Mapping[str, Any]) -> pd.DataFrame:
     """Return the KPIs of policy, tuned controller and va-pitch in the training seas."""
     rows = []
     for task in tasks(None):
-        cells = [v for k, v in found.items() if k.startswith(f"policy_{task}_")]
+        cells = [v["training"] for k, v in found.items() if k.startswith(f"policy_{task}_")]
         if not cells:
             continue
-        classic = [
-            found[f"classic_{task}_{name}".replace(" ", "-")]["training"]["kpis"]
-            for name in (TUNED, VA_PITCH)
-        ]
-        row: dict[str, Any] = {"task": task}
+        classic = [found[_classic_key(task, n)]["training"]["kpis"] for n in (TUNED, VA_PITCH)]
+        row = {"task": task}
         for name, words in _FIGURES.items():
-            own = float(np.mean([cell["training"]["kpis"][name] for cell in cells]))
+            own = float(np.mean([cell["kpis"][name] for cell in cells]))
             shown = [own, *(kpis[name] for kpis in classic)]
             row[words] = " / ".join(f"{value:.3g}" for value in shown) if any(shown) else "–"
-        failed = float(np.mean([cell["training"]["failed"] for cell in cells]))
-        rows.append(row | {"failed": f"{failed:.3g}"})
+        rows.append(row | {"failed": f"{np.mean([cell['failed'] for cell in cells]):.3g}"})
     return pd.DataFrame(rows)
 
 
@@ -166,12 +149,11 @@ def write(folder: Path, found: Mapping[str, Any]) -> Path:
     )
     titles = {"training": "Training seas", "second block": "Training seas, second block of seeds",
               "held-out": "Held-out seas"}  # fmt: skip
-    body = fill_template(
-        Path(__file__).with_name("page.md"), notes=NOTES, won=reached, wholly=wholly,
-        parts={title: _shown(table, part) for part, title in titles.items()}, kpis=figures(found),
+    parts = {title: _shown(table, part) for part, title in titles.items()}
+    return write_results(
+        __file__, folder, TITLE, table, notes=NOTES, won=reached, wholly=wholly, parts=parts,
+        kpis=figures(found),
     )  # fmt: skip
-    write_table(folder, NAME, TITLE, COMMAND, table, body)
-    return folder / f"{NAME}.md"
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -185,45 +167,34 @@ def main(arguments: list[str] | None = None) -> None:
     help_text = "put the first training of each task into the package"
     add("--package", action="store_true", help=help_text)
     options = parser.parse_args(arguments)
-    kept = options.kept
-    classic = {
-        f"classic_{task}_{name}".replace(" ", "-"): (task, name)
-        for task in options.task
-        for name in CLASSIC
-    }
+    kept, common = options.kept, {"jobs": options.jobs, "tick": print_dot}
+    classic = {_classic_key(task, name): (task, name) for task in options.task for name in CLASSIC}
     policies = {
         f"policy_{task}_{seed}": (task, seed, kept)
-        for seed in range(1, options.seeds + 1)
-        for task in options.task
-    }
+        for seed in range(1, options.seeds + 1) for task in options.task
+    }  # fmt: skip
     try:
         if not options.page_only:
-            sweep(classic_cell, classic, kept, jobs=options.jobs, tick=print_dot)
+            sweep(classic_cell, classic, kept, **common)
             for task in options.task:
                 recipe = read_recipe("ppo", task)
                 make_plans(recipe, get_task(task).vessel, kept / "plans", options.jobs, print_dot)
-            sweep(policy_cell, policies, kept, jobs=options.jobs, tick=print_dot)
+            sweep(policy_cell, policies, kept, **common)
             print()
     except SweepError as error:
         parser.exit(1, f"{error}\n")
-    found = {file.stem: read_json(file) for file in sorted(kept.glob("*.json"))}
-    print(f"page: {write(options.out, found)}")
+    write(options.out, {file.stem: read_json(file) for file in sorted(kept.glob("*.json"))})
     if options.package:
         for task in options.task:
             print(f"packaged: {package(task, kept)}")
 
 
 def package(task: str, kept: Path) -> Path:
-    """Put the first training of a task into the package, with its card; return the file.
-
-    Args:
-        task: name.
-        kept: folder of trainings and episodes.
-    """
+    """Put the first training of a task into the package, with its card; return the file."""
     place = packaged_policies_folder() / f"{task}.npz"
     shutil.copyfile(kept / "trainings" / f"{task}-1" / "policy.npz", place)
     rows = {"policy": means(read_json(kept / f"policy_{task}_1.json"))}
     for name in CLASSIC:
-        rows[name] = means(read_json(kept / f"classic_{task}_{name.replace(' ', '-')}.json"))
+        rows[name] = means(read_json(kept / f"{_classic_key(task, name)}.json"))
     write_text(place.with_suffix(".md"), card(task, load_policy(place), rows, NOTES))
     return place

@@ -21,17 +21,13 @@ BLOCKS = {
 """Parts of the evaluation: suffix of the task's name, and first seed."""
 
 
-FROM_NOTHING = "track-keeping"
-"""Task whose recipe has neither plans nor a base controller."""
+FROM_NOTHING = "track-keeping"  # task whose recipe has neither plans nor a base controller
 
 
 def from_nothing(task: str, env_kwargs: Mapping[str, Any], **changes: Any) -> Recipe:
     """Return a recipe with increments and no base controller, with the package's hyperparameters.
 
-    Args:
-        task: name.
-        env_kwargs: keywords of the environment except the action mode.
-        changes: other fields of the recipe.
+    ``changes`` are other fields of the recipe.
     """
     given = {"task": task, "env_kwargs": {**env_kwargs, "action_mode": "increment"}} | changes
     return Recipe.model_validate(read_recipe("ppo", FROM_NOTHING).model_dump() | given)

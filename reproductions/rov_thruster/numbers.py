@@ -7,7 +7,6 @@ the same parameters are also fitted to each held-out run itself, which bounds th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,19 +20,9 @@ from shaftline.plant import Ship, load_ship
 from shaftline.plant.columns import MEASURED
 from shaftline.plant.replay import Replay
 
-from .runs import (
-    CONSTANTS,
-    CONTROLLERS,
-    OWNERS_DEAD_ZONE_V,
-    SPEED,
-    TOLERANCE_FACTOR,
-    WHOLE,
-    HeldOutRun,
-    Runs,
-    evaluate_run,
-    fitted_and_kept,
-    with_owners_dead_zone,
-)
+from ..writing import interval, refusal, rms, span
+from . import runs as rov
+from .runs import CONSTANTS, CONTROLLERS, SPEED, WHOLE, HeldOutRun, Runs
 
 CONSTANT, RESISTANCE = "prime_mover.motor_constant_V_s_rad", "prime_mover.armature_resistance_ohm"
 INERTIA = "transmission.inertia_engine_side_kg_m2"
@@ -68,39 +57,29 @@ SETS = (
 )
 
 
-@dataclass(frozen=True)
-class Refit:
-    """Parameters estimated on the runs of two controllers, evaluated on those of the third.
-
-    Args:
-        freed: free parameters and start.
-        unseen: controller whose runs are held out.
-        identification: the identification.
-        judged: errors on each held-out run.
-        least: least rms error of the shaft speed on each of these runs [rad/s].
-    """
+class Refit(NamedTuple):
+    """Parameters estimated on the runs of two controllers, evaluated on those of the third."""
 
     freed: Freed
-    unseen: str
+    unseen: str  # controller whose runs are held out
     identification: Identification
     judged: tuple[HeldOutRun, ...]
-    least: tuple[float, ...]
+    least: tuple[float, ...]  # least rms error of the shaft speed on each of these runs [rad/s]
 
 
 def start_of(title: str) -> Ship:
     """Return the ship of a start."""
     ship = load_ship("rov-thruster")
-    return with_owners_dead_zone(ship) if title == WHOLE else ship
+    return rov.with_owners_dead_zone(ship) if title == WHOLE else ship
 
 
 def refit(freed: Freed, runs: Runs, unseen: str) -> Refit:
     """Estimate parameters on the runs of two controllers, and evaluate them on those of the third."""
     ship = start_of(freed.start)
-    fitted, held = fitted_and_kept(ship, runs, unseen)
-    found = identify(ship, *fitted, free=freed.keys, hold_out=held, tolerance=TOLERANCE_FACTOR)
-    unseen_runs = {run: table for run, table in runs.items() if run[0] == unseen}
-    results = tuple(evaluate_run(ship, found.identified, run, t) for run, t in unseen_runs.items())
-    least = tuple(least_error(found, table) for table in unseen_runs.values())
+    fitted, held = rov.fitted_and_kept(ship, runs, unseen)
+    found = identify(ship, *fitted, free=freed.keys, hold_out=held, tolerance=rov.TOLERANCE_FACTOR)
+    results = rov.evaluate(ship, found.identified, runs, unseen)
+    least = tuple(least_error(found, runs[result.run]) for result in results)
     return Refit(freed, unseen, found, results, least)
 
 
@@ -123,8 +102,7 @@ def least_error(found: Identification, table: pd.DataFrame) -> float:
 
     def error(shares: Any) -> float:
         values = free.towards(list(here), list(here + shares * sizes))
-        simulated = replay.simulate(free.record(values))[MEASURED[SPEED]]
-        return float(np.sqrt(np.mean((simulated - measured) ** 2)))
+        return rms(replay.simulate(free.record(values))[MEASURED[SPEED]] - measured)
 
     corner = np.zeros(len(here))
     simplex = np.vstack([corner, corner + np.eye(len(here))])
@@ -135,23 +113,16 @@ def least_error(found: Identification, table: pd.DataFrame) -> float:
     return float(found_there.fun)
 
 
-def refusals(runs: Runs, sets: Sequence[tuple[str, ...]] = REFUSED) -> list[str]:
-    """Return the messages with which ``identify`` refuses parameter sets that are not identifiable.
+def refusals(runs: Runs) -> list[str]:
+    """Return the messages with which ``identify`` refuses :data:`REFUSED`.
 
     Raises:
         ValueError: a set is not refused.
     """
     ship = start_of(WHOLE)
-    fitted, held = fitted_and_kept(ship, runs, CONTROLLERS[-1])
-    messages = []
-    for keys in sets:
-        try:
-            identify(ship, *fitted, free=keys, hold_out=held, tolerance=TOLERANCE_FACTOR)
-        except ValueError as error:
-            messages.append(str(error))
-        else:
-            raise ValueError(f"identify did not refuse {', '.join(keys)}")
-    return messages
+    fitted, held = rov.fitted_and_kept(ship, runs, CONTROLLERS[-1])
+    options = {"hold_out": held, "tolerance": rov.TOLERANCE_FACTOR}
+    return [refusal(ship, fitted, keys, **options) for keys in REFUSED]
 
 
 def table_of(found: Sequence[Refit]) -> pd.DataFrame:
@@ -161,19 +132,12 @@ def table_of(found: Sequence[Refit]) -> pd.DataFrame:
         numbers: dict[str, float] = {}
         for e in one.identification.estimates:
             numbers |= {e.name: e.value, f"{e.name}_se": e.standard_error}
-        for result, least in zip(one.judged, one.least, strict=True):
-            rows.append(
-                {
-                    "start": one.freed.start,
-                    "freed": one.freed.title,
-                    "unseen": " ".join(result.run),
-                    "rms_before_rad_s": result.before,
-                    "rms_after_rad_s": result.after,
-                    "after/before": result.ratio,
-                    "rms_least_rad_s": least,
-                    **numbers,
-                }
-            )
+        rows += [
+            {"start": one.freed.start, "freed": one.freed.title, "unseen": " ".join(result.run),
+             "rms_before_rad_s": result.before, "rms_after_rad_s": result.after,
+             "after/before": result.ratio, "rms_least_rad_s": least, **numbers}
+            for result, least in zip(one.judged, one.least, strict=True)
+        ]  # fmt: skip
     return pd.DataFrame(rows)
 
 
@@ -209,22 +173,13 @@ def estimates_table(found: Sequence[Refit]) -> pd.DataFrame:
     """Return the estimates with their 95 % intervals."""
     rows = []
     for one in found:
-        estimates = [
-            f"{SYMBOLS[e.name]} {e.value:.4g} ({e.ci95[0]:.4g} to {e.ci95[1]:.4g})"
-            for e in one.identification.estimates
-        ]
-        rows.append((one.freed.start, one.freed.title, one.unseen, "; ".join(estimates)))
+        known = [f"{SYMBOLS[e.name]} {interval(e, '.4g')}" for e in one.identification.estimates]
+        rows.append((one.freed.start, one.freed.title, one.unseen, "; ".join(known)))
     return pd.DataFrame(rows, columns=["start", "free", "held out", "estimates"])
 
 
 def summary(found: Sequence[Refit], table: pd.DataFrame, diagnosed: pd.DataFrame) -> dict[str, Any]:
-    """Return the numbers of the page's conclusions by name; ratios are over sines and ramps.
-
-    Args:
-        found: every identification.
-        table: from :func:`table_of`.
-        diagnosed: table of the diagnoses.
-    """
+    """Return the numbers of the page's conclusions by name; ratios are over sines and ramps."""
     sets = ("auto", "friction", "zone", "whole", "astern", "offset")
     parts = {name: _smooth(rows_of(table, freed)) for name, freed in zip(sets, SETS, strict=True)}
     named = {s: _smooth(diagnosed[diagnosed["start"] == s]) for s in (CONSTANTS, WHOLE)}
@@ -236,26 +191,17 @@ def summary(found: Sequence[Refit], table: pd.DataFrame, diagnosed: pd.DataFrame
     intervals = [e.ci95 for one in last for e in one.estimates if e.key == DEAD_ZONE]
     kept = [span([i.fit_after[SPEED] for i in runs[freed]], 1) for freed in SETS[:2:-1]]
     values: dict[str, Any] = {name: span(part["after/before"]) for name, part in parts.items()}
+    better = [_better(parts[name], named[CONSTANTS]) for name in ("friction", "zone")]
     return values | {
-        "diagnosed": span(named[CONSTANTS]["after/before"]),
+        "diagnosed": span(named[CONSTANTS]["after/before"]), "constants": span(constants),
         "diagnosed_whole": span(named[WHOLE]["after/before"]),
         "bound": span(parts["auto"]["rms_least_rad_s"] / parts["auto"]["rms_before_rad_s"]),
-        "constants": span(constants),
-        "warned": f"{sum(bool(i.warnings) for i in first)} of {len(first)}",
-        "better": [_better(parts[name], named[CONSTANTS]) for name in ("friction", "zone")],
-        "count": len(parts["zone"]),
-        "offset_error": span(parts["offset"]["rms_after_rad_s"]),
-        "offset_bound": span(parts["offset"]["rms_least_rad_s"]),
-        "volts": span(volts, 3),
-        "within": sum(low <= OWNERS_DEAD_ZONE_V <= high for low, high in intervals),
-        "intervals": len(intervals),
-        "kept": kept,
-    }
-
-
-def span(values: Any, digits: int = 2) -> str:
-    """Return the least and the largest of some values as text."""
-    return f"{min(values):.{digits}f} to {max(values):.{digits}f}"
+        "warned": f"{sum(bool(i.warnings) for i in first)} of {len(first)}", "better": better,
+        "count": len(parts["zone"]), "offset_error": span(parts["offset"]["rms_after_rad_s"]),
+        "offset_bound": span(parts["offset"]["rms_least_rad_s"]), "volts": span(volts, 3),
+        "within": sum(low <= rov.OWNERS_DEAD_ZONE_V <= high for low, high in intervals),
+        "intervals": len(intervals), "kept": kept,
+    }  # fmt: skip
 
 
 def _smooth(table: pd.DataFrame) -> pd.DataFrame:

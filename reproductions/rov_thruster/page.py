@@ -6,39 +6,22 @@ Run ``python -m reproductions rov_thruster --recordings FOLDER --out docs/result
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 from matplotlib.figure import Figure
 
-from shaftline.display import figures
-from shaftline.display.tables import write_csv, write_table
+from shaftline.display.figures import ESTIMATE, THESIS
+from shaftline.display.tables import write_csv
 from shaftline.mismatch import Diagnosis
 from shaftline.mismatch.search.selection import INDISTINGUISHABLE
 
-from ..pages import fill_template, make_parser
+from ..pages import make_parser
+from ..writing import Panel, against_measured, draw, interval, span, write_results
 from . import numbers
-from .runs import (
-    AS_RECORDED,
-    CONSTANTS,
-    OWNERS_DEAD_ZONE_V,
-    REFERENCES,
-    SPEED,
-    TOLERANCE_FACTOR,
-    WHOLE,
-    WITH_THRUST,
-    Runs,
-    Split,
-    describe_finding,
-    excess_speed,
-    load_runs,
-    speed_of,
-    splits,
-    table_of,
-)
+from . import runs as rov
+from .runs import AS_RECORDED, CONSTANTS, WHOLE, WITH_THRUST, Runs, Split
 
-NAME, TITLE = "rov-thruster", "ROV thruster: diagnosis and identification of a real machine"
-COMMAND = "python -m reproductions rov_thruster --recordings FOLDER --out docs/results"
+TITLE = "ROV thruster: diagnosis and identification of a real machine"
 
 
 def main() -> None:
@@ -47,48 +30,37 @@ def main() -> None:
         "rov_thruster", __doc__, "out/rov-thruster", recordings="folder of the nine CSVs"
     )
     options = parser.parse_args()
-    runs = load_runs(options.recordings)
-    found = splits(runs)
-    table = table_of(found)
-    write(options.out, table, found, runs, numbers.refits(runs), numbers.refusals(runs))
+    runs = rov.load_runs(options.recordings)
+    found = rov.splits(runs)
     for one in found[CONSTANTS]:
         print(f"{one.unseen} held out: {one.diagnosis.sentence}")
-    print(f"page: {options.out / f'{NAME}.md'}")
+    write(options.out, found, runs, numbers.refits(runs), numbers.refusals(runs))
 
 
 def write(
-    folder: Path,
-    table: pd.DataFrame,
-    found: dict[str, list[Split]],
-    runs: Runs,
-    refits: list[numbers.Refit],
+    folder: Path, found: dict[str, list[Split]], runs: Runs, refits: list[numbers.Refit],
     refused: list[str],
-) -> None:
+) -> None:  # fmt: skip
     """Write ``rov-thruster.md``, its two tables and ``figures/rov-thruster.png``."""
-    estimated = numbers.table_of(refits)
+    table, estimated = rov.table_of(found), numbers.table_of(refits)
     named = [one.diagnosis for one in found[CONSTANTS] if one.diagnosis.findings]
-    ahead = [best_gain(d, "command-dead-zone") - best_gain(d, "coulomb-friction") for d in named]
+    ahead = [_best_gain(d, "command-dead-zone") - _best_gain(d, "coulomb-friction") for d in named]
     ratios = {
-        "smooth": ratio(table, CONSTANTS, ("sine", "ramp")),
-        "step": ratio(table, CONSTANTS, ("step",)),
-        "whole_sine": ratio(table, WHOLE, ("sine",)),
-        "whole_ramp": ratio(table, WHOLE, ("ramp",)),
-    }
-    body = fill_template(
-        Path(__file__).with_name("page.md"), dead_zone=OWNERS_DEAD_ZONE_V, factor=TOLERANCE_FACTOR,
-        errors=errors_table(table), findings=findings_table(found), named=named, voltage=_voltage,
-        ahead=ahead, distinct=bool(ahead) and min(map(abs, ahead)) > INDISTINGUISHABLE,
-        limit=INDISTINGUISHABLE,
-        ratios=ratios, excess=excess_speed(runs), constants=CONSTANTS, whole=WHOLE,
+        "smooth": _ratio(table, CONSTANTS, "sine", "ramp"), "step": _ratio(table, CONSTANTS, "step"),
+        "whole_sine": _ratio(table, WHOLE, "sine"), "whole_ramp": _ratio(table, WHOLE, "ramp"),
+    }  # fmt: skip
+    write_csv(folder, "rov-thruster-numbers", estimated)
+    write_results(
+        __file__, folder, TITLE, table, {"": figure_of(found, runs)}, "--recordings FOLDER",
+        dead_zone=rov.OWNERS_DEAD_ZONE_V, factor=rov.TOLERANCE_FACTOR, errors=errors_table(table),
+        findings=findings_table(found), losses=[_voltage(d) for d in named], ahead=ahead,
+        distinct=bool(ahead) and min(map(abs, ahead)) > INDISTINGUISHABLE, limit=INDISTINGUISHABLE,
+        ratios=ratios, excess=rov.excess_speed(runs), whole=WHOLE, as_recorded=AS_RECORDED,
+        with_thrust=WITH_THRUST, refused=refused, estimates=numbers.estimates_table(refits),
         verdicts={s: _verdicts(found[s]) for s in (AS_RECORDED, WHOLE, WITH_THRUST)},
-        as_recorded=AS_RECORDED, with_thrust=WITH_THRUST,
         estimated={s: numbers.errors_table(s, estimated, table) for s in (CONSTANTS, WHOLE)},
-        estimates=numbers.estimates_table(refits), refused=refused,
         left_out=refits[0].identification.left_out, n=numbers.summary(refits, estimated, table),
     )  # fmt: skip
-    write_table(folder, NAME, TITLE, COMMAND, table, body)
-    write_csv(folder, f"{NAME}-numbers", estimated)
-    figures.save(figure_of(found, runs), folder / "figures" / f"{NAME}.png")
 
 
 def errors_table(table: pd.DataFrame) -> pd.DataFrame:
@@ -105,40 +77,32 @@ def errors_table(table: pd.DataFrame) -> pd.DataFrame:
 
 def findings_table(found: dict[str, list[Split]]) -> pd.DataFrame:
     """Return what each diagnosis identified, with its alternatives and the first round."""
-    rows = []
-    for title, group in found.items():
-        for one in group:
-            said, best = one.diagnosis, one.diagnosis.ranking[:4]
-            for f in said.findings:
-                sizes = [
-                    f"{e.name} {e.value:.3g} ({e.ci95[0]:.3g} to {e.ci95[1]:.3g}) {e.unit}"
-                    for e in f.estimates
-                ]
-                rows.append(
-                    {"start": title, "held out": one.unseen, "verdict": said.verdict,
-                     "effect": f.effect.label,
-                     "size": "; ".join(sizes),
-                     "2 Δ log L (threshold)": f"{f.score:.0f} ({f.threshold:.0f})",
-                     "indistinguishable": ", ".join(c.effect.label for c in f.rivals),
-                     "explained": f"{said.explained:.0%}",
-                     "first round": ", ".join(f"{c.effect.label} {c.gain:.0f}" for c, _ in best)}
-                )  # fmt: skip
-    return pd.DataFrame(rows)
+    return pd.DataFrame(
+        {"start": title, "held out": one.unseen, "verdict": one.diagnosis.verdict,
+         "effect": f.effect.label,
+         "size": "; ".join(f"{e.name} {interval(e)} {e.unit}" for e in f.estimates),
+         "2 Δ log L (threshold)": f"{f.score:.0f} ({f.threshold:.0f})",
+         "indistinguishable": ", ".join(c.effect.label for c in f.rivals),
+         "explained": f"{one.diagnosis.explained:.0%}",
+         "first round":
+             ", ".join(f"{c.effect.label} {c.gain:.0f}" for c, _ in one.diagnosis.ranking[:4])}
+        for title, group in found.items() for one in group for f in one.diagnosis.findings
+    )  # fmt: skip
 
 
-def ratio(table: pd.DataFrame, start: str, references: tuple[str, ...]) -> str:
+def _ratio(table: pd.DataFrame, start: str, *references: str) -> str:
     """Return the span of after/before over the held-out runs of some references."""
     rows = table[(table["start"] == start) & table["unseen"].str.endswith(references)]
-    return numbers.span(rows["after/before"])
+    return span(rows["after/before"])
 
 
-def best_gain(diagnosis: Diagnosis, effect: str) -> float:
+def _best_gain(diagnosis: Diagnosis, effect: str) -> float:
     """Return the gain of an effect's best form in the first round [2 Δ log L]; 0 if it was not tried."""
     return max((c.gain for c, _ in diagnosis.ranking if c.effect.id == effect), default=0.0)
 
 
 def _verdicts(group: list[Split]) -> str:
-    said: Any = [f"{one.diagnosis.verdict} ({describe_finding(one.diagnosis)})" for one in group]
+    said = [f"{s.diagnosis.verdict} ({rov.describe_finding(s.diagnosis)})" for s in group]
     return ", ".join(dict.fromkeys(said))
 
 
@@ -165,27 +129,15 @@ def _voltage(diagnosis: Diagnosis) -> str:
 
 def figure_of(found: dict[str, list[Split]], runs: Runs) -> Figure:
     """Draw measured and simulated speed of each held-out run of the first start."""
+    panels: list[Panel] = []
     group = found[CONSTANTS]
-    figure, axes = figures.new_figure(len(group), len(REFERENCES), (12.0, 2.6 * len(group)))
-    for line, one in zip(axes, group, strict=True):
-        for axis, result in zip(line, one.judged, strict=True):
+    for one in group:
+        ships = {"owners' constants": one.diagnosis.ship, "corrected": one.diagnosis.corrected}
+        for result in one.judged:
             table = runs[result.run]
-            time = table["time_s"]
-            axis.plot(time, table[SPEED], color=figures.TRUTH, linewidth=1.4, label="measured")
-            for ship, label, colour, style in (
-                (one.diagnosis.ship, "owners' constants", figures.THESIS, "--"),
-                (one.diagnosis.corrected, "corrected", figures.ESTIMATE, "-"),
-            ):
-                axis.plot(
-                    time, speed_of(ship, table), style, color=colour, linewidth=1.1, label=label
-                )
-            axis.set_title(
-                f"{' '.join(result.run)}: rms {result.before:.1f} → {result.after:.1f} rad/s",
-                fontsize=9, loc="left",
-            )  # fmt: skip
-            axis.tick_params(labelsize=8)
-        line[0].set_ylabel("shaft speed [rad/s]", fontsize=8)
-    for axis in axes[-1]:
-        axis.set_xlabel("time [s]", fontsize=8)
-    axes[0, 0].legend(fontsize=8, frameon=False)
-    return figure
+            speeds = {label: rov.speed_of(ship, table) for label, ship in ships.items()}
+            lines = against_measured(table["time_s"], table[rov.SPEED], speeds, (THESIS, ESTIMATE))
+            title = f"{' '.join(result.run)}: rms {result.before:.1f} → {result.after:.1f} rad/s"
+            ylabel = "shaft speed [rad/s]" if len(panels) % 3 == 0 else ""
+            panels.append(Panel(lines, {"title": title, "ylabel": ylabel}, 0 if panels else 1))
+    return draw(panels, (12.0, 2.6 * len(group)), len(rov.REFERENCES), "time [s]")

@@ -7,9 +7,9 @@ those of the third are held out and simulated open loop from their first row.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -20,6 +20,8 @@ from shaftline.plant import Ship, load_ship
 from shaftline.plant.columns import TIME, input_columns
 from shaftline.plant.recording import read_recording
 from shaftline.plant.replay import simulate_recording
+
+from ..writing import rms
 
 CONTROLLERS = ("lookup", "1state", "2statekf1")
 REFERENCES = ("step", "sine", "ramp")
@@ -33,9 +35,7 @@ WITH_THRUST = "owners' constants, thrust measured too"
 OWNERS_DEAD_ZONE_V = 0.845
 """Mean of the dead zone in the owners' file, 0.83 V astern and 0.86 V ahead."""
 
-TOLERANCE_FACTOR = 8.0
-"""Factor on the usual tolerances: the owners' constants are initial values."""
-
+TOLERANCE_FACTOR = 8.0  # factor on the usual tolerances: the owners' constants are initial values
 BEFORE_S, AFTER_S = 0.08, 0.2
 """Time around a reversal that is left out of the fit [s]: the tachometer measures a magnitude."""
 _SHORTEST_S = 2.0
@@ -44,23 +44,14 @@ Key = tuple[str, str]
 Runs = dict[Key, pd.DataFrame]
 
 
-@dataclass(frozen=True)
-class HeldOutRun:
-    """Errors on one held-out run.
+class HeldOutRun(NamedTuple):
+    """Errors of the shaft speed on one held-out run."""
 
-    Args:
-        run: controller and reference.
-        before: rms error of the shaft speed of the ship file [rad/s].
-        after: the same of the corrected ship.
-        fit_before: FitPercent of the shaft speed of the ship file.
-        fit_after: the same of the corrected ship.
-    """
-
-    run: Key
-    before: float
-    after: float
-    fit_before: float
-    fit_after: float
+    run: Key  # controller and reference
+    before: float  # rms error of the ship file [rad/s]
+    after: float  # the same of the corrected ship
+    fit_before: float  # FitPercent of the ship file
+    fit_after: float  # the same of the corrected ship
 
     @property
     def ratio(self) -> float:
@@ -68,19 +59,11 @@ class HeldOutRun:
         return self.after / self.before
 
 
-@dataclass(frozen=True)
-class Split:
-    """A diagnosis on the runs of two controllers, evaluated on those of the third.
+class Split(NamedTuple):
+    """A diagnosis on the runs of two controllers, evaluated on those of the third."""
 
-    Args:
-        title: name of the nominal ship and rows.
-        unseen: controller whose runs are held out.
-        diagnosis: the diagnosis.
-        judged: errors on each held-out run.
-    """
-
-    title: str
-    unseen: str
+    title: str  # name of the nominal ship and rows
+    unseen: str  # controller whose runs are held out
     diagnosis: Diagnosis
     judged: tuple[HeldOutRun, ...]
 
@@ -94,8 +77,7 @@ def load_runs(folder: Path) -> Runs:
     required = [*input_columns(load_ship("rov-thruster")), SPEED]
     return {
         (c, r): read_recording(folder / f"closed_loop_{c}_{r}.csv", required)
-        for c in CONTROLLERS
-        for r in REFERENCES
+        for c, r in itertools.product(CONTROLLERS, REFERENCES)
     }
 
 
@@ -112,11 +94,9 @@ def without_reversals(table: pd.DataFrame) -> list[pd.DataFrame]:
         for row in np.flatnonzero(values[1:] * values[:-1] < 0.0) + 1:
             unknown |= (time >= time[row] - BEFORE_S - 1e-9) & (time < time[row] + AFTER_S - 1e-9)
     edges = np.flatnonzero(np.diff(np.concatenate([[1], unknown, [1]])))
-    return [
-        table.iloc[a:b].reset_index(drop=True)
-        for a, b in zip(edges[::2], edges[1::2], strict=True)
-        if time[b - 1] - time[a] >= _SHORTEST_S - 1e-9
-    ]
+    parts = [table.iloc[a:b] for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    long = (p for p in parts if np.ptp(p[TIME]) >= _SHORTEST_S - 1e-9)
+    return [part.reset_index(drop=True) for part in long]
 
 
 def with_owners_dead_zone(ship: Ship) -> Ship:
@@ -129,34 +109,25 @@ def speed_of(ship: Ship, table: pd.DataFrame) -> NDArray[np.float64]:
     return np.asarray(simulate_recording(ship, table)[SPEED], dtype=np.float64)
 
 
-def evaluate_run(nominal: Ship, corrected: Ship, run: Key, table: pd.DataFrame) -> HeldOutRun:
-    """Return the errors of both ships on all rows of a run."""
-    measured = table[SPEED].to_numpy()
-    before, after = speed_of(nominal, table), speed_of(corrected, table)
-
-    def rms(simulated: Any) -> float:
-        return float(np.sqrt(np.mean((simulated - measured) ** 2)))
-
-    return HeldOutRun(
-        run, rms(before), rms(after), fit_percent(measured, before), fit_percent(measured, after)
-    )
+def evaluate(nominal: Ship, corrected: Ship, runs: Runs, unseen: str) -> tuple[HeldOutRun, ...]:
+    """Return the errors of both ships on all rows of the runs of a controller."""
+    found = []
+    for run, table in runs.items():
+        if run[0] == unseen:
+            measured = table[SPEED].to_numpy()
+            both = [speed_of(ship, table) for ship in (nominal, corrected)]
+            fits = (fit_percent(measured, speed) for speed in both)
+            found.append(HeldOutRun(run, *(rms(speed - measured) for speed in both), *fits))
+    return tuple(found)
 
 
 def fitted_and_kept(
-    nominal: Ship,
-    runs: Runs,
-    unseen: str,
-    reversals: bool = False,
+    nominal: Ship, runs: Runs, unseen: str, reversals: bool = False,
     channels: tuple[str, ...] = (SPEED,),
-) -> tuple[list[pd.DataFrame], list[pd.DataFrame]]:
+) -> tuple[list[pd.DataFrame], list[pd.DataFrame]]:  # fmt: skip
     """Return the runs of two controllers for a fit: five to fit, the sixth as validation data.
 
-    Args:
-        nominal: ship; its command column is kept.
-        runs: all nine.
-        unseen: controller whose runs are held out.
-        reversals: whether to keep the rows in which the sign of the speed was guessed.
-        channels: measured columns.
+    ``reversals`` keeps the rows in which the sign of the speed was guessed.
     """
     shown: list[list[pd.DataFrame]] = []
     for (controller, _), table in runs.items():
@@ -166,45 +137,26 @@ def fitted_and_kept(
     return [piece for run in shown[:-1] for piece in run], shown[-1]
 
 
-def split(
-    nominal: Ship,
-    runs: Runs,
-    unseen: str,
-    title: str,
-    reversals: bool = False,
-    channels: tuple[str, ...] = (SPEED,),
-) -> Split:
-    """Diagnose on the runs of two controllers, and evaluate on those of the third.
-
-    Args:
-        nominal: ship to start from.
-        runs: all nine.
-        unseen: controller whose runs are held out.
-        title: name for the page.
-        reversals: whether to keep the rows in which the sign of the speed was guessed.
-        channels: measured columns.
-    """
-    fitted, held = fitted_and_kept(nominal, runs, unseen, reversals, channels)
+def split(nominal: Ship, runs: Runs, unseen: str, title: str, **kept: Any) -> Split:
+    """Diagnose on the runs of two controllers, and evaluate on those of the third."""
+    fitted, held = fitted_and_kept(nominal, runs, unseen, **kept)
     options = Options(tolerance=TOLERANCE_FACTOR, quick=True)
     found = diagnose(nominal, *fitted, hold_out=held, options=options)
-    results = tuple(
-        evaluate_run(nominal, found.corrected, run, table)
-        for run, table in runs.items()
-        if run[0] == unseen
-    )
-    return Split(title, unseen, found, results)
+    return Split(title, unseen, found, evaluate(nominal, found.corrected, runs, unseen))
 
 
 def splits(runs: Runs) -> dict[str, list[Split]]:
     """Return the diagnoses with each controller held out in turn, by start."""
     ship = load_ship("rov-thruster")
-    whole = with_owners_dead_zone(ship)
-    last = CONTROLLERS[::-1]
+    starts: dict[str, tuple[Ship, dict[str, Any]]] = {
+        CONSTANTS: (ship, {}),
+        WHOLE: (with_owners_dead_zone(ship), {}),
+        AS_RECORDED: (ship, {"reversals": True}),
+        WITH_THRUST: (ship, {"channels": (SPEED, THRUST)}),
+    }
     return {
-        CONSTANTS: [split(ship, runs, c, CONSTANTS) for c in last],
-        WHOLE: [split(whole, runs, c, WHOLE) for c in last],
-        AS_RECORDED: [split(ship, runs, c, AS_RECORDED, reversals=True) for c in last],
-        WITH_THRUST: [split(ship, runs, c, WITH_THRUST, channels=(SPEED, THRUST)) for c in last],
+        title: [split(start, runs, c, title, **kept) for c in CONTROLLERS[::-1]]
+        for title, (start, kept) in starts.items()
     }
 
 
@@ -223,31 +175,17 @@ def describe_finding(diagnosis: Diagnosis) -> str:
     """Return the identified effects in a few words."""
     if diagnosis.findings:
         return " + ".join(f.effect.id for f in diagnosis.findings)
-    if diagnosis.shape is not None:
-        return (
-            f"a shape over {diagnosis.shape.signal.replace('_', ' ')} ({diagnosis.shape.balance})"
-        )
+    if (shape := diagnosis.shape) is not None:
+        return f"a shape over {shape.signal.replace('_', ' ')} ({shape.balance})"
     return "nothing"
 
 
 def table_of(found: dict[str, list[Split]]) -> pd.DataFrame:
     """Return a row for each held-out run of each split."""
-    rows = []
-    for title, group in found.items():
-        for one in group:
-            diagnosis = one.diagnosis
-            for result in one.judged:
-                rows.append(
-                    {
-                        "start": title,
-                        "unseen": " ".join(result.run),
-                        "verdict": diagnosis.verdict,
-                        "named": describe_finding(diagnosis),
-                        "rms_before_rad_s": result.before,
-                        "rms_after_rad_s": result.after,
-                        "after/before": result.ratio,
-                        "fit_before_percent": result.fit_before,
-                        "fit_after_percent": result.fit_after,
-                    }
-                )
-    return pd.DataFrame(rows)
+    return pd.DataFrame(
+        {"start": title, "unseen": " ".join(result.run), "verdict": one.diagnosis.verdict,
+         "named": describe_finding(one.diagnosis), "rms_before_rad_s": result.before,
+         "rms_after_rad_s": result.after, "after/before": result.ratio,
+         "fit_before_percent": result.fit_before, "fit_after_percent": result.fit_after}
+        for title, group in found.items() for one in group for result in one.judged
+    )  # fmt: skip

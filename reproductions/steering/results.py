@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -10,21 +11,12 @@ import numpy as np
 import pandas as pd
 import scipy
 
-from shaftline.baselines.loop_shaping import (
-    COURSE_LOOP,
-    TAYLOR,
-    TAYLOR_GEAR,
-    TRACK_LOOP,
-    Factors,
-    ShapedController,
-    heading_plant,
-    shape_controller,
-    steering_dynamics,
-    track_plant,
-)
+from shaftline.baselines import loop_shaping
+from shaftline.baselines.loop_shaping import TAYLOR, TAYLOR_GEAR, shape_controller
 from shaftline.core.lazy import control
 from shaftline.plant.loops import Loop
 
+from ..side_by_side import Tick
 from . import voyages
 
 CONTROLLER_GAIN_DB = 8.0
@@ -32,13 +24,13 @@ CONTROLLER_GAIN_DB = 8.0
 
 SHARES = (0.6, 1.0, 1.4)
 CALM, BEAM_SEA = "current carried", "current carried, waves on the beam"
-TRACK_VOYAGES: dict[str, tuple[str, str | None]] = {
-    CALM: (voyages.CARRIED, None),
-    BEAM_SEA: (voyages.CARRIED, voyages.REFLECTED),
-    "current carried, waves on a wall": (voyages.CARRIED, voyages.WALL),
-    "current met": (voyages.MET, None),
+TRACK_VOYAGES: dict[str, tuple[bool, str | None]] = {
+    CALM: (True, None),
+    BEAM_SEA: (True, voyages.REFLECTED),
+    "current carried, waves on a wall": (True, voyages.WALL),
+    "current met": (False, None),
 }
-"""Kind of current, and wave force of sea state 4 on the beam."""
+"""Whether the current is carried, and wave force of sea state 4 on the beam."""
 
 HEADINGS_DEG = (15.0, 30.0, 45.0, 60.0, 90.0, 120.0, 150.0)
 """Directions of sea state 4; 0 is following."""
@@ -46,9 +38,7 @@ HEADINGS_DEG = (15.0, 30.0, 45.0, 60.0, 90.0, 120.0, 150.0)
 TURN_RATES_DEG = (8.0, 10.0, 12.0, 14.0, 16.0)
 """Rates of the dead-reckoned turns [deg per ship length]."""
 
-STEADY = (105.0, 140.0)
-"""Steady part of the track change, between its two turns [ship lengths]."""
-
+STEADY = (105.0, 140.0)  # steady part of the track change, between its two turns [ship lengths]
 AUTOPILOT_TICKS, TRACK_TICKS = 6, 2 + len(TRACK_VOYAGES)
 
 
@@ -69,79 +59,63 @@ def loop_numbers(loop: Loop) -> Numbers:
     )
 
 
-def design_loop(loop: Factors, plant: Factors) -> Loop:
-    """Return the loop of a plant and the controller that is shaped for it."""
-    return Loop.from_plant(plant.system, shape_controller(loop, plant))
+def _shaped(track: bool, *ship: Any) -> tuple[Any, Any]:
+    """Return the plant of a controller and the controller that is shaped for it."""
+    if track:
+        plant = loop_shaping.track_plant(*ship)
+        return plant, shape_controller(loop_shaping.TRACK_LOOP, plant)
+    plant = loop_shaping.heading_plant(*ship)
+    return plant, shape_controller(loop_shaping.COURSE_LOOP, plant)
 
 
 def thesis_loop(track: bool) -> Loop:
     """Return the loop of the thesis, on its K, T and steering gear."""
-    if track:
-        return design_loop(TRACK_LOOP, track_plant(TAYLOR, TAYLOR_GEAR))
-    return design_loop(COURSE_LOOP, heading_plant(TAYLOR, TAYLOR_GEAR))
+    plant, controller = _shaped(track, TAYLOR, TAYLOR_GEAR)
+    return Loop.from_plant(plant.system, controller)
 
 
 def sampled_loop(track: bool) -> Numbers:
     """Return margins and step of the sampled controller on the surrogate's linear steering."""
-    ship, point = voyages.ship(), voyages.straight()
-    own = steering_dynamics(ship, point)
-    kind, plant = (TRACK_LOOP, track_plant(*own)) if track else (COURSE_LOOP, heading_plant(*own))
-    law = ShapedController(shape_controller(kind, plant))
+    own = loop_shaping.steering_dynamics(voyages.ship(), voyages.straight())
+    law = loop_shaping.ShapedController(_shaped(track, *own)[1])
     way = voyages.INTERVAL_S / voyages.length_s()
     return loop_numbers(Loop.from_plant(voyages.linear_plant(track), law.sampled(way)))
 
 
 def robustness() -> pd.DataFrame:
     """Return the autopilot's margins on nine plants with other K and T than it was shaped for."""
-    controller = shape_controller(COURSE_LOOP, heading_plant(TAYLOR, TAYLOR_GEAR))
+    _, controller = _shaped(False, TAYLOR, TAYLOR_GEAR)
     rows = []
-    for gain in SHARES:
-        for time in SHARES:
-            wrong = TAYLOR._replace(gain=gain * TAYLOR.gain, time=time * TAYLOR.time)
-            found = loop_numbers(
-                Loop.from_plant(heading_plant(wrong, TAYLOR_GEAR).system, controller)
-            )
-            rows.append(("K times " + str(gain), "T times " + str(time), *found))
-    return pd.DataFrame(rows, columns=["gain", "time", *Numbers._fields])
+    for gain, time in itertools.product(SHARES, SHARES):
+        wrong = TAYLOR._replace(gain=gain * TAYLOR.gain, time=time * TAYLOR.time)
+        plant = loop_shaping.heading_plant(wrong, TAYLOR_GEAR).system
+        found = loop_numbers(Loop.from_plant(plant, controller))
+        rows.append({"gain": f"K times {gain}", "time": f"T times {time}", **found._asdict()})
+    return pd.DataFrame(rows)
 
 
 def autopilot_loop() -> dict[str, float]:
     """Return the numbers of section 5.2.2 on the autopilot's loop, by name."""
     loop = thesis_loop(track=False)
-    plant = heading_plant(TAYLOR, TAYLOR_GEAR)
-    controller = shape_controller(COURSE_LOOP, plant)
-    noise = noise_frequency(controller)
-    at_low = 20.0 * math.log10(abs(loop.response(np.array([0.01]))[0]))
-    return (
-        loop_numbers(loop)._asdict()
-        | {
-            "crossover_rad_per_length": loop.margins().crossover,
-            "gain_at_0.01_dB": at_low,
-            "noise_frequency_rad_per_length": noise,
-            "controller_gain_at_noise_dB": decibels(controller, noise),
-            "plant_gain_at_noise_dB": decibels(plant.system, noise),
-        }
-        | {f"robust_performance_{name}": bound.whole for name, bound in bounds(loop).items()}
-    )
-
-
-def decibels(system: control.StateSpace, frequency: float) -> float:
-    """Return the gain of a system [dB].
-
-    Args:
-        system: linear, time in ship lengths.
-        frequency: [rad per ship length].
-    """
-    return 20.0 * math.log10(abs(complex(system(1j * frequency))))
-
-
-def noise_frequency(controller: control.StateSpace) -> float:
-    """Return the frequency at which the controller has the printed gain of 8 dB [rad per length]."""
+    plant, controller = _shaped(False, TAYLOR, TAYLOR_GEAR)
 
     def missing(frequency: float) -> float:
-        return decibels(controller, frequency) - CONTROLLER_GAIN_DB
+        return _decibels(controller, frequency) - CONTROLLER_GAIN_DB
 
-    return float(scipy.optimize.brentq(missing, 1.0, 20.0, xtol=1e-9))
+    noise = float(scipy.optimize.brentq(missing, 1.0, 20.0, xtol=1e-9))
+    return loop_numbers(loop)._asdict() | {
+        "crossover_rad_per_length": loop.margins().crossover,
+        "gain_at_0.01_dB": 20.0 * math.log10(abs(loop.response(np.array([0.01]))[0])),
+        "noise_frequency_rad_per_length": noise,
+        "controller_gain_at_noise_dB": _decibels(controller, noise),
+        "plant_gain_at_noise_dB": _decibels(plant.system, noise),
+        **{f"robust_performance_{name}": bound.whole for name, bound in bounds(loop).items()},
+    }
+
+
+def _decibels(system: control.StateSpace, frequency: float) -> float:
+    """Return the gain [dB] of a system at a frequency [rad per ship length]."""
+    return 20.0 * math.log10(abs(complex(system(1j * frequency))))
 
 
 class Bound(NamedTuple):
@@ -179,38 +153,39 @@ def bounds(loop: Loop) -> dict[str, Bound]:
 
 
 def _between(table: pd.DataFrame, first: float, last: float) -> pd.DataFrame:
-    return table[(table["way"] >= first) & (table["way"] < last)]
-
-
-def autopilot_voyages(
-    tick: Callable[[], None],
-) -> tuple[dict[str, pd.DataFrame], dict[str, float]]:
-    """Simulate the autopilot's voyages; return them by name, and their measures."""
+    """Return the rows between two distances, with angles in degrees and tracks in ship lengths."""
+    rows = table[(table["way"] >= first) & (table["way"] < last)]
     length = voyages.ship().manoeuvring.length_m
-    blown = voyages.with_initial_sway()
+    heading, rudder = np.degrees(rows["heading_rad"]), np.degrees(rows["rudder_rad"])
+    off = (rows["cross_track_m"] - rows["aim"]) / length
+    return rows.assign(
+        heading=heading, rudder=rudder, off=off, track=rows["cross_track_m"] / length
+    )
+
+
+def autopilot_voyages(tick: Tick) -> tuple[dict[str, pd.DataFrame], dict[str, float]]:
+    """Simulate the autopilot's voyages; return them by name, and their measures."""
+    blown = voyages.keep_heading(30.0, sway_m_s=voyages.CURRENT_M_S)
     tick()
-    met = voyages.into_current()
+    met = voyages.keep_heading(40.0, current_at=10.0)
     tick()
     turns = voyages.two_turns()
     tick()
-    rest = _between(blown, 20.0, 30.0)
+    whole, late = (_between(blown, first, math.inf) for first in (0.0, 20.0))
+    current, end = _between(met, 0.0, math.inf), _between(turns, 80.0, 90.0)
+    speed = turns["ship_speed_m_s"]
     found = {
-        "blown_heading_peak_deg": math.degrees(blown["heading_rad"].abs().max()),
-        "blown_heading_end_deg": math.degrees(rest["heading_rad"].mean()),
-        "blown_drift_lengths": abs(blown["cross_track_m"].iloc[-1]) / length,
-        "blown_rudder_amplitude_deg": math.sqrt(2.0) * math.degrees(rest["rudder_rad"].std()),
-        "blown_command_rms_deg": math.degrees(rest["rudder_command_rad"].std()),
-        "met_heading_peak_deg": math.degrees(met["heading_rad"].abs().max()),
-        "met_drift_lengths": abs(met["cross_track_m"].iloc[-1]) / length,
+        "blown_heading_peak_deg": whole["heading"].abs().max(),
+        "blown_heading_end_deg": late["heading"].mean(),
+        "blown_drift_lengths": abs(whole["track"].iloc[-1]),
+        "blown_rudder_amplitude_deg": math.sqrt(2.0) * late["rudder"].std(),
+        "blown_command_rms_deg": math.degrees(late["rudder_command_rad"].std()),
+        "met_heading_peak_deg": current["heading"].abs().max(),
+        "met_drift_lengths": abs(current["track"].iloc[-1]),
+        **turn_measures(turns),
+        "turn_heading_error_end_deg": abs(math.degrees((end["heading_rad"] - end["aim"]).mean())),
+        "turn_speed_loss_percent": 100.0 * (1.0 - speed.min() / speed.iloc[0]),
     }
-    found |= turn_measures(turns)
-    rest = _between(turns, 80.0, 90.0)
-    found["turn_heading_error_end_deg"] = math.degrees(
-        abs((rest["heading_rad"] - rest["aim"]).mean())
-    )
-    found["turn_speed_loss_percent"] = 100.0 * (
-        1.0 - turns["ship_speed_m_s"].min() / turns["ship_speed_m_s"].iloc[0]
-    )
     return {"blown": blown, "met": met, "turns": turns}, found
 
 
@@ -219,28 +194,24 @@ def turn_measures(turns: pd.DataFrame) -> dict[str, float]:
     place = turns[["position_m", "cross_track_m"]].to_numpy() / voyages.ship().manoeuvring.length_m
     off = np.hypot(*(place - voyages.dead_reckoning(turns)).T)
     busy = _between(turns, 0.0, 50.0)
-    rudder = np.degrees(busy["rudder_rad"].to_numpy())
-    at_work = busy["time_s"].to_numpy()[np.abs(rudder) > 0.1 * np.abs(rudder).max()]
+    size = busy["rudder"].abs()
     return {
         "first_turn_error_lengths": float(np.interp(48.0, turns["way"], off)),
         "second_turn_error_lengths": float(off[-1]),
-        "turn_rudder_sweep_deg": float(np.ptp(rudder)),
-        "turn_minutes": float(np.ptp(at_work)) / 60.0,
+        "turn_rudder_sweep_deg": float(np.ptp(busy["rudder"])),
+        "turn_minutes": float(np.ptp(busy["time_s"][size > 0.1 * size.max()])) / 60.0,
     }
 
 
 def turn_rates() -> pd.DataFrame:
     """Return :func:`turn_measures` for each of :data:`TURN_RATES_DEG`."""
-    rows = [
-        {"rate_deg_per_length": r} | turn_measures(voyages.two_turns(r)) for r in TURN_RATES_DEG
-    ]
-    return pd.DataFrame(rows)
+    found = {rate: turn_measures(voyages.two_turns(rate)) for rate in TURN_RATES_DEG}
+    return pd.DataFrame(found).T.rename_axis("rate_deg_per_length").reset_index()
 
 
 def oscillation(track: pd.DataFrame) -> tuple[float, float]:
     """Return mean and amplitude of the cross-track error over :data:`STEADY` [ship lengths]."""
-    part = _between(track, *STEADY)
-    off = (part["cross_track_m"] - part["aim"]) / voyages.ship().manoeuvring.length_m
+    off = _between(track, *STEADY)["off"]
     return float(off.mean()), float((off - off.mean()).abs().max())
 
 
@@ -254,41 +225,34 @@ def wave_forces() -> pd.DataFrame:
         sea = voyages.wave_case(kind, seed, heading)
         mean, amplitude = oscillation(voyages.track_change(sea=sea, seed=seed))
         rows.append(
-            {
-                "force": kind, "waves from astern by [deg]": heading, "seed": seed,
-                "force, mean [kN]": 1e-3 * sea[1].side_N.mean(),
-                "force, standard deviation [kN]": 1e-3 * sea[1].side_N.std(),
-                "mean off the track [L]": mean, "amplitude [L]": amplitude,
-            }
+            {"force": kind, "waves from astern by [deg]": heading, "seed": seed,
+             "force, mean [kN]": 1e-3 * sea[1].side_N.mean(),
+             "force, standard deviation [kN]": 1e-3 * sea[1].side_N.std(),
+             "mean off the track [L]": mean, "amplitude [L]": amplitude}
         )  # fmt: skip
     return pd.DataFrame(rows)
 
 
-def track_voyages(
-    tick: Callable[[], None],
-) -> tuple[dict[str, pd.DataFrame], dict[str, dict[str, float]]]:
+def track_voyages(tick: Tick) -> tuple[dict[str, pd.DataFrame], dict[str, dict[str, float]]]:
     """Simulate the track changes of :data:`TRACK_VOYAGES`; return them by name, and their measures."""
-    length = voyages.ship().manoeuvring.length_m
     tracks, found = {}, {}
-    for name, (current, force) in TRACK_VOYAGES.items():
+    for name, (carried, force) in TRACK_VOYAGES.items():
         sea = None if force is None else voyages.wave_case(force, 1)
-        track = tracks[name] = voyages.track_change(current, sea)
-        off = (track["cross_track_m"] - track["aim"]) / length
-        track = track.assign(off=off, size=off.abs(), rudder=np.degrees(track["rudder_rad"]).abs())
+        track = tracks[name] = voyages.track_change(carried, sea)
         gust = _between(track, voyages.GUST_AT, voyages.LEFT_AT)
         changes = _between(track, voyages.LEFT_AT, voyages.END_AT)
         back = _between(track, voyages.BACK_AT, voyages.BACK_AT + voyages.CHANGE_LENGTHS)
-        away = gust["way"][gust["size"] > 0.02]
+        away = gust["way"][gust["off"].abs() > 0.02]
         found[name] = {
             "gust_excursion_lengths": gust["off"].max(),
             "gust_overshoot_lengths": max(0.0, -gust["off"].min()),
             "gust_over_after_lengths": float(away.max()) - voyages.GUST_AT,
-            "gust_rudder_deg": gust["rudder"].max(),
-            "crab_deg": math.degrees(_between(gust, 50.0, 60.0)["heading_rad"].mean()),
-            "change_error_lengths": changes["size"].max(),
-            "change_rudder_deg": changes["rudder"].max(),
-            "heading_on_return_deg": math.degrees(back["heading_rad"].max()),
-            "end_error_lengths": _between(track, 200.0, voyages.END_AT)["size"].max(),
+            "gust_rudder_deg": gust["rudder"].abs().max(),
+            "crab_deg": gust["heading"][gust["way"] >= 50.0].mean(),
+            "change_error_lengths": changes["off"].abs().max(),
+            "change_rudder_deg": changes["rudder"].abs().max(),
+            "heading_on_return_deg": back["heading"].max(),
+            "end_error_lengths": changes["off"][changes["way"] >= 200.0].abs().max(),
             "steady_amplitude_lengths": oscillation(track)[1],
         }
         tick()

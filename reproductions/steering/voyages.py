@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,20 +24,11 @@ import pandas as pd
 import scipy
 from numpy.typing import NDArray
 
+from shaftline import plant
 from shaftline.baselines.autopilot import Autopilot
 from shaftline.baselines.helmsman import Helmsman, SteeringMeasurements, TrackKeeper
 from shaftline.core.lazy import control
-from shaftline.plant import (
-    Equilibrium,
-    Ship,
-    State,
-    Voyage,
-    approach,
-    get_sea,
-    linearise,
-    load_ship,
-    realise,
-)
+from shaftline.plant import Equilibrium, Ship, Voyage
 from shaftline.plant.expressions import MAX_SIGNALS
 from shaftline.plant.stepping import UNDISTURBED
 from shaftline.plant.surroundings import GRAVITY
@@ -59,26 +50,17 @@ class WaveForce(NamedTuple):
 
 
 def sea_from(ship: Ship, heading_deg: float, seed: int) -> Any:
-    """Return the SEA record of state 4.
-
-    Args:
-        ship: whose propeller depth the record is for.
-        heading_deg: 0 following, 90 on the beam, 180 head seas [deg].
-        seed: of the phases.
-    """
-    sea = get_sea(STATE)
+    """Return the SEA record of state 4 from 0 (following), 90 (beam) or 180 (head seas) degrees."""
+    sea = plant.get_sea(STATE)
     assert sea is not None
-    return realise(
-        sea.model_copy(update={"heading_deg": heading_deg}), ship.propeller.depth_m, seed
-    )
+    sea = sea.model_copy(update={"heading_deg": heading_deg})
+    return plant.realise(sea, ship.propeller.depth_m, seed)
 
 
 def reflection(frequency: Floats, draught_m: float) -> Floats:
     """Return the share of the amplitude that a vertical barrier reflects (Ursell 1947) [-].
 
-    Args:
-        frequency: of the waves [rad/s].
-        draught_m: depth of the barrier's lower edge [m].
+    By the frequency [rad/s] and the depth of its lower edge [m].
     """
     kd = frequency**2 / GRAVITY * draught_m
     wall = math.pi * scipy.special.i1(kd)
@@ -88,21 +70,14 @@ def reflection(frequency: Floats, draught_m: float) -> Floats:
 def low_pass(values: Floats) -> Floats:
     """Return values at steps of :data:`WAVE_STEP_S` after a first-order filter of :data:`LOW_PASS_S`."""
     keep = math.exp(-WAVE_STEP_S / LOW_PASS_S)
-    slow = np.empty_like(values)
-    slow[0] = values.mean()
-    for k in range(1, len(values)):
-        slow[k] = keep * slow[k - 1] + (1.0 - keep) * values[k]
-    return slow
+    start = [values.mean() - (1.0 - keep) * values[0]]
+    return np.asarray(scipy.signal.lfilter([1.0 - keep], [1.0, -keep], values, zi=start)[0])
 
 
 def second_order(ship: Ship, sea: Any, seconds: float, wall: bool = False) -> WaveForce:
     """Return the slow second-order force of waves on the beam that the hull reflects.
 
-    Args:
-        ship: with length and draught.
-        sea: SEA record.
-        seconds: duration [s].
-        wall: whether every wave is reflected completely, which no hull does.
+    On a wall every wave is reflected completely, which no hull does.
     """
     frequency, hull = sea["frequency"], ship.manoeuvring
     share = np.ones_like(frequency) if wall else reflection(frequency, hull.draught_m)
@@ -119,19 +94,15 @@ def first_order(
 ) -> WaveForce:
     """Return the slow part of the first-order force on a hull of one section over its length.
 
-    Args:
-        ship: with displacement and added mass in sway.
-        sea: SEA record.
-        seconds: duration [s].
-        heading_deg: 0 following, 90 on the beam [deg].
-        speed_m_s: speed of the ship [m/s]; the encounter frequency is w - w^2 U cos(heading) / g.
+    The encounter frequency is w - w^2 U cos(heading) / g.
     """
     hull, frequency = ship.manoeuvring, sea["frequency"]
     angle, number = math.radians(heading_deg), frequency**2 / GRAVITY
     added = -hull.Y_vdot * 0.5 * ship.water.density_kg_m3 * hull.length_m**3
     depth = np.exp(-0.5 * number * hull.draught_m)
-    force = (hull.displacement_kg + added) * sea["amplitude"] * frequency**2 * depth
-    force = force * math.sin(angle)
+    force = (
+        math.sin(angle) * (hull.displacement_kg + added) * sea["amplitude"] * frequency**2 * depth
+    )
     half = 0.5 * number * hull.length_m * math.cos(angle) + 1e-9  # phase from midship to the bow
     time = np.arange(0.0, seconds, WAVE_STEP_S)
     met = frequency - number * speed_m_s * math.cos(angle)
@@ -144,19 +115,16 @@ def first_order(
 
 def with_wave_force(ship: Ship, force: WaveForce) -> tuple[Ship, Callable[[float], Any]]:
     """Return the ship with the terms of a wave force, and its signals as a function of time [s]."""
-    vessel = ship.with_values(
-        {
-            "signals": {"wave_force": "N", "wave_moment": "N m"},
-            "term": [
-                {"id": "wave-force", "acts_on": "side_force", "expression": "wave_force"},
-                {"id": "wave-moment", "acts_on": "yaw_moment", "expression": "wave_moment"},
-            ],
-        }
-    )
+    terms = [
+        {"id": "wave-force", "acts_on": "side_force", "expression": "wave_force"},
+        {"id": "wave-moment", "acts_on": "yaw_moment", "expression": "wave_moment"},
+    ]
+    signals = {"wave_force": "N", "wave_moment": "N m"}
+    vessel = ship.with_values({"signals": signals, "term": terms})
 
     def acting(time: float) -> Any:
-        signals = [float(np.interp(time, force.time_s, part)) for part in force[1:]]
-        return UNDISTURBED._replace(outside=(*signals, *(0.0,) * (MAX_SIGNALS - 2)))
+        now = [float(np.interp(time, force.time_s, part)) for part in force[1:]]
+        return UNDISTURBED._replace(outside=(*now, *(0.0,) * (MAX_SIGNALS - 2)))
 
     return vessel, acting
 
@@ -166,26 +134,27 @@ SPEED_M_S = 22.0 * 0.514444
 CURRENT_M_S = 5.0 * 0.514444
 INTERVAL_S = 0.5
 HEADING_NOISE = math.radians(0.1)  # rms [rad]; assumed
-TRACK_NOISE_M = (
-    0.05  # rms; assumed. The controller amplifies white noise 200 times: 0.5 m saturates the rudder
-)
+TRACK_NOISE_M = 0.05
+"""Rms noise of the position; assumed. The controller amplifies it 200 times."""
 TURN_DEG = 8.0  # degrees per ship length in dead-reckoned turns: 90 degrees in about three minutes
 CHANGE_LENGTHS = 38.0  # length of a track change: about eight minutes
 GUST_AT, LEFT_AT, BACK_AT, END_AT = 20.0, 60.0, 140.0, 220.0  # [ship lengths]
-CARRIED, MET = "carried", "met"
 REFLECTED, WALL, ORBITAL = "reflected", "wall", "orbital"
+
+Orders = Callable[[float], tuple[float, float]]
+"""Heading [rad] and cross track [m] by the distance [ship lengths]."""
 
 
 @functools.cache
 def ship() -> Ship:
     """Return the surrogate."""
-    return load_ship(SHIP)
+    return plant.load_ship(SHIP)
 
 
 @functools.cache
 def straight() -> Equilibrium:
     """Return the straight course at 22 knots."""
-    return approach(ship(), SPEED_M_S)
+    return plant.approach(ship(), SPEED_M_S)
 
 
 def length_s() -> float:
@@ -195,47 +164,34 @@ def length_s() -> float:
 
 def linear_plant(track: bool) -> control.StateSpace:
     """Return the linear model in ship lengths of heading, or of cross track, by rudder command."""
-    whole = linearise(ship(), straight(), outputs=("heading", "sway_speed"))
-    kept = [
-        whole.state_labels.index(n) for n in ("sway_speed", "yaw_rate", "heading", "rudder_angle")
-    ]
+    whole = plant.linearise(ship(), straight(), outputs=("heading", "sway_speed"))
+    names = ("sway_speed", "yaw_rate", "heading", "rudder_angle")
+    kept = [whole.state_labels.index(name) for name in names]
     helm = whole.input_labels.index("rudder_command")
     unit = length_s()
     a, b = unit * whole.A[np.ix_(kept, kept)], unit * whole.B[kept][:, [helm]]
+    heading, sway = whole.C[:, kept]
     if not track:
-        return control.ss(a, b, whole.C[[0]][:, kept], [[0.0]])
-    # y' = psi + v / U, in ship lengths
-    drifts = whole.C[[0]][:, kept] + whole.C[[1]][:, kept] / SPEED_M_S
-    a = np.block([[a, np.zeros((4, 1))], [drifts, np.zeros((1, 1))]])
+        return control.ss(a, b, [heading], [[0.0]])
+    a = np.block([[a, np.zeros((4, 1))], [heading + sway / SPEED_M_S, 0.0]])  # y' = psi + v / U
     return control.ss(a, np.vstack([b, [[0.0]]]), [[0.0, 0.0, 0.0, 0.0, 1.0]], [[0.0]])
 
 
-def in_current(vessel: Ship, across_m_s: float) -> Ship:
-    """Return the ship in a current across the first course, positive to starboard [m/s]."""
-    return vessel.with_values({"manoeuvring.cross_current_m_s": across_m_s})
-
-
 def simulate_voyage(
-    helmsman: Helmsman,
-    lengths: float,
-    orders: Callable[[float], tuple[float, float]],
-    begin: State | None = None,
-    gusts: Mapping[float, float] | None = None,
-    carried: Mapping[float, float] | None = None,
-    acting: Callable[[float], Any] = lambda _: UNDISTURBED,
-    vessel: Ship | None = None,
-    sea: Any = None,
-    seed: int = 1,
-) -> pd.DataFrame:
-    """Simulate a voyage with a helmsman.
+    helmsman: Helmsman, lengths: float, orders: Orders, sway_m_s: float = 0.0,
+    current_at: float = math.inf, carried: bool = False,
+    acting: Callable[[float], Any] = lambda _: UNDISTURBED, vessel: Ship | None = None,
+    sea: Any = None, seed: int = 1,
+) -> pd.DataFrame:  # fmt: skip
+    """Simulate a voyage with a helmsman, from the straight course.
 
     Args:
         helmsman: controller of the rudder.
         lengths: distance [ship lengths].
-        orders: heading [rad] and cross track [m] by the distance [ship lengths].
-        begin: initial state; the straight course by default.
-        gusts: cross current [m/s] by the distance [ship lengths] at which it begins.
-        carried: the same as modelled in the thesis: a speed that is added to the cross track alone.
+        orders: set-points.
+        sway_m_s: initial sway speed [m/s].
+        current_at: distance at which the current to starboard begins [ship lengths].
+        carried: whether the current is added to the cross track alone, as in the thesis.
         acting: disturbance by time [s].
         vessel: ship; the surrogate by default.
         sea: SEA record; calm by default.
@@ -247,90 +203,64 @@ def simulate_voyage(
     """
     plain, point, unit = vessel or ship(), straight(), length_s()
     rng = np.random.default_rng(seed)
-    state = point.state if begin is None else begin
+    state = point.state._replace(sway_speed=sway_m_s)
     drive, pitch = point.inputs.drive, point.inputs.pitch_command
-    voyage, memory, rows, off = Voyage(plain, state, drive, sea), None, [], 0.0
-    waiting = sorted((gusts or {}).items())
+    voyage, memory, rows, off, met = Voyage(plain, state, drive, sea), None, [], 0.0, False
     steps = round(INTERVAL_S / plain.time_step_s)
     for k in range(round(lengths * unit / INTERVAL_S)):
         time = k * INTERVAL_S
-        if waiting and time >= waiting[0][0] * unit:
-            _, across = waiting.pop(0)
-            voyage = Voyage(in_current(plain, across), state, drive, sea)
+        flows = time >= current_at * unit
+        if flows and not carried and not met:
+            met, current = True, {"manoeuvring.cross_current_m_s": CURRENT_M_S}
+            voyage = Voyage(plain.with_values(current), state, drive, sea)
         heading_order, track_order = orders(time / unit)
         read = (
-            heading_order,
-            state.heading + HEADING_NOISE * rng.standard_normal(),
-            state.yaw_rate,
-            state.rudder_angle,
-            track_order,
-            state.cross_track + off + TRACK_NOISE_M * rng.standard_normal(),
-            state.ship_speed,
-        )
+            heading_order, state.heading + HEADING_NOISE * rng.standard_normal(), state.yaw_rate,
+            state.rudder_angle, track_order,
+            state.cross_track + off + TRACK_NOISE_M * rng.standard_normal(), state.ship_speed,
+        )  # fmt: skip
         seen = SteeringMeasurements(*(np.array([value]) for value in read))
         memory = helmsman.initial_state(seen) if memory is None else memory
         command = float(helmsman.rudder(seen, memory)[0])
         rows.append(
-            (time, time / unit, state.position, state.cross_track + off, state.heading,
-             state.yaw_rate, state.sway_speed, state.ship_speed, state.rudder_angle, command,
-             heading_order, track_order, memory[0, 0])
+            {"time_s": time, "way": time / unit, "position_m": state.position,
+             "cross_track_m": state.cross_track + off, "heading_rad": state.heading,
+             "yaw_rate_rad_s": state.yaw_rate, "sway_speed_m_s": state.sway_speed,
+             "ship_speed_m_s": state.ship_speed, "rudder_rad": state.rudder_angle,
+             "rudder_command_rad": command, "heading_order_rad": heading_order,
+             "track_order_m": track_order, "aim": memory[0, 0]}
         )  # fmt: skip
         state = voyage.run(drive, pitch, command, steps, acting(time))
-        off += INTERVAL_S * sum(v for at, v in (carried or {}).items() if time >= at * unit)
-    names = (
-        "time_s", "way", "position_m", "cross_track_m", "heading_rad", "yaw_rate_rad_s",
-        "sway_speed_m_s", "ship_speed_m_s", "rudder_rad", "rudder_command_rad",
-        "heading_order_rad", "track_order_m", "aim",
-    )  # fmt: skip
-    return pd.DataFrame(rows, columns=names)
+        off += INTERVAL_S * CURRENT_M_S * (flows and carried)
+    return pd.DataFrame(rows)
 
 
-def with_initial_sway() -> pd.DataFrame:
-    """Simulate the current of 5 knots as the thesis does for the autopilot: an initial sway speed."""
-    begin = straight().state._replace(sway_speed=CURRENT_M_S)
-    return simulate_voyage(
-        Autopilot(ship(), INTERVAL_S, SPEED_M_S), 30.0, lambda _: (0.0, 0.0), begin
-    )
-
-
-def into_current() -> pd.DataFrame:
-    """Simulate a real current of 5 knots: the water moves to starboard from the tenth length on."""
-    return simulate_voyage(
-        Autopilot(ship(), INTERVAL_S, SPEED_M_S), 40.0, lambda _: (0.0, 0.0), gusts={10.0: CURRENT_M_S}
-    )  # fmt: skip
+def keep_heading(lengths: float, **given: Any) -> pd.DataFrame:
+    """Simulate the autopilot on a straight course, with keywords of :func:`simulate_voyage`."""
+    pilot = Autopilot(ship(), INTERVAL_S, SPEED_M_S)
+    return simulate_voyage(pilot, lengths, lambda _: (0.0, 0.0), **given)
 
 
 def two_turns(turn_deg: float = TURN_DEG) -> pd.DataFrame:
-    """Simulate a turn of 90 degrees to port, and later back.
-
-    Args:
-        turn_deg: rate of the dead-reckoned turn [deg per ship length].
-    """
-    quarter = math.radians(90.0)
-
-    def orders(way: float) -> tuple[float, float]:
-        return (-quarter if 10.0 <= way < 50.0 else 0.0), 0.0
-
+    """Simulate a turn to port of 90 degrees with a rate [deg per ship length], and later back."""
     pilot = Autopilot(ship(), INTERVAL_S, SPEED_M_S, turn_deg=turn_deg)
-    return simulate_voyage(pilot, 90.0, orders)
+    return simulate_voyage(
+        pilot, 90.0, lambda way: ((-math.radians(90.0) if 10.0 <= way < 50.0 else 0.0), 0.0)
+    )
 
 
-def dead_reckoning(track: pd.DataFrame) -> NDArray[np.float64]:
+def dead_reckoning(track: pd.DataFrame) -> Floats:
     """Return positions at 22 knots on the commanded heading [ship lengths], shape (n, 2)."""
-    heading = track["aim"].to_numpy()
-    step = INTERVAL_S / length_s()
-    along = np.concatenate([[0.0], np.cumsum(np.cos(heading[:-1]))]) * step
-    across = np.concatenate([[0.0], np.cumsum(np.sin(heading[:-1]))]) * step
-    return np.column_stack([along, across])
+    heading = track["aim"].to_numpy()[:-1]
+    steps = np.column_stack([np.cos(heading), np.sin(heading)])
+    places = np.vstack([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    return np.asarray(places * (INTERVAL_S / length_s()))
 
 
 def wave_case(kind: str, seed: int, heading_deg: float = BEAM_DEG) -> tuple[Any, WaveForce]:
     """Return the SEA record of state 4 and its wave force over the track changes.
 
-    Args:
-        kind: :data:`REFLECTED` or :data:`WALL` (second order), or :data:`ORBITAL` (first order).
-        seed: of the
-        heading_deg: 0 following, 90 on the beam [deg].
+    The kind is REFLECTED or WALL (second order), or ORBITAL (first order).
     """
     record = sea_from(ship(), heading_deg, seed)
     seconds = END_AT * length_s() + 1.0
@@ -340,25 +270,19 @@ def wave_case(kind: str, seed: int, heading_deg: float = BEAM_DEG) -> tuple[Any,
 
 
 def track_change(
-    current: str = CARRIED, sea: tuple[Any, WaveForce] | None = None, seed: int = 1
+    carried: bool = True, sea: tuple[Any, WaveForce] | None = None, seed: int = 1
 ) -> pd.DataFrame:
     """Simulate a track change two lengths to port, and back, in a beam current.
 
-    Args:
-        current: :data:`CARRIED`, added to the cross track alone as in the thesis; or :data:`MET`, which
-            acts on the hull.
-        sea: from :func:`wave_case`; calm water by default.
-        seed: of the noise.
+    The current is carried, that is added to the cross track alone, or acts on the hull.
     """
     two = -2.0 * ship().manoeuvring.length_m
-
-    def orders(way: float) -> tuple[float, float]:
-        return 0.0, (two if LEFT_AT <= way < BACK_AT else 0.0)
-
     keeper = TrackKeeper(ship(), INTERVAL_S, SPEED_M_S, change_lengths=CHANGE_LENGTHS)
-    kind = "carried" if current == CARRIED else "gusts"
-    more: dict[str, Any] = {kind: {GUST_AT: CURRENT_M_S}}
+    more: dict[str, Any] = {}
     if sea is not None:
         more["sea"] = sea[0]
         more["vessel"], more["acting"] = with_wave_force(ship(), sea[1])
-    return simulate_voyage(keeper, END_AT, orders, seed=seed, **more)
+    return simulate_voyage(
+        keeper, END_AT, lambda way: (0.0, (two if LEFT_AT <= way < BACK_AT else 0.0)),
+        current_at=GUST_AT, carried=carried, seed=seed, **more,
+    )  # fmt: skip

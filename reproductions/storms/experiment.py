@@ -28,16 +28,7 @@ ORDER_M_S = 8.0
 RESISTANCE_FACTOR = 1.6
 """Resistance over that in calm water; assumed, because the plant has no added resistance of waves."""
 
-STORM = np.dtype(
-    [(name, np.float64) for name in (
-        "thrust", "thrust_power", "power", "peak_power", "shaft_speed", "peak_speed", "ship_speed",
-        "ventilation", "propeller_torque", "rack",
-    )]
-)  # fmt: skip
-"""True values of a control interval; units as of :class:`Storm`."""
-
-READING = np.dtype([(name, np.float64) for name in OBSERVED])
-"""Measurements of the controller."""
+READING = np.dtype([(name, np.float64) for name in OBSERVED])  # measurements of the controller
 
 
 class Storm(NamedTuple):
@@ -58,24 +49,18 @@ class Storm(NamedTuple):
     torque_ratio: NDArray[np.float64]  # beta_Q-hat [-]
 
 
+STORM = np.dtype([(name, np.float64) for name in Storm._fields[:10]])
+"""True values of a control interval."""
+
+
 def storm_frigate(**values: Any) -> Ship:
     """Return the frigate as in the environment's storm task, with some of its parameters changed."""
     return load_ship("frigate").with_values(dict(get_task("storm").ship) | values)
 
 
 @compiled
-def _interval(
-    plant: Record,
-    state: Record,
-    memory: Record,
-    sea: Record,
-    rack: float,
-    pitch: float,
-    resistance_factor: float,
-    truth: Record,
-    reading: Record,
-    dt: float,
-) -> None:
+def _interval(plant: Record, state: Record, memory: Record, sea: Record, rack: float, pitch: float,
+              resistance_factor: float, truth: Record, reading: Record, dt: float) -> None:  # fmt: skip
     steady = Disturbance(0.0, 0.0, resistance_factor, NO_SIGNALS)
     for _ in range(INTERVAL_STEPS):
         speed = state.shaft_speed
@@ -129,52 +114,38 @@ def simulate_storm(
         duration_s: including the first 30 s [s].
         resistance_factor: over calm water's [-].
     """
-    n, dt = len(seeds), ship.time_step_s
-    plant = ship.record()
-    spectrum = get_sea(sea)
-    seas = np.zeros(n, SEA)
-    states, memories = np.zeros(n, STATE), np.zeros(n, MEMORY)
+    n, dt, plant, spectrum = len(seeds), ship.time_step_s, ship.record(), get_sea(sea)
+    seas, states, memories = np.zeros(n, SEA), np.zeros(n, STATE), np.zeros(n, MEMORY)
     row = controller.curve.set_points(np.array([order_m_s]))
     start = equilibrium(ship, 20.0, float(row.pitch_ratio[0]))
-    first = start.state._replace(
-        shaft_speed=float(row.shaft_speed[0]), ship_speed=start_m_s or order_m_s
-    )
+    speeds = {"shaft_speed": float(row.shaft_speed[0]), "ship_speed": start_m_s or order_m_s}
     readings = np.zeros(n, READING)
     for i, seed in enumerate(seeds):
         if spectrum is not None:
             seas[i] = realise(spectrum, float(plant["depth"]), seed)
-        states[i] = tuple(float(value) for value in first)
-        rack = float(start.inputs.drive)
+        states[i] = tuple(float(value) for value in start.state._replace(**speeds))
         begin = Disturbance(0.0, 0.0, resistance_factor)
-        prepare(plant, states[i], memories[i], seas[i], rack, begin, dt)
+        prepare(plant, states[i], memories[i], seas[i], float(start.inputs.drive), begin, dt)
         _read(memories[i], 0.0, readings[i])
     readings["speed_order"] = order_m_s
     intervals = round(duration_s / (INTERVAL_STEPS * dt))
-    truths = np.zeros((intervals, n), STORM)
-    detected = np.zeros((intervals, n), bool)
-    torque = np.zeros((intervals, n))
-    ratio = np.zeros((intervals, n))
+    truths, detected = np.zeros((intervals, n), STORM), np.zeros((intervals, n), bool)
+    torque, ratio = np.zeros((2, intervals, n))
     memory: Any = None
     for k in range(intervals):
         seen = readings.view(np.float64).reshape(n, -1)
         action, memory = controller.predict(seen, memory)
         detected[k] = memory["detection"]["ventilating"] != 0
         ratio[k] = memory["detection"]["torque_ratio"]
-        estimate = memory["estimate"]
-        torque[k] = [estimated_propeller_torque(plant, one) for one in estimate]
+        torque[k] = [estimated_propeller_torque(plant, one) for one in memory["estimate"]]
         for i, (turned, moved) in enumerate(action.tolist()):
             pitch = decode(turned, plant["pitch_ratio_min"], plant["pitch_ratio_max"])
             fuel = decode(moved, plant["drive_min"], plant["drive_max"])
             _interval(plant, states[i], memories[i], seas[i], fuel, pitch,
                       resistance_factor, truths[k, i], readings[i], dt)  # fmt: skip
+    columns = [truths[name] for name in STORM.names or ()]
     kept = slice(round(30.0 / (INTERVAL_STEPS * dt)), None)
-    columns = {name: truths[name][kept].T for name in STORM.names or ()}
-    return Storm(
-        **columns,
-        detected=detected[kept].T,
-        torque_estimate=torque[kept].T,
-        torque_ratio=ratio[kept].T,
-    )
+    return Storm(*(values[kept].T for values in (*columns, detected, torque, ratio)))
 
 
 def truth_and_detection(storm: Storm) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -187,28 +158,18 @@ def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return list(zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True))
 
 
-def event_counts(
-    truth: NDArray[np.bool_], detected: NDArray[np.bool_], slack: int = 2
-) -> NDArray[np.float64]:
+def event_counts(truth: NDArray[np.bool_], detected: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Return right detections, detections, detected events and events of each ship, shape (n, 4).
 
-    Events are runs of samples; a right detection overlaps one or comes up to ``slack`` samples late.
+    Events are runs of samples; a right detection overlaps one or comes up to two samples late.
     """
     rows = []
     for happened, called in zip(truth, detected, strict=True):
         real, found = _runs(happened), _runs(called)
-        hits = [[a < end + slack and b > start for a, b in found] for start, end in real]
+        hits = [a < end + 2 and b > start for start, end in real for a, b in found]
         table = np.array(hits, dtype=bool).reshape(len(real), len(found))
         rows.append((table.any(axis=0).sum(), len(found), table.any(axis=1).sum(), len(real)))
     return np.array(rows, dtype=np.float64)
-
-
-def event_scores(
-    truth: NDArray[np.bool_], detected: NDArray[np.bool_], slack: int = 2
-) -> tuple[float, float]:
-    """Return precision and recall by events; see :func:`event_counts`."""
-    right, calls, found, events = event_counts(truth, detected, slack).sum(axis=0)
-    return right / max(calls, 1.0), found / max(events, 1.0)
 
 
 def sample_scores(
@@ -219,17 +180,6 @@ def sample_scores(
     called = detected[:, late:]
     both = float(np.sum(happened & called))
     return both / max(float(called.sum()), 1.0), both / max(float(happened.sum()), 1.0)
-
-
-def storm_pair(seeds: range, **values: Any) -> tuple[Storm, Storm]:
-    """Simulate storms of state 6 with and without anti-spin; ``values`` are changed parameters."""
-    ship = storm_frigate(**values)
-    with_it, without = (
-        simulate_storm(ship, AntiSpin(ship, anti_spin=switch), sea="state-6", seeds=seeds,
-             resistance_factor=RESISTANCE_FACTOR)
-        for switch in (True, False)
-    )  # fmt: skip
-    return with_it, without
 
 
 def key_numbers(storm: Storm) -> dict[str, NDArray[np.float64]]:

@@ -8,7 +8,6 @@ down or held at its speed like the paper's carriage. Intervals are percentile bo
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,38 +23,28 @@ from shaftline.plant.propeller import propeller_load
 from shaftline.plant.surroundings import GRAVITY
 
 from ..cells import Cell, half_digit, number
-from ..pages import fill_template
+from ..pages import fill_template, label_axis
 from ..side_by_side import Page, Study, Tick, published, published_text
+from . import experiment
 from .experiment import (
-    INTERVAL_STEPS,
     ORDER_M_S,
     RESISTANCE_FACTOR,
     Storm,
     event_counts,
     key_numbers,
-    sample_scores,
-    simulate_storm,
     storm_frigate,
-    truth_and_detection,
 )
 
-SEEDS = range(100, 120)
-"""Seeds of the seas; none of them was used while tuning."""
-
+SEEDS = range(100, 120)  # seeds of the seas; none of them was used while tuning
 FIXED = {"ventilation.suction_gain": 0.0, "ventilation.static_head_share": 0.0,
          "ventilation.surface_loss": 0.0, "ventilation.onset_submergence": 1.0}  # fmt: skip
 """Losses of thrust and torque by depth alone, the same at any shaft speed, for comparison."""
 
 DRY = {"ventilation.thrust_loss": 0.0, "ventilation.torque_loss": 0.0,
        "ventilation.surface_loss": 0.0}  # fmt: skip
-HELD = {"hull.mass_kg": 1e9}
-"""A hull too heavy to slow down: the paper's towing carriage."""
-
-HELD_SPEED_M_S = 6.4
-"""About the speed of the free ship at a set-point of 8 m/s without anti-spin."""
-
-HIGH_ORDER_M_S = 11.0
-"""A set-point near the highest: twice the thrust of 8 m/s."""
+HELD = {"hull.mass_kg": 1e9}  # A hull too heavy to slow down: the paper's towing carriage
+HELD_SPEED_M_S = 6.4  # about the speed of the free ship at a set-point of 8 m/s without anti-spin
+HIGH_ORDER_M_S = 11.0  # A set-point near the highest: twice the thrust of 8 m/s
 
 
 class Case(NamedTuple):
@@ -96,8 +85,8 @@ class Results(NamedTuple):
 class Bootstrap:
     """Percentile bootstrap over seeds; every statistic sees the same resampled seeds."""
 
-    def __init__(self, seeds: int, draws: int = 4000) -> None:
-        self.pick = np.random.default_rng(0).integers(0, seeds, (draws, seeds))
+    def __init__(self, seeds: int) -> None:
+        self.pick = np.random.default_rng(0).integers(0, seeds, (4000, seeds))
 
     def ratio(self, above: Any, below: Any) -> tuple[float, float, float]:
         """Return the sum of a value over that of another, over the seeds, with its 95 % interval."""
@@ -114,9 +103,8 @@ class Bootstrap:
 def simulate_case(case: str, seeds: range, options: dict[str, Any]) -> Storm:
     """Simulate one of :data:`CASES` under :class:`~.AntiSpin`, one ship for each seed."""
     changes, order = CASES[case]
-    ship = storm_frigate(**changes)
-    start = HELD_SPEED_M_S if "hull.mass_kg" in changes else None
-    return simulate_storm(
+    ship, start = storm_frigate(**changes), HELD_SPEED_M_S if "hull.mass_kg" in changes else None
+    return experiment.simulate_storm(
         ship, AntiSpin(ship, **options), order_m_s=order, start_m_s=start, sea="state-6", seeds=seeds,
         resistance_factor=RESISTANCE_FACTOR,
     )  # fmt: skip
@@ -126,11 +114,6 @@ def suction_of(ship: Ship, thrust: float) -> float:
     """Return the suction head H/R [-] of a thrust [N] of one propeller: a column of water over R."""
     radius = 0.5 * ship.propeller.diameter_m
     return thrust / (ship.water.density_kg_m3 * GRAVITY * math.pi * radius**3)
-
-
-def _suction(ship: Ship, storm: Storm) -> float:
-    """Return the mean suction head of a run's samples with less than a tenth of air."""
-    return suction_of(ship, float(storm.thrust[storm.ventilation < 0.1].mean()))
 
 
 def _effects(case: str, runs: dict[str, Storm], over_seeds: Bootstrap) -> Rows:
@@ -149,40 +132,35 @@ def _detections(case: str, runs: dict[str, Storm], over_seeds: Bootstrap) -> Row
     """Return scores of the detection, and the error of the estimated torque."""
     rows: Rows = []
     for name, storm in runs.items():
-        truth, called = truth_and_detection(storm)
+        truth, called = experiment.truth_and_detection(storm)
         right, calls, found, events = event_counts(truth, called).T
+        precision, recall = experiment.sample_scores(truth, called, late=2)
         torque = storm.propeller_torque
-        error = storm.torque_estimate[:, 1:] - torque[:, :-1]
-        precision, recall = sample_scores(truth, called, late=2)
-        rows += [
-            (case, name, "ventilated [-]", *over_seeds.mean(truth.mean(axis=1))),
-            (case, name, "events: precision", *over_seeds.ratio(right, calls)),
-            (case, name, "events: recall", *over_seeds.ratio(found, events)),
-            (case, name, "samples 1 s late: precision", precision, np.nan, np.nan),
-            (case, name, "samples 1 s late: recall", recall, np.nan, np.nan),
-            (
-                case,
-                name,
-                "rms error of Q_p / mean Q_p",
-                error.std() / torque.mean(),
-                np.nan,
-                np.nan,
-            ),
-        ]
+        error = (storm.torque_estimate[:, 1:] - torque[:, :-1]).std() / torque.mean()
+        values = {
+            "ventilated [-]": over_seeds.mean(truth.mean(axis=1)),
+            "events: precision": over_seeds.ratio(right, calls),
+            "events: recall": over_seeds.ratio(found, events),
+            "samples 1 s late: precision": (precision, np.nan, np.nan),
+            "samples 1 s late: recall": (recall, np.nan, np.nan),
+            "rms error of Q_p / mean Q_p": (error, np.nan, np.nan),
+        }
+        rows += [(case, name, quantity, *value) for quantity, value in values.items()]
     return rows
 
 
-def _alarms(ship: Ship, sea: str, order: float, seeds: range, over_seeds: Bootstrap,
-            tick: Callable[[], None]) -> Rows:  # fmt: skip
+def _alarms(
+    ship: Ship, sea: str, order: float, seeds: range, over_seeds: Bootstrap, tick: Tick
+) -> Rows:
     """Return false alarms where no propeller ventilates, and the ship speed that they cost."""
     runs = {}
     for name, options in OPTIONS.items():
-        runs[name] = simulate_storm(
-            ship, AntiSpin(ship, **options), order_m_s=order, sea=sea, seeds=seeds
-        )
+        control = AntiSpin(ship, **options)
+        runs[name] = experiment.simulate_storm(ship, control, order_m_s=order, sea=sea, seeds=seeds)
         tick()
     case = f"{sea}, {order:g} m/s, no ventilation"
-    hours = runs[ON].detected.shape[1] * INTERVAL_STEPS * ship.time_step_s / 3600.0
+    interval = experiment.INTERVAL_STEPS * ship.time_step_s
+    hours = runs[ON].detected.shape[1] * interval / 3600.0
     rows: Rows = []
     for name, storm in runs.items():
         alarms = event_counts(storm.ventilation > 0.5, storm.detected)[:, 1]
@@ -192,12 +170,14 @@ def _alarms(ship: Ship, sea: str, order: float, seeds: range, over_seeds: Bootst
     return rows
 
 
-def compute_results(tick: Callable[[], None] = lambda: None, seeds: range = SEEDS) -> Results:
+def compute_results(tick: Tick = lambda: None, seeds: range = SEEDS) -> Results:
     """Simulate all storms and plain seas."""
     over_seeds = Bootstrap(len(seeds))
     rows: Rows = []
     traces: dict[str, Storm] = {}
-    heads = {"towing tank, 45 rad/s": _tank_suction(45.0)}
+    rig = load_ship("towing-tank")
+    tank = propeller_load(rig.record(), 0.0, 45.0, 1.0, 1.0, 0.0).thrust
+    heads = {"towing tank, 45 rad/s": suction_of(rig, tank)}
     for case, (changes, _) in CASES.items():
         runs = {}
         for name, options in OPTIONS.items():
@@ -205,134 +185,103 @@ def compute_results(tick: Callable[[], None] = lambda: None, seeds: range = SEED
             tick()
         traces = traces or {name: runs[name] for name in (ON, OFF)}
         rows += _effects(case, runs, over_seeds) + _detections(case, runs, over_seeds)
-        heads[case] = _suction(storm_frigate(**changes), runs[OFF])
-        off = key_numbers(runs[OFF])[EFFICIENCY]
+        without = runs[OFF]
+        dry = float(without.thrust[without.ventilation < 0.1].mean())
+        heads[case] = suction_of(storm_frigate(**changes), dry)
         for share in VENTILATED_SPEEDS:
             slower = key_numbers(simulate_case(case, seeds, {"ventilated_speed": share}))[
                 EFFICIENCY
             ]
-            name = f"anti-spin at {share:g} / {OFF}"
-            rows.append((case, name, EFFICIENCY, *over_seeds.ratio(slower, off)))
+            ratio = over_seeds.ratio(slower, key_numbers(without)[EFFICIENCY])
+            rows.append((case, f"anti-spin at {share:g} / {OFF}", EFFICIENCY, *ratio))
             tick()
-    dry = storm_frigate(**DRY)
     for sea in PLAIN_SEAS:
         for order in ORDERS_M_S:
-            rows += _alarms(dry, sea, order, seeds, over_seeds, tick)
+            rows += _alarms(storm_frigate(**DRY), sea, order, seeds, over_seeds, tick)
     columns = ["case", "controller", "quantity", "value", "low", "high"]
     return Results(pd.DataFrame(rows, columns=columns), traces, heads)
-
-
-def _tank_suction(shaft_speed: float) -> float:
-    rig = load_ship("towing-tank")
-    return suction_of(rig, propeller_load(rig.record(), 0.0, shaft_speed, 1.0, 1.0, 0.0).thrust)
 
 
 def beside_table_1(numbers: pd.DataFrame) -> pd.DataFrame:
     """Return thrust, power and energy efficiency with anti-spin over without, the paper's row first."""
     tank = published("anti_spin_towing_tank")
-    printed = tank.loc["anti-spin"] / tank.loc["no-anti-spin"]
-    rows: list[tuple[str, Any, Any, Any]] = [("paper, Table 1", *printed)]
-    ratios = numbers[numbers["controller"] == f"{ON} / {OFF}"].set_index(["case", "quantity"])
-    for case in CASES:
-        rows.append((case, *(ratios.loc[(case, q), "value"] for q in (THRUST, POWER, EFFICIENCY))))
+    rows: list[tuple[Any, ...]] = [
+        ("paper, Table 1", *(tank.loc["anti-spin"] / tank.loc["no-anti-spin"]))
+    ]
+    ratios = numbers[numbers["controller"] == f"{ON} / {OFF}"].set_index(["case", "quantity"])[
+        "value"
+    ]
+    rows += [(case, *(ratios[case, q] for q in (THRUST, POWER, EFFICIENCY))) for case in CASES]
     return pd.DataFrame(rows, columns=["storm", "thrust", "power", "energy efficiency"])
 
 
 _SHOWN_S = 90.0
-
-
 NEAREST = "high thrust, speed held"
 """The storm that is nearest to the paper's test: a carriage that keeps its speed."""
 
 
 def cells(beside: pd.DataFrame) -> list[Cell]:
     """Return the paper's ratios beside those of the storm nearest to its test."""
-    digits = published_text("anti_spin_towing_tank")
-    with_it, without = digits.loc["anti-spin"], digits.loc["no-anti-spin"]
-    rows = beside.set_index("storm")
-    return [
-        number(
-            "Table 1", f"{name}, anti-spin over without", "", float(rows.loc[NEAREST, name]),
-            float(a) / float(b),
-            float(a) / float(b) * (half_digit(a) / float(a) + half_digit(b) / float(b)),
-            "half a unit of the last digit of both printed numbers",
-        )
-        for name, a, b in zip(beside.columns[1:], with_it, without, strict=True)
-    ]  # fmt: skip
-
-
-class _Cells:
-    """The study's numbers as cells ``value (low to high)``."""
-
-    def __init__(self, numbers: pd.DataFrame) -> None:
-        self.table = numbers.set_index(["case", "controller", "quantity"])
-
-    def __call__(self, case: str, controller: str, quantity: str, style: str = ".3g") -> str:
-        found: Any = self.table.loc[(case, controller, quantity)]
-        value = f"{found['value']:{style}}"
-        if np.isnan(found["low"]):
-            return value
-        return f"{value} ({found['low']:{style}} to {found['high']:{style}})"
-
-    def value(self, case: str, controller: str, quantity: str) -> float:
-        """Return one value."""
-        return float(self.table.loc[(case, controller, quantity), "value"])
-
-    def change(self, case: str, controller: str, quantity: str) -> str:
-        """Return the interval of a change against anti-spin off."""
-        found: Any = self.table.loc[(case, f"{controller} / {OFF}", quantity)]
-        low, high = (100.0 * (found[end] - 1.0) for end in ("low", "high"))
-        return f"{low:+.1f} to {high:+.1f} %"
+    digits, ours = published_text("anti_spin_towing_tank"), beside.set_index("storm").loc[NEAREST]
+    basis, found = "half a unit of the last digit of both printed numbers", []
+    for name, a, b in zip(
+        ours.index, digits.loc["anti-spin"], digits.loc["no-anti-spin"], strict=True
+    ):
+        ratio, share = float(a) / float(b), half_digit(a) / float(a) + half_digit(b) / float(b)
+        row = f"{name}, anti-spin over without"
+        found.append(number("Table 1", row, "", ours[name], ratio, ratio * share, basis))
+    return found
 
 
 def _tables(results: Results, beside: pd.DataFrame) -> dict[str, Any]:
     """Return the tables of the page."""
-    cell, ratio = _Cells(results.numbers), f"{ON} / {OFF}"
-    names = ["storm", "thrust", "power", "energy efficiency (27)"]
+    table: Any = results.numbers.set_index(["case", "controller", "quantity"])
+
+    def cell(case: str, controller: str, quantity: str, style: str) -> str:
+        value, low, high = table.loc[case, controller, quantity]
+        around = "" if np.isnan(low) else f" ({low:{style}} to {high:{style}})"
+        return f"{value:{style}}{around}"
+
+    def change(case: str, controller: str, quantity: str) -> str:
+        _, low, high = 100.0 * (table.loc[case, f"{controller} / {OFF}", quantity] - 1.0)
+        return f"{low:+.1f} to {high:+.1f} %"
+
+    ratio, alarms, speed = f"{ON} / {OFF}", "false alarms [1/h]", "ship speed [m/s]"
     first = [["paper, Table 1", *(f"{value:.2f}" for value in beside.iloc[0, 1:])]]
     first += [[c, *(cell(c, ratio, q, ".2f") for q in (THRUST, POWER, EFFICIENCY))] for c in CASES]
-    shares = [f"anti-spin at {share:g} / {OFF}" for share in VENTILATED_SPEEDS] + [ratio]
-    sweep = [[c, *(cell(c, name, EFFICIENCY, ".2f") for name in shares)] for c in CASES]
-    quantities = dict.fromkeys(
-        q for q in results.numbers["quantity"] if "[" in q and "alarms" not in q and "vent" not in q
-    )
-    effects = {}
-    for case in (next(iter(CASES)), NEAREST):
-        rows = [
-            [q, *(cell(case, name, q, ".4g").split(" (")[0] for name in (ON, OFF)),
-             cell.change(case, ON, q), cell.change(case, AWARE, q)]
-            for q in quantities
-        ]  # fmt: skip
-        columns = ["quantity", ON, OFF, "change, 95 %", "change with sea margin 3, 95 %"]
-        effects[case] = pd.DataFrame(rows, columns=columns)
-    scores = [
-        "ventilated [-]", "events: precision", "events: recall", "samples 1 s late: precision",
-        "samples 1 s late: recall", "rms error of Q_p / mean Q_p",
-    ]  # fmt: skip
+    shares = {f"{share:g}": f"anti-spin at {share:g} / {OFF}" for share in VENTILATED_SPEEDS}
+    shares["0.92 (kept)"] = ratio
+    sweep = [[c, *(cell(c, name, EFFICIENCY, ".2f") for name in shares.values())] for c in CASES]
+    named = results.numbers["quantity"].unique()
+    quantities = [q for q in named if "[" in q and "alarms" not in q and "vent" not in q]
+    effects = {
+        case: pd.DataFrame(
+            [[q, *(f"{table.loc[case, name, q]['value']:.4g}" for name in (ON, OFF)),
+              change(case, ON, q), change(case, AWARE, q)] for q in quantities],
+            columns=["quantity", ON, OFF, "change, 95 %", "change with sea margin 3, 95 %"],
+        )
+        for case in (next(iter(CASES)), NEAREST)
+    }  # fmt: skip
+    scores = [q for q in named if q.startswith(("ventilated", "events", "samples", "rms"))]
     detected = [
-        [c, name, *(cell(c, name, s, ".2f") for s in scores)]
-        for c in CASES
-        for name in (ON, AWARE, OFF)
+        [c, n, *(cell(c, n, s, ".2f") for s in scores)] for c in CASES for n in (ON, AWARE, OFF)
     ]
-    alarms, speed = "false alarms [1/h]", "ship speed [m/s]"
     plain = [
         [c.split(", no")[0], cell(c, ON, alarms, ".1f"), cell(c, AWARE, alarms, ".1f"),
-         cell.change(c, ON, speed), cell.change(c, AWARE, speed)]
-        for c in dict.fromkeys(results.numbers["case"]) if c not in CASES
+         change(c, ON, speed), change(c, AWARE, speed)]
+        for c in results.numbers["case"].unique() if c not in CASES
     ]  # fmt: skip
+    of_plain = ["sea, order", "paper's rule [1/h]", "sea margin 3 [1/h]",
+                "change of ship speed", "change with sea margin 3"]  # fmt: skip
     return {
-        "first": pd.DataFrame(first, columns=names),
-        "sweep": pd.DataFrame(
-            sweep, columns=["storm", *(f"{share:g}" for share in VENTILATED_SPEEDS), "0.92 (kept)"]
+        "first": pd.DataFrame(
+            first, columns=["storm", "thrust", "power", "energy efficiency (27)"]
         ),
+        "sweep": pd.DataFrame(sweep, columns=["storm", *shares]),
         "effects": effects,
         "detected": pd.DataFrame(detected, columns=["storm", "controller", *scores]),
-        "plain": pd.DataFrame(
-            plain,
-            columns=["sea, order", "paper's rule [1/h]", "sea margin 3 [1/h]",
-                     "change of ship speed", "change with sea margin 3"],
-        ),
-    }  # fmt: skip
+        "plain": pd.DataFrame(plain, columns=of_plain),
+    }
 
 
 def body(results: Results, beside: pd.DataFrame) -> str:
@@ -347,37 +296,33 @@ def body(results: Results, beside: pd.DataFrame) -> str:
     )  # fmt: skip
 
 
-def figure(traces: dict[str, Storm], dt: float, ship: int = 0) -> Figure:
-    """Draw one ship over time: shaft speed, torque, thrust and detected ventilation.
+def figure(traces: dict[str, Storm], dt: float) -> Figure:
+    """Draw the first ship over time: shaft speed, torque, thrust and detected ventilation.
 
-    Args:
-        traces: storms by controller, the same seeds.
-        dt: the plant's time step [s].
-        ship: which of the ships.
+    The storms, by controller, have the same seeds; ``dt`` is the plant's time step [s].
     """
     drawn, axes = new_figure(4, 1, (9.5, 8.5))
-    interval = INTERVAL_STEPS * dt
+    *upper, lowest = axes[:, 0]
+    interval = experiment.INTERVAL_STEPS * dt
     kept = slice(0, round(_SHOWN_S / interval))
     for row, (name, storm) in enumerate(traces.items()):
-        time = interval * np.arange(storm.thrust.shape[1])[kept]
-        color = (PALETTE[1], PALETTE[0])[row % 2]
-        for axis, values, label in (
-            (axes[0, 0], storm.shaft_speed, "shaft speed [rad/s]"),
-            (axes[1, 0], storm.propeller_torque * 1e-3, "propeller torque [kN m]"),
-            (axes[2, 0], storm.thrust * 1e-3, "thrust [kN]"),
-        ):
-            axis.plot(time, values[ship, kept], color=color, linewidth=1.1, label=name)
+        time, color = interval * np.arange(storm.thrust.shape[1])[kept], PALETTE[1 - row % 2]
+        panels = (
+            (storm.shaft_speed, "shaft speed [rad/s]"),
+            (storm.propeller_torque * 1e-3, "propeller torque [kN m]"),
+            (storm.thrust * 1e-3, "thrust [kN]"),
+        )
+        for axis, (values, label) in zip(upper, panels, strict=True):
+            axis.plot(time, values[0, kept], color=color, linewidth=1.1, label=name)
             axis.set_ylabel(label, fontsize=9)
-        called = storm.detected[ship, kept]
-        axis = axes[3, 0]
-        axis.fill_between(time, row, row + 0.4 * called, step="post", color=color, linewidth=0)
-        truth = storm.ventilation[ship, kept]
-        axis.plot(time, row + 0.8 * truth, color=TRUTH, linewidth=0.9)
-    axes[0, 0].legend(fontsize=8, frameon=False, loc="upper right")
-    axes[3, 0].set_yticks([0.2, 1.2], list(traces), fontsize=8)
-    axes[3, 0].set_title("detected (filled) and true degree of ventilation (line)", fontsize=9)
-    axes[3, 0].axhline(1.0, color=THESIS, linewidth=0.6)
-    axes[3, 0].set_xlabel("time [s]", fontsize=9)
+        called = storm.detected[0, kept]
+        lowest.fill_between(time, row, row + 0.4 * called, step="post", color=color, linewidth=0)
+        lowest.plot(time, row + 0.8 * storm.ventilation[0, kept], color=TRUTH, linewidth=0.9)
+    upper[0].legend(fontsize=8, frameon=False, loc="upper right")
+    title = "detected (filled) and true degree of ventilation (line)"
+    label_axis(lowest, "time [s]", title=title, size=9, ticks=None)
+    lowest.set_yticks([0.2, 1.2], list(traces), fontsize=8)
+    lowest.axhline(1.0, color=THESIS, linewidth=0.6)
     return drawn
 
 

@@ -11,7 +11,7 @@ import pytest
 from reproductions import diagnosed_ships as study
 from shaftline.plant import load_ship
 from shaftline.validation.equivalents import comparable, names_of
-from shaftline.validation.reality.effects import BY_KEY, EFFECTS, FRIGATE
+from shaftline.validation.simulator.effects import BY_KEY, EFFECTS, FRIGATE
 
 TRUTHS = study.draw_truths()
 

@@ -201,7 +201,7 @@ def test_more_than_the_calm_water_top_can_be_ordered() -> None:
 
 def test_tables_have_the_papers_form(rows: pd.DataFrame) -> None:
     part = rows[rows["curve"] == "standard"]
-    table = table_in_paper_form(part, COMBINATOR, True)
+    table = table_in_paper_form(part, COMBINATOR)
     assert list(table["lever"]) == [1, 2, 3, 4, 5]
     assert table["SFOC [g/kWh]"].iloc[0].endswith("(294.1)")
     assert table["variation"].iloc[4].endswith("(+19.6)")

@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from reproductions.rigs import RIGS, Rig, body, describe_findings, errors
+from reproductions.rigs import RIGS, Rig, describe_findings, errors, write
 from shaftline.mismatch import Options, diagnose
 from shaftline.mismatch.recordings.joint import load_jointly
 
@@ -47,11 +47,13 @@ def test_the_generator_s_open_armature_friction_and_lag_are_found_together() -> 
     assert after < 6.0
 
 
-def test_the_page_has_a_row_for_each_rig() -> None:
+def test_the_page_has_a_row_for_each_rig(tmp_path: Path) -> None:
     row = dict.fromkeys(
         ("rig", "missing", "verdict", "named", "parameters", "unit", "file", "quick",
          "full", "bound", "quick_named", "quick_verdict", "trap"), "x"
     )  # fmt: skip
-    text = body(pd.DataFrame([row, row | {"rig": "another"}]))
+    text = write(tmp_path, pd.DataFrame([row, row | {"rig": "another"}])).read_text(
+        encoding="utf-8"
+    )
     assert text.count("| another |") == 3
     assert all(rig.trap in text for rig in RIGS)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,16 +16,31 @@ from reproductions.storms.experiment import (
     RESISTANCE_FACTOR,
     Storm,
     event_counts,
-    event_scores,
     key_numbers,
     sample_scores,
     simulate_storm,
     storm_frigate,
-    storm_pair,
     truth_and_detection,
 )
 from shaftline.baselines.anti_spin import AntiSpin
 from shaftline.plant import Ship, load_ship
+
+
+def event_scores(truth: np.ndarray, detected: np.ndarray) -> tuple[float, float]:
+    """Precision and recall by events."""
+    right, calls, found, events = event_counts(truth, detected).sum(axis=0)
+    return right / max(calls, 1.0), found / max(events, 1.0)
+
+
+def storm_pair(seeds: range, **values: Any) -> tuple[Storm, Storm]:
+    """Storms of state 6 with and without anti-spin."""
+    ship = storm_frigate(**values)
+    fixed: dict[str, Any] = {"seeds": seeds, "resistance_factor": RESISTANCE_FACTOR}
+    on, off = (
+        simulate_storm(ship, AntiSpin(ship, anti_spin=switch), sea="state-6", **fixed)
+        for switch in (True, False)
+    )
+    return on, off
 
 
 @pytest.fixture(scope="module")

@@ -12,13 +12,18 @@ from numpy.testing import assert_allclose
 
 from reproductions.tito_neri import experiments, rig, rig_page
 from reproductions.tito_neri.experiments import Experiment
+from reproductions.tito_neri.identification import DELAY
 from shaftline.mismatch.identification.drive_train import CONSTANT, RESISTANCE, SIX, drive_train
 from shaftline.mismatch.identification.free_parameters import number_of
 from shaftline.mismatch.identification.sine import sine
 from shaftline.mismatch.identification.step import step
 
 SHIP = rig_page.truth()
-CLEAN = replace(rig.without_faults(), holes=360)
+SOUND = rig.Instruments(
+    0.0, 0.0, 0.0, 0.0, uneven_deg=0.0, gain=1.0, lag_s=0.0, current_noise_A=0.0
+)
+"""Perfect instruments except the encoder's holes."""
+CLEAN = replace(SOUND, holes=360)
 """Perfect instruments with an encoder of many holes, which gives the true speed."""
 
 
@@ -36,7 +41,7 @@ def test_without_faults_the_rig_is_the_plant() -> None:
 
 def test_an_encoder_tells_the_last_interval_until_the_next_flank() -> None:
     """Even holes and a speed that rises evenly: the value of a flank is the mean over its interval."""
-    disk = replace(rig.without_faults(), holes=4)
+    disk = replace(SOUND, holes=4)
     time = np.arange(40001) * 1e-4
     told = rig.encoder_speed(20.0 * time + 3.0 * time**2, 1e-4, disk)
     flanks = np.arange(1, 10) * (math.pi / 2.0)
@@ -47,7 +52,7 @@ def test_an_encoder_tells_the_last_interval_until_the_next_flank() -> None:
 
 
 def test_uneven_holes_repeat_every_turn() -> None:
-    own = replace(rig.without_faults(), uneven_deg=0.3)
+    own = replace(SOUND, uneven_deg=0.3)
     table = rig.record_test(SHIP, steady(), own)
     speed = 3.0 * table["shaft_speed_rad_s"].to_numpy()[2000:]
     values = speed[np.r_[True, np.diff(speed) != 0.0]]
@@ -117,7 +122,7 @@ def test_methods_see_through_the_instruments() -> None:
     values = dict(zip(found.keys, found.values, strict=True))
     for key in SIX:
         assert values[key] == pytest.approx(number_of(SHIP, key).value, rel=0.03), key
-    assert values[rig_page.DELAY] == pytest.approx(2.0 * math.pi / 15.0 / 213.0, rel=0.08)
+    assert values[DELAY] == pytest.approx(2.0 * math.pi / 15.0 / 213.0, rel=0.08)
     stairs = step(SHIP, [rig.record_test(SHIP, experiments.staircase(hold_s=2.5))], SIX)
     values = dict(zip(stairs.keys, stairs.values, strict=True))
     for key in SIX[1:]:

@@ -117,13 +117,13 @@ def test_the_thesis_s_r_is_too_large_for_three_minutes() -> None:
 
 def test_the_identified_ship_turns_as_the_ship() -> None:
     truth = zig_zag.steady_turn(load_ship("esso-osaka"), esso_osaka.SPEED)
-    assert truth.diameter == pytest.approx(12.07, abs=0.01)
+    assert truth.steady_diameter == pytest.approx(12.07, abs=0.01)
     assert truth.shaft_speed_ratio == 1.0
     run = esso_osaka.run_case(1e-4, 1e-2, 0)
-    assert esso_osaka.diameter(run.ratios[-1]) == pytest.approx(truth.diameter, rel=0.02)
+    assert esso_osaka.diameter(run.ratios[-1]) == pytest.approx(truth.steady_diameter, rel=0.02)
     # it hangs on the coefficients' ratios: half of each turns alike, half of one does not
-    assert esso_osaka.diameter([0.5] * 4) == pytest.approx(truth.diameter, rel=0.01)
-    assert abs(esso_osaka.diameter([0.5, 1.0, 1.0, 1.0]) / truth.diameter - 1.0) > 0.05
+    assert esso_osaka.diameter([0.5] * 4) == pytest.approx(truth.steady_diameter, rel=0.01)
+    assert abs(esso_osaka.diameter([0.5, 1.0, 1.0, 1.0]) / truth.steady_diameter - 1.0) > 0.05
     assert math.isnan(esso_osaka.diameter([-1.0, 1.0, 1.0, 1.0]))
 
 
@@ -154,9 +154,9 @@ def test_the_filter_s_ship_is_the_destroyer_without_what_is_not_linear() -> None
     assert (own.X_vr, own.Y_vv, own.Y_rr, own.N_rr) == (0.0, 0.0, 0.0, 0.0)
     assert own.Y_v == load_ship("ddg-51-surrogate").manoeuvring.Y_v
     plain, theirs = zig_zag.steady_turn(destroyer.linear(), destroyer.SPEED), 6.583
-    assert plain.diameter == pytest.approx(5.634, abs=0.002)
+    assert plain.steady_diameter == pytest.approx(5.634, abs=0.002)
     turn = zig_zag.steady_turn(load_ship("ddg-51-surrogate"), destroyer.SPEED)
-    assert turn.diameter == pytest.approx(theirs, abs=0.002)
+    assert turn.steady_diameter == pytest.approx(theirs, abs=0.002)
     assert 100.0 * (1.0 - turn.speed_ratio) == pytest.approx(19.1, abs=0.1)
     assert 100.0 * (1.0 - turn.shaft_speed_ratio) == pytest.approx(10.78, abs=0.05)
 
@@ -196,7 +196,7 @@ def test_the_three_runs_with_exact_readings(name: str, ratios: list[float], tigh
     mean = destroyer.mean_ratios(run)
     assert mean == pytest.approx(ratios, abs=5e-3)
     turn: Any = destroyer.turn_of(mean)
-    assert 100.0 * (1.0 - turn.diameter / 6.5827) == pytest.approx(tighter, abs=0.1)
+    assert 100.0 * (1.0 - turn.steady_diameter / 6.5827) == pytest.approx(tighter, abs=0.1)
     told = destroyer.tracking_errors(run)
     assert told["sway_rms"] == pytest.approx(0.041, abs=1e-3)
     assert told["yaw_rms"] == pytest.approx(0.148, abs=1e-3)

@@ -22,7 +22,6 @@ gains are printed at z = 0, divided by the product of the two, and so mean nothi
 
 from __future__ import annotations
 
-import re
 from typing import NamedTuple
 
 import numpy as np
@@ -37,7 +36,7 @@ from shaftline.observers.torque_curve import torque_slopes
 from shaftline.plant import Ship
 
 from ..side_by_side import published
-from .poles import working_point
+from .poles import printed_line, working_point
 
 OUTPUTS, INPUTS = ("omega", "M_p"), ("omega", "M_m")
 LUENBERGER = ("luenberger-low", "luenberger-moderate", "luenberger-high")
@@ -54,10 +53,15 @@ _ROUNDING = 1e-9
 """Zeros and gains below this, over the slowest pole and the gain to the torque, are 0."""
 
 
-def linear_observer(name: str, ship: Ship) -> control.StateSpace:
-    """Return a linear observer, from measured omega and M_m to estimated omega and M_p."""
+def _linear(name: str) -> LinearObserver:
     observer = get_observer(name)
     assert isinstance(observer, LinearObserver)
+    return observer
+
+
+def linear_observer(name: str, ship: Ship) -> control.StateSpace:
+    """Return a linear observer, from measured omega and M_m to estimated omega and M_p."""
+    observer = _linear(name)
     a, b, c = shaft_model(observer.inertia(ship))
     gain = observer.gain(ship)
     return control.ss(
@@ -68,9 +72,7 @@ def linear_observer(name: str, ship: Ship) -> control.StateSpace:
 
 def gains(name: str, ship: Ship) -> tuple[float, float]:
     """Return the gain K of a linear observer, [1/s] and [N m/rad]."""
-    observer = get_observer(name)
-    assert isinstance(observer, LinearObserver)
-    k1, k2 = map(float, observer.gain(ship)[:, 0])
+    k1, k2 = map(float, _linear(name).gain(ship)[:, 0])
     return k1, k2
 
 
@@ -79,12 +81,8 @@ def closed_form(
 ) -> tuple[float, float]:
     """Return zero [rad/s], NaN where there is none, and steady gain of one of the four transfers.
 
-    Args:
-        k1: gain on the error of the shaft speed [1/s].
-        k2: gain on the same error for the torque [N m/rad].
-        inertia: I_R [kg m2].
-        output: ``omega`` or ``M_p``.
-        source: ``omega`` or ``M_m``.
+    The gains act on the error of the shaft speed: k1 [1/s], and for the torque k2 [N m/rad]. ``inertia``
+    is I_R [kg m2], ``output`` omega or M_p, ``source`` omega or M_m.
     """
     if output == "omega":
         return (k2 / inertia / k1, 1.0) if source == "omega" else (0.0, 0.0)
@@ -94,56 +92,49 @@ def closed_form(
 def linear_transfers(ship: Ship) -> pd.DataFrame:
     """Return Tables 3-1 to 3-8: printed, by the closed form, and of the observer itself."""
     rows = []
-    printed = published("advance_velocity_thesis_observer_transfers").reset_index()
-    for cell in printed.itertuples():
-        observer = get_observer(cell.observer)
-        assert isinstance(observer, LinearObserver)
-        inertia = observer.inertia(ship)
+    for cell in published("advance_velocity_thesis_observer_transfers").reset_index().itertuples():
+        inertia = _linear(cell.observer).inertia(ship)
         k1, k2 = gains(cell.observer, ship)
         system = linear_observer(cell.observer, ship)
         one = system[OUTPUTS.index(cell.output), INPUTS.index(cell.input)]
         slowest = float(np.abs(system.poles()).min())
-        zeros = [z.real for z in map(complex, one.zeros()) if abs(z) < 1e6 * slowest]
-        zero = zeros[0] if zeros else np.nan
+        zero = next((z.real for z in map(complex, one.zeros()) if abs(z) < 1e6 * slowest), np.nan)
         size = abs(k1) * inertia if (cell.output, cell.input) == ("M_p", "omega") else 1.0
         gain = float(np.real(one.dcgain()))
         follows = closed_form(k1, k2, inertia, cell.output, cell.input)
         rows.append(
-            {
-                "table": cell.table,
-                "observer": cell.observer,
-                "transfer": f"{cell.output}^ / {cell.input}",
-                "zero printed": cell.zero_rad_s,
-                "zero follows": follows[0],
-                "zero ours": 0.0 if abs(zero) < _ROUNDING * slowest else zero,
-                "gain printed": cell.dc_gain,
-                "gain follows": follows[1],
-                "gain ours": 0.0 if abs(gain) < _ROUNDING * size else gain,
-            }
-        )
+            {"table": cell.table, "observer": cell.observer,
+             "transfer": f"{cell.output}^ / {cell.input}",
+             "zero printed": cell.zero_rad_s, "zero follows": follows[0],
+             "zero ours": 0.0 if abs(zero) < _ROUNDING * slowest else zero,
+             "gain printed": cell.dc_gain, "gain follows": follows[1],
+             "gain ours": 0.0 if abs(gain) < _ROUNDING * size else gain}
+        )  # fmt: skip
     return pd.DataFrame(rows)
+
+
+def propeller_inertia(ship: Ship) -> float:
+    """Return I_R [kg m2]."""
+    return float(ship.record()["inertia_propeller_side"])
+
+
+def _torque_slopes(ship: Ship, point: str) -> tuple[float, float]:
+    """Return the slopes of M_p over omega and v_a at A to D."""
+    found = working_point(ship, point)
+    velocity, pitch = found.outputs.advance_velocity, found.outputs.pitch_ratio
+    return torque_slopes(ship.record(), velocity, found.state.shaft_speed, pitch)
 
 
 def immersion_invariance(
     ship: Ship, point: str, gamma: float, *, as_printed: bool
 ) -> control.StateSpace:
-    """Return I&I linear about A to D, from measured omega and M_m to v_a^ (eq. 3-13).
+    """Return I&I linear about A to D, from measured omega and M_m to v_a^ (eq. 3-13), by gamma [m/rad].
 
-    Args:
-        ship: the thesis's frigate.
-        point: A, B, C or D.
-        gamma: gain [m/rad].
-        as_printed: leave out the dependence of M_p on the estimate, as Tables 3-9 and 3-10 do; the
-            observer converges by this dependence.
+    ``as_printed`` leaves out the dependence of M_p on the estimate, as Tables 3-9 and 3-10 do; the
+    observer converges by this dependence.
     """
-    found = working_point(ship, point)
-    by_speed, by_velocity = torque_slopes(
-        ship.record(), found.outputs.advance_velocity, found.state.shaft_speed,
-        found.outputs.pitch_ratio,
-    )  # fmt: skip
-    inertia = float(ship.record()["inertia_propeller_side"])
-    own = 0.0 if as_printed else by_velocity
-    rate = gamma / inertia
+    by_speed, by_velocity = _torque_slopes(ship, point)
+    own, rate = 0.0 if as_printed else by_velocity, gamma / propeller_inertia(ship)
     return control.ss(
         [[rate * own]], [[rate * (by_speed + own * gamma), -rate]], [[1.0]], [[gamma, 0.0]],
         inputs=["omega measured", "M_m measured"], outputs=["v_a^"],
@@ -156,21 +147,18 @@ def invariance_transfers(ship: Ship) -> pd.DataFrame:
     for point in "AD":
         for tuning in ("low", "high"):
             gamma = ImmersionInvariance.tunings[tuning].gain
-            pole: dict[bool, float] = {}
-            for as_printed in (True, False):
-                one = immersion_invariance(ship, point, gamma, as_printed=as_printed)[0, 1]
-                (pole[as_printed],) = one.poles().real
-                assert len(one.zeros()) == 0
+            printed, own = (
+                immersion_invariance(ship, point, gamma, as_printed=choice)[0, 1].poles().real[0]
+                for choice in (True, False)
+            )
             rows.append(
                 {"table": "3-10", "point": point, "gamma": gamma, "pole printed": 0.0,
-                 "pole as eq. 3-13 is printed": pole[True], "pole of the observer": pole[False]}
+                 "pole as eq. 3-13 is printed": printed, "pole of the observer": own}
             )  # fmt: skip
     return pd.DataFrame(rows)
 
 
-NOISES = (1e4, 1e11)
-"""Q of omega and v_a, where R is 1."""
-
+NOISES = (1e4, 1e11)  # Q of omega and v_a, where R is 1
 _TABLES = ("3-11", "3-12", "3-13", "3-14")
 
 
@@ -186,31 +174,24 @@ class Filter(NamedTuple):
 def predictor(a11: float, a12: float) -> Filter:
     """Return the random-walk Kalman filter of the thesis at one point.
 
-    Args:
-        a11: slope of omega' over omega [1/s], used as an element of the transition matrix.
-        a12: slope of omega' over v_a [rad/(s m)].
+    ``a11`` is the slope of omega' over omega [1/s], used as an element of the transition matrix, ``a12``
+    that over v_a [rad/(s m)].
     """
     a, c = np.array([[a11, a12], [0.0, 1.0]]), np.array([[1.0, 0.0]])
     p = scipy.linalg.solve_discrete_are(a.T, c.T, np.diag(NOISES), np.eye(1))
     k = a @ p @ c.T / (c @ p @ c.T + 1.0)
     zeros = [
-        control.ss(a - k @ c, k, np.eye(2)[[row]], [[0.0]], True).zeros().real[0]
+        float(control.ss(a - k @ c, k, np.eye(2)[[row]], [[0.0]], True).zeros().real[0])
         for row in range(2)
     ]
-    first, second = np.linalg.eigvals(a - k @ c)
-    return Filter(
-        (complex(first), complex(second)), float(zeros[0]), float(zeros[1]),
-        (float(k[0, 0]), float(k[1, 0])),
-    )  # fmt: skip
+    first, second = map(complex, np.linalg.eigvals(a - k @ c))
+    return Filter((first, second), zeros[0], zeros[1], (float(k[0, 0]), float(k[1, 0])))
 
 
 def random_walk_response(a11: float, a12: float, inertia: float) -> control.StateSpace:
-    """Return the filter in z, from measured omega and M_m to estimated omega and v_a.
+    """Return the filter of :func:`predictor` in z, from omega and M_m to estimated omega and v_a.
 
-    Args:
-        a11: as of :func:`predictor`.
-        a12: as of :func:`predictor`.
-        inertia: I_R [kg m2].
+    ``inertia`` is I_R [kg m2].
     """
     a, c = np.array([[a11, a12], [0.0, 1.0]]), np.array([[1.0, 0.0]])
     k = np.array(predictor(a11, a12).gain)[:, None]
@@ -218,54 +199,36 @@ def random_walk_response(a11: float, a12: float, inertia: float) -> control.Stat
     return control.ss(a - k @ c, inputs, np.eye(2), np.zeros((2, 2)), True)
 
 
-def propeller_inertia(ship: Ship) -> float:
-    """Return I_R [kg m2]."""
-    return float(ship.record()["inertia_propeller_side"])
-
-
 def plant_slopes(ship: Ship, point: str) -> tuple[float, float]:
     """Return a11 and a12 of our plant at A to D."""
-    record, found = ship.record(), working_point(ship, point)
-    by_speed, by_velocity = torque_slopes(
-        record, found.outputs.advance_velocity, found.state.shaft_speed, found.outputs.pitch_ratio
-    )
+    record, inertia = ship.record(), propeller_inertia(ship)
+    by_speed, by_velocity = _torque_slopes(ship, point)
     engine = record["torque_per_speed"] * record["gear_ratio"] ** 2
     engine *= record["transmission_efficiency"]
-    propeller_inertia = float(record["inertia_propeller_side"])
-    whole = propeller_inertia + float(record["inertia_engine_side"])
-    return float((engine - by_speed) / whole), float(-by_velocity / propeller_inertia)
-
-
-def parse_number(text: object) -> float:
-    r"""Return a printed number, such as ``-7.06 \\cdot 10^-2``."""
-    return float(re.sub(r"\s*\\cdot\s*10\^", "e", str(text)))
+    whole = inertia + float(record["inertia_engine_side"])
+    return float((engine - by_speed) / whole), float(-by_velocity / inertia)
 
 
 def random_walk_transfers(ship: Ship) -> pd.DataFrame:
     """Return the calculated zeros and gains beside the printed ones, by point and table."""
-    printed = published("advance_velocity_thesis_poles_zeros_gains").reset_index()
-    printed = printed[printed["table"].isin(_TABLES)]
-    printed = printed.set_index(["table", "working_point_or_source"])
-    propeller_inertia = float(ship.record()["inertia_propeller_side"])
-    rows = []
+    inertia, rows = propeller_inertia(ship), []
     for point in "ABCD":
-        told = {table: printed.loc[(table, point)] for table in _TABLES}
-        product = float(np.prod([parse_number(p) for p in told["3-11"]["poles_rad_s"].split(",")]))
-        a11 = parse_number(told["3-13"]["zeros_rad_s"])
-        k2 = -parse_number(told["3-14"]["dc_gain"]) * propeller_inertia * product
-        ours = predictor(*plant_slopes(ship, point))
-        follows = predictor(a11, 1.0 / k2)
+        printed = {table: printed_line(table, point) for table in _TABLES}
+        product = float(np.prod(printed["3-11"].poles))
+        (a11,) = printed["3-13"].zeros
+        k2 = -printed["3-14"].gain * inertia * product
+        ours, follows = predictor(*plant_slopes(ship, point)), predictor(a11, 1.0 / k2)
         for table, transfer, zero, gain, own in (
             ("3-11", "omega^/omega", follows.by_speed, -a11 / product, ours.by_speed),
-            ("3-12", "omega^/M_m", 1.0, -1.0 / propeller_inertia / product, 1.0),
+            ("3-12", "omega^/M_m", 1.0, -1.0 / inertia / product, 1.0),
             ("3-13", "v_a^/omega", follows.velocity_by_speed, -k2 * a11 / product,
              ours.velocity_by_speed),
-            ("3-14", "v_a^/M_m", np.nan, -k2 / propeller_inertia / product, np.nan),
+            ("3-14", "v_a^/M_m", np.nan, -k2 / inertia / product, np.nan),
         ):  # fmt: skip
-            cell = told[table]["zeros_rad_s"]
+            line = printed[table]
             rows.append(
                 {"table": table, "transfer": transfer, "point": point, "zero follows": zero,
-                 "zero printed": np.nan if pd.isna(cell) else parse_number(cell), "zero ours": own,
-                 "gain follows": gain, "gain printed": parse_number(told[table]["dc_gain"])}
+                 "zero printed": line.zeros[0] if line.zeros else np.nan, "zero ours": own,
+                 "gain follows": gain, "gain printed": line.gain}
             )  # fmt: skip
     return pd.DataFrame(rows).sort_values("table", kind="stable", ignore_index=True)

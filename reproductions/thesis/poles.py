@@ -7,6 +7,9 @@ point; the other printed numbers then test it.
 
 from __future__ import annotations
 
+import itertools
+import re
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,49 +22,51 @@ from shaftline.plant import Equilibrium, Ship, equilibrium, linearise
 from ..cells import half_digit
 from ..side_by_side import published, published_text
 
+PRINTED = "advance_velocity_thesis_poles_zeros_gains"
+INPUTS = ("pitch_command", "drive", "resistance_factor", "inflow")
+TABLES = {"2-2": ("pitch_ratio", "pitch_command")} | {
+    f"2-{number}": (output, source)
+    for number, (source, output) in enumerate(
+        itertools.product(INPUTS, ("shaft_speed", "ship_speed", "shaft_torque")), 3
+    )
+}
+"""Output and input of Tables 2-2 to 2-14."""
+MID_RANGE_TABLES = {
+    f"2-{number}": (output, source)
+    for number, (source, output) in enumerate(
+        itertools.product(INPUTS, ("shaft_speed", "ship_speed")), 16
+    )
+}
+SOURCES = ("This thesis", "Vrijdag paper")
+
 
 class Printed(NamedTuple):
-    """One line of a printed table, numbers by size, with half a unit of their last digits."""
+    """One line of a printed table, numbers by size."""
 
     poles: tuple[float, ...]
     zeros: tuple[float, ...]
     gain: float
-    pole_rounding: tuple[float, ...]
-    zero_rounding: tuple[float, ...]
-    gain_rounding: float
+    numbers: dict[str, tuple[float, float]]
+    """Each number with half of its last digit, by name, such as ``zero 1``."""
 
 
-def _numbers(text: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    parts = sorted((part for part in text.split(",") if part.strip()), key=lambda p: abs(float(p)))
-    return tuple(map(float, parts)), tuple(map(half_digit, parts))
+def _printed_texts(table: str, line: str) -> Any:
+    return published_text(PRINTED).loc[[table]].set_index("working_point_or_source").loc[line]
 
 
 def printed_line(table: str, line: str) -> Printed:
-    """Return a line of Tables 2-2 to 2-23."""
-    lines = published_text("advance_velocity_thesis_poles_zeros_gains")
-    found = lines.loc[[table]].set_index("working_point_or_source").loc[line]
-    poles, pole_rounding = _numbers(found["poles_rad_s"])
-    zeros, zero_rounding = _numbers(found["zeros_rad_s"])
-    gain = found["dc_gain"]
-    return Printed(poles, zeros, float(gain), pole_rounding, zero_rounding, half_digit(gain))
-
-
-# table number: (output, input) in our names
-TABLES = {
-    "2-2": ("pitch_ratio", "pitch_command"),
-    "2-3": ("shaft_speed", "pitch_command"),
-    "2-4": ("ship_speed", "pitch_command"),
-    "2-5": ("shaft_torque", "pitch_command"),
-    "2-6": ("shaft_speed", "drive"),
-    "2-7": ("ship_speed", "drive"),
-    "2-8": ("shaft_torque", "drive"),
-    "2-9": ("shaft_speed", "resistance_factor"),
-    "2-10": ("ship_speed", "resistance_factor"),
-    "2-11": ("shaft_torque", "resistance_factor"),
-    "2-12": ("shaft_speed", "inflow"),
-    "2-13": ("ship_speed", "inflow"),
-    "2-14": ("shaft_torque", "inflow"),
-}
+    """Return a line of Tables 2-2 to 3-14: a working point, or one of :data:`SOURCES`."""
+    found, numbers = _printed_texts(table, line), {}
+    for kind, column in (("pole", "poles_rad_s"), ("zero", "zeros_rad_s"), ("gain", "dc_gain")):
+        texts = [re.sub(r"\s*\\cdot\s*10\^", "e", one) for one in found[column].split(",")]
+        parts = sorted(filter(str.strip, texts), key=lambda part: abs(float(part)))
+        for i, part in enumerate(parts, 1):
+            numbers[kind if kind == "gain" else f"{kind} {i}"] = float(part), half_digit(part)
+    poles, zeros = (
+        tuple(value for name, (value, _) in numbers.items() if name.startswith(kind))
+        for kind in ("pole", "zero")
+    )
+    return Printed(poles, zeros, numbers["gain"][0], numbers)
 
 
 def poles_zeros_gain(system: control.StateSpace) -> tuple[list[float], list[float], float]:
@@ -77,43 +82,24 @@ def poles_zeros_gain(system: control.StateSpace) -> tuple[list[float], list[floa
     return sorted((p.real for p in poles), key=abs), sorted((z.real for z in zeros), key=abs), gain
 
 
-def sorted_numbers(text: Any) -> list[float]:
-    """Return the numbers of a printed cell, by size."""
-    if not isinstance(text, str) or not text.strip():
-        return [float(text)] if isinstance(text, float) and np.isfinite(text) else []
-    return sorted((float(part) for part in text.split(",")), key=abs)
-
-
-def _shown(values: list[float]) -> str:
+def show(values: Iterable[float]) -> str:
+    """Return numbers as a cell of a table."""
     return ", ".join(f"{value:.4f}" for value in values) or "–"
 
 
 def plant_transfers(ship: Ship) -> pd.DataFrame:
     """Return every transfer of Tables 2-2 to 2-14 at A to D, ours beside the thesis's."""
-    printed = published("advance_velocity_thesis_poles_zeros_gains").reset_index()
     rows = []
     for point, model in models(ship).items():
         for table, (output, source) in TABLES.items():
             poles, zeros, gain = poles_zeros_gain(model[output, source])
-            line = printed[
-                (printed["table"] == table) & (printed["working_point_or_source"] == point)
-            ].iloc[0]
-            thesis_gain = float(line["dc_gain"])
-            difference = 100.0 * (gain / thesis_gain - 1.0)
+            line = printed_line(table, point)
             rows.append(
-                {
-                    "table": table,
-                    "transfer": f"{output} / {source}",
-                    "point": point,
-                    "poles": _shown(poles),
-                    "poles_thesis": _shown(sorted_numbers(line["poles_rad_s"])),
-                    "zeros": _shown(zeros),
-                    "zeros_thesis": _shown(sorted_numbers(line["zeros_rad_s"])),
-                    "gain": gain,
-                    "gain_thesis": thesis_gain,
-                    "gain_difference_percent": difference,
-                }
-            )
+                {"table": table, "transfer": f"{output} / {source}", "point": point,
+                 "poles": show(poles), "poles_thesis": show(line.poles), "zeros": show(zeros),
+                 "zeros_thesis": show(line.zeros), "gain": gain, "gain_thesis": line.gain,
+                 "gain_difference_percent": 100.0 * (gain / line.gain - 1.0)}
+            )  # fmt: skip
     return pd.DataFrame(rows)
 
 
@@ -128,32 +114,13 @@ def models(ship: Ship) -> dict[str, control.StateSpace]:
     return {point: linearise(ship, working_point(ship, point)) for point in "ABCD"}
 
 
-MID_RANGE_TABLES = {
-    "2-16": ("shaft_speed", "pitch_command"),
-    "2-17": ("ship_speed", "pitch_command"),
-    "2-18": ("shaft_speed", "drive"),
-    "2-19": ("ship_speed", "drive"),
-    "2-20": ("shaft_speed", "resistance_factor"),
-    "2-21": ("ship_speed", "resistance_factor"),
-    "2-22": ("shaft_speed", "inflow"),
-    "2-23": ("ship_speed", "inflow"),
-}
-SOURCES = ("This thesis", "Vrijdag paper")
-
-
-def _printed_row(table: str, source: str) -> Any:
-    lines = published("advance_velocity_thesis_poles_zeros_gains").reset_index()
-    return lines[(lines["table"] == table) & (lines["working_point_or_source"] == source)].iloc[0]
-
-
 def mid_range_point(ship: Ship) -> Equilibrium:
     """Return the working point at which our gains from the rack equal the thesis's."""
-    wanted = [float(_printed_row(table, SOURCES[0])["dc_gain"]) for table in ("2-18", "2-19")]
+    wanted = {MID_RANGE_TABLES[n]: printed_line(n, SOURCES[0]).gain for n in ("2-18", "2-19")}
 
     def difference(inputs: Any) -> list[float]:
         model = linearise(ship, equilibrium(ship, float(inputs[0]), float(inputs[1])))
-        gains = [float(np.real(model[o, "drive"].dcgain())) for o in ("shaft_speed", "ship_speed")]
-        return [ours - theirs for ours, theirs in zip(gains, wanted, strict=True)]
+        return [float(np.real(model[pair].dcgain())) - gain for pair, gain in wanted.items()]
 
     rack, pitch = scipy.optimize.root(difference, [22.0, 1.2]).x
     return equilibrium(ship, float(rack), float(pitch))
@@ -161,31 +128,24 @@ def mid_range_point(ship: Ship) -> Equilibrium:
 
 def mid_range(ship: Ship) -> pd.DataFrame:
     """Return our poles, zeros and gains at the mid-range point beside those of both printed models."""
-    model = linearise(ship, mid_range_point(ship))
-    rows = []
+    model, rows = linearise(ship, mid_range_point(ship)), []
     for table, (output, source) in MID_RANGE_TABLES.items():
         poles, zeros, gain = poles_zeros_gain(model[output, source])
         row = {"table": table, "transfer": f"{output} / {source}"}
-        for name, values in (("poles", poles), ("zeros", zeros), ("gain", [gain])):
-            row[name] = ", ".join(f"{value:.4f}" for value in values) or "–"
-            for who in SOURCES:
-                key = {"poles": "poles_rad_s", "zeros": "zeros_rad_s", "gain": "dc_gain"}[name]
-                text = str(_printed_row(table, who)[key])
-                row[f"{name}, {who}"] = "–" if text == "nan" else text
+        keys = {"poles": "poles_rad_s", "zeros": "zeros_rad_s", "gain": "dc_gain"}
+        for (name, key), values in zip(keys.items(), (poles, zeros, [gain]), strict=True):
+            row[name] = show(values)
+            row |= {f"{name}, {who}": _printed_texts(table, who)[key] or "–" for who in SOURCES}
         rows.append(row)
     return pd.DataFrame(rows)
 
 
 def printed_model(source: str) -> control.TransferFunction:
     """Return one of the two models of Figure 2-6, composed from its printed tables."""
-    grid: list[list[Any]] = []
-    for output in ("shaft_speed", "ship_speed"):
-        line = []
-        for name in ("pitch_command", "drive", "resistance_factor", "inflow"):
-            table = next(t for t, pair in MID_RANGE_TABLES.items() if pair == (output, name))
-            row = _printed_row(table, source)
-            poles, zeros = sorted_numbers(row["poles_rad_s"]), sorted_numbers(row["zeros_rad_s"])
-            shape = control.zpk(zeros, poles, 1.0)
-            line.append(float(row["dc_gain"]) / float(np.real(shape.dcgain())) * shape)
-        grid.append(line)
-    return control.combine_tf(grid)
+    transfers = {}
+    for table, pair in MID_RANGE_TABLES.items():
+        row = printed_line(table, source)
+        shape = control.zpk(row.zeros, row.poles, 1.0)
+        transfers[pair] = row.gain / float(np.real(shape.dcgain())) * shape
+    outputs = ("shaft_speed", "ship_speed")
+    return control.combine_tf([[transfers[output, name] for name in INPUTS] for output in outputs])

@@ -10,21 +10,19 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from shaftline.core.lazy import control
 from shaftline.observers.immersion_invariance import ImmersionInvariance
 from shaftline.plant import Ship, equilibrium, linearise, load_ship
 
-from ..cells import Cell, Kind, Reason, half_digit, number
+from .. import side_by_side as beside
+from ..cells import HALF_DIGIT, Cell, Kind, Reason, half_digit, number, printed_number
 from ..pages import fill_template
-from ..side_by_side import Page, Study, Tick, published_text
 from . import figures, observer_transfers, poles, printed_plant
-from .poles import Printed, poles_zeros_gain, printed_line
+from .poles import poles_zeros_gain, printed_line
 
-DIGITS = "half a unit of the last printed digit"
 PROPAGATED = (
-    f"{DIGITS}, and the change by half a digit of the printed rack (Table 2-1); Table B-1 as exact"
+    f"{HALF_DIGIT}, and the change by half a digit of the printed rack (Table 2-1); Table B-1 as "
+    "exact"
 )
 ROUNDED_ZERO = "the print shows the rounding of a number that is 0"
 GAUGE_SHARE = 0.04
@@ -32,39 +30,18 @@ GAUGE_SHARE = 0.04
 
 _ROUNDING = 1e-6
 
-Found = dict[tuple[str, str], float]
-"""Our number by table and name, such as ``zero 1``."""
-
-
-def _numbered(kind: str, values: Any) -> dict[str, float]:
-    return {f"{kind} {i + 1}": float(value) for i, value in enumerate(values)}
+Found = dict[tuple[str, str], float]  # our number by table and name, such as ``zero 1``
 
 
 def _of_model(model: control.StateSpace, tables: dict[str, tuple[str, str]]) -> Found:
     found: Found = {}
     for table, (output, source) in tables.items():
         lag, zeros, gain = poles_zeros_gain(model[output, source])
-        names = {**_numbered("zero", zeros), "gain": gain}
-        if output == "shaft_speed" and source == "drive":  # the poles of the point, once
-            names |= _numbered("pole", lag)
-        if output == "pitch_ratio":
-            names = {"pole 1": lag[0], "gain": gain}
+        names = {f"zero {i}": zero for i, zero in enumerate(zeros, 1)} | {"gain": gain}
+        if (output, source) == ("shaft_speed", "drive") or output == "pitch_ratio":
+            names |= {f"pole {i}": pole for i, pole in enumerate(lag, 1)}  # of the point, once
         found |= {(table, name): value for name, value in names.items()}
     return found
-
-
-def _at(ship: Ship, rack: float, pitch: float) -> Found:
-    return _of_model(linearise(ship, equilibrium(ship, rack, pitch)), poles.TABLES)
-
-
-def _printed_numbers(line: Printed) -> Iterator[tuple[str, float, float]]:
-    for kind, values, rounding in (
-        ("pole", line.poles, line.pole_rounding),
-        ("zero", line.zeros, line.zero_rounding),
-        ("gain", (line.gain,), (line.gain_rounding,)),
-    ):
-        for i, (value, half) in enumerate(zip(values, rounding, strict=True)):
-            yield kind if kind == "gain" else f"{kind} {i + 1}", value, half
 
 
 _REPEATED = (
@@ -80,81 +57,76 @@ def gauge_reasons(ship: Ship, point: str) -> dict[tuple[str, str], Reason]:
         _of_model(printed_plant.implied_plant(ship, point, row).system, tables)
         for row in (None, "A")
     )
-    values = {
-        (table, name): value
-        for table in tables
-        for name, value, _ in _printed_numbers(printed_line(table, point))
-    }
-    return {
-        key: Reason(_REPEATED, shift, min(GAUGE_SHARE * abs(values[key]), 0.5 * abs(shift)))
-        for key in own
-        if (shift := of_a[key] - own[key])
-    }
+    found = {}
+    for table, name in own:
+        if shift := of_a[table, name] - own[table, name]:
+            value, _ = printed_line(table, point).numbers[name]
+            within = min(GAUGE_SHARE * abs(value), 0.5 * abs(shift))
+            found[table, name] = Reason(_REPEATED, shift, within)
+    return found
 
 
 def plant_cells(ship: Ship) -> list[Cell]:
     """Return the cells of Tables 2-2 to 2-14."""
-    points, cells = published_text("advance_velocity_thesis_working_points"), []
+    points, cells = beside.published_text("advance_velocity_thesis_working_points"), []
     for point in printed_plant.POINTS:
         rack, pitch = (points.loc[point, name] for name in ("fuel_rack_mm", "pitch_ratio"))
         half = half_digit(rack)
         reasons = {} if point == "A" else gauge_reasons(ship, point)
-        ours, *moved = (_at(ship, float(rack) + by, float(pitch)) for by in (0.0, half, -half))
+        ours, *moved = (
+            _of_model(
+                linearise(ship, equilibrium(ship, float(rack) + by, float(pitch))), poles.TABLES
+            )
+            for by in (0.0, half, -half)
+        )
         for table, (output, _) in poles.TABLES.items():
-            for name, value, rounding in _printed_numbers(printed_line(table, point)):
+            kind = Kind.INPUT if output == "pitch_ratio" else Kind.FREE
+            for name, (value, rounding) in printed_line(table, point).numbers.items():
                 if (table, name) not in ours:
                     continue  # a pole that stands in another table
                 mine = ours[table, name]
-                spread = max(abs(other[table, name] - mine) for other in moved)
-                kind = Kind.INPUT if output == "pitch_ratio" else Kind.FREE
+                tolerance = rounding + max(abs(other[table, name] - mine) for other in moved)
+                reason = reasons.get((table, name))
                 cells.append(
-                    number(table, name, point, mine, value, rounding + spread, PROPAGATED, kind,
-                           reasons.get((table, name)))
-                )  # fmt: skip
+                    number(table, name, point, mine, value, tolerance, PROPAGATED, kind, reason)
+                )
     return cells
 
 
 def mid_range_cells(ship: Ship) -> list[Cell]:
     """Return the cells of Tables 2-16 to 2-23: the thesis's model at the point that two gains set."""
-    model = linearise(ship, poles.mid_range_point(ship))
-    ours, cells = _of_model(model, poles.MID_RANGE_TABLES), []
+    ours, cells = (
+        _of_model(linearise(ship, poles.mid_range_point(ship)), poles.MID_RANGE_TABLES),
+        [],
+    )
     for table in poles.MID_RANGE_TABLES:
-        for name, value, rounding in _printed_numbers(printed_line(table, poles.SOURCES[0])):
-            if (table, name) not in ours:
-                continue
-            fitted = table in {"2-18", "2-19"} and name == "gain"
-            kind = Kind.CALIBRATED if fitted else Kind.FREE
-            cells.append(
-                number(table, name, "mid-range", ours[table, name], value, rounding, DIGITS, kind)
-            )
+        for name, (value, half) in printed_line(table, poles.SOURCES[0]).numbers.items():
+            if (mine := ours.get((table, name))) is not None:
+                fitted = table in {"2-18", "2-19"} and name == "gain"
+                kind = Kind.CALIBRATED if fitted else Kind.FREE
+                cells.append(number(table, name, "mid-range", mine, value, half, HALF_DIGIT, kind))
     return cells
 
 
 def _linear_observer_cells(ship: Ship) -> Iterator[Cell]:
-    texts = published_text("advance_velocity_thesis_observer_transfers").reset_index()
+    texts = beside.published_text("advance_velocity_thesis_observer_transfers").reset_index()
     found = observer_transfers.linear_transfers(ship)
     for text, line in zip(texts.itertuples(), found.to_dict("records"), strict=True):
         for what, shown in (("zero", text.zero_rad_s), ("gain", text.dc_gain)):
-            if not shown.strip():
-                continue
-            value, tolerance, basis = float(shown), half_digit(shown), DIGITS
-            if abs(value) < _ROUNDING:
-                value, tolerance, basis = 0.0, _ROUNDING, ROUNDED_ZERO
-            yield number(text.table, f"{what} of {text.output}^/{text.input}", text.observer,
-                         line[f"{what} ours"], value, tolerance, basis)  # fmt: skip
+            where = text.table, f"{what} of {text.output}^/{text.input}", text.observer
+            mine = line[f"{what} ours"]
+            if shown.strip() and abs(float(shown)) < _ROUNDING:
+                yield number(*where, mine, 0.0, _ROUNDING, ROUNDED_ZERO)
+            elif shown.strip():
+                yield printed_number(*where, mine, shown)
     for name, gains in observer_transfers.PRINTED_GAINS.items():
-        for i, (ours, value) in enumerate(
-            zip(observer_transfers.gains(name, ship), gains, strict=True), 1
-        ):
-            yield number(
-                "section 3-1-3", f"k{i}", name, ours, value, half_digit(f"{value:.1e}"), DIGITS
-            )
-    kalman = observer_transfers.linear_observer(observer_transfers.KALMAN, ship).poles()
-    for what, mine, value in (
-        ("real part of the poles", kalman.real[0], -10.53),
-        ("imaginary part of the poles", np.abs(kalman.imag[0]), 10.41),
-    ):
-        yield number("3-5", what, observer_transfers.KALMAN, float(mine), value, 0.005, DIGITS)
+        ours = observer_transfers.gains(name, ship)
+        for i, (mine, value) in enumerate(zip(ours, gains, strict=True), 1):
+            yield printed_number("section 3-1-3", f"k{i}", name, mine, f"{value:.1e}")
+    observer = observer_transfers.KALMAN
+    kalman = observer_transfers.linear_observer(observer, ship).poles()[0]
+    yield printed_number("3-5", "real part of the poles", observer, kalman.real, "-10.53")
+    yield printed_number("3-5", "imaginary part of the poles", observer, abs(kalman.imag), "10.41")
 
 
 _AS_PRINTED = (
@@ -173,33 +145,33 @@ def _invariance_cells(ship: Ship) -> Iterator[Cell]:
                 for choice in (False, True)
             )
             pole, bare = (float(system.poles().real[0]) for system in (own, as_printed))
-            where = f"{point}, gamma {gamma:g}"
+            where, reason = f"{point}, gamma {gamma:g}", Reason(_AS_PRINTED, bare - pole)
+            basis = "half a unit of the fourth digit"
             for table in ("3-9", "3-10"):
-                yield number(table, "pole 1", where, pole, 0.0, 5e-5, "half a unit of the fourth digit",
-                             reason=Reason(_AS_PRINTED, bare - pole))  # fmt: skip
+                yield number(table, "pole 1", where, pole, 0.0, 5e-5, basis, reason=reason)
         (zero,) = as_printed[0, 0].zeros().real
-        yield number("3-9", "zero 1", point, float(zero), float(text), half_digit(text), DIGITS)
+        yield printed_number("3-9", "zero 1", point, float(zero), text)
 
 
 def _random_walk_cells(ship: Ship) -> Iterator[Cell]:
     found = observer_transfers.random_walk_transfers(ship)
     for line in found[found["zero printed"].notna()].to_dict("records"):
-        digits = 0.0005 if line["table"] == "3-11" else 5e-5
-        if abs(line["zero printed"]) < 1.0:
-            digits = 5e-5
-        yield number(line["table"], f"zero of {line['transfer']}", line["point"], line["zero ours"],
-                     line["zero printed"], digits, DIGITS)  # fmt: skip
+        value = line["zero printed"]
+        half = 0.0005 if line["table"] == "3-11" and abs(value) >= 1.0 else 5e-5
+        row = f"zero of {line['transfer']}"
+        yield number(line["table"], row, line["point"], line["zero ours"], value, half, HALF_DIGIT)
 
 
 def cells(ship: Ship) -> list[Cell]:
     """Return every cell of the poles, zeros and gains."""
-    return [
-        *plant_cells(ship),
-        *mid_range_cells(ship),
-        *_linear_observer_cells(ship),
-        *_invariance_cells(ship),
-        *_random_walk_cells(ship),
-    ]
+    parts = (
+        plant_cells,
+        mid_range_cells,
+        _linear_observer_cells,
+        _invariance_cells,
+        _random_walk_cells,
+    )
+    return [cell for part in parts for cell in part(ship)]
 
 
 def _fields(ship: Ship) -> dict[str, Any]:
@@ -225,31 +197,29 @@ def _fields(ship: Ship) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def page(tick: Tick) -> Page:
+def page(tick: beside.Tick) -> beside.Page:
     """Return the page of Tables 2-2 to 2-23 and 3-1 to 3-14; Figures 2-5, 2-6, 3-2, 3-4, 3-8, 3-10."""
     ship = load_ship("frigate")
-    plant = poles.plant_transfers(ship)
-    compared, fields = cells(ship), _fields(ship)
+    plant, compared, fields = poles.plant_transfers(ship), cells(ship), _fields(ship)
     tick()
     body = fill_template(Path(__file__).with_name("poles.md"), plant=plant, **fields)
-    models = {
+    middle = {
         "ours": linearise(ship, fields["point"], outputs=("shaft_speed", "ship_speed")),
         **{name: poles.printed_model(name) for name in poles.SOURCES},
     }
+    title = "Linear frigate at the mid-range point (Figure 2-6)"
     drawn = {
         "bode": figures.bode(poles.models(ship), "Linear frigate at A to D (Figure 2-5)"),
         "bode-shaft-observers": figures.shaft_observer_bode(ship),
         "bode-immersion-invariance": figures.invariance_bode(ship),
         "bode-random-walk-kalman": figures.random_walk_bode(ship),
-        "bode-mid-range": figures.bode(
-            models, "Linear frigate at the mid-range point (Figure 2-6)"
-        ),
+        "bode-mid-range": figures.bode(middle, title),
     }
     numbers = {
         f"{r.table} {r.point}": {"gain": float(r.gain), "gain_thesis": float(r.gain_thesis)}
         for r in plant.itertuples()
     }
-    return Page(compared, body, drawn, numbers, plant, plant, 80)
+    return beside.Page(compared, body, drawn, numbers, plant, plant, 80)
 
 
-STUDY = Study("Poles, zeros and steady gains (thesis, Tables 2-2 to 3-14)", page, 1)
+STUDY = beside.Study("Poles, zeros and steady gains (thesis, Tables 2-2 to 3-14)", page, 1)

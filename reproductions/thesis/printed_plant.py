@@ -14,7 +14,9 @@ give KQ and its slope. The column of the pitch follows from the gains of Tables 
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -25,31 +27,23 @@ from shaftline.plant import Ship
 from shaftline.plant.open_water import MAX_ADVANCE_RATIO, open_water
 
 from ..side_by_side import published
-from .poles import poles_zeros_gain, printed_line
+from .poles import INPUTS, poles_zeros_gain, printed_line, show
 
 POINTS = "ABCD"
-GAUGE = {"2-5": "pitch_command", "2-8": "drive", "2-11": "resistance_factor", "2-14": "inflow"}
+GAUGE = dict(zip(("2-5", "2-8", "2-11", "2-14"), INPUTS, strict=True))
 """Tables of the transfers to M_m, and their inputs."""
-
-_INPUTS = ("pitch_command", "drive", "resistance_factor", "inflow")
 
 
 class PrintedPlant(NamedTuple):
     """The linear model that the printed numbers imply at one point."""
 
-    system: control.StateSpace
-    """From pitch command, rack, resistance factor and inflow to pitch ratio, omega, v_s and M_m."""
-    gauge: tuple[tuple[float, ...], tuple[float, ...]]
-    """Row of M_m in C and in D (eq. 2-31)."""
+    system: control.StateSpace  # from :data:`INPUTS` to pitch ratio, omega, v_s and M_m
+    gauge: tuple[tuple[float, ...], tuple[float, ...]]  # row of M_m in C and in D (eq. 2-31)
     advance_ratio: float
-    torque: float
-    """KQ."""
-    torque_slope: float
-    """dKQ/dJ."""
-    thrust: float
-    """KT."""
-    thrust_slope: float
-    """dKT/dJ."""
+    torque: float  # KQ
+    torque_slope: float  # dKQ/dJ
+    thrust: float  # KT
+    thrust_slope: float  # dKT/dJ
 
 
 def implied_plant(ship: Ship, point: str, gauge_point: str | None = None) -> PrintedPlant:
@@ -59,13 +53,10 @@ def implied_plant(ship: Ship, point: str, gauge_point: str | None = None) -> Pri
     """
     record = ship.record()
     behind, ahead = (float(record[f"inertia_{side}_side"]) for side in ("propeller", "engine"))
-    inertia, mass = behind + ahead, float(record["mass"])
-    gear = float(record["gear_ratio"])
+    inertia, mass, gear = behind + ahead, float(record["mass"]), float(record["gear_ratio"])
     engine = gear * float(record["transmission_efficiency"]) / inertia
-    by_speed, by_rack = (
-        engine * gear * float(record["torque_per_speed"]),
-        engine * float(record["torque_per_rack"]),
-    )
+    by_speed = engine * gear * float(record["torque_per_speed"])
+    by_rack = engine * float(record["torque_per_rack"])
     at = published("advance_velocity_thesis_working_points").loc[point]
     omega, speed = float(at["shaft_speed_rad_s"]), float(at["ship_speed_m_s"])
     inflow = 1.0 - float(record["wake_fraction"])
@@ -95,7 +86,7 @@ def implied_plant(ship: Ship, point: str, gauge_point: str | None = None) -> Pri
     gauge = row if gauge_point is None else implied_plant(ship, gauge_point).gauge
     c, d = np.vstack([np.eye(3), gauge[0]]), np.vstack([np.zeros((3, 4)), gauge[1]])
     outputs = ["pitch_ratio", "shaft_speed", "ship_speed", "shaft_torque"]
-    system = control.ss(a, b, c, d, inputs=list(_INPUTS), outputs=outputs)
+    system = control.ss(a, b, c, d, inputs=list(INPUTS), outputs=outputs)
 
     advance = inflow * speed / (omega / (2.0 * math.pi) * diameter)
     y = density * diameter**5 / (4.0 * math.pi**2) / inertia
@@ -104,23 +95,16 @@ def implied_plant(ship: Ship, point: str, gauge_point: str | None = None) -> Pri
     by_velocity = omega * inflow * 2.0 * math.pi / (omega * diameter)
     torque_slope = -a23 / (y * omega * by_velocity)
     thrust_slope = (a33 + 2.0 * resisting) / (z * omega * by_velocity)
-    return PrintedPlant(
-        system, gauge, advance,
-        0.5 * ((by_speed - a22) / (y * omega) + advance * torque_slope), torque_slope,
-        0.5 * (a32 / (z * omega) + advance * thrust_slope), thrust_slope,
-    )  # fmt: skip
+    torque = 0.5 * ((by_speed - a22) / (y * omega) + advance * torque_slope)
+    thrust = 0.5 * (a32 / (z * omega) + advance * thrust_slope)
+    return PrintedPlant(system, gauge, advance, torque, torque_slope, thrust, thrust_slope)
 
 
 def steepest_slope(ship: Ship, coefficient: str, pitch_ratio: float) -> float:
-    """Return the steepest (least) dK/dJ of the open-water curve at any J from 0 to that of K = 0.
+    """Return the steepest (least) dK/dJ of ``kq`` or ``kt`` at any J from 0 to that of K = 0.
 
     Differences of the curve over any step lie between its least and largest slope, so no table of the
     curve, however coarse, is steeper.
-
-    Args:
-        ship: the thesis's frigate.
-        coefficient: ``kq`` or ``kt``.
-        pitch_ratio: P/D [-].
     """
     curve = ship.record()[coefficient]
     j = np.arange(0.0, MAX_ADVANCE_RATIO, 1e-3)
@@ -140,6 +124,12 @@ def _pitch(point: str) -> float:
     return float(published("advance_velocity_thesis_working_points").loc[point, "pitch_ratio"])
 
 
+def _coefficients(found: PrintedPlant) -> Iterator[tuple[str, float, float]]:
+    """Yield name, value and slope of KQ and KT."""
+    yield "KQ", found.torque, found.torque_slope
+    yield "KT", found.thrust, found.thrust_slope
+
+
 def other_propellers(ship: Ship) -> pd.DataFrame:
     """Return B-series propellers, sorted by the distance of KQ, KT and slopes from the implied ones.
 
@@ -149,21 +139,18 @@ def other_propellers(ship: Ship) -> pd.DataFrame:
     """
     wanted = {point: implied_plant(ship, point) for point in "AC"}
     rows = []
-    for blades in range(2, 8):
-        for area in np.arange(0.3, 1.051, 0.05).round(2):
-            one = ship.with_values(
-                {"propeller.blades": blades, "propeller.expanded_area_ratio": float(area)}
-            )
-            off: dict[str, float] = {}
-            for point, told in wanted.items():
-                for name, value, slope in (
-                    ("KQ", told.torque, told.torque_slope), ("KT", told.thrust, told.thrust_slope)
-                ):  # fmt: skip
-                    mine = _value_and_slope(one, name.lower(), told.advance_ratio, _pitch(point))
-                    off[f"{name} at {point} [%]"] = 100.0 * (mine[0] / value - 1.0)
-                    off[f"d{name}/dJ at {point} [%]"] = 100.0 * (mine[1] / slope - 1.0)
-            rms = float(np.sqrt(np.mean(np.square(list(off.values())))))
-            rows.append({"blades": blades, "area ratio": float(area), "rms [%]": rms, **off})
+    for blades, area in itertools.product(
+        range(2, 8), np.arange(0.3, 1.051, 0.05).round(2).tolist()
+    ):
+        changes = {"propeller.blades": blades, "propeller.expanded_area_ratio": area}
+        one, off = ship.with_values(changes), {}
+        for point, told in wanted.items():
+            for name, value, slope in _coefficients(told):
+                mine = _value_and_slope(one, name.lower(), told.advance_ratio, _pitch(point))
+                off[f"{name} at {point} [%]"] = 100.0 * (mine[0] / value - 1.0)
+                off[f"d{name}/dJ at {point} [%]"] = 100.0 * (mine[1] / slope - 1.0)
+        rms = float(np.sqrt(np.mean(np.square(list(off.values())))))
+        rows.append({"blades": blades, "area ratio": area, "rms [%]": rms, **off})
     return pd.DataFrame(rows).sort_values("rms [%]", ignore_index=True)
 
 
@@ -172,10 +159,7 @@ def slopes(ship: Ship) -> pd.DataFrame:
     rows = []
     for point in POINTS:
         found, pitch = implied_plant(ship, point), _pitch(point)
-        for name, value, slope in (
-            ("KQ", found.torque, found.torque_slope),
-            ("KT", found.thrust, found.thrust_slope),
-        ):
+        for name, value, slope in _coefficients(found):
             own = _value_and_slope(ship, name.lower(), found.advance_ratio, pitch)
             rows.append(
                 {"point": point, "coefficient": name, "J": found.advance_ratio, "implied": value,
@@ -196,16 +180,16 @@ def common_row() -> tuple[dict[str, float], float]:
     """
     signals = ("omega", "v_s", "P/D", "X", "u_x")
     direct = {"2-5": "P/D", "2-8": "X", "2-14": "u_x"}
-    beside = {"2-5": ("2-3", "2-4"), "2-8": ("2-6", "2-7"), "2-11": ("2-9", "2-10"),
-              "2-14": ("2-12", "2-13")}  # fmt: skip
     lines = []
-    for table in GAUGE:
-        for point in POINTS:
-            line = dict.fromkeys(signals, 0.0)
-            line["omega"], line["v_s"] = (printed_line(one, point).gain for one in beside[table])
-            if table in direct:
-                line[direct[table]] = 1.0
-            lines.append([line[name] / printed_line(table, point).gain for name in signals])
+    for table, point in itertools.product(GAUGE, POINTS):
+        last = int(
+            table.removeprefix("2-")
+        )  # the gains to omega and v_s stand in the two tables before
+        line = dict.fromkeys(signals, 0.0)
+        line["omega"], line["v_s"] = (printed_line(f"2-{last - by}", point).gain for by in (2, 1))
+        if table in direct:
+            line[direct[table]] = 1.0
+        lines.append([line[name] / printed_line(table, point).gain for name in signals])
     row = np.linalg.lstsq(np.array(lines), np.ones(len(lines)), rcond=None)[0]
     worst = float(np.max(np.abs(np.array(lines) @ row - 1.0)))
     return dict(zip(signals, row.tolist(), strict=True)), worst
@@ -216,17 +200,13 @@ def repeated_row(ship: Ship) -> pd.DataFrame:
     rows = []
     for point in POINTS[1:]:
         systems = {
-            "own": implied_plant(ship, point).system,
-            "A": implied_plant(ship, point, "A").system,
+            who: implied_plant(ship, point, at).system for who, at in (("own", None), ("A", "A"))
         }
         for table, source in GAUGE.items():
-            told = printed_line(table, point)
             line: dict[str, object] = {"table": table, "input": source, "point": point}
             for who, system in systems.items():
                 _, zeros, gain = poles_zeros_gain(system["shaft_torque", source])
-                line[f"gain, row of {who}"] = gain
-                line[f"zeros, row of {who}"] = ", ".join(f"{zero:.4f}" for zero in zeros)
-            line["gain printed"] = told.gain
-            line["zeros printed"] = ", ".join(f"{zero:.4f}" for zero in told.zeros)
-            rows.append(line)
+                line |= {f"gain, row of {who}": gain, f"zeros, row of {who}": show(zeros)}
+            told = printed_line(table, point)
+            rows.append(line | {"gain printed": told.gain, "zeros printed": show(told.zeros)})
     return pd.DataFrame(rows)

@@ -9,6 +9,7 @@ Run ``python -m reproductions tito_neri.effects --out docs/results``.
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +19,9 @@ import scipy
 from numpy.typing import NDArray
 
 from shaftline.cli.tour_command import MODELS
-from shaftline.display.tables import write_table
 from shaftline.plant import Ship, equilibrium, load_ship
 
-from ..pages import fill_template, make_parser
+from ..pages import make_parser, write_page
 from ..side_by_side import published
 
 EFFECTS = {
@@ -36,15 +36,13 @@ EFFECTS = {
 
 def errors(ship: Ship) -> NDArray[np.float64]:
     """Return simulated minus measured speed and current [%], shape (points, 2)."""
+    ratio, pitch = ship.transmission.gear_ratio, ship.propeller.pitch_ratio_max
     found = []
     for point in published("tito_neri_operating_points").itertuples():
-        steady = equilibrium(ship, float(point.motor_voltage_V), ship.propeller.pitch_ratio_max)
-        simulated = (
-            steady.state.shaft_speed * ship.transmission.gear_ratio,
-            steady.state.motor_current,
-        )
-        measured = (float(point.motor_speed_rad_s), float(point.motor_current_A))
-        found.append([100.0 * (s / m - 1.0) for s, m in zip(simulated, measured, strict=True)])
+        state = equilibrium(ship, float(point.motor_voltage_V), pitch).state
+        speed, current = float(point.motor_speed_rad_s), float(point.motor_current_A)
+        found.append([100.0 * (state.shaft_speed * ratio / speed - 1.0),
+                      100.0 * (state.motor_current / current - 1.0)])  # fmt: skip
     return np.array(found)
 
 
@@ -70,26 +68,20 @@ def fit_effect(ship: Ship, effect: str, points: Any) -> float:
 def table() -> pd.DataFrame:
     """Return the value of every effect on either set, and errors before, after and unseen."""
     rows = []
-    for name in MODELS:
+    for name, (effect, (key, _, _)) in itertools.product(MODELS, EFFECTS.items()):
         ship = load_ship(name)
-        every = np.arange(len(errors(ship)))
-        for effect, (key, _, _) in EFFECTS.items():
-            value = fit_effect(ship, effect, every)
-            unseen = [
-                errors(ship.with_values({key: fit_effect(ship, effect, every != left)}))[left]
-                for left in every
-            ]
-            rows.append(
-                {
-                    "model": name,
-                    "effect": effect,
-                    "value": value,
-                    "key": key.split(".")[1],
-                    "before_percent": rms(errors(ship)),
-                    "after_percent": rms(errors(ship.with_values({key: value}))),
-                    "unseen_percent": rms(unseen),
-                }
-            )
+        before = errors(ship)
+        every = np.arange(len(before))
+        value = fit_effect(ship, effect, every)
+        unseen = [
+            errors(ship.with_values({key: fit_effect(ship, effect, every != left)}))[left]
+            for left in every
+        ]
+        rows.append(
+            {"model": name, "effect": effect, "value": value, "key": key.split(".")[1],
+             "before_percent": rms(before),
+             "after_percent": rms(errors(ship.with_values({key: value}))), "unseen_percent": rms(unseen)}
+        )  # fmt: skip
     return pd.DataFrame(rows)
 
 
@@ -97,21 +89,17 @@ def findings(found: pd.DataFrame) -> str:
     """Return the result of the table, one list item for each model."""
     lines = []
     for name, group in found.groupby("model", sort=False):
-        best = group.loc[group["unseen_percent"].idxmin()]
-        before = float(best["before_percent"])
-        gain = 1.0 - float(best["unseen_percent"]) / before
+        best, second = (row for _, row in group.nsmallest(2, "unseen_percent").iterrows())
+        before, unseen = float(best["before_percent"]), float(best["unseen_percent"])
         said = (
-            f"**{best['effect']}** ({best['key']} = {best['value']:.3g}) does best: "
-            f"{before:.2f} % falls to {best['after_percent']:.2f} %, unseen "
-            f"{best['unseen_percent']:.2f} %"
+            f"**{best['effect']}** ({best['key']} = {best['value']:.3g}) does best: {before:.2f} % "
+            f"falls to {best['after_percent']:.2f} %, unseen {unseen:.2f} %"
         )
-        if gain < 0.1:
+        if unseen > 0.9 * before:
             said = f"nothing is missing that five points could show; {said}"
-        second = group[group["effect"] != best["effect"]]["unseen_percent"].min()
-        near = "; another effect does as well, so the name is not decided" * bool(
-            second - best["unseen_percent"] < 0.1 * before
-        )
-        lines.append(f"- {name}: {said}{near}.")
+        if second["unseen_percent"] - unseen < 0.1 * before:
+            said += "; another effect does as well, so the name is not decided"
+        lines.append(f"- {name}: {said}.")
     return "\n".join(lines)
 
 
@@ -119,13 +107,13 @@ def main() -> None:
     """Fit the effects, and write ``tito-neri.md`` and its table."""
     folder = make_parser("tito_neri.effects", __doc__, "out/tito-neri").parse_args().out
     found = table()
-    shown = found.assign(value=[f"{v:.3g}" for v in found["value"]])
-    body = fill_template(Path(__file__).with_suffix(".md"), shown=shown, findings=findings(found))
-    command = "python -m reproductions tito_neri.effects --out docs/results"
-    title = "Tito Neri: effects that explain five steady states"
-    write_table(folder, "tito-neri", title, command, found, body)
+    shown = found.assign(value=found["value"].map("{:.3g}".format))
+    title, template = (
+        "Tito Neri: effects that explain five steady states",
+        Path(__file__).with_suffix(".md"),
+    )
+    command = "tito_neri.effects --out docs/results"
+    write_page(
+        folder, "tito-neri", title, command, found, template, shown=shown, findings=findings(found)
+    )
     print(findings(found))
-
-
-if __name__ == "__main__":
-    main()

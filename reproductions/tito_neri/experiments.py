@@ -19,9 +19,7 @@ from shaftline.plant import Ship, simulate_recording
 
 from ..side_by_side import published
 
-POINT_C_V = 5.89
-"""Mean voltage of sines and noise."""
-
+POINT_C_V = 5.89  # mean voltage of sines and noise
 HOLD_S, AMPLITUDE, NOISE_TOP_RAD_S = 5.0, 0.05, 1000.0
 FAST_S, USUAL_S = 1e-4, 2e-4
 
@@ -35,12 +33,7 @@ class Experiment(NamedTuple):
 
 
 def staircase(levels_V: tuple[float, ...] | None = None, hold_s: float = HOLD_S) -> Experiment:
-    """Return the five voltages of Table 4 one after the other, from the lowest up.
-
-    Args:
-        levels_V: other voltages [V].
-        hold_s: time at each voltage [s].
-    """
+    """Return the voltages of Table 4 [V], or others, one after the other, each for ``hold_s`` [s]."""
     table = published("tito_neri_operating_points")["motor_voltage_V"]
     levels = tuple(map(float, table)) if levels_V is None else levels_V
     return Experiment("staircase", FAST_S, np.repeat(levels, round(hold_s / FAST_S)))
@@ -51,47 +44,36 @@ def frequencies() -> tuple[float, ...]:
     return tuple(float(value) for value in published("tito_neri_frequency_response").index)
 
 
-def sine(frequency: float, amplitude: float = AMPLITUDE) -> Experiment:
-    """Return a sine about point C of one second and three periods, or two periods of slow sines.
-
-    Args:
-        frequency: [rad/s].
-        amplitude: share of the voltage.
-    """
+def sine(frequency: float) -> Experiment:
+    """Return a sine [rad/s] about point C of one second and three periods, or two of slow sines."""
     period = 2.0 * math.pi / frequency
     seconds = 1.3 + max(2.05 * period, min(3.0 * period, 10.0), 1.0)
     time = np.arange(round(seconds / FAST_S)) * FAST_S
-    return Experiment("sine", FAST_S, POINT_C_V * (1.0 + amplitude * np.sin(frequency * time)))
+    return Experiment("sine", FAST_S, POINT_C_V * (1.0 + AMPLITUDE * np.sin(frequency * time)))
 
 
-def sines(amplitude: float = AMPLITUDE) -> list[Experiment]:
+def sines() -> list[Experiment]:
     """Return the nine sines."""
-    return [sine(frequency, amplitude) for frequency in frequencies()]
+    return [sine(frequency) for frequency in frequencies()]
 
 
-def noise(seconds: float = 120.0, seed: int = 0, rms: float = AMPLITUDE) -> Experiment:
-    """Return band-limited white noise about point C.
-
-    Args:
-        seconds: length [s].
-        seed: of the noise.
-        rms: share of the voltage.
-    """
+def noise(seconds: float = 120.0, seed: int = 0) -> Experiment:
+    """Return band-limited white noise about point C."""
     rows = round(seconds / USUAL_S)
     spectrum = np.fft.rfft(np.random.default_rng(seed).standard_normal(rows))
     spectrum[2.0 * math.pi * np.fft.rfftfreq(rows, USUAL_S) > NOISE_TOP_RAD_S] = 0.0
     spectrum[0] = 0.0
     values = np.fft.irfft(spectrum, rows)
-    return Experiment("noise", USUAL_S, POINT_C_V * (1.0 + rms * values / values.std()))
+    return Experiment("noise", USUAL_S, POINT_C_V * (1.0 + AMPLITUDE * values / values.std()))
 
 
-def mix(seed: int = 1) -> Experiment:
+def mix() -> Experiment:
     """Return steps, a strong sine, noise and a ramp, 20 s in all, for validation."""
     steps = np.repeat([4.91, 6.88, 3.91, 5.89, 7.87], round(2.0 / USUAL_S))
     swing = np.arange(round(3.0 / USUAL_S)) * USUAL_S
     sine_part = POINT_C_V * (1.0 + 0.2 * np.sin(4.0 * math.pi * swing))
     ramp = np.linspace(4.4, 7.4, round(3.0 / USUAL_S))
-    parts = [steps, sine_part, noise(4.0, seed).voltage, ramp]
+    parts = [steps, sine_part, noise(4.0, 1).voltage, ramp]
     return Experiment("mix", USUAL_S, np.concatenate(parts))
 
 

@@ -19,26 +19,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from shaftline.mismatch.identification.drive_train import (
-    CONSTANT,
-    FRICTION,
-    LOAD,
-    RESISTANCE,
-    SIX,
-    DriveTrain,
-    WorkingPoint,
-    drive_train,
-    from_poles,
-    keys_of,
-)
+from shaftline.mismatch.identification import drive_train, frequency
+from shaftline.mismatch.identification.drive_train import CONSTANT, FRICTION, LOAD, RESISTANCE, SIX
 from shaftline.mismatch.identification.free_parameters import number_of, parse_free
-from shaftline.mismatch.identification.frequency import (
-    SPEED,
-    FrequencyResponse,
-    closed_form,
-    fit,
-    modelled_response,
-)
+from shaftline.mismatch.identification.frequency import SPEED, FrequencyResponse
 from shaftline.mismatch.identification.parameters import MethodResult
 from shaftline.mismatch.identification.sine import sine
 from shaftline.mismatch.identification.steady import CURRENT, steady
@@ -46,46 +30,48 @@ from shaftline.mismatch.identification.step import step
 from shaftline.mismatch.identification.welch import welch
 from shaftline.plant import Ship, load_ship
 
-from ..cells import Cell, Kind, Reason, half_digit, number
-from ..side_by_side import published, published_text
+from ..cells import HALF_DIGIT, Cell, Kind, Reason, number, printed_number
+from ..side_by_side import Tick, published, published_text
 from . import experiments
 
 SETS = {"I": "tito-neri-staircase", "IV": "tito-neri-sine"}
 """Columns of Table 5, and the ship files that hold them."""
 
-POINT_C = WorkingPoint(5.89, 215.0, 1.29)
+COLUMNS = {"I": "staircase_method_1", "IV": "sine_correlation_method_4"}
+
+POINT_C = drive_train.WorkingPoint(5.89, 215.0, 1.29)
 READ_OFF = {"fast": -2500.0, "slow": -9.0, "zero": -2.0, "speed_gain": 1.24, "current_gain": 0.71}
 """Section 5.2: poles and zero [rad/s] and steady gains that the authors read off their Bode plots."""
 
-DELAY = "sensors.speed_delay_s"
-KEPT_BELOW = 900.0
-"""The authors discard higher frequencies [rad/s]."""
+Floats = NDArray[np.float64]
 
+DELAY = "sensors.speed_delay_s"
+KEPT_BELOW = 900.0  # the authors discard higher frequencies [rad/s]
 SHARE, ROUNDED = 0.05, 0.003
 """Assumed errors of Table 2 with weights by size: share of a response, and its rounding."""
 
-Tick = Callable[[], None]
 
-
-def parameters_of(train: DriveTrain, ship: Ship) -> dict[str, float]:
+def parameters_of(train: drive_train.DriveTrain, ship: Ship) -> dict[str, float]:
     """Return the six parameters by the names of Table 5, at the motor."""
     return {
         "L_a": train.inductance, "K_e": train.constant, "R_a": train.resistance, "I_p": train.inertia,
-        "M_f": train.friction, "KQ0_over_eta_R": keys_of(ship, train)[LOAD],
+        "M_f": train.friction, "KQ0_over_eta_R": drive_train.keys_of(ship, train)[LOAD],
     }  # fmt: skip
+
+
+def _points() -> tuple[Floats, Floats, Floats]:
+    """Return voltage [V], motor speed [rad/s] and current [A] of Table 4, shape (5,) each."""
+    table = published("tito_neri_operating_points")
+    names = ("motor_voltage_V", "motor_speed_rad_s", "motor_current_A")
+    voltage, speed, current = (table[name].to_numpy(dtype=np.float64) for name in names)
+    return voltage, speed, current
 
 
 def steady_points() -> pd.DataFrame:
     """Return Table 4 in canonical columns."""
-    table = published("tito_neri_operating_points")
+    voltage, speed, current = _points()
     ratio = load_ship(SETS["I"]).transmission.gear_ratio
-    return pd.DataFrame(
-        {
-            "motor_voltage_V": table["motor_voltage_V"].to_numpy(),
-            SPEED: table["motor_speed_rad_s"].to_numpy() / ratio,
-            CURRENT: table["motor_current_A"].to_numpy(),
-        }
-    )
+    return pd.DataFrame({"motor_voltage_V": voltage, SPEED: speed / ratio, CURRENT: current})
 
 
 def column_one(
@@ -97,7 +83,7 @@ def column_one(
         ship = ship.with_values({"water.density_kg_m3": density_kg_m3})
     found = steady(ship, [steady_points() if points is None else points])
     on = ship.with_values(dict(zip(found.keys, found.values, strict=True)))
-    every = parameters_of(drive_train(on), on)
+    every = parameters_of(drive_train.drive_train(on), on)
     return {name: every[name] for name in ("K_e", "R_a", "M_f", "KQ0_over_eta_R")}
 
 
@@ -112,27 +98,22 @@ def rounding_of_column_one(draws: int = 300, seed: int = 0) -> pd.DataFrame:
 
 def column_four(ship: Ship | None = None, read: Mapping[str, float] = READ_OFF) -> dict[str, float]:
     """Return Table 5's column IV in closed form from the printed poles, zero and steady gains."""
-    own = load_ship(SETS["IV"]) if ship is None else ship
-    return parameters_of(from_poles(**read, point=POINT_C), own)
+    train = drive_train.from_poles(**read, point=POINT_C)
+    return parameters_of(train, ship or load_ship(SETS["IV"]))
 
 
 def table_five() -> pd.DataFrame:
     """Return our parameters beside the printed ones, a row for each set and parameter."""
-    printed = published("tito_neri_identified_parameters")
-    columns = {"I": "staircase_method_1", "IV": "sine_correlation_method_4"}
-    ours = {"I": column_one(), "IV": column_four()}
-    rows = []
-    for name, values in ours.items():
+    printed, rows = published("tito_neri_identified_parameters"), []
+    for name, values in (("I", column_one()), ("IV", column_four())):
         for parameter, value in values.items():
-            theirs = float(printed.loc[parameter, columns[name]])
+            line = printed.loc[parameter]
+            theirs = float(line[COLUMNS[name]])
             rows.append(
-                {
-                    "set": name, "parameter": parameter, "unit": printed.loc[parameter, "unit"],
-                    "ours": value, "printed": theirs,
-                    "difference_percent": 100.0 * (value / theirs - 1.0),
-                }
-            )  # fmt: skip
-    return pd.DataFrame(rows)
+                (name, parameter, line["unit"], value, theirs, 100.0 * (value / theirs - 1.0))
+            )
+    columns = ["set", "parameter", "unit", "ours", "printed", "difference_percent"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def table_two(weighed_by_size: bool = True, kept: bool = True) -> FrequencyResponse:
@@ -151,9 +132,8 @@ def table_two(weighed_by_size: bool = True, kept: bool = True) -> FrequencyRespo
         sized = np.hypot(SHARE * np.abs(response[column]), ROUNDED)
         error[column] = sized if weighed_by_size else np.full(len(turn), np.nan)
     means = {SPEED: POINT_C.motor_speed / ratio, CURRENT: POINT_C.current}
-    return FrequencyResponse(
-        POINT_C.voltage, means, table.index.to_numpy(dtype=float), response, error, 0.0, {}
-    )
+    frequencies = table.index.to_numpy(dtype=float)
+    return FrequencyResponse(POINT_C.voltage, means, frequencies, response, error, 0.0, {})
 
 
 def fits_of_table_two() -> tuple[pd.DataFrame, Ship]:
@@ -173,12 +153,12 @@ def fits_of_table_two() -> tuple[pd.DataFrame, Ship]:
     rows, best = [], ship
     for name, sized, kept, free in ways:
         chosen = parse_free(ship, free, SIX)
-        found = fit(chosen, table_two(sized, kept), "sine")
+        found = frequency.fit(chosen, table_two(sized, kept), "sine")
         best = chosen.on(found.values)
         errors = dict(zip(free, np.sqrt(np.diag(found.covariance)), strict=True))
         rows.append(
             {
-                "errors weigh": name, **parameters_of(drive_train(best), best),
+                "errors weigh": name, **parameters_of(drive_train.drive_train(best), best),
                 "L_a_error": errors[SIX[0]], "delay_ms": 1e3 * best.sensors.speed_delay_s,
                 "delay_error_ms": 1e3 * errors.get(DELAY, 0.0), "misfit": found.misfit,
             }
@@ -188,7 +168,7 @@ def fits_of_table_two() -> tuple[pd.DataFrame, Ship]:
 
 def five_numbers() -> dict[str, float]:
     """Return poles, zero and steady gains fitted to Table 2 with equal weights."""
-    found = closed_form(load_ship(SETS["IV"]), table_two(weighed_by_size=False))
+    found = frequency.closed_form(load_ship(SETS["IV"]), table_two(weighed_by_size=False))
     assert found is not None
     return found[1]
 
@@ -201,10 +181,9 @@ def dead_time() -> pd.DataFrame:
     measured = table_two(kept=True)
     rows: dict[str, Any] = {"frequency_rad_s": measured.frequency}
     for name, file in SETS.items():
-        answer = modelled_response(load_ship(file), measured)[SPEED]
-        late = np.angle(measured.response[SPEED] / answer)
-        rows[f"{name}_deg"] = np.degrees(late)
-        rows[f"{name}_ms"] = -1e3 * late / measured.frequency
+        modelled = frequency.modelled_response(load_ship(file), measured)[SPEED]
+        late = np.angle(measured.response[SPEED] / modelled)
+        rows |= {f"{name}_deg": np.degrees(late), f"{name}_ms": -1e3 * late / measured.frequency}
     table = pd.DataFrame(rows)
     return table[table["frequency_rad_s"] >= 100.0].reset_index(drop=True)
 
@@ -213,7 +192,7 @@ def fitted_dead_time() -> dict[str, tuple[float, float]]:
     """Return delay and standard error [ms] fitted to each printed set, all else fixed."""
     found = {}
     for name, file in SETS.items():
-        part = fit(parse_free(load_ship(file), (DELAY,), ()), table_two(), "sine")
+        part = frequency.fit(parse_free(load_ship(file), (DELAY,), ()), table_two(), "sine")
         found[name] = (1e3 * float(part.values[0]), 1e3 * float(np.sqrt(part.covariance[0, 0])))
     return found
 
@@ -228,12 +207,16 @@ METHODS: dict[str, tuple[Callable[..., MethodResult], str, tuple[str, ...], floa
 """Each method with its test, its free parameters, and its error limit [%]."""
 
 
+def percent_off(found: Mapping[str, float], truth: Ship) -> dict[str, float]:
+    """Return the errors of identified parameters [%], by key."""
+    return {key: 100.0 * (v / number_of(truth, key).value - 1.0) for key, v in found.items()}
+
+
 def on_known_truth(tick: Tick = lambda: None) -> pd.DataFrame:
     """Return the errors of each method on recordings without noise, starting from the other set."""
     rows = []
     for name, file in SETS.items():
-        truth = load_ship(file)
-        other = load_ship(SETS["IV" if name == "I" else "I"])
+        truth, other = load_ship(file), load_ship(SETS["IV" if name == "I" else "I"])
         start = truth.with_values({key: number_of(other, key).value for key in SIX})
         runs: dict[str, Iterable[pd.DataFrame]] = {}
         for method, (find, test, free, allowed) in METHODS.items():
@@ -241,33 +224,16 @@ def on_known_truth(tick: Tick = lambda: None) -> pd.DataFrame:
                 tests = experiments.MATRIX[test]()
                 runs[test] = [experiments.simulate_test(truth, one) for one in tests]
             found = find(start, runs[test], free)
-            errors = {
-                key: 100.0 * (value / number_of(truth, key).value - 1.0)
-                for key, value in zip(found.keys, found.values, strict=True)
-            }
-            worst = max(errors, key=lambda key: abs(errors[key]))
+            off = percent_off(dict(zip(found.keys, found.values, strict=True)), truth)
             rows.append(
-                {
-                    "set": name, "method": method, **{key: errors.get(key) for key in SIX},
-                    "worst_percent": abs(errors[worst]), "allowed_percent": allowed,
-                }
+                {"set": name, "method": method, **{key: off.get(key) for key in SIX},
+                 "worst_percent": max(map(abs, off.values())), "allowed_percent": allowed}
             )  # fmt: skip
             tick()
     return pd.DataFrame(rows)
 
 
 TICKS = len(SETS) * len(METHODS)
-
-
-Floats = NDArray[np.float64]
-
-
-def _points() -> tuple[Floats, Floats, Floats]:
-    """Return voltage [V], motor speed [rad/s] and current [A] of Table 4, shape (5,) each."""
-    table = published("tito_neri_operating_points")
-    names = ("motor_voltage_V", "motor_speed_rad_s", "motor_current_A")
-    voltage, speed, current = (table[name].to_numpy(dtype=np.float64) for name in names)
-    return voltage, speed, current
 
 
 def _solved(columns: Floats, target: Floats) -> Floats:
@@ -282,12 +248,8 @@ def _pairs() -> Iterator[tuple[str, float, float]]:
         for kept in map(list, itertools.combinations(range(5), count)):
             constant, ohm = _solved(both[kept], voltage[kept])
             yield f"points {''.join(letters[kept])}", constant, ohm
-    for name, weight in (
-        ("1/U", 1 / voltage),
-        ("1/i", 1 / current),
-        ("1/w", 1 / speed),
-        ("U", voltage),
-    ):
+    weights = {"1/U": 1 / voltage, "1/i": 1 / current, "1/w": 1 / speed, "U": voltage}
+    for name, weight in weights.items():
         constant, ohm = _solved(both * weight[:, None], voltage * weight)
         yield f"weights {name}", constant, ohm
     a, b = _solved(np.column_stack([voltage, current]), speed)
@@ -306,31 +268,25 @@ def least_squares_variants() -> pd.DataFrame:
     Returns:
         Columns way, K_e, R_a and off [%], the larger of the two differences from the printed pair.
     """
-    printed = published("tito_neri_identified_parameters")["staircase_method_1"]
-    rows = [
-        (way, constant, ohm,
-         100.0 * max(abs(constant / printed["K_e"] - 1.0), abs(ohm / printed["R_a"] - 1.0)))
-        for way, constant, ohm in _pairs()
-    ]  # fmt: skip
-    table = pd.DataFrame(rows, columns=["way", "K_e", "R_a", "off [%]"])
-    return table.sort_values("off [%]", ignore_index=True)
+    printed = published("tito_neri_identified_parameters")[COLUMNS["I"]]
+    table = pd.DataFrame(_pairs(), columns=["way", "K_e", "R_a"])
+    off = [(table[name] / printed[name] - 1.0).abs() for name in ("K_e", "R_a")]
+    return table.assign(**{"off [%]": 100.0 * np.maximum(*off)}).sort_values(
+        "off [%]", ignore_index=True
+    )
 
 
-COLUMNS = {"I": "staircase_method_1", "IV": "sine_correlation_method_4"}
-_DIGIT = "half a unit of the last printed digit"
 _GAIN_HALF_DIGIT = 0.005
 
 
 def given_cells() -> list[Cell]:
     """Return the cells of what the methods were given: Tables 2 and 4 and the values of section 5.2."""
-    cells = []
-    for name, table in (("2", "frequency_response"), ("4", "operating_points")):
-        frame = published_text(f"tito_neri_{table}")
-        for row, column in itertools.product(frame.index, frame.columns):
-            text = str(frame.loc[row, column])
-            value = float(text)
-            cells.append(number(f"Table {name}", str(row), column, value, value, half_digit(text),
-                                _DIGIT, Kind.INPUT))  # fmt: skip
+    cells = [
+        printed_number(f"Table {name}", str(row), column, float(text), text, Kind.INPUT)
+        for name, table in (("2", "frequency_response"), ("4", "operating_points"))
+        for row, line in published_text(f"tito_neri_{table}").iterrows()
+        for column, text in line.items()
+    ]
     for name, value in READ_OFF.items():
         cells.append(number("section 5.2", name, "", value, value, 0.0, "as printed", Kind.INPUT))
     return cells
@@ -338,20 +294,16 @@ def given_cells() -> list[Cell]:
 
 def left_open(rounding: pd.DataFrame) -> dict[tuple[str, str], float]:
     """Return the change of Table 5 by the printed digits of its sources, by set and parameter."""
-    own = column_one()
     found = {
-        ("I", name): float(max(abs(rounding.loc[end, name] - value) for end in ("min", "max")))
-        for name, value in own.items()
+        ("I", name): float((rounding.loc[["min", "max"], name] - value).abs().max())
+        for name, value in column_one().items()
     }
+    gains = ("speed_gain", "current_gain")
     corners = [
-        column_four(
-            read=READ_OFF
-            | {
-                "speed_gain": READ_OFF["speed_gain"] + a * _GAIN_HALF_DIGIT,
-                "current_gain": READ_OFF["current_gain"] + b * _GAIN_HALF_DIGIT,
-            }
+        column_four(read={k: v + _GAIN_HALF_DIGIT * signs.get(k, 0.0) for k, v in READ_OFF.items()})
+        for signs in (
+            dict(zip(gains, ends, strict=True)) for ends in itertools.product((-1, 1), repeat=2)
         )
-        for a, b in itertools.product((-1.0, 1.0), repeat=2)
     ]
     for name, value in column_four().items():
         found["IV", name] = max(abs(corner[name] - value) for corner in corners)
@@ -363,28 +315,24 @@ def table_five_cells(rounding: pd.DataFrame) -> list[Cell]:
     printed, slack = published_text("tito_neri_identified_parameters"), left_open(rounding)
     ours = {"I": column_one(), "IV": column_four()}
     bases = {
-        "I": "half a unit of the last printed digit, and the rounding of Table 4 (300 draws)",
-        "IV": "half a unit of the last printed digit, and half a digit of the gains 1.24 and 0.71",
+        "I": f"{HALF_DIGIT}, and the rounding of Table 4 (300 draws)",
+        "IV": f"{HALF_DIGIT}, and half a digit of the gains 1.24 and 0.71",
     }
-    constant = float(printed.loc["K_e", COLUMNS["I"]])
-    cells = []
-    for name, column in COLUMNS.items():
-        for parameter in printed.index:
-            text = printed.loc[parameter, column]
-            value = ours[name].get(parameter, math.nan)
-            reason = None
-            if name == "I" and parameter in ("M_f", "KQ0_over_eta_R"):
-                moved = value * constant / ours["I"]["K_e"]
-                reason = Reason(
-                    f"eq. 22 fixes the ratio to K_e alone: ours is {value / ours['I']['K_e']:.4g}; with "
-                    f"the printed K_e of {constant:g} it gives {moved:.4g}",
-                    moved - value,
-                )
-            tolerance = half_digit(text) + slack.get((name, parameter), 0.0)
-            cells.append(
-                number("Table 5", parameter, f"set {name}", value, float(text), tolerance, bases[name],
-                       Kind.FREE, reason)
-            )  # fmt: skip
+    constant, cells = float(printed.loc["K_e", COLUMNS["I"]]), []
+    for (name, column), parameter in itertools.product(COLUMNS.items(), printed.index):
+        value, reason = ours[name].get(parameter, math.nan), None
+        if name == "I" and parameter in ("M_f", "KQ0_over_eta_R"):
+            ratio = value / ours["I"]["K_e"]
+            reason = Reason(
+                f"eq. 22 fixes the ratio to K_e alone: ours is {ratio:.4g}; with the printed K_e of "
+                f"{constant:g} it gives {ratio * constant:.4g}",
+                value * constant / ours["I"]["K_e"] - value,
+            )
+        text, more = printed.loc[parameter, column], slack.get((name, parameter), 0.0)
+        cells.append(
+            printed_number("Table 5", parameter, f"set {name}", value, text, Kind.FREE, more,
+                           bases[name], reason)
+        )  # fmt: skip
     return cells
 
 
@@ -401,8 +349,3 @@ def text_cells(stairs: pd.DataFrame) -> list[Cell]:
         Cell("Figure 13", "bias of the speed on the mix [rpm]", "", math.nan, 45.0, 55.0,
              "'around 50', a number rounded to 10", Kind.FREE, 50.0),
     ]  # fmt: skip
-
-
-def cells_of(rounding: pd.DataFrame, stairs: pd.DataFrame) -> list[Cell]:
-    """Return every printed number that the study compares."""
-    return [*given_cells(), *table_five_cells(rounding), *text_cells(stairs)]

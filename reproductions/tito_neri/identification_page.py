@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -18,28 +19,26 @@ from shaftline.plant import Ship, load_ship
 
 from ..cells import Cell
 from ..pages import fill_template
-from ..side_by_side import Page, Study, published
-from . import identification
+from ..side_by_side import Page, Study, Tick, published
 from . import identification as study
 from .experiments import HOLD_S, Experiment, mix, simulate_test, staircase
-from .identification import SETS, cells_of
+from .identification import SETS
 
 RPM = 30.0 / math.pi
-AT_C, AFTER_C = 2, 3
-"""Indices of points C and D on the staircase."""
+AFTER_C = 3  # index of point D on the staircase
 
 
-def _simulate(ship: Ship, test: Experiment) -> pd.DataFrame:
-    """Return time [s], voltage [V], motor speed [rpm] and current [A] of a simulated test."""
-    table = simulate_test(ship, test)
-    return pd.DataFrame(
-        {
-            "time_s": table["time_s"],
-            "voltage_V": table["motor_voltage_V"],
-            "speed_rpm": RPM * ship.transmission.gear_ratio * table[SPEED],
-            "current_A": table[CURRENT],
-        }
-    )
+def simulate_sets(test: Experiment) -> dict[str, pd.DataFrame]:
+    """Return time [s], voltage [V], motor speed [rpm] and current [A] of a test on either set."""
+    found = {}
+    for name, file in SETS.items():
+        ship = load_ship(file)
+        table = simulate_test(ship, test)
+        speed = RPM * ship.transmission.gear_ratio * table[SPEED]
+        found[name] = table[["time_s"]].assign(
+            voltage_V=table["motor_voltage_V"], speed_rpm=speed, current_A=table[CURRENT]
+        )
+    return found
 
 
 def on_the_staircase(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
@@ -53,44 +52,38 @@ def on_the_staircase(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
     rows = []
     for name, table in tables.items():
         level = len(table) // len(points)
-        last = table["speed_rpm"].to_numpy()[level - 1 :: level]
-        off = last - measured
+        off = table["speed_rpm"].to_numpy()[level - 1 :: level] - measured
         after = table["current_A"].iloc[AFTER_C * level : (AFTER_C + 1) * level]
         rows.append(
-            {"set": name}
-            | {f"{p} [rpm]": value for p, value in zip(points.index, off, strict=True)}
-            | {"largest [%]": 100.0 * np.abs(off / measured).max(), "peak C to D [A]": after.max()}
-        )
+            {"set": name, **{f"{p} [rpm]": value for p, value in zip(points.index, off, strict=True)},
+             "largest [%]": 100.0 * np.abs(off / measured).max(), "peak C to D [A]": after.max()}
+        )  # fmt: skip
     return pd.DataFrame(rows)
-
-
-def simulate_sets(test: Experiment) -> dict[str, pd.DataFrame]:
-    """Simulate a test on the drive train of either set."""
-    return {name: _simulate(load_ship(file), test) for name, file in SETS.items()}
 
 
 def draw_histories(steps: dict[str, pd.DataFrame], mixed: dict[str, pd.DataFrame]) -> Figure:
     """Draw voltage, motor speed and current of staircase (Figures 9 to 11) and mix (12 to 14)."""
     points = published("tito_neri_operating_points")
     figure, axes = new_figure(3, 2, (11.0, 7.5))
-    for column, tables in enumerate((steps, mixed)):
-        for i, (name, table) in enumerate(tables.items()):
-            if i == 0:
-                axes[0, column].plot(table["time_s"], table["voltage_V"], color=TRUTH)
-            for row, quantity in enumerate(("speed_rpm", "current_A"), start=1):
-                axes[row, column].plot(
-                    table["time_s"], table[quantity], color=PALETTE[i], linewidth=1.0,
-                    label=f"set {name}",
-                )  # fmt: skip
-        axes[2, column].set_xlabel("time [s]")
+    titles = ("staircase", "mix (its parts are assumed)")
+    for (voltage, speed, current), tables, title in zip(
+        axes.T, (steps, mixed), titles, strict=True
+    ):
+        for color, (name, table) in zip(PALETTE, tables.items(), strict=False):
+            shown = {"color": color, "linewidth": 1.0, "label": f"set {name}"}
+            speed.plot(table["time_s"], table["speed_rpm"], **shown)
+            current.plot(table["time_s"], table["current_A"], **shown)
+        voltage.plot(tables["I"]["time_s"], tables["I"]["voltage_V"], color=TRUTH)
+        voltage.set_title(title)
+        current.set_xlabel("time [s]")
     middle = HOLD_S * (np.arange(len(points)) + 0.5)
     marks = {"marker": "D", "linestyle": "none", "color": "black", "label": "measured (Table 4)"}
     axes[1, 0].plot(middle, RPM * points["motor_speed_rad_s"], **marks)
     axes[2, 0].plot(middle, points["motor_current_A"], **marks)
-    axes[0, 0].set_title("staircase")
-    axes[0, 1].set_title("mix (its parts are assumed)")
-    for row, label in enumerate(("voltage [V]", "motor speed [rpm]", "current [A]")):
-        axes[row, 0].set_ylabel(label)
+    for axis, label in zip(
+        axes[:, 0], ("voltage [V]", "motor speed [rpm]", "current [A]"), strict=True
+    ):
+        axis.set_ylabel(label)
     axes[1, 0].legend(fontsize=8, frameon=False)
     return figure
 
@@ -101,8 +94,7 @@ def simulate_in_time() -> tuple[pd.DataFrame, Figure]:
     return on_the_staircase(steps), draw_histories(steps, simulate_sets(mix()))
 
 
-@dataclass(frozen=True)
-class Findings:
+class Findings(NamedTuple):
     """Results that the page shows."""
 
     table_five: pd.DataFrame
@@ -117,13 +109,8 @@ class Findings:
     stairs: pd.DataFrame
     in_time: Figure
 
-    @property
-    def cells(self) -> list[Cell]:
-        """Every printed number that the page compares."""
-        return cells_of(self.rounding, self.stairs)
 
-
-def compute_findings(tick: study.Tick = lambda: None) -> Findings:
+def compute_findings(tick: Tick = lambda: None) -> Findings:
     """Return all results of the page."""
     fits, best = study.fits_of_table_two()
     tick()
@@ -155,46 +142,50 @@ def draw_bode(best: Ship) -> Figure:
     figure, axes = new_figure(2, 2, (10.5, 7.0))
     measured = study.table_two(kept=False)
     fine = replace(measured, frequency=np.geomspace(0.2, 7000.0, 300))
-    lines = {f"set {name}": load_ship(file) for name, file in study.SETS.items()}
-    lines["ours, speed late"] = best
-    for column, name in enumerate((SPEED, CURRENT)):
-        gain, phase = axes[0, column], axes[1, column]
+    ships = {f"set {name}": load_ship(file) for name, file in SETS.items()} | {
+        "ours, speed late": best
+    }
+    shown = {
+        SPEED: ("speed", (3e-3, 2.0), (-400.0, 60.0)),
+        CURRENT: ("current", (0.4, 5.0), (-100.0, 60.0)),
+    }
+    for (gain, phase), (name, (label, gains, phases)) in zip(axes.T, shown.items(), strict=True):
         points = measured.response[name]
         seen = np.abs(points) > 0.0  # the table rounds the last gain of the speed to 0
         gain.loglog(measured.frequency[seen], np.abs(points[seen]), "k*", label="measured")
-        phase.semilogx(measured.frequency[seen], np.degrees(_unwound(points[seen])), "k*")
-        for i, (label, ship) in enumerate(lines.items()):
+        phase.semilogx(measured.frequency[seen], _phase_deg(points[seen]), "k*")
+        for color, (words, ship) in zip(PALETTE, ships.items(), strict=False):
             answer = modelled_response(ship, fine)[name]
-            gain.loglog(fine.frequency, np.abs(answer), color=PALETTE[i], label=label)
-            phase.semilogx(fine.frequency, np.degrees(_unwound(answer)), color=PALETTE[i])
-        gain.set_ylim(3e-3 if name == SPEED else 0.4, 2.0 if name == SPEED else 5.0)
-        phase.set_ylim(-400.0 if name == SPEED else -100.0, 60.0)
-        gain.set_ylabel(f"{'speed' if name == SPEED else 'current'} gain [-]")
-        phase.set_ylabel("phase [deg]")
-        phase.set_xlabel("frequency [rad/s]")
+            gain.loglog(fine.frequency, np.abs(answer), color=color, label=words)
+            phase.semilogx(fine.frequency, _phase_deg(answer), color=color)
+        gain.set(ylim=gains, ylabel=f"{label} gain [-]")
+        phase.set(ylim=phases, ylabel="phase [deg]", xlabel="frequency [rad/s]")
         for axis in (gain, phase):
             axis.axvspan(700.0, 7000.0, color=THESIS, alpha=0.15, linewidth=0)
     axes[0, 0].legend(fontsize=8, frameon=False)
-    figure.suptitle(
-        "Response to the voltage about point C, relative; grey: discarded by the authors"
-    )
+    title = "Response to the voltage about point C, relative; grey: discarded by the authors"
+    figure.suptitle(title)
     return figure
 
 
-def _unwound(values: np.ndarray) -> np.ndarray:
-    return np.asarray(np.unwrap(np.angle(values)))
+def _phase_deg(values: np.ndarray) -> np.ndarray:
+    return np.asarray(np.degrees(np.unwrap(np.angle(values))))
+
+
+def cells_of(found: Findings) -> list[Cell]:
+    """Return every printed number that the page compares."""
+    tables = study.table_five_cells(found.rounding)
+    return [*study.given_cells(), *tables, *study.text_cells(found.stairs)]
 
 
 def page(found: Findings) -> Page:
     """Return the page of the results."""
     five = found.table_five
-    shown = five.assign(
-        ours=five["ours"].map("{:.4g}".format), printed=five["printed"].map("{:.3g}".format)
-    )
+    ours, printed = (five[c].map(f"{{:.{n}g}}".format) for c, n in (("ours", 4), ("printed", 3)))
+    shown = five.assign(ours=ours, printed=printed)
     small = ["L_a", "K_e", "R_a", "I_p", "M_f", "KQ0_over_eta_R", "L_a_error"]
     first = five[five["set"] == "I"].set_index("parameter")
-    pairs = identification.least_squares_variants()
-    off = first["difference_percent"]
+    pairs, off = study.least_squares_variants(), first["difference_percent"]
     body = fill_template(
         Path(__file__).with_name("identification.md"), found=found, shown=shown,
         known=found.known.rename(columns=lambda c: c.split(".")[-1]),
@@ -211,11 +202,8 @@ def page(found: Findings) -> Page:
     }
     drawn = {"tito-neri-bode": draw_bode(found.best), "tito-neri-histories": found.in_time}
     file = "tito-neri-identification"
-    return Page(found.cells, body, drawn, {"table-5": numbers}, five, shown, file=file)
+    return Page(cells_of(found), body, drawn, {"table-5": numbers}, five, shown, file=file)
 
 
-STUDY = Study(
-    "Identification of the Tito Neri drive train (Table 5)",
-    lambda tick: page(compute_findings(tick)),
-    study.TICKS + 1,
-)
+TITLE = "Identification of the Tito Neri drive train (Table 5)"
+STUDY = Study(TITLE, lambda tick: page(compute_findings(tick)), study.TICKS + 1)

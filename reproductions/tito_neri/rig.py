@@ -83,38 +83,25 @@ def with_cogging(ship: Ship, instruments: Instruments) -> Ship:
         (COGGING, "drive_torque", swing, torque),
         (RIPPLE, "drive", f"{swing} * shaft_speed", voltage),
     ):
-        term = {
-            "id": name, "acts_on": place, "expression": expression,
-            "parameters": {"turned": 0.0, "since": 0.0, **values},
-        }  # fmt: skip
+        parameters = {"turned": 0.0, "since": 0.0, **values}
+        term = {"id": name, "acts_on": place, "expression": expression, "parameters": parameters}
         ship = ship.with_term(Term.model_validate(term))
     return ship
 
 
 @compiled
-def _turn(
-    plant: Record,
-    state: Record,
-    memory: Record,
-    sea: Record,
-    voltage: NDArray[np.float64],
-    slots: NDArray[np.int64],
-    dt: float,
-    angle: NDArray[np.float64],
-    current: NDArray[np.float64],
-) -> None:
+def _turn(plant: Record, state: Record, memory: Record, sea: Record, voltage: NDArray[np.float64],
+          slots: NDArray[np.int64], dt: float, angle: NDArray[np.float64],
+          current: NDArray[np.float64]) -> None:  # fmt: skip
     """Simulate; fill the motor's angle [rad] and current [A] at the start of every step."""
-    turned = angle[0]
+    turned, calm = angle[0], UNDISTURBED
     for k in range(len(voltage)):
         angle[k] = turned
         for slot in slots:
             plant.term_constants[slot, 0] = turned
             plant.term_constants[slot, 1] = k * dt
         before = state.shaft_speed
-        out = step(
-            plant, state, memory, sea, voltage[k], 1.0, 0.0, UNDISTURBED, UNDISTURBED, UNDISTURBED,
-            dt,
-        )  # fmt: skip
+        out = step(plant, state, memory, sea, voltage[k], 1.0, 0.0, calm, calm, calm, dt)
         current[k] = out.motor_current
         turned += 0.5 * dt * plant.gear_ratio * (before + state.shaft_speed)
 
@@ -139,19 +126,17 @@ def record_test(
     plant, sea = host.record(), calm_sea()
     slots = np.array([host.parameter(f"term.{name}.turned").place[0] for name in (COGGING, RIPPLE)])
     prepare(plant, state[0], memory[0], sea, float(fine[0]), UNDISTURBED, FINE_S)
-    angle, current = np.empty(len(fine)), np.empty(len(fine))
+    angle, current = np.empty((2, len(fine)))
     angle[0] = rng.uniform(0.0, 2.0 * math.pi)
     _turn(plant, state[0], memory[0], sea, fine, slots, FINE_S, angle, current)
-    rows = slice(None, None, per_row)
+    speed = encoder_speed(angle, FINE_S, own)[::per_row] / ship.transmission.gear_ratio
     noise = own.current_noise_A * rng.standard_normal(len(test.voltage))
-    time = np.arange(len(test.voltage)) * test.interval_s
     return pd.DataFrame(
         {
-            "time_s": time,
+            "time_s": np.arange(len(test.voltage)) * test.interval_s,
             "motor_voltage_V": fine.reshape(-1, per_row).mean(axis=1),
-            "shaft_speed_rad_s": encoder_speed(angle, FINE_S, own)[rows]
-            / ship.transmission.gear_ratio,
-            "motor_current_A": current[rows] + noise,
+            "shaft_speed_rad_s": speed,
+            "motor_current_A": current[::per_row] + noise,
             "voltage_set_V": test.voltage,
         }
     )
@@ -194,11 +179,6 @@ def encoder_speed(
     return np.asarray(np.r_[begin, speeds][known])
 
 
-def without_faults() -> Instruments:
-    """Return perfect instruments except the encoder's holes: no cogging, an even disk, no noise."""
-    return Instruments(0.0, 0.0, 0.0, 0.0, 15, 0.0, 7, 1.0, 0.0, 0.0)
-
-
 def order_spectrum(table: pd.DataFrame, gear_ratio: float, turns: int = 32) -> pd.DataFrame:
     """Return the amplitude of the current by order of the motor's turn (the paper's Figures 5 and 6).
 
@@ -207,27 +187,20 @@ def order_spectrum(table: pd.DataFrame, gear_ratio: float, turns: int = 32) -> p
     """
     time = table["time_s"].to_numpy(dtype=np.float64)
     speed = gear_ratio * table["shaft_speed_rad_s"].to_numpy(dtype=np.float64)
-    angle = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))])
+    angle = scipy.integrate.cumulative_trapezoid(speed, time, initial=0)
     per_turn = 64
-    count = int(angle[-1] / (2.0 * math.pi) * per_turn)
+    count, rows = int(angle[-1] / (2.0 * math.pi) * per_turn), turns * per_turn
     even = np.arange(count) * (2.0 * math.pi / per_turn)
-    current = np.interp(even, angle, table["motor_current_A"])
-    rows = turns * per_turn
-    window = np.hanning(rows)
+    current, window = np.interp(even, angle, table["motor_current_A"]), np.hanning(rows)
     parts: list[Any] = []
     for begin in range(0, count - rows + 1, rows // 2):
         part = current[begin : begin + rows]
         parts.append(np.abs(np.fft.rfft(window * (part - part.mean()))) * 2.0 / window.sum())
     order = np.arange(rows // 2 + 1) / turns
-    mean = np.sqrt(np.mean(np.square(parts), axis=0))
-    kept = order <= 20.0
+    mean, kept = np.sqrt(np.mean(np.square(parts), axis=0)), order <= 20.0
     return pd.DataFrame({"order": order[kept], "current_A": mean[kept]})
 
 
 def order_ramp(seconds: float = 30.0) -> Experiment:
-    """Return a ramp of the voltage from 220 to 1995 rpm, as in the paper's order tracking.
-
-    Args:
-        seconds: length [s].
-    """
+    """Return a ramp of the voltage from 220 to 1995 rpm, as in the paper's order tracking."""
     return Experiment("ramp", 1e-4, np.linspace(1.85, 5.82, round(seconds / 1e-4)))

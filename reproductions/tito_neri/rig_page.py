@@ -13,16 +13,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from shaftline.display.figures import ESTIMATE, TRUTH, new_figure, save
-from shaftline.display.tables import markdown, write_table
+from shaftline.display.tables import markdown
 from shaftline.mismatch import fit_percent, identify
 from shaftline.mismatch.identification.drive_train import CONSTANT, FRICTION, LOAD, RESISTANCE, SIX
 from shaftline.mismatch.identification.free_parameters import number_of, parse_free
@@ -33,17 +33,13 @@ from shaftline.mismatch.identification.step import step
 from shaftline.mismatch.identification.welch import keep_coherent, noise_response, welch
 from shaftline.plant import Ship, load_ship, simulate_recording
 
-from ..pages import fill_template, make_parser
+from ..pages import make_parser, write_page
+from ..side_by_side import Tick
 from . import experiments, rig
 from .experiments import FAST_S, POINT_C_V, Experiment, staircase
+from .identification import DELAY, SETS, percent_off
 from .rig import FINE_S, record_test
 
-Tick = Callable[[], None]
-
-TRUE_SHIP, START = "tito-neri-sine", "tito-neri-staircase"
-"""Ship files of the rig's drive train, and of the start of the searches."""
-
-DELAY = "sensors.speed_delay_s"
 LATE = (*SIX, DELAY)
 
 METHODS: dict[str, tuple[Callable[..., Any], str, tuple[str, ...]]] = {
@@ -53,45 +49,33 @@ METHODS: dict[str, tuple[Callable[..., Any], str, tuple[str, ...]]] = {
 }
 """Each method with its test (Table 3) and its free parameters."""
 
-OUTPUT_ERROR = "output-error"
-"""The paper's method 3, for any test; it is not used for monitoring."""
-
-THINNED = 10
-"""Output error uses one row in this many."""
-
+OUTPUT_ERROR = "output-error"  # the paper's method 3, for any test; it is not used for monitoring
+THINNED = 10  # output error uses one row in this many
 WATCHED = {FRICTION: 0.20, LOAD: 0.10, RESISTANCE: 0.15, CONSTANT: -0.05}
 """Monitored parameters, and a change of each: worn bearings, a fouled propeller, a warm winding,
 weak magnets."""
 
-RECORDS, TRIALS = 12, 4
-"""Records of the unchanged rig, and of each change."""
-
+RECORDS, TRIALS = 12, 4  # records of the unchanged rig, and of each change
 ALARM, SURE = 1.96, 1.645
 """Standard deviations of an alarm in 5 % of the unchanged and in 95 % of the changed records."""
 
 
 def truth() -> Ship:
     """Return the rig's drive train."""
-    return load_ship(TRUE_SHIP)
+    return load_ship(SETS["IV"])
 
 
 def start() -> Ship:
     """Return the start of the searches: the other published set, in the rig's water."""
     ship = truth()
-    return ship.with_values({key: number_of(load_ship(START), key).value for key in SIX})
+    return ship.with_values({key: number_of(load_ship(SETS["I"]), key).value for key in SIX})
 
 
-@dataclass(frozen=True)
-class Validation:
-    """Table 3 as a programme.
+class Validation(NamedTuple):
+    """Table 3 as a programme."""
 
-    Args:
-        numbers: found by each method, with the error of each [%].
-        fits: FitPercent and MSE of speed and current for every pair of method and test.
-    """
-
-    numbers: pd.DataFrame
-    fits: pd.DataFrame
+    numbers: pd.DataFrame  # errors of the parameters that each method found [%]
+    fits: pd.DataFrame  # FitPercent and MSE of speed and current for every method and test
 
 
 def validation(tick: Tick = lambda: None) -> Validation:
@@ -100,21 +84,18 @@ def validation(tick: Tick = lambda: None) -> Validation:
     for name, make in experiments.MATRIX.items():
         records[name] = [record_test(truth(), test, seed=i) for i, test in enumerate(make())]
         tick()
-    ships, numbers = {"the truth": truth()}, []
+    ships, numbers, rows = {"the truth": truth()}, [], []
     for method, test in TESTS.items():
         values = numbers_by(method, records[test])
         ships[method] = start().with_values({**values, "integration.time_step_s": FINE_S})
-        off = {
-            k.split(".")[1]: 100.0 * (values[k] / number_of(truth(), k).value - 1.0) for k in SIX
-        }
-        numbers.append({"method": method, **off, "delay_ms": 1e3 * values.get(DELAY, math.nan)})
+        off = percent_off({key: values[key] for key in SIX}, truth())
+        short = {key.split(".")[1]: value for key, value in off.items()}
+        numbers.append({"method": method, **short, "delay_ms": 1e3 * values.get(DELAY, math.nan)})
         tick()
-    rows = []
     for method, ship in ships.items():
         for test, tables in records.items():
-            scores = _scores(ship, tables)
-            used = TESTS.get(method) == test
-            rows.append({"method": method, "test": test, "used": "yes" if used else "", **scores})
+            used = "yes" if TESTS.get(method) == test else ""
+            rows.append({"method": method, "test": test, "used": used, **_scores(ship, tables)})
     return Validation(pd.DataFrame(numbers), pd.DataFrame(rows))
 
 
@@ -171,30 +152,28 @@ def estimates(method: str, ship: Ship, seed: int) -> dict[str, dict[str, float]]
 
     Alone, the other parameters and the delay are those of the unchanged rig.
     """
-    table = record_test(ship, record_of_30_s(method, seed), seed=seed)
-    known = truth()
+    table, known = record_test(ship, record_of_30_s(method, seed), seed=seed), truth()
     if method == "step":
         found = step(known, [table], SIX)
         together = dict(zip(found.keys, found.values, strict=True))
         alone = {key: step(known, [table], (key,)).values[0] for key in WATCHED}
     else:
         response = (
-            keep_coherent(noise_response(known, [table]))
-            if method == "welch"
-            else sine_response(known, [table])
+            sine_response(known, [table]) if method == "sine" else noise_response(known, [table])
         )
-        late = fit(parse_free(known, LATE, ()), response, method).values
-        together = dict(zip(LATE, map(float, late), strict=True))
-        known = known.with_values({DELAY: USUAL_DELAY_S})
-        alone = {
-            key: float(fit(parse_free(known, (key,), ()), response, method).values[0])
-            for key in WATCHED
-        }
+        if method == "welch":
+            response = keep_coherent(response)
+
+        def fitted(ship: Ship, free: tuple[str, ...]) -> dict[str, float]:
+            values = fit(parse_free(ship, free, ()), response, method).values
+            return dict(zip(free, map(float, values), strict=True))
+
+        together, known = fitted(known, LATE), known.with_values({DELAY: USUAL_DELAY_S})
+        alone = {key: fitted(known, (key,))[key] for key in WATCHED}
     return {"together": {key: together[key] for key in WATCHED}, "alone": alone}
 
 
-USUAL_DELAY_S = 1.95e-3
-"""Delay of the encoder at point C: the time between two flanks."""
+USUAL_DELAY_S = 1.95e-3  # delay of the encoder at point C: the time between two flanks
 
 
 def monitoring(tick: Tick = lambda: None) -> pd.DataFrame:
@@ -214,19 +193,19 @@ def monitoring(tick: Tick = lambda: None) -> pd.DataFrame:
             tried = [estimates(method, changed_ship, 100 + seed) for seed in range(TRIALS)]
             tick()
             for way in ("together", "alone"):
-                before = np.array([one[way][key] for one in usual]) / value
-                after = np.array([one[way][key] for one in tried]) / value - before.mean()
+                before, after = (
+                    np.array([one[way][key] for one in found]) / value for found in (usual, tried)
+                )
+                after = after - before.mean()
                 scatter = float(before.std(ddof=1))
                 alarm = ALARM * scatter * math.sqrt(1.0 + 1.0 / RECORDS)
                 rows.append(
-                    {
-                        "method": method, "number": key.split(".")[1], "free": way,
-                        "bias_percent": 100.0 * (before.mean() - 1.0),
-                        "scatter_percent": 100.0 * scatter, "alarm_percent": 100.0 * alarm,
-                        "smallest_percent": 100.0 * (alarm + SURE * scatter),
-                        "change_percent": 100.0 * change, "found_percent": 100.0 * after.mean(),
-                        "alarmed": float(np.mean(np.abs(after) > alarm)),
-                    }
+                    {"method": method, "number": key.split(".")[1], "free": way,
+                     "bias_percent": 100.0 * (before.mean() - 1.0),
+                     "scatter_percent": 100.0 * scatter, "alarm_percent": 100.0 * alarm,
+                     "smallest_percent": 100.0 * (alarm + SURE * scatter),
+                     "change_percent": 100.0 * change, "found_percent": 100.0 * after.mean(),
+                     "alarmed": float(np.mean(np.abs(after) > alarm))}
                 )  # fmt: skip
     return pd.DataFrame(rows)
 
@@ -236,14 +215,11 @@ def draw_rig(orders: pd.DataFrame) -> Figure:
     figure, axes = new_figure(1, 2, (10.5, 3.6))
     left, right = axes[0]
     left.plot(orders["order"], orders["current_A"], color=TRUTH, linewidth=0.8)
-    left.set_xlabel("order of the motor's turn")
-    left.set_ylabel("current [A]")
-    table = rig.record_test(truth(), staircase((5.89,), 1.5))
-    last = table.iloc[-900:]
-    ratio = truth().transmission.gear_ratio
-    right.plot(last["time_s"], ratio * last[SPEED], color=ESTIMATE, drawstyle="steps-post")
-    right.set_xlabel("time [s]")
-    right.set_ylabel("motor speed [rad/s]")
+    left.set(xlabel="order of the motor's turn", ylabel="current [A]")
+    last = record_test(truth(), staircase((5.89,), 1.5)).iloc[-900:]
+    speed = truth().transmission.gear_ratio * last[SPEED]
+    right.plot(last["time_s"], speed, color=ESTIMATE, drawstyle="steps-post")
+    right.set(xlabel="time [s]", ylabel="motor speed [rad/s]")
     return figure
 
 
@@ -252,9 +228,8 @@ def cogs_in_current() -> tuple[float, float]:
     own = rig.Instruments(current_noise_A=0.0)
     found = []
     for some in (replace(own, ripple_6=0.0, ripple_12=0.0), own):
-        table = rig.record_test(truth(), staircase((5.89,), 4.0), some)
-        ratio = truth().transmission.gear_ratio
-        orders = rig.order_spectrum(table, ratio).set_index("order")
+        table = record_test(truth(), staircase((5.89,), 4.0), some)
+        orders = rig.order_spectrum(table, truth().transmission.gear_ratio).set_index("order")
         found.append(float(orders.loc[5.9:6.1, "current_A"].max()))
     return found[0], found[1]
 
@@ -269,23 +244,18 @@ def peaks(orders: pd.DataFrame, count: int = 2) -> list[float]:
 def main() -> None:
     """Write ``tito-neri-rig.md``, its table and its figure."""
     folder = make_parser("tito_neri.rig_page", __doc__, "out/tito-neri").parse_args().out
-    ratio = truth().transmission.gear_ratio
-    orders = rig.order_spectrum(rig.record_test(truth(), rig.order_ramp()), ratio)
+    orders = rig.order_spectrum(
+        record_test(truth(), rig.order_ramp()), truth().transmission.gear_ratio
+    )
     found, watch = validation(), monitoring()
     best = watch[watch["free"] == "together"]
     best = best.loc[best.groupby("number", sort=False)["smallest_percent"].idxmin()]
-    body = fill_template(
-        Path(__file__).with_name("rig.md"), own=rig.Instruments(), found=found, peaks=peaks(orders),
-        currents=cogs_in_current(), watch=watch.drop(columns=["bias_percent"]),
-        best=best.to_dict("records"),
-        records=RECORDS, trials=TRIALS,
-    )  # fmt: skip
     save(draw_rig(orders), folder / "figures" / "tito-neri-rig.png")
-    title = "Identification and monitoring on a synthetic Tito Neri rig"
-    command = "python -m reproductions tito_neri.rig_page --out docs/results"
-    write_table(folder, "tito-neri-rig", title, command, watch, body)
+    write_page(
+        folder, "tito-neri-rig", "Identification and monitoring on a synthetic Tito Neri rig",
+        "tito_neri.rig_page --out docs/results", watch, Path(__file__).with_name("rig.md"),
+        own=rig.Instruments(), found=found, peaks=peaks(orders), currents=cogs_in_current(),
+        watch=watch.drop(columns="bias_percent"), best=best.to_dict("records"), records=RECORDS,
+        trials=TRIALS,
+    )  # fmt: skip
     print(markdown(found.fits, 4), markdown(watch), sep="\n\n")
-
-
-if __name__ == "__main__":
-    main()

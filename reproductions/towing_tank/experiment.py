@@ -6,7 +6,8 @@ the ventilation of its propeller; the assumptions are :class:`Programme` and :cl
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -83,18 +84,8 @@ class Air:
 
     def ship(self, rig: Ship) -> Ship:
         """Return the rig with this ventilation."""
-        return rig.with_values(
-            {
-                "ventilation.thrust_loss": self.thrust_loss,
-                "ventilation.torque_loss": self.torque_loss,
-                "ventilation.surface_loss": self.surface_loss,
-                "ventilation.onset_submergence": self.onset_submergence,
-                "ventilation.suction_gain": self.suction_gain,
-                "ventilation.hysteresis": self.hysteresis,
-                "ventilation.growth_time_s": self.growth_s,
-                "ventilation.washout_time_s": self.washout_s,
-            }
-        )
+        values = asdict(self).items()
+        return rig.with_values({f"ventilation.{re.sub('_s$', '_time_s', k)}": v for k, v in values})
 
 
 @dataclass(frozen=True)
@@ -124,54 +115,30 @@ class TankRun(NamedTuple):
         return np.asarray(self.samples["time"])
 
 
-_SEEN = np.dtype(
-    [(name, np.float64) for name in ("reference", "torque_estimate", "torque_ratio", "detected")]
-)
+_SEEN = np.dtype([(n, float) for n in ("reference", "torque_estimate", "torque_ratio", "detected")])
 
 
 @compiled
-def _run(
-    plant: Record,
-    controller: Record,
-    state: Record,
-    memory: Record,
-    held: Record,
-    sea: Record,
-    thrust: Floats,
-    carriage: Floats,
-    elevation: Floats,
-    speed_noise: Floats,
-    torque_gain: float,
-    tell_air: bool,
-    dt: float,
-    samples: Any,
-    seen: Any,
-) -> None:
+def _at(carriage: Floats, elevation: Floats, half_step: int) -> Disturbance:
+    return Disturbance(carriage[half_step], elevation[half_step], 1.0, NO_SIGNALS)
+
+
+@compiled
+def _run(plant: Record, controller: Record, state: Record, memory: Record, held: Record, sea: Record,
+         thrust: Floats, carriage: Floats, elevation: Floats, speed_noise: Floats, torque_gain: float,
+         tell_air: bool, dt: float, samples: Any, seen: Any) -> None:  # fmt: skip
     pitch = controller.pitch_ratio
-    prepare(
-        plant, state, memory, sea, 0.0, Disturbance(carriage[0], elevation[0], 1.0, NO_SIGNALS), dt
-    )
+    prepare(plant, state, memory, sea, 0.0, _at(carriage, elevation, 0), dt)
     for k in range(len(samples)):
         measured = state.shaft_speed + speed_noise[k]
         if tell_air:
             held.detection.ventilating = 1 if state.ventilation > 0.5 else 0
         torque = command_torque(controller, held, thrust[k], measured, carriage[2 * k])
         now, log = get_state(state), memory.speed_log
-        a, b, c = 2 * k, 2 * k + 1, 2 * k + 2
         drive = torque_gain * torque
-        outputs = step(
-            plant,
-            state,
-            memory,
-            sea,
-            drive,
-            pitch,
-            0.0,
-            Disturbance(carriage[a], elevation[a], 1.0, NO_SIGNALS),
-            Disturbance(carriage[b], elevation[b], 1.0, NO_SIGNALS),
-            Disturbance(carriage[c], elevation[c], 1.0, NO_SIGNALS),
-            dt,
-        )
+        begin, middle = _at(carriage, elevation, 2 * k), _at(carriage, elevation, 2 * k + 1)
+        end = _at(carriage, elevation, 2 * k + 2)
+        outputs = step(plant, state, memory, sea, drive, pitch, 0.0, begin, middle, end, dt)
         write_sample(plant, samples[k], k * dt, drive, pitch, 0.0, now, memory, log, outputs)
         seen[k].reference = held.reference
         seen[k].torque_estimate = estimated_propeller_torque(plant, held.estimate)
@@ -179,12 +146,8 @@ def _run(
         seen[k].detected = held.detection.ventilating
 
 
-def simulate_test(
-    ship: Ship,
-    controller: ThrustControl,
-    programme: Programme,
-    instruments: Instruments | None = None,
-) -> TankRun:
+def simulate_test(ship: Ship, controller: ThrustControl, programme: Programme,
+                  instruments: Instruments | None = None) -> TankRun:  # fmt: skip
     """Simulate one test from rest, with the controller called at every time step.
 
     Raises:
@@ -199,27 +162,17 @@ def simulate_test(
     steps = round(programme.duration_s / dt)
     times = np.arange(steps, dtype=np.float64) * dt
     halves = np.arange(2 * steps + 1, dtype=np.float64) * (0.5 * dt)
-    plant = ship.record()
-    radius = 0.5 * ship.propeller.diameter_m
-    elevation = radius * programme.submergence(halves) - float(plant["depth"])
-    state, memory = np.zeros(1, STATE), np.zeros(1, MEMORY)
-    state[0] = tuple(State(ship.propeller.pitch_ratio_max, 0.0, 0.0))
-    thrust = programme.thrust(times)
-    white = np.random.default_rng(instruments.seed).standard_normal(steps)
-    samples, seen = np.zeros(steps, SAMPLE), np.zeros(steps, _SEEN)
-    held = controller.initial_state()
-    _run(
-        plant, controller.settings, state[0], memory[0], held[0], calm_sea(), thrust,
-        programme.carriage(halves), elevation, instruments.shaft_speed * white,
-        instruments.torque_gain, instruments.tell_air, dt, samples, seen,
-    )  # fmt: skip
-    turned = samples["shaft_speed"] * ship.transmission.gear_ratio
-    return TankRun(
-        samples,
-        thrust,
-        seen["reference"],
-        seen["torque_estimate"],
-        seen["torque_ratio"],
-        seen["detected"] != 0.0,
-        samples["brake_torque"] * turned,
+    plant, thrust = ship.record(), programme.thrust(times)
+    elevation = 0.5 * ship.propeller.diameter_m * programme.submergence(halves) - float(
+        plant["depth"]
     )
+    state, memory, held = np.zeros(1, STATE), np.zeros(1, MEMORY), controller.initial_state()
+    state[0] = tuple(State(ship.propeller.pitch_ratio_max, 0.0, 0.0))
+    noise = instruments.shaft_speed * np.random.default_rng(instruments.seed).standard_normal(steps)
+    samples, seen = np.zeros(steps, SAMPLE), np.zeros(steps, _SEEN)
+    _run(plant, controller.settings, state[0], memory[0], held[0], calm_sea(), thrust,
+         programme.carriage(halves), elevation, noise, instruments.torque_gain, instruments.tell_air,
+         dt, samples, seen)  # fmt: skip
+    power = samples["brake_torque"] * (samples["shaft_speed"] * ship.transmission.gear_ratio)
+    reference, torque, ratio = (seen[n] for n in ("reference", "torque_estimate", "torque_ratio"))
+    return TankRun(samples, thrust, reference, torque, ratio, seen["detected"] != 0.0, power)

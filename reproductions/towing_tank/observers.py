@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from shaftline.display import figures
-from shaftline.display.tables import write_table
 from shaftline.observers import Observer, follow, get_observer, simulated_measurements
 from shaftline.observers.immersion_invariance import ImmersionInvariance
 from shaftline.observers.luenberger import Luenberger
@@ -26,14 +25,14 @@ from shaftline.plant import Schedule, Ship, State, equilibrium, load_ship, simul
 from shaftline.plant.propeller import propeller_load
 from shaftline.plant.shaft import brake_torque_of, load_torque
 
-from ..pages import fill_template, make_parser
+from ..pages import make_parser, write_page
 
 THRUST_N, CARRIAGE_M_S = 80.0, 1.0
 HALF_PERIOD_S, RAMP_S, DURATION_S = 10.0, 2.0, 60.0
 WANTED_M_S = 0.1
 SEEDS = 10
 
-RIG = "towing-tank"
+RIG, NAME = "towing-tank", "four-quadrant-observers"
 
 NAMES = (
     "power-balance", "shaft-acceleration", "shaft-acceleration-derived", "luenberger-low", "luenberger",
@@ -76,8 +75,14 @@ class Run(NamedTuple):
     def noisy(self, noise: Noise, seed: int) -> NDArray[np.float64]:
         """Return the measurements with noise."""
         size = [noise.shaft_speed, noise.torque, 0.0, noise.acceleration, 0.0]
-        white = np.random.default_rng(seed).standard_normal(self.readings.shape)
-        return self.readings + white * size
+        return (
+            self.readings + np.random.default_rng(seed).standard_normal(self.readings.shape) * size
+        )
+
+    def estimate(self, observer: Observer, readings: Any = None) -> tuple[Any, Any]:
+        """Return the estimated advance velocity [m/s] and its validity; without noise by default."""
+        readings = self.readings if readings is None else readings
+        return follow(observer, self.ship, readings, self.ship.time_step_s)
 
 
 def programme(times: NDArray[np.float64]) -> Any:
@@ -91,22 +96,20 @@ def programme(times: NDArray[np.float64]) -> Any:
 
 def steady_torque(ship: Ship, thrust: float, inflow: float) -> float:
     """Return the drive torque [N m] for a steady thrust [N] in an inflow [m/s] of the same sign."""
-    plant = ship.record()
-    pitch = ship.propeller.pitch_ratio_max
+    plant, screw = ship.record(), ship.propeller
 
     def load(shaft_speed: float) -> Any:
-        return propeller_load(plant, inflow, shaft_speed, pitch, ship.propeller.depth_m, 0.0)
+        return propeller_load(plant, inflow, shaft_speed, screw.pitch_ratio_max, screw.depth_m, 0.0)
 
     ends = (5.0, 150.0) if thrust > 0.0 else (-150.0, -5.0)
     speed = scipy.optimize.brentq(lambda w: load(w).thrust - thrust, *ends)
-    torque = load(speed).torque / ship.propeller.relative_rotative_efficiency
+    torque = load(speed).torque / screw.relative_rotative_efficiency
     return float(brake_torque_of(plant, load_torque(plant, torque, speed), speed))
 
 
 def calm_test(ship: Ship) -> Run:
     """Simulate a torque programme for +-80 N of thrust, the carriage at +-1 m/s with its sign, 60 s."""
-    ahead = steady_torque(ship, THRUST_N, CARRIAGE_M_S)
-    astern = steady_torque(ship, -THRUST_N, -CARRIAGE_M_S)
+    ahead, astern = (steady_torque(ship, s * THRUST_N, s * CARRIAGE_M_S) for s in (1.0, -1.0))
 
     def torque(times: NDArray[np.float64]) -> Any:
         share = programme(times)
@@ -121,11 +124,9 @@ def calm_test(ship: Ship) -> Run:
 def crash_stop() -> Run:
     """Simulate the destroyer with four-quadrant curves: half torque ahead, from 10 s on half astern."""
     ship = load_ship("ddg-51-surrogate").with_values({"propeller.model": "four-quadrant"})
-    torque = 0.5 * float(ship.record()["drive_max"])
-    pitch = ship.propeller.pitch_ratio_max
-    start = equilibrium(ship, torque, pitch)
+    torque, pitch = 0.5 * float(ship.record()["drive_max"]), ship.propeller.pitch_ratio_max
     order = Schedule(lambda t: np.interp(t, [10.0, 30.0], [torque, -torque]), pitch)
-    samples = simulate(ship, order, 300.0, initial=start.state)
+    samples = simulate(ship, order, 300.0, initial=equilibrium(ship, torque, pitch).state)
     samples = samples[: int(np.argmax(samples["ship_speed"] <= 0.0))]
     return Run(ship, samples, simulated_measurements(samples, ship))
 
@@ -136,9 +137,8 @@ def _rms(error: NDArray[np.float64]) -> float:
 
 def scores(run: Run, observer: Observer, readings: NDArray[np.float64]) -> dict[str, float]:
     """Return errors [m/s] and shares [%] of one estimate."""
-    velocity, valid = follow(observer, run.ship, readings, run.ship.time_step_s)
-    error = velocity - run.samples["advance_velocity"]
-    against = run.against
+    velocity, valid = run.estimate(observer, readings)
+    error, against = velocity - run.samples["advance_velocity"], run.against
     return {
         "rms valid": _rms(error[valid]),
         "rms outside zone 1": _rms(error[~against]),
@@ -152,61 +152,57 @@ def table_of(
     run: Run, observers: dict[str, Observer], noise: Noise | None, seeds: int
 ) -> pd.DataFrame:
     """Return the scores of the observers; with noise the mean over the seeds."""
+    readings = (
+        [run.readings] if noise is None else [run.noisy(noise, seed) for seed in range(seeds)]
+    )
     rows = []
     for name, observer in observers.items():
-        found = [
-            scores(run, observer, run.readings if noise is None else run.noisy(noise, seed))
-            for seed in range(1 if noise is None else seeds)
-        ]
-        rows.append({"observer": name} | pd.DataFrame(found).mean().to_dict())
+        found = pd.DataFrame([scores(run, observer, one) for one in readings])
+        rows.append({"observer": name} | found.mean().to_dict())
     return pd.DataFrame(rows)
 
 
 def draw(rig: Run, stop: Run) -> Figure:
     """Draw the truth and three estimates; grey where the shaft turns against the inflow."""
-    shown = {
-        "luenberger, both poles -50 rad/s": OF_THE_RIG["luenberger, both poles -50 rad/s"],
-        "random-walk-kalman": OF_THE_RIG["random-walk-kalman, noise of the rig"],
-        "immersion-invariance-adaptive": get_observer("immersion-invariance-adaptive"),
-    }
     figure, axes = figures.new_figure(2, 2, (11.0, 6.0))
-    plain = ("luenberger", "random-walk-kalman", "immersion-invariance")
-    ways = (
-        (rig, rig.noisy(Noise(), 0), shown, (8.0, 33.0)),
-        (stop, stop.readings, {name: get_observer(name) for name in plain}, None),
-    )
+    ways: tuple[tuple[Run, Any, dict[str, Observer], Any], ...] = (
+        (rig, rig.noisy(Noise(), 0), {
+            "luenberger, both poles -50 rad/s": OF_THE_RIG["luenberger, both poles -50 rad/s"],
+            "random-walk-kalman": OF_THE_RIG["random-walk-kalman, noise of the rig"],
+            "immersion-invariance-adaptive": get_observer("immersion-invariance-adaptive"),
+        }, (8.0, 33.0)),
+        (stop, stop.readings, {
+            name: get_observer(name)
+            for name in ("luenberger", "random-walk-kalman", "immersion-invariance")
+        }, None),
+    )  # fmt: skip
     for column, (run, readings, observers, span) in enumerate(ways):
-        time, truth = run.samples["time"], run.samples["advance_velocity"]
-        top, bottom = axes[0, column], axes[1, column]
+        time, (top, bottom) = run.samples["time"], axes[:, column]
         for name, observer in observers.items():
-            velocity, valid = follow(observer, run.ship, readings, run.ship.time_step_s)
+            velocity, valid = run.estimate(observer, readings)
             (line,) = top.plot(time, np.where(valid, velocity, np.nan), linewidth=1.0, label=name)
             top.plot(time, velocity, linewidth=0.6, alpha=0.35, color=line.get_color())
+        truth = run.samples["advance_velocity"]
         top.plot(time, truth, color="black", linewidth=1.0, linestyle="--", label="truth")
         bottom.plot(time, run.samples["shaft_speed"], color="black", linewidth=1.0)
-        for axis in (top, bottom):
+        for axis, room in ((top, 0.3), (bottom, 0.0)):  # for the legend
             low, high = axis.get_ylim()
-            if axis is top:
-                high += 0.3 * (high - low)  # for the legend
+            high += room * (high - low)
             axis.fill_between(time, low, high, where=run.against, color="0.88", linewidth=0.0)
-            axis.set_ylim(low, high)
-            axis.set_xlim(*(span or (time[0], time[-1])))
+            axis.set(ylim=(low, high), xlim=span or (time[0], time[-1]))
         top.legend(fontsize=7, ncols=2, loc="upper center")
-        top.set_ylabel("advance velocity [m/s]")
-        bottom.set_ylabel("shaft speed [rad/s]")
-        bottom.set_xlabel("time [s]")
         top.set_title(run.ship.name, fontsize=9)
+        top.set_ylabel("advance velocity [m/s]")
+        bottom.set(xlabel="time [s]", ylabel="shaft speed [rad/s]")
     return figure
 
 
 def followed_against_inflow(run: Run) -> dict[str, float]:
     """Return the time of the reversal [s], that of an error of 0.3 m/s [s], and the rms in between."""
-    observer = get_observer("immersion-invariance")
-    velocity, _ = follow(observer, run.ship, run.readings, run.ship.time_step_s)
-    error = velocity - run.samples["advance_velocity"]
+    velocity, _ = run.estimate(get_observer("immersion-invariance"))
+    error, times = velocity - run.samples["advance_velocity"], run.samples["time"]
     begins = int(np.argmax(run.against))
     lost = begins + int(np.argmax(np.abs(error[begins:]) > 3.0 * WANTED_M_S))
-    times = run.samples["time"]
     return {
         "reversed": float(times[begins]),
         "lost": float(times[lost]),
@@ -216,23 +212,20 @@ def followed_against_inflow(run: Run) -> dict[str, float]:
 
 def limits_met(clean: pd.DataFrame, noisy: pd.DataFrame) -> str:
     """Return list items with the observers whose error is below the limit."""
-
-    def holding(table: pd.DataFrame, column: str) -> list[str]:
-        return [f"`{name}`" for name in table.loc[table[column] < WANTED_M_S, "observer"]]
-
     lines = []
     for words, table in (("Without noise", clean), ("With noise", noisy)):
-        valid, outside = holding(table, "rms valid"), holding(table, "rms outside zone 1")
+        valid = table.loc[table["rms valid"] < WANTED_M_S, "observer"].map("`{}`".format)
+        outside = (table["rms outside zone 1"] < WANTED_M_S).sum()
         lines.append(
             f"- {words}: {len(valid)} of {len(table)} stay below {WANTED_M_S:g} m/s where valid "
-            f"({', '.join(valid)}); {len(outside)} in all samples outside zone 1."
+            f"({', '.join(valid)}); {outside} in all samples outside zone 1."
         )
     return "\n".join(lines)
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Write ``four-quadrant-observers.md``, its table and its figure."""
-    parser = make_parser("towing_tank.observers", __doc__, "out/four-quadrant-observers")
+    parser = make_parser("towing_tank.observers", __doc__, f"out/{NAME}")
     ship_help = "ship with an electric drive and four-quadrant curves"
     parser.add_argument("--ship", default=RIG, help=ship_help)
     parser.add_argument("--seeds", type=int, default=SEEDS, help="number of seeds of the noise")
@@ -244,23 +237,16 @@ def main(arguments: list[str] | None = None) -> None:
     clean = table_of(rig, named | OF_THE_RIG, None, 1)
     noisy = table_of(rig, named | OF_THE_RIG, Noise(), options.seeds)
     stopped = table_of(stop, named, None, 1)
-    figures.save(draw(rig, stop), options.out / "figures" / "four-quadrant-observers.png")
-    body = fill_template(
-        Path(__file__).with_suffix(".md"), ship=rig.ship.name, thrust=THRUST_N, speed=CARRIAGE_M_S,
-        half=HALF_PERIOD_S, ramp=RAMP_S, duration=DURATION_S, zone=100.0 * rig.against.mean(),
-        limit=WANTED_M_S, noise=Noise(), rate=1.0 / rig.ship.time_step_s, seeds=options.seeds,
-        clean=clean, noisy=noisy, stopped=stopped, meeting=limits_met(clean, noisy),
-        seconds=float(stop.samples["time"][-1]), stop_zone=100.0 * stop.against.mean(),
-        stop=followed_against_inflow(stop),
-    )  # fmt: skip
+    figures.save(draw(rig, stop), options.out / "figures" / f"{NAME}.png")
     frames = {"rig": clean, "rig with noise": noisy, "crash stop": stopped}
     table = pd.concat([frame.assign(test=name) for name, frame in frames.items()])
-    write_table(
-        options.out, "four-quadrant-observers", "Observers during a thrust reversal",
-        "python -m reproductions towing_tank.observers --out docs/results", table, body,
+    write_page(
+        options.out, NAME, "Observers during a thrust reversal",
+        "towing_tank.observers --out docs/results", table, Path(__file__).with_suffix(".md"),
+        ship=rig.ship.name, thrust=THRUST_N, speed=CARRIAGE_M_S, half=HALF_PERIOD_S, ramp=RAMP_S,
+        duration=DURATION_S, zone=100.0 * rig.against.mean(), limit=WANTED_M_S, noise=Noise(),
+        rate=1.0 / rig.ship.time_step_s, seeds=options.seeds, clean=clean, noisy=noisy, stopped=stopped,
+        meeting=limits_met(clean, noisy), seconds=float(stop.samples["time"][-1]),
+        stop_zone=100.0 * stop.against.mean(), stop=followed_against_inflow(stop),
     )  # fmt: skip
-    print(f"page: {options.out / 'four-quadrant-observers.md'}")
-
-
-if __name__ == "__main__":
-    main()
+    print(f"page: {options.out / f'{NAME}.md'}")

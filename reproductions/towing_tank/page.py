@@ -7,14 +7,13 @@ without anti-spin, and so the effect of anti-spin, is predicted.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 import scipy
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from shaftline.baselines.thrust_control import ThrustControl, ThrustControlTuning
@@ -23,8 +22,8 @@ from shaftline.plant import Ship, load_ship
 from shaftline.plant.propeller import propeller_load
 from shaftline.plant.ventilation import suction_head, ventilation_rate
 
-from ..cells import Cell, Kind, half_digit, number
-from ..pages import fill_template
+from ..cells import HALF_DIGIT, Cell, Kind, number, printed_number
+from ..pages import fill_template, label_axis
 from ..side_by_side import Page, Study, cell_table, published_text
 from .experiment import Air, Instruments, Programme, TankRun, simulate_test
 
@@ -32,8 +31,7 @@ RIG = "towing-tank"
 PRINTED = {"anti-spin": (79.2, 290.0, 0.151), "no anti-spin": (89.1, 378.0, 0.123)}
 """Table 1: mean thrust [N], mean power [W], eta_E [-]."""
 FRICTION = "transmission.coulomb_friction_engine_side_N_m"
-NEAR = 0.5
-"""h/R up to which the propeller is called near the surface."""
+NEAR = 0.5  # h/R up to which the propeller is called near the surface
 CALM = Programme(mean_submergence=3.2, motion=0.0)
 
 AIRS = {
@@ -67,18 +65,17 @@ class Numbers(NamedTuple):
 
 def numbers_of(test: TankRun, programme: Programme) -> Numbers:
     """Return key numbers of a test; thrust counts in the direction of its set-point."""
-    thrust = test.samples["thrust"] * np.sign(test.thrust_order)
-    power = float(test.motor_power.mean())
+    samples, power = test.samples, float(test.motor_power.mean())
+    thrust = samples["thrust"] * np.sign(test.thrust_order)
     near = programme.submergence(test.times) < NEAR
-    useful = float(np.mean(test.samples["thrust"] * test.samples["advance_velocity"]))
     return Numbers(
         float(thrust.mean()),
         power,
-        useful / power,
+        float(np.mean(samples["thrust"] * samples["advance_velocity"])) / power,
         float(thrust[near].mean()) if near.any() else float("nan"),
-        float(np.abs(test.samples["shaft_speed"]).max()),
+        float(np.abs(samples["shaft_speed"]).max()),
         float(test.motor_power.max()),
-        float(np.sqrt(np.mean((test.samples["thrust"] - test.thrust_order) ** 2))),
+        float(np.sqrt(np.mean((samples["thrust"] - test.thrust_order) ** 2))),
     )
 
 
@@ -101,8 +98,8 @@ def calibrate(air: Air) -> tuple[Programme, float]:
         off, np.ones(3), diff_step=[0.01, 0.01, 0.01], x_scale=[0.1, 0.1, 1.0], max_nfev=15,
         bounds=([0.5, 0.5, 0.0], [2.0, 2.0, 9.0]),
     )  # fmt: skip
-    thrust, carriage, friction = begin * best.x
-    return Programme(thrust_N=float(thrust), carriage_m_s=float(carriage)), float(friction)
+    thrust, carriage, friction = map(float, begin * best.x)
+    return Programme(thrust_N=thrust, carriage_m_s=carriage), friction
 
 
 class Pair(NamedTuple):
@@ -129,30 +126,17 @@ class Pair(NamedTuple):
         return self.on.thrust_near / self.off.thrust_near
 
 
-def pair(
-    ship: Ship,
-    programme: Programme,
-    *,
-    believed: Ship | None = None,
-    instruments: Instruments | None = None,
-    **tuning: Any,
-) -> Pair:
+def pair(ship: Ship, programme: Programme, *, believed: Ship | None = None,
+         instruments: Instruments | None = None, **tuning: Any) -> Pair:  # fmt: skip
     """Simulate both tests of a rig; ``believed`` is the controller's model of it, exact by default."""
-    believed = ship if believed is None else believed
-    on, off = (
-        numbers_of(
-            simulate_test(
-                ship, ThrustControl(believed, anti_spin=switch, **tuning), programme, instruments
-            ),
-            programme,
-        )
-        for switch in (True, False)
+    controls = (
+        ThrustControl(believed or ship, anti_spin=switch, **tuning) for switch in (True, False)
     )
-    return Pair(on, off)
+    tests = (simulate_test(ship, control, programme, instruments) for control in controls)
+    return Pair(*(numbers_of(test, programme) for test in tests))
 
 
-@dataclass(frozen=True)
-class Results:
+class Results(NamedTuple):
     """All results of the page."""
 
     calm: TankRun
@@ -162,8 +146,7 @@ class Results:
     calm_numbers: Numbers
     pair: Pair
     oracle: Numbers
-    detection: tuple[float, float]
-    """Shares of the time in air that is called air, and of the time called air that is."""
+    detection: tuple[float, float]  # time in air that is called air; time called air that is
     steady: pd.DataFrame
     limits: pd.DataFrame
     airs: pd.DataFrame
@@ -209,6 +192,7 @@ def _variants(ship: Ship, programme: Programme) -> dict[str, Callable[[], Pair]]
     def reads(**wrong: Any) -> Callable[[], Pair]:
         return lambda: pair(ship, programme, instruments=Instruments(**wrong))
 
+    viscous = "transmission.viscous_friction_engine_side_N_m_s_rad"
     return {
         "as above": moved(),
         "motion's period 4 s": moved(motion_period_s=4.0),
@@ -221,9 +205,7 @@ def _variants(ship: Ship, programme: Programme) -> dict[str, Callable[[], Pair]]
         "carriage 1 m/s": moved(carriage_m_s=1.0),
         "KQ believed 3 % low": believes("propeller.relative_rotative_efficiency", 1.03),
         "KQ believed 3 % high": believes("propeller.relative_rotative_efficiency", 0.97),
-        "viscous friction believed half": believes(
-            "transmission.viscous_friction_engine_side_N_m_s_rad", 0.004
-        ),
+        "viscous friction believed half": believes(viscous, 0.004),
         "motor gives 2 % less than ordered": reads(torque_gain=0.98),
         "motor gives 2 % more": reads(torque_gain=1.02),
         "speed read with 0.05 rad/s of noise": reads(shaft_speed=0.05),
@@ -236,22 +218,24 @@ TICKS = 3 + 1 + len(LIMITS_RAD_S) + len(AIRS) + 15
 def compute_results(tick: Callable[[], None]) -> Results:
     """Simulate every test of the page."""
     programme, air, rig = Programme(), Air(), load_ship(RIG)
-    calm = simulate_test(rig, ThrustControl(rig), CALM)
-    tick()
     ship = air.ship(rig)
-    on = simulate_test(ship, ThrustControl(ship), programme)
-    tick()
-    off = simulate_test(ship, ThrustControl(ship, anti_spin=False), programme)
-    tick()
-    oracle = simulate_test(ship, ThrustControl(ship), programme, Instruments(tell_air=True))
-    tick()
-    limits = []
+
+    def test(
+        hull: Ship, course: Programme, told: Instruments | None = None, **tuning: Any
+    ) -> TankRun:
+        found = simulate_test(hull, ThrustControl(hull, **tuning), course, told)
+        tick()
+        return found
+
+    calm, on = test(rig, CALM), test(ship, programme)
+    off = test(ship, programme, anti_spin=False)
+    oracle = test(ship, programme, Instruments(tell_air=True))
+    limits, airs, others = [], [], []
     for limit in LIMITS_RAD_S:
         astern = limit * 54.0 / 45.0
         found = pair(ship, programme, ventilated_ahead_rad_s=limit, ventilated_astern_rad_s=astern)
         limits.append({"ahead [rad/s]": limit, "astern [rad/s]": astern, **_row("", found)})
         tick()
-    airs = []
     for name, other in AIRS.items():
         fitted, friction = calibrate(other)
         found = pair(other.ship(rig.with_values({FRICTION: friction})), fitted)
@@ -262,7 +246,6 @@ def compute_results(tick: Callable[[], None]) -> Results:
                "T without [N]": found.off.thrust, "P without [W]": found.off.power}
         )  # fmt: skip
         tick()
-    others = []
     for name, tried in _variants(ship, programme).items():
         others.append(_row(name, tried()))
         tick()
@@ -270,90 +253,61 @@ def compute_results(tick: Callable[[], None]) -> Results:
     both = float(np.sum(air_is & on.detected))
     return Results(
         calm, on, off, programme, numbers_of(calm, CALM),
-        Pair(numbers_of(on, programme), numbers_of(off, programme)),
-        numbers_of(oracle, programme),
-        (both / float(air_is.sum()), both / float(on.detected.sum())),
-        over_shaft_speed(ship), pd.DataFrame(limits).drop(columns="what"),
-        pd.DataFrame(airs), pd.DataFrame(others),
+        Pair(numbers_of(on, programme), numbers_of(off, programme)), numbers_of(oracle, programme),
+        (both / float(air_is.sum()), both / float(on.detected.sum())), over_shaft_speed(ship),
+        pd.DataFrame(limits).drop(columns="what"), pd.DataFrame(airs), pd.DataFrame(others),
     )  # fmt: skip
 
 
-def _line(
-    axis: Axes, test: TankRun, values: Any, label: str, colour: str, style: str = "-"
-) -> None:
-    axis.plot(test.times, values, color=colour, linewidth=0.9, linestyle=style, label=label)
+STYLES = ((TRUTH, "-"), (ESTIMATE, "--"), (PALETTE[1], ":"))
+"""Colour and style of the lines of a panel."""
 
 
-def _named(axis: Axes, words: str) -> None:
-    axis.set_ylabel(words, fontsize=8)
-    axis.tick_params(labelsize=8)
-    if axis.get_legend_handles_labels()[0]:
+def _panels(test: TankRun, programme: Programme) -> dict[str, tuple[str, dict[str, Any]]]:
+    """Return label and lines of every panel of Figures 3 to 6."""
+    now, order, speed = test.samples, test.thrust_order, test.samples["shaft_speed"]
+    under = programme.submergence(test.times)
+    return {
+        "torque": ("propeller torque [N m]",
+                   {"Q_p": now["propeller_torque"], "estimated": test.torque_estimate}),
+        "ratio": ("beta_Q (cut at -0.5 and 2)", {"": np.clip(test.torque_ratio, -0.5, 2.0)}),
+        "air": ("submergence, ventilation [-]",
+                {"h/R": under, "nu": test.detected, "air": now["ventilation"]}),
+        "motor": ("motor torque Q_md [N m]", {"": now["brake_torque"]}),
+        "thrust": ("thrust [N]", {"T_p": now["thrust"], "T_pd": order}),
+        "thrust error": ("T_p - T_pd [N]", {"": now["thrust"] - order}),
+        "speed": ("shaft speed [rad/s]", {"omega": speed, "omega_d": test.reference}),
+        "speed error": ("omega - omega_d [rad/s]", {"": speed - test.reference}),
+        "power": ("P_m [W]", {"": test.motor_power}),
+    }  # fmt: skip
+
+
+def _draw(axis: Any, test: TankRun, name: str, programme: Programme) -> None:
+    """Draw a panel of :func:`_panels`."""
+    label, lines = _panels(test, programme)[name]
+    for (words, values), (colour, style) in zip(lines.items(), STYLES, strict=False):
+        axis.plot(test.times, values, color=colour, linewidth=0.9, linestyle=style, label=words)
+    label_axis(axis, y=label)
+    if len(lines) > 1:
         axis.legend(fontsize=7, loc="upper right", ncols=2)
+    if name == "thrust":
+        speed = axis.twinx()
+        speed.plot(test.times, test.samples["advance_velocity"], color=THESIS, linewidth=0.9)
+        label_axis(speed, y="u_a [m/s] (grey)")
+    if name == "ratio":
+        detector = ThrustControlTuning().detector
+        for level in (detector.on_below, detector.off_above):
+            axis.axhline(level, color=ESTIMATE, linewidth=0.7, linestyle=":")
 
 
-def _thrust(axis: Axes, test: TankRun) -> None:
-    _line(axis, test, test.samples["thrust"], "T_p", TRUTH)
-    _line(axis, test, test.thrust_order, "T_pd", ESTIMATE, "--")
-    speed = axis.twinx()
-    speed.plot(test.times, test.samples["advance_velocity"], color=THESIS, linewidth=0.9)
-    speed.set_ylabel("u_a [m/s] (grey)", fontsize=8)
-    speed.tick_params(labelsize=8)
-    _named(axis, "thrust [N]")
-
-
-def _speed(axis: Axes, test: TankRun) -> None:
-    _line(axis, test, test.samples["shaft_speed"], "omega", TRUTH)
-    _line(axis, test, test.reference, "omega_d", ESTIMATE, "--")
-    _named(axis, "shaft speed [rad/s]")
-
-
-def _errors(thrust: Axes, speed: Axes, test: TankRun) -> None:
-    _line(thrust, test, test.samples["thrust"] - test.thrust_order, "", TRUTH)
-    _named(thrust, "T_p - T_pd [N]")
-    _line(speed, test, test.samples["shaft_speed"] - test.reference, "", TRUTH)
-    _named(speed, "omega - omega_d [rad/s]")
-
-
-def _torque(axis: Axes, test: TankRun) -> None:
-    _line(axis, test, test.samples["brake_torque"], "", TRUTH)
-    _named(axis, "motor torque Q_md [N m]")
-
-
-def without_panels(test: TankRun) -> Figure:
-    """Draw five panels, as Figures 3 and 5."""
-    figure, axes = new_figure(5, 1, (8.0, 9.5))
-    a, b, c, d, e = axes.flat
-    _thrust(a, test)
-    _errors(b, d, test)
-    _speed(c, test)
-    _torque(e, test)
-    e.set_xlabel("time [s]", fontsize=8)
-    return figure
-
-
-def with_panels(test: TankRun, programme: Programme) -> Figure:
-    """Draw eight panels, as Figure 4."""
-    figure, axes = new_figure(4, 2, (11.0, 9.5))
-    a, e, b, f, c, g, d, h = axes.flat
-    _line(a, test, test.samples["propeller_torque"], "Q_p", TRUTH)
-    _line(a, test, test.torque_estimate, "estimated", ESTIMATE, "--")
-    _named(a, "propeller torque [N m]")
-    _line(b, test, np.clip(test.torque_ratio, -0.5, 2.0), "", TRUTH)
-    for level in (
-        ThrustControlTuning().detector.on_below,
-        ThrustControlTuning().detector.off_above,
-    ):
-        b.axhline(level, color=ESTIMATE, linewidth=0.7, linestyle=":")
-    _named(b, "beta_Q (cut at -0.5 and 2)")
-    _line(c, test, programme.submergence(test.times), "h/R", TRUTH)
-    _line(c, test, test.detected, "nu", ESTIMATE)
-    _line(c, test, test.samples["ventilation"], "air", PALETTE[1], ":")
-    _named(c, "submergence, ventilation [-]")
-    _torque(d, test)
-    _thrust(e, test)
-    _errors(f, h, test)
-    _speed(g, test)
-    for axis in (d, h):
+def panels(test: TankRun, programme: Programme, *columns: tuple[str, ...]) -> Figure:
+    """Draw the panels of a test by column."""
+    names = np.array(columns).T
+    size = (11.0, 9.5) if len(columns) > 1 else (8.0, 9.5)
+    figure, axes = new_figure(names.shape[0], names.shape[1], size)
+    for axis, name in zip(axes.flat, names.flat, strict=True):
+        _draw(axis, test, name, programme)
+    for axis in axes[-1]:
         axis.set_xlabel("time [s]", fontsize=8)
     return figure
 
@@ -363,9 +317,9 @@ def power_panels(found: Results) -> Figure:
     figure, axes = new_figure(3, 1, (8.0, 6.5))
     tests = {"calm water": found.calm, "with anti-spin": found.on, "without": found.off}
     for axis, (name, test) in zip(axes.flat, tests.items(), strict=True):
-        _line(axis, test, test.motor_power, name, TRUTH)
+        _draw(axis, test, "power", found.programme)
         axis.set_ylim(-100.0, 1.05 * max(t.motor_power.max() for t in tests.values()))
-        _named(axis, "P_m [W]")
+        axis.legend([name], fontsize=7, loc="upper right")
     axes[-1, 0].set_xlabel("time [s]", fontsize=8)
     return figure
 
@@ -385,8 +339,7 @@ def _assumed() -> pd.DataFrame:
 
 
 WORDS = ("mean thrust [N]", "mean power [W]", "eta_E")
-TEXT = "section 5"
-"""Section of the paper's words."""
+TEXT = "section 5"  # section of the paper's words
 
 
 def _change(ratio: float) -> float:
@@ -396,20 +349,18 @@ def _change(ratio: float) -> float:
 def cells(found: Results) -> list[Cell]:
     """Return the printed numbers and words of section 5 with ours."""
     digits = published_text("anti_spin_towing_tank")
-    compared = []
-    for row, values, kind in (
-        ("anti-spin", found.pair.on, Kind.CALIBRATED), ("no-anti-spin", found.pair.off, Kind.FREE),
-    ):  # fmt: skip
-        for words, ours, text in zip(WORDS, values[:3], digits.loc[row], strict=True):
-            compared.append(
-                number("Table 1", row, words, ours, float(text), half_digit(text),
-                       "half a unit of the last printed digit", kind)
-            )  # fmt: skip
-    highest = found.pair.off.highest_speed
+    tests = {
+        "anti-spin": (found.pair.on, Kind.CALIBRATED),
+        "no-anti-spin": (found.pair.off, Kind.FREE),
+    }
     return [
-        *compared,
-        number(TEXT, "highest shaft speed without anti-spin [rad/s]", "", highest, 75.0, 0.5,
-               "half a unit of the last printed digit", Kind.INPUT),
+        *(
+            printed_number("Table 1", row, words, ours, text, kind)
+            for row, (values, kind) in tests.items()
+            for words, ours, text in zip(WORDS, values[:3], digits.loc[row], strict=True)
+        ),
+        number(TEXT, "highest shaft speed without anti-spin [rad/s]", "", found.pair.off.highest_speed,
+               75.0, 0.5, HALF_DIGIT, Kind.INPUT),
         Cell(TEXT, f"thrust with over without where h/R < {NEAR:g}", "", found.pair.near, 0.95, 1.05,
              "'practically equal': within 5 %", words="practically equal"),
         Cell(TEXT, "shaft speed in air, without over with", "", _speeds_in_air(found), 1.8, 2.0,
@@ -429,25 +380,20 @@ def _changes(found: Results) -> pd.DataFrame:
     )
 
 
-def _in_air(test: TankRun, values: Any) -> float:
-    """Return the mean of the values while the propeller is in air and this is detected."""
-    return float(np.mean(values[(test.samples["ventilation"] > 0.8) & test.detected]))
+def _in_air(test: TankRun, values: Any, direction: float = 0.0) -> float:
+    """Return the mean of values in air that is detected, by direction of thrust or for both."""
+    air = (test.samples["ventilation"] > 0.8) & test.detected
+    if direction:
+        air &= test.thrust_order * direction > 0.0
+    return float(np.mean(values[air]))
 
 
 def _speeds_in_air(found: Results, direction: float = 0.0) -> float:
     """Return the shaft speed in air, without over with anti-spin, by direction of thrust or for both."""
-
-    def speed(test: TankRun) -> float:
-        air = (test.samples["ventilation"] > 0.8) & test.detected
-        if direction:
-            air &= test.thrust_order * direction > 0.0
-        return float(np.mean(np.abs(test.samples["shaft_speed"][air])))
-
-    return speed(found.off) / speed(found.on)
-
-
-def _power_in_air(found: Results) -> float:
-    return _in_air(found.off, found.off.motor_power) / _in_air(found.on, found.on.motor_power)
+    off, on = (
+        _in_air(t, np.abs(t.samples["shaft_speed"]), direction) for t in (found.off, found.on)
+    )
+    return off / on
 
 
 def _fields(found: Results) -> dict[str, Any]:
@@ -455,6 +401,8 @@ def _fields(found: Results) -> dict[str, Any]:
     thrust, power, _ = found.pair.ratios
     (t, p, e), (t0, p0, e0) = PRINTED["anti-spin"], PRINTED["no anti-spin"]
     steady = found.steady.set_index("shaft speed [rad/s]")
+    off, on = (_in_air(test, test.motor_power) for test in (found.off, found.on))
+    onsets = [steady.index[np.argmax(np.diff(steady[f"h/R {h:g}"]) < 0.0)] for h in (0.5, 1.0)]
     return {
         # eta_E = (T / P) u, with u the carriage's speed weighted by thrust
         "gains": [_change(r) for r in (thrust / power, found.pair.carriage, found.pair.ratios[2])],
@@ -462,7 +410,7 @@ def _fields(found: Results) -> dict[str, Any]:
         "tried": [_change(r) for r in pd.concat([found.airs, found.others])["carriage by thrust"]],
         "shares": [steady.loc[45.0, f"h/R {h:g}"] / steady.loc[75.0, f"h/R {h:g}"] for h in (0.25, 0.5)],
         "ahead": _speeds_in_air(found, 1.0), "astern": _speeds_in_air(found, -1.0),
-        "onsets": [_onset(found, h) for h in (0.5, 1.0)], "peaks": _power_in_air(found),
+        "onsets": onsets, "peaks": off / on,
         "friction": float(load_ship(RIG).record()["coulomb_engine_side"]), "near": NEAR,
     }  # fmt: skip
 
@@ -474,31 +422,22 @@ def page(found: Results) -> Page:
         Path(__file__).with_suffix(".md"), found=found, assumed=_assumed(), table=cell_table(compared),
         changes=_changes(found), **_fields(found),
     )  # fmt: skip
-    figures = {
-        "towing-tank-calm": without_panels(found.calm),
-        "towing-tank-anti-spin": with_panels(found.on, found.programme),
-        "towing-tank-without": without_panels(found.off),
+    kept, plain = found.programme, ("thrust", "thrust error", "speed", "speed error", "motor")
+    left, right = (
+        ("torque", "ratio", "air", "motor"),
+        ("thrust", "thrust error", "speed", "speed error"),
+    )
+    drawn = {  # as Figures 3 to 6
+        "towing-tank-calm": panels(found.calm, CALM, plain),
+        "towing-tank-anti-spin": panels(found.on, kept, left, right),
+        "towing-tank-without": panels(found.off, kept, plain),
         "towing-tank-power": power_panels(found),
     }
-    return Page(compared, body, figures, _numbers(found.pair, found.calm_numbers))
+    ratios = dict(zip(("thrust", "power", "eta_E"), found.pair.ratios, strict=True))
+    tests = {"anti-spin": found.pair.on, "no anti-spin": found.pair.off, "calm": found.calm_numbers}
+    numbers = {name: test._asdict() for name, test in tests.items()} | {"ratios": ratios}
+    return Page(compared, body, drawn, numbers)
 
 
-def _onset(found: Results, relative: float) -> float:
-    """Return the shaft speed [rad/s] of the table at which the thrust begins to drop."""
-    thrust = found.steady[f"h/R {relative:g}"].to_numpy()
-    return float(found.steady["shaft speed [rad/s]"][int(np.argmax(np.diff(thrust) < 0.0))])
-
-
-def _numbers(found: Pair, calm: Numbers) -> dict[str, Any]:
-    thrust, power, efficiency = found.ratios
-    return {
-        "anti-spin": found.on._asdict(), "no anti-spin": found.off._asdict(), "calm": calm._asdict(),
-        "ratios": {"thrust": thrust, "power": power, "eta_E": efficiency},
-    }  # fmt: skip
-
-
-STUDY = Study(
-    "Anti-spin on the towing-tank rig (Pivano et al. 2008, section 5)",
-    lambda tick: page(compute_results(tick)),
-    TICKS,
-)
+TITLE = "Anti-spin on the towing-tank rig (Pivano et al. 2008, section 5)"
+STUDY = Study(TITLE, lambda tick: page(compute_results(tick)), TICKS)

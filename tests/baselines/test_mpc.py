@@ -57,12 +57,8 @@ def with_preview(inflow: list[float], **values: float) -> Any:
 
 def prediction(pitch: Any, rack: Any, velocity: Any, disturbance: float = 0.0) -> Any:
     """Return shaft speeds, torques and their derivatives along a plan."""
-    speeds, shaft, engine = np.full(N + 1, 9.6), np.empty(N), np.empty(N)
-    slopes = np.empty((N, 2 * N)), np.empty((N, 2 * N))
-    predict_shaft(
-        PLANT, 0.5, disturbance, velocity, pitch, rack, speeds, shaft, engine, slopes[0], slopes[1]
-    )
-    return speeds, shaft, engine, *slopes
+    found = predict_shaft(PLANT, 0.5, disturbance, velocity, pitch, rack, 9.6)
+    return found.speeds, found.shaft, found.engine, found.slopes[:N], found.slopes[N:]
 
 
 PITCH = 1.1 + 0.05 * np.sin(np.arange(N + 1))

@@ -39,10 +39,7 @@ def frigate(folder: Path, old: str, new: str) -> Path:
         (("--ship", "fregate", "--case", "rack_step"), ("unknown ship 'fregate'", "frigate")),
         (("--case", "rackstep"), ("unknown load case 'rackstep'", "rack_step")),
         (("--inputs", "nowhere.csv"), ("nowhere.csv", "cannot be read")),
-        (
-            ("--ship", "tito-neri-sine", "--case", "pitch_step"),
-            ("a variable pitch", "fixed pitch"),
-        ),
+        (("--ship", "tito-neri-sine", "--case", "pitch_step"), ("a variable pitch", "fixed pitch")),
         (("--case", "rack_step", "--sea", "state-9"), ("unknown sea 'state-9'", "state-3")),
         (("--case", "rack_step", "--observer", "lunberger"), ("unknown observer", "luenberger")),
         (

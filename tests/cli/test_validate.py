@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import pandas as pd
 import pytest
 
 from shaftline.cli import validate_command
-from shaftline.validation.run import verify
+from shaftline.validation.cases import hash_truth
 
 from .conftest import Command
 from .test_bad_input import refused
@@ -37,7 +38,7 @@ def test_a_case_is_sealed_diagnosed_and_scored(
     assert asked == [("recording.csv", "frigate", ())]
     seal = (place / "sealed.sha256").read_text().strip()
     assert f"case 112-0000  sealed {seal}" in result.output
-    assert verify(place)
+    assert hash_truth(json.loads((place / "truth.json").read_text())) == seal
     assert "1 cases, made by `shaftline validate --cases 1 --seed 112`" in " ".join(
         (tmp_path / "validation.md").read_text(encoding="utf-8").split()
     )

@@ -112,14 +112,14 @@ def test_loads_with_every_effect_by_hand(busy: Any) -> None:
     assert found.submergence == 2.5
     assert (found.thrust, found.thrust_coefficient) == (load.thrust, load.thrust_coefficient)
     assert found.propeller_torque == pytest.approx(load.torque / 1.05, rel=1e-14)
-    assert (found.brake_torque, found.motor_current) == (1.3e4, 0.0)
+    assert (found.brake_torque, found.mover.current) == (1.3e4, 0.0)
     mapped = -45.5 * GEAR * 10.0 + 1428.6 * 22.0 - 7381.0
-    assert found.brake_torque_rate == pytest.approx((mapped - 1.3e4) / 1.5, rel=1e-12)
+    assert found.mover.brake_torque_rate == pytest.approx((mapped - 1.3e4) / 1.5, rel=1e-12)
     assert found.drive_torque == pytest.approx(1.3e4 * GEAR * EFFICIENCY - 4e3, rel=1e-14)
     assert found.load_torque == pytest.approx(load.torque / 1.05 + 3e3 + 2e3, rel=1e-14)
     assert found.push == pytest.approx(2 * 0.93 * load.thrust, rel=1e-14)
     assert found.resistance == pytest.approx(1.1 * 1.2 * 3306.2 * water**2, rel=1e-14)
-    assert (found.motor_current_rate, found.added_pitch_rate) == (0.0, 0.0)
+    assert (found.mover.current_rate, found.added_pitch_rate) == (0.0, 0.0)
 
 
 def test_prompt_inflow_is_met_at_once(busy: Any) -> None:
@@ -172,14 +172,15 @@ def test_rates_follow_from_the_loads(busy: Any) -> None:
     assert rate.shaft_speed == pytest.approx(turning, rel=1e-12)
     assert rate.ship_speed == pytest.approx((acting.push - acting.resistance) / MASS, rel=1e-12)
     assert rate.position == 8.0
-    assert (rate.brake_torque, rate.inflow) == (acting.brake_torque_rate, acting.inflow_rate)
+    assert (rate.brake_torque, rate.inflow) == (acting.mover.brake_torque_rate, acting.inflow_rate)
     relative, suction = 2.5 / 2.1, suction_head(busy, acting.thrust_coefficient, 10.0)
     assert rate.ventilation == ventilation_rate(busy, 0.3, relative, suction)
     assert rate.motor_current == 0.0
     assert out.pitch_ratio == 1.2
     assert out.shaft_torque == pytest.approx(acting.drive_torque - LEFT * turning, rel=1e-12)
+    assert out.motor_current == acting.mover.current
     for name in ("advance_velocity", "thrust", "propeller_torque", "brake_torque", "resistance",
-                 "motor_current", "thrust_coefficient", "submergence"):  # fmt: skip
+                 "thrust_coefficient", "submergence"):  # fmt: skip
         assert getattr(out, name) == getattr(acting, name), name
 
 

@@ -21,7 +21,7 @@ from shaftline.validation.coverage import (
     truth_of,
     water_of,
 )
-from shaftline.validation.reality.effects import BENCH
+from shaftline.validation.simulator.effects import BENCH
 
 SEED = 31
 

@@ -13,12 +13,12 @@ import pandas as pd
 import pytest
 
 from shaftline.validation import cases, run, scoring
-from shaftline.validation.reality.instruments import voyage
-from shaftline.validation.reality.numbers import frigate_parameters
-from shaftline.validation.reality.sail import simulate_voyage
+from shaftline.validation.comparison import sindy, stepwise_bic
 from shaftline.validation.recording import SimulatedCase
-from shaftline.validation.rivals import sindy, stepwise_bic
 from shaftline.validation.scoring import overlap, parameter_of, score, table_of
+from shaftline.validation.simulator.instruments import voyage
+from shaftline.validation.simulator.parameters import frigate_parameters
+from shaftline.validation.simulator.voyage import simulate_voyage
 
 
 def report(*names: str, balance: str = "engine", verdict: str = "", **parameters: Any) -> Any:
@@ -35,7 +35,7 @@ def report(*names: str, balance: str = "engine", verdict: str = "", **parameters
     }  # fmt: skip
 
 
-def reality(kind: str, *keys: str, window: Any = None) -> SimulatedCase:
+def simulated(kind: str, *keys: str, window: Any = None) -> SimulatedCase:
     time = np.arange(1000) * 0.1
     still = {"time_s": time, "shaft_speed_rad_s": 10.0 + 0.0 * time}
     wave = np.sin(time)
@@ -65,7 +65,7 @@ FRICTION = "coulomb-friction/engine"
 
 def test_a_right_name_scores_fully() -> None:
     interval = {"value": 1100.0, "ci95": [950.0, 1250.0]}
-    row = scored(reality("single", FRICTION), report("coulomb-friction", torque_N_m=interval))
+    row = scored(simulated("single", FRICTION), report("coulomb-friction", torque_N_m=interval))
     assert row["outcome"] == "named"
     assert row["strength"] == "strong"
     assert row["balance_right"]
@@ -87,19 +87,19 @@ def test_a_right_name_scores_fully() -> None:
 )
 def test_other_names(named: str, outcome: str) -> None:
     given = report(*([named] if named else []), balance="hull")
-    row = scored(reality("single", FRICTION), given)
+    row = scored(simulated("single", FRICTION), given)
     assert row["outcome"] == outcome
     assert not row["balance_right"]
 
 
 def test_nulls_unknowns_and_crashes() -> None:
-    assert scored(reality("null-calm"), report("current"))["outcome"] == "false alarm"
-    assert scored(reality("null-calm"), report())["outcome"] == "nothing-missing"
+    assert scored(simulated("null-calm"), report("current"))["outcome"] == "false alarm"
+    assert scored(simulated("null-calm"), report())["outcome"] == "nothing-missing"
     still = report(verdict="unexplained") | {"balances": {"engine": {"verdict": "nothing-missing"}}}
-    assert scored(reality("null-calm"), still)["undecided"]
+    assert scored(simulated("null-calm"), still)["undecided"]
     left = still | {"balances": {"engine": {"verdict": "unexplained"}}}
-    assert not scored(reality("null-calm"), left)["undecided"]
-    unknown = reality("unknown", "warm-bearing/engine")
+    assert not scored(simulated("null-calm"), left)["undecided"]
+    unknown = simulated("unknown", "warm-bearing/engine")
     assert scored(unknown, report(verdict="unexplained"))["outcome"] == "unexplained"
     assert scored(unknown, report("current"))["outcome"] == "wrong name"
     assert scored(unknown, {"verdict": "failed", "error": "x"})["outcome"] == "failed"
@@ -108,21 +108,21 @@ def test_nulls_unknowns_and_crashes() -> None:
 def test_what_is_partly_explained_is_named_as_well() -> None:
     interval = {"value": 1100.0, "ci95": [950.0, 1250.0]}
     given = report("coulomb-friction", verdict="partly-explained", torque_N_m=interval)
-    row = scored(reality("single", FRICTION), given)
+    row = scored(simulated("single", FRICTION), given)
     assert (row["outcome"], row["first"]) == ("named", "coulomb-friction")
     assert (row["found"], row["covered"]) == (1, 1.0)
-    null = scored(reality("null-calm"), report("current", verdict="partly-explained"))
+    null = scored(simulated("null-calm"), report("current", verdict="partly-explained"))
     assert null["outcome"] == "false alarm"
-    empty = scored(reality("null-calm"), report(verdict="partly-explained"))
+    empty = scored(simulated("null-calm"), report(verdict="partly-explained"))
     assert empty["outcome"] == "unexplained"
 
 
 def test_an_entry_of_the_true_class_is_right() -> None:
     given = report("stribeck-friction")
-    assert scored(reality("single", FRICTION), given)["outcome"] == "wrong name"
+    assert scored(simulated("single", FRICTION), given)["outcome"] == "wrong name"
     for own in ("coulomb-friction", ["viscous-friction", "coulomb-friction"]):
         given["effects"][0]["class"] = own
-        assert scored(reality("single", FRICTION), given)["outcome"] == "class"
+        assert scored(simulated("single", FRICTION), given)["outcome"] == "class"
 
 
 @pytest.mark.parametrize(
@@ -139,7 +139,7 @@ def test_an_entry_of_the_true_class_is_right() -> None:
 )
 def test_a_wrong_confident_name(kind: str, named: str, verdict: str, sure: bool) -> None:
     concealed = {"single": (FRICTION,), "unknown": ("rudder-action/hull",)}.get(kind, ())
-    row = scored(reality(kind, *concealed), report(named, verdict=verdict))
+    row = scored(simulated(kind, *concealed), report(named, verdict=verdict))
     assert row["wrong_and_sure"] == sure
     value = scoring.tables_of(table_of([row]))["summary"].set_index("figure")["value"]
     (figure,) = (name for name in value.index if name.startswith("wrong confident name"))
@@ -148,17 +148,17 @@ def test_a_wrong_confident_name(kind: str, named: str, verdict: str, sure: bool)
 
 def test_numbers_that_are_missing_are_not_scored() -> None:
     gone = {"value": None, "ci95": [None, None]}
-    row = scored(reality("single", FRICTION), report("coulomb-friction", torque_N_m=gone))
+    row = scored(simulated("single", FRICTION), report("coulomb-friction", torque_N_m=gone))
     assert row["outcome"] == "named"
     assert "parameter_error" not in row
     open_end = {"value": 1000.0, "ci95": [900.0, None]}
-    row = scored(reality("single", FRICTION), report("coulomb-friction", torque_N_m=open_end))
+    row = scored(simulated("single", FRICTION), report("coulomb-friction", torque_N_m=open_end))
     assert row["parameter_error"] == 0.0
     assert "covered" not in row
 
 
 def test_two_effects_need_two_names() -> None:
-    two = reality("two", FRICTION, "hull-fouling/hull")
+    two = simulated("two", FRICTION, "hull-fouling/hull")
     assert scored(two, report("hull-fouling", "coulomb-friction"))["found"] == 2
     assert scored(two, report("hull-fouling"))["found"] == 1
     assert scored(two, report("current=hull-fouling", "coulomb-friction"))["found"] == 2
@@ -169,7 +169,7 @@ def test_windows_and_parameters() -> None:
     assert overlap([[40.0, 70.0]], [40.0, 70.0]) == 1.0
     assert overlap([[40.0, 55.0], [60.0, 75.0]], [40.0, 70.0]) == pytest.approx(25.0 / 35.0)
     assert overlap([], [40.0, 70.0]) == 0.0
-    episode = reality("single", "resistance-episode/hull", window=[40.0, 70.0])
+    episode = simulated("single", "resistance-episode/hull", window=[40.0, 70.0])
     assert scored(episode, report("resistance-episode"))["iou"] == 1.0
     wanted = {"names": ["lag_s"]}
     assert parameter_of({"parameters": {"whatever": {"value": 2.0}}}, wanted) == {"value": 2.0}
@@ -177,11 +177,11 @@ def test_windows_and_parameters() -> None:
 
 
 def test_the_summary_counts_what_it_says() -> None:
-    rows = [scored(reality("null-calm"), report("current" if i == 0 else "")) for i in range(1)]
-    rows += [scored(reality("null-waves"), report()) for _ in range(3)]
-    rows += [scored(reality("single", FRICTION), report("coulomb-friction"))]
-    rows += [scored(reality("single", FRICTION), report("hull-fouling", balance="hull"))]
-    rows += [scored(reality("unknown", "rudder-action/hull"), report(verdict="unexplained"))]
+    rows = [scored(simulated("null-calm"), report("current" if i == 0 else "")) for i in range(1)]
+    rows += [scored(simulated("null-waves"), report()) for _ in range(3)]
+    rows += [scored(simulated("single", FRICTION), report("coulomb-friction"))]
+    rows += [scored(simulated("single", FRICTION), report("hull-fouling", balance="hull"))]
+    rows += [scored(simulated("unknown", "rudder-action/hull"), report(verdict="unexplained"))]
     for index, row in enumerate(rows):
         row["index"] = index
     tables = scoring.tables_of(table_of(rows))
@@ -219,14 +219,12 @@ def test_wilson() -> None:
     assert scoring.wilson(0, 10)[0] == 0.0
 
 
-def test_a_proof_is_resumed_sealed_and_written(tmp_path: Path, monkeypatch: Any) -> None:
-    drawn = cases.draw_case
+def test_a_validation_is_resumed_sealed_and_written(tmp_path: Path) -> None:
 
-    def short(seed: int, index: int, variant: str) -> cases.Case:
-        return dataclasses.replace(drawn(seed, index, variant), seconds=150.0)
+    def short(seed: int, index: int) -> cases.Case:
+        return dataclasses.replace(cases.draw_case(seed, index), seconds=150.0)
 
-    monkeypatch.setattr(run, "draw_case", short)
-    calls, seals = [], []
+    calls, seals = [], {}
 
     def diagnose(file: Path, ship: str, out: Path, exclude: tuple[str, ...]) -> Mapping[str, Any]:
         assert not (file.parent / "truth.json").exists()
@@ -238,18 +236,19 @@ def test_a_proof_is_resumed_sealed_and_written(tmp_path: Path, monkeypatch: Any)
 
     indices = [i for i in range(20) if cases.case_kind(3, i)[0] in ("null-calm", "null-waves")][:2]
     for _ in range(2):
-        tables = run.validate(
-            indices, 3, tmp_path, diagnose, beside={"stepwise-bic": stepwise_bic.diagnose},
-            announce=lambda case, seal: seals.append((case.index, seal)),
-        )  # fmt: skip
+        for index in indices:
+            beside = {"stepwise-bic": stepwise_bic.diagnose}
+            rows = run.run_case(short(3, index), tmp_path, diagnose, beside)
+            seals[index] = rows[0]["seal"]
     assert len(calls) == len(seals) == 2
-    for index, seal in seals:
+    for index, seal in seals.items():
         place = tmp_path / f"case-3-{index:04d}"
-        assert run.verify(place)
         assert (place / "sealed.sha256").read_text().strip() == seal
         truth = json.loads((place / "truth.json").read_text())
-        (place / "truth.json").write_text(json.dumps(truth | {"sizes": {"a": 1.0}}))
-        assert not run.verify(place)
+        assert cases.hash_truth(truth) == seal
+        assert cases.hash_truth(truth | {"sizes": {"a": 1.0}}) != seal
+    tables = run.scores(tmp_path)
+    run.write_page(tables, tmp_path, "shaftline validate")
     own = tables["cases"][tables["cases"]["tool"] == "shaftline"]
     assert sorted(own["outcome"]) == ["failed", "false alarm"]
     assert set(tables["cases"]["tool"]) == {"shaftline", "stepwise-bic"}

@@ -1,4 +1,4 @@
-"""The proof's variants: the same cases, otherwise recorded."""
+"""Variants of the validation: the same cases, recorded in another way."""
 
 from __future__ import annotations
 
@@ -59,8 +59,8 @@ def test_a_raw_recording_has_as_much_noise_in_each_hertz() -> None:
         clean = raw.concealed[column].to_numpy()[::10]
         np.testing.assert_allclose(clean, plain.concealed[column], rtol=2e-3)
         noise = [
-            float(np.std(reality.recording[column] - reality.concealed[column]))
-            for reality in (plain, raw)
+            float(np.std(simulated.recording[column] - simulated.concealed[column]))
+            for simulated in (plain, raw)
         ]
         assert noise[1] / noise[0] == pytest.approx(np.sqrt(10.0), rel=0.1)
     held = raw.recording["fuel_rack_mm"].to_numpy()
@@ -109,17 +109,17 @@ def test_a_realistic_file_is_off_as_it_says(index: int, tmp_path: Path) -> None:
     }
     if case.ship == "frigate":  # KT and 1 - t act on the hull as their product
         values["hull.thrust_deduction"] = 1.0 - 0.93 * case.off["kt_scale"]
-    reality = simulate_case(dataclasses.replace(case, wave_height=0.0))
-    plant = simulate_recording(file.with_values(values), reality.without)
-    wrong = simulate_recording(file, reality.without)
+    simulated = simulate_case(dataclasses.replace(case, wave_height=0.0))
+    plant = simulate_recording(file.with_values(values), simulated.without)
+    wrong = simulate_recording(file, simulated.without)
     near, far = (
-        float(np.std(p["shaft_speed_rad_s"] - reality.without["shaft_speed_rad_s"]))
+        float(np.std(p["shaft_speed_rad_s"] - simulated.without["shaft_speed_rad_s"]))
         for p in (plant, wrong)
     )
-    assert near < 0.01 * float(np.std(reality.without["shaft_speed_rad_s"]))
+    assert near < 0.01 * float(np.std(simulated.without["shaft_speed_rad_s"]))
     assert far > 5.0 * near
-    assert reality.healthy is not None
-    assert list(reality.healthy) == list(reality.recording)
+    assert simulated.healthy is not None
+    assert list(simulated.healthy) == list(simulated.recording)
 
 
 def test_numbers_that_are_off_are_so_either_way() -> None:
@@ -152,8 +152,9 @@ def test_the_tool_is_given_the_file_and_the_healthy_record(
         assert not (file.parent / "truth.json").exists()
         return {"verdict": "nothing-missing"}
 
-    monkeypatch.setattr(run, "draw_case", lambda s, i, v: short(v, i))
-    tables = run.validate([FRIGATE], SEED, tmp_path, tool, variant="realistic")
+    run.run_case(short("realistic", FRIGATE), tmp_path, tool)
+    tables = run.scores(tmp_path)
+    run.write_page(tables, tmp_path, "shaftline validate", "realistic")
     assert list(tables["cases"]["outcome"]) == ["nothing-missing"]
     page = (tmp_path / "validation.md").read_text(encoding="utf-8")
     assert "Variant `realistic`: inertia and friction of the ship file off by 10 %" in page

@@ -49,7 +49,7 @@ def kept(
     progress = Checkpoints(folder)
     for reward, failed in evaluations:
         count = len(progress.evaluations) + 1
-        progress.add({"reward": reward, "failed": failed})
+        progress.evaluations.append({"reward": reward, "failed": failed})
         policy.about["made"] = count
         progress.keep(model(count), policy)
     return progress

@@ -131,10 +131,7 @@ def test_evaluations_have_the_environment_of_the_recipe(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "keywords",
-    [
-        {"action_mode": "absolute", "command": "limited-rack"},
-        {"action_mode": "residual:va-pitch"},
-    ],
+    [{"action_mode": "absolute", "command": "limited-rack"}, {"action_mode": "residual:va-pitch"}],
 )
 def test_a_policy_keeps_the_action_mode_of_its_recipe(
     tmp_path: Path, keywords: dict[str, str]

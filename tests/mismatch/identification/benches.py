@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from shaftline.mismatch.identification.drive_train import LinearDrive
 from shaftline.mismatch.identification.free_parameters import number_of
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.replay import simulate_recording
@@ -44,3 +45,28 @@ def shares_off(ship: Ship, found: Any) -> dict[str, float]:
         key.split(".")[1]: value / number_of(ship, key).value - 1.0
         for key, value in zip(found.keys, found.values, strict=True)
     }
+
+
+def poles_approximate(model: LinearDrive) -> tuple[float, float]:
+    """Return the poles of an armature that is much faster than the shaft (eqs. A33 and A34)."""
+    return -1.0 / model.electric_s, -model.c / model.effective_s
+
+
+def responses(model: LinearDrive, frequency: Any) -> tuple[Any, Any]:
+    """Return the responses of speed (eq. 13) and current (eq. 12) at frequencies [rad/s]."""
+    s = 1j * np.asarray(frequency, dtype=float)
+    total = model.electric_s + model.effective_s
+    characteristic = model.electric_s * model.effective_s * s * s + total * s + model.c
+    speed = model.drive / model.damping / characteristic
+    return speed, (model.effective_s * s + 1.0) * model.drive / characteristic
+
+
+def step_responses(model: LinearDrive, time: Any) -> tuple[Any, Any]:
+    """Return speed (eq. A38) and current (eq. A44) after a unit step of the voltage, at times [s]."""
+    fast, slow = model.poles
+    t = np.asarray(time, dtype=float)
+    rising = 1.0 + (fast * np.exp(slow * t) - slow * np.exp(fast * t)) / (slow - fast)
+    peak = model.drive / model.electric_s  # K_BP = U_0 / (L_a i_0)
+    band = peak * ((np.exp(slow * t) - np.exp(fast * t)) / (slow - fast)).real
+    speed = model.speed_gain * rising.real
+    return speed, model.damping * speed + band

@@ -28,8 +28,9 @@ def test_steady_states_give_a_ship_and_how_well_it_is_known() -> None:
 
 def test_parameters_that_cannot_be_simulated_are_refused() -> None:
     good, bad = np.ones(3), np.array([1.0, np.nan, np.inf])
-    _refuse_diverged("ekf", found(1.0), {"ship_speed_m_s": good})
+    one = identification_without_fit("ekf", tug(), found(1.0), {})
+    _refuse_diverged(one, {"ship_speed_m_s": good})
     with pytest.raises(
         ValueError, match=r"ekf: .*inertia_engine_side_kg_m2 = 1.*ship_speed_m_s diverges"
     ):
-        _refuse_diverged("ekf", found(1.0), {"shaft_speed_rad_s": good, "ship_speed_m_s": bad})
+        _refuse_diverged(one, {"shaft_speed_rad_s": good, "ship_speed_m_s": bad})

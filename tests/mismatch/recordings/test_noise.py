@@ -11,12 +11,13 @@ from shaftline.mismatch.recordings.noise import (
     Noise,
     estimate_command_noise,
     estimate_noise,
-    longest_rest,
     quantisation,
     saturated_ends,
     white_rms,
 )
 from shaftline.plant import Schedule, Ship, equilibrium, get_sea, realise, simulate
+
+from .trials import longest_rest
 
 # instrument noise at 10 Hz: rad/s, N m, m/s, P/D
 KNOWN = {

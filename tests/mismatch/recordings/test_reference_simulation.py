@@ -9,13 +9,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.recordings.noise import estimate_noise, longest_rest
+from shaftline.mismatch.recordings.noise import estimate_noise
 from shaftline.plant import RecordingError, Ship, approach, load_ship
 from shaftline.plant.columns import SHAFT_ANGLE
 from shaftline.plant.replay import simulate_recording
 
 from .conftest import Load
-from .trials import COLUMNS, EFFECTS, RPM, degrees, voyage
+from .trials import COLUMNS, EFFECTS, RPM, degrees, longest_rest, voyage
 
 UNIT_ERRORS = [
     ("shaft_speed_rad_s", RPM, 'unit = "rpm"'),

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from shaftline.mismatch.recordings.noise import Noise, unusual_rests
 from shaftline.plant import Schedule, Ship, equilibrium, get_sea, realise, simulate
 
 RPM = 30.0 / math.pi
@@ -17,6 +19,11 @@ NOISE = {
     "ship_speed_m_s": 0.02,
 }
 COLUMNS = ["fuel_rack_mm", "pitch_ratio_command", *NOISE]
+
+
+def longest_rest(values: Any, noise: Noise) -> tuple[int, int]:
+    """Return first sample and length of the longest unusual constant stretch; (0, 0) without one."""
+    return max(unusual_rests(values, noise), key=lambda rest: rest[1], default=(0, 0))
 
 
 def voyage(

@@ -3,16 +3,25 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 
 from shaftline.plant import ShipError, load_ship
-from shaftline.plant.drives.prime_mover import fill_symmetric_limits
+from shaftline.plant.drives import DcMotor, SpeedSource, TorqueSource
+from shaftline.plant.record import PLANT
 
 
 def test_end_stops_of_a_demand_either_way_are_alike() -> None:
-    record: dict[str, Any] = {"drive_max": 3.0}
-    fill_symmetric_limits(record)
-    assert record == {"drive_max": 3.0, "drive_min": -3.0, "rack_rate_limit": math.inf}
+    motor = {"motor_constant_V_s_rad": 1.0, "armature_resistance_ohm": 1.0, "voltage_max_V": 3.0}
+    for mover in (
+        DcMotor(type="dc-motor", **motor),
+        SpeedSource(type="speed-command", speed_max_rad_s=3.0),
+        TorqueSource(type="torque-command", torque_max_N_m=3.0),
+    ):
+        record: Any = np.zeros(1, PLANT)[0]
+        mover.fill(record)
+        limits = [record[name] for name in ("drive_max", "drive_min", "rack_rate_limit")]
+        assert limits == [3.0, -3.0, math.inf]
 
 
 def test_each_says_what_is_applied_to_it() -> None:

@@ -14,9 +14,8 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from .motion import compiled
-from .numbers import NEUTRAL, Parameters
+from .parameters import NEUTRAL, Floats, Parameters
 
-Floats = NDArray[np.float64]
 PROGRAMMES = ("steps", "staircase", "sines", "reversals")
 CALM_PROGRAMME = "steady"
 
@@ -93,9 +92,7 @@ def voltage_programme(kind: str, seconds: float, period: float, rng: Generator) 
     edges = np.cumsum(rng.uniform(5.0, 25.0, count // 40 + 20))
     place = np.searchsorted(edges, time)
     if kind == "staircase":
-        levels = np.linspace(-36.0, 36.0, 13)
-        index = np.abs((place + 6) % 24 - 12)
-        return np.asarray(levels[index])
+        return np.linspace(-36.0, 36.0, 13)[np.abs((place + 6) % 24 - 12)]
     low = -32.0 if kind == "reversals" else 6.0
     return np.asarray(rng.uniform(low, 36.0, place.max() + 1)[place])
 
@@ -127,9 +124,8 @@ def _motor(volt: float, y: Any, n: Any, rate: Any) -> Any:
         drag *= 1.0 + n.astern_change * 0.5 * (1.0 - math.tanh(omega / n.astern_width))
     drag += n.turning_drag * speed**n.turning_power * (1.0 if omega >= 0.0 else -1.0)
     side = math.tanh(omega / 0.1)
-    rub = n.rub + n.dry_front * (
-        1.0 + n.stribeck_rise * math.exp(-((speed / n.stribeck_speed) ** 2))
-    )
+    stribeck = n.stribeck_rise * math.exp(-((speed / n.stribeck_speed) ** 2))
+    rub = n.rub + n.dry_front * (1.0 + stribeck)
     rub += n.wet_front * speed**n.wet_power * 30.0 ** (1.0 - n.wet_power)
     torque = n.constant * n.gear * current
     torque += n.cogging * math.sin(y[3])
@@ -141,10 +137,7 @@ def _motor(volt: float, y: Any, n: Any, rate: Any) -> Any:
 
 @compiled
 def step_held(volt: float, y: Any, n: Any, period: float, k: Any) -> None:
-    """Advance shaft speed, flow, heat and the cogging's angle over a sample at a held demand, in place.
-
-    By the classical Runge-Kutta method in :data:`SUBSTEPS` steps.
-    """
+    """Advance the states over a sample at a held command, in place, in :data:`SUBSTEPS` steps."""
     h = period / SUBSTEPS
     for _ in range(SUBSTEPS):
         _motor(volt, y, n, k[0])
@@ -156,7 +149,7 @@ def step_held(volt: float, y: Any, n: Any, period: float, k: Any) -> None:
 
 @compiled
 def _held(volts: Floats, start: Any, ship: Any, period: float, states: Any, currents: Any) -> None:
-    """Fill states and currents at the samples."""
+    """Write states and currents at the samples."""
     y, k = start.copy(), np.zeros((4, len(start)))
     for sample in range(len(volts)):
         states[sample] = y
@@ -165,16 +158,14 @@ def _held(volts: Floats, start: Any, ship: Any, period: float, states: Any, curr
 
 
 def run_bench(numbers: Parameters, volts: Floats, period: float) -> pd.DataFrame:
-    """Integrate the thruster from the steady state of the first demand; true signals.
+    """Integrate the thruster from the steady state of the first command; return true signals.
 
     Args:
         numbers: from :func:`bench_parameters`, with effects.
         volts: command [V] at each sample, held until the next.
         period: sampling interval [s].
     """
-    record = np.zeros(1, THRUSTER)
-    for name, value in numbers.items():
-        record[name] = value
+    record = thruster_record(numbers)
     demand = np.clip(volts, -numbers["volt_high"], numbers["volt_high"])
     still = np.full(SETTLING, demand[0])
     settled = np.zeros((SETTLING, 4))
@@ -182,14 +173,21 @@ def run_bench(numbers: Parameters, volts: Floats, period: float) -> pd.DataFrame
     start = settled[-1] * np.array([1.0, 1.0, 0.0, 0.0])  # the winding cold
     states, currents = np.zeros((len(volts), 4)), np.zeros(len(volts))
     _held(demand, start, record, period, states, currents)
+    return bench_table(numbers, period, volts, states, currents)
+
+
+def thruster_record(numbers: Parameters) -> NDArray[Any]:
+    """Return the parameters for the compiled equations: an array of one THRUSTER record."""
+    return np.array([tuple(numbers[name] for name in THRUSTER.names or ())], THRUSTER)
+
+
+def bench_table(
+    numbers: Parameters, period: float, volts: Floats, states: Floats, currents: Floats
+) -> pd.DataFrame:
+    """Return the true signals at the samples in the canonical columns of a recording."""
     turns = states[:, 0] / (2.0 * math.pi)
     thrust = numbers["density"] * numbers["diameter"] ** 4 * numbers["kt"] * turns * np.abs(turns)
     return pd.DataFrame(
-        {
-            "time_s": np.arange(len(volts)) * period,
-            "motor_voltage_V": volts,
-            "shaft_speed_rad_s": states[:, 0],
-            "motor_current_A": currents,
-            "thrust_N": thrust,
-        }
-    )
+        {"time_s": np.arange(len(volts)) * period, "motor_voltage_V": volts,
+         "shaft_speed_rad_s": states[:, 0], "motor_current_A": currents, "thrust_N": thrust}
+    )  # fmt: skip

@@ -10,20 +10,10 @@ import pandas as pd
 import scipy
 from numpy.typing import NDArray
 
-from .motion import (
-    ABSOLUTE_TOLERANCES,
-    CLOCK,
-    STATES,
-    Waves,
-    calm,
-    pitch_travel,
-    rack_travel,
-    rates,
-    signals,
-)
-from .numbers import Parameters, as_record
+from . import motion
+from .motion import STATES, Waves, calm
+from .parameters import Floats, Parameters, as_record
 
-Floats = NDArray[np.float64]
 FINE = 5  # steps of the clock's table within a sample
 SETTLING = 1500.0  # s of the first demands before the record begins
 JUMP = 0.3  # mm of rack; the integration stops and starts anew there
@@ -35,13 +25,10 @@ class StalledError(ValueError):
 
 
 def varies_every_sample(rack: Floats) -> bool:
-    """Return whether a command changes in steps too small for :func:`simulate_voyage`.
+    """Return whether a rack command [mm] changes in steps too small for :func:`simulate_voyage`.
 
-    Its error control does not detect them: during a slow ramp of the rack its steps of a second would
-    skip samples, and the shaft would respond up to half a sample early.
-
-    Args:
-        rack: command [mm] at each sample.
+    Its error control does not detect them: during a slow ramp its steps of a second would skip samples,
+    and the shaft would respond up to half a sample early.
     """
     steps = np.abs(np.diff(rack))
     return bool(np.any((steps > 0.0) & (steps <= JUMP)))
@@ -56,9 +43,10 @@ _slow.terminal = True  # type: ignore[attr-defined]
 
 def episode_factor(numbers: Parameters, time: Floats, seconds: float) -> Floats:
     """Return the added share of the resistance with its ramps."""
-    edge = numbers["episode_edge"]
-    rise = np.clip((time - numbers["episode_start"] * seconds) / edge + 0.5, 0.0, 1.0)
-    fall = np.clip((time - numbers["episode_end"] * seconds) / edge + 0.5, 0.0, 1.0)
+    rise, fall = (
+        np.clip((time - numbers[end] * seconds) / numbers["episode_edge"] + 0.5, 0.0, 1.0)
+        for end in ("episode_start", "episode_end")
+    )
     return np.asarray(numbers["episode_gain"] * (rise - fall))
 
 
@@ -75,27 +63,22 @@ def _clock_table(
     time: Floats = np.arange((len(rack) - 1) * FINE + 1, dtype=np.float64) * step
     seconds = float(time[-1])
     held = np.minimum(np.arange(len(time)) // FINE, len(rack) - 1)
-    table = np.zeros((len(time), len(CLOCK)))
-    table[:, 0] = rack_travel(rack[held], numbers, step)
-    table[:, 1] = pitch_travel(pitch[held], numbers, step)
+    table = np.zeros((len(time), len(motion.CLOCK)))
+    table[:, 0] = motion.rack_travel(rack[held], numbers, step)
+    table[:, 1] = motion.pitch_travel(pitch[held], numbers, step)
     gust = np.random.default_rng(wind_seed).uniform(0.0, 2.0 * math.pi, 4)
-    wind = sum(
-        np.sin(2.0 * math.pi * time / p + g)
-        for p, g in zip((900, 410, 233, 137), gust, strict=True)
-    )
-    rudder = np.sin(2.0 * math.pi * time / numbers["rudder_period"]) ** 2
-    busy = np.sin(2.0 * math.pi * time / 613.0 + 1.0) > -0.3
-    table[:, 2] = (
-        1.0
-        + episode_factor(numbers, time, seconds)
-        + numbers["wind"] * wind / math.sqrt(2.0)
-        + numbers["rudder"] * rudder * busy
-    )
+    turn = 2.0 * math.pi * time
+    wind = sum(np.sin(turn / p + g) for p, g in zip((900, 410, 233, 137), gust, strict=True))
+    rudder = np.sin(turn / numbers["rudder_period"]) ** 2 * (np.sin(turn / 613.0 + 1.0) > -0.3)
+    table[:, 2] = 1.0 + episode_factor(numbers, time, seconds)
+    table[:, 2] += numbers["wind"] * wind / math.sqrt(2.0)
+    table[:, 2] += numbers["rudder"] * rudder
     table[:, 3] = current_over(numbers, time)
     start, end = numbers["generator_start"] * seconds, numbers["generator_end"] * seconds
     table[:, 4] = numbers["generator_torque"] * ((time > start) & (time < end))
-    blown = (time / numbers["bubbles_period"]) % 1.0 < numbers["bubbles_share"]
-    table[:, 5] = numbers["bubbles"] * blown
+    table[:, 5] = numbers["bubbles"] * (
+        (time / numbers["bubbles_period"]) % 1.0 < numbers["bubbles_share"]
+    )
     return table
 
 
@@ -104,14 +87,10 @@ def _first_states(ship: NDArray[Any], numbers: Parameters, table: Floats) -> Flo
     held = np.vstack([table[0], table[0]])
     held[:, 2] = 1.0
     held[:, 4:] = 0.0
-    start = np.zeros(STATES)
-    start[0] = 9.0
-    start[1] = 7.0 + held[0, 3]
-    if numbers["lag_time"] > 0.0:
-        start[3] = 2e4
-    start[5] = 6.0
+    brake = 2e4 if numbers["lag_time"] > 0.0 else 0.0
+    start = np.array([9.0, 7.0 + held[0, 3], 0.0, brake, 0.0, 6.0, 0.0, 0.0, 0.0])
     whole = scipy.integrate.solve_ivp(
-        rates, (0.0, SETTLING), start, method="LSODA", rtol=1e-7, atol=ABSOLUTE_TOLERANCES,
+        motion.rates, (0.0, SETTLING), start, method="LSODA", rtol=1e-7, atol=motion.ABSOLUTE_TOLERANCES,
         args=(ship, calm(), held, SETTLING), events=_slow,
     )  # fmt: skip
     if whole.status != 0:
@@ -125,18 +104,15 @@ def simulate_voyage(
     numbers: Parameters, rack: Floats, pitch: Floats, period: float, *, waves: Waves | None = None,
     wind_seed: int = 0,
 ) -> pd.DataFrame:  # fmt: skip
-    """Integrate the true ship.
+    """Integrate the true ship; return its true signals in the canonical columns of a recording.
 
     Args:
         numbers: parameters of the true ship.
         rack: command [mm] at each sample, held until the next.
-        pitch: commanded pitch ratio, likewise.
+        pitch: commanded pitch ratio at each sample.
         period: sampling interval [s].
         waves: waves from :func:`~.motion.head_sea`; calm by default.
-        wind_seed: of the slow wandering of the resistance.
-
-    Returns:
-        True signals at the samples, by the canonical columns of a recording.
+        wind_seed: seed of the slow variation of the resistance.
 
     Raises:
         StalledError: the engine stops.
@@ -155,9 +131,9 @@ def simulate_voyage(
             continue
         span = float(times[first]), float(times[last]) - 1e-6
         solution = scipy.integrate.solve_ivp(
-            rates, span, state, method="RK45", rtol=1e-5, atol=ABSOLUTE_TOLERANCES, max_step=longest,
-            t_eval=np.append(times[first:last], span[1]), args=(ship, waves, table, step),
-            events=_slow,
+            motion.rates, span, state, method="RK45", rtol=1e-5, atol=motion.ABSOLUTE_TOLERANCES,
+            max_step=longest, t_eval=np.append(times[first:last], span[1]),
+            args=(ship, waves, table, step), events=_slow,
         )  # fmt: skip
         if solution.status != 0:
             raise StalledError(f"the engine stops at {solution.t[-1]:.1f} s")
@@ -170,29 +146,16 @@ def columns_of(
     rack: Floats, pitch: Floats, period: float, states: Floats, ship: NDArray[Any], waves: Waves,
     table: Floats,
 ) -> pd.DataFrame:  # fmt: skip
-    """Return the true signals in the canonical columns of a recording.
+    """Return the true signals in the canonical columns of a recording, from the states at the samples.
 
-    Args:
-        rack: command [mm] at each sample.
-        pitch: commanded pitch ratio, likewise.
-        period: sampling interval [s].
-        states: states at the samples.
-        ship: array of one record.
-        waves: of the voyage.
-        table: of the clock.
+    ``ship`` is an array of one record, ``table`` that of the clock; the other arguments are those of
+    :func:`simulate_voyage`.
     """
     times: Floats = np.arange(len(rack), dtype=np.float64) * period
-    outs = signals(times, states, ship, waves, table, period / FINE)
+    outs = motion.signals(times, states, ship, waves, table, period / FINE)
     return pd.DataFrame(
-        {
-            "time_s": times,
-            "fuel_rack_mm": rack,
-            "pitch_ratio_command": pitch,
-            "pitch_ratio": table[::FINE, 1],
-            "shaft_speed_rad_s": states[:, 0],
-            "shaft_torque_N_m": outs[:, 0],
-            "ship_speed_m_s": states[:, 1],
-            "thrust_N": outs[:, 1],
-            "propeller_submergence_m": outs[:, 2],
-        }
-    )
+        {"time_s": times, "fuel_rack_mm": rack, "pitch_ratio_command": pitch,
+         "pitch_ratio": table[::FINE, 1], "shaft_speed_rad_s": states[:, 0],
+         "shaft_torque_N_m": outs[:, 0], "ship_speed_m_s": states[:, 1], "thrust_N": outs[:, 1],
+         "propeller_submergence_m": outs[:, 2]}
+    )  # fmt: skip

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+Floats = NDArray[np.float64]
 Parameters = dict[str, float]
 """All parameters by name; those of absent effects are neutral."""
 
@@ -72,7 +73,7 @@ def ship_file(name: str) -> dict[str, Any]:
 
 
 @functools.cache
-def open_water_curve(curve: str, blades: int, area_ratio: float) -> NDArray[np.float64]:
+def open_water_curve(curve: str, blades: int, area_ratio: float) -> Floats:
     """Return the polynomial of one propeller: entry [s, t] multiplies J^s (P/D)^t."""
     table = np.zeros(CURVE)
     with resources.files("shaftline.plant").joinpath("data/b_series_polynomials.csv").open() as f:
@@ -85,44 +86,26 @@ def open_water_curve(curve: str, blades: int, area_ratio: float) -> NDArray[np.f
 
 
 def frigate_parameters(**changes: float) -> Parameters:
-    """Return the parameters of the frigate.
-
-    Args:
-        changes: factors by name on the parameters of the ship file (``resistance=1.01``).
-    """
+    """Return the parameters of the frigate; ``resistance=1.01`` is a factor on that of the ship file."""
     file = ship_file("frigate")
     hull, screw, engine = file["hull"], file["propeller"], file["prime_mover"]
     line = file["transmission"]
-    rpm = math.pi / 30.0
     numbers = {
-        "density": file["water"]["density_kg_m3"],
-        "mass": hull["mass_kg"],
-        "resistance": hull["resistance_coefficient_N_s2_m2"],
-        "deduction": hull["thrust_deduction"],
-        "wake": hull["wake_fraction"],
-        "screws": float(hull["propellers"]),
-        "diameter": screw["diameter_m"],
-        "rotative": screw["relative_rotative_efficiency"],
-        "depth": screw["depth_m"],
-        "pitch_low": screw["pitch_ratio_min"],
-        "pitch_high": screw["pitch_ratio_max"],
-        "area_ratio": screw["expanded_area_ratio"],
-        "blades": float(screw["blades"]),
+        "density": file["water"]["density_kg_m3"], "mass": hull["mass_kg"],
+        "resistance": hull["resistance_coefficient_N_s2_m2"], "deduction": hull["thrust_deduction"],
+        "wake": hull["wake_fraction"], "screws": hull["propellers"], "diameter": screw["diameter_m"],
+        "rotative": screw["relative_rotative_efficiency"], "depth": screw["depth_m"],
+        "pitch_low": screw["pitch_ratio_min"], "pitch_high": screw["pitch_ratio_max"],
+        "area_ratio": screw["expanded_area_ratio"], "blades": screw["blades"],
         "map_speed": engine["torque_per_speed_N_m_s_rad"],
-        "map_rack": engine["torque_per_rack_N_m_mm"],
-        "map_zero": engine["torque_offset_N_m"],
-        "rack_high": engine["rack_max_mm"],
-        "limit_low": engine["torque_limit_at_min_speed_N_m"],
-        "limit_slope": engine["torque_limit_slope_N_m_s_rad"],
-        "limit_high": engine["torque_limit_N_m"],
-        "idle": engine["speed_min_rpm"] * rpm,
-        "gear": line["gear_ratio"],
-        "efficiency": line["efficiency"],
-        "inertia_front": line["inertia_engine_side_kg_m2"],
+        "map_rack": engine["torque_per_rack_N_m_mm"], "map_zero": engine["torque_offset_N_m"],
+        "rack_high": engine["rack_max_mm"], "limit_low": engine["torque_limit_at_min_speed_N_m"],
+        "limit_slope": engine["torque_limit_slope_N_m_s_rad"], "limit_high": engine["torque_limit_N_m"],
+        "idle": engine["speed_min_rpm"] * (math.pi / 30.0), "gear": line["gear_ratio"],
+        "efficiency": line["efficiency"], "inertia_front": line["inertia_engine_side_kg_m2"],
         "inertia_back": line["inertia_propeller_side_kg_m2"],
-        "pitch_time": file["pitch_actuator"]["time_constant_s"],
-    }
-    numbers |= {"kt_scale": 1.0, "rub": 0.0}
+        "pitch_time": file["pitch_actuator"]["time_constant_s"], "kt_scale": 1.0, "rub": 0.0,
+    }  # fmt: skip
     for name, factor in changes.items():
         numbers[name] *= factor
     return {name: float(value) for name, value in numbers.items()} | NEUTRAL

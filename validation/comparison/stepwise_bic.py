@@ -15,13 +15,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import scipy
-from numpy.typing import NDArray
 
-from ..reality.bench import bench_parameters
-from ..reality.motion import _curve
-from ..reality.numbers import Parameters, frigate_parameters, open_water_curve
+from ..simulator.bench import bench_parameters
+from ..simulator.motion import _curve
+from ..simulator.parameters import Floats, Parameters, frigate_parameters, open_water_curve
 
-Floats = NDArray[np.float64]
 Terms = dict[str, Floats]
 Chosen = tuple[float, str, float, float]
 """Chosen term: score, name, coefficient, and standard error of the coefficient."""
@@ -72,53 +70,33 @@ def frigate_errors(table: pd.DataFrame) -> dict[str, tuple[Floats, Terms]]:
     middle = float(omega.mean())
     loading = np.maximum(turns / turns.mean() - 1.0, 0.0)
     error = pitch - _relaxed(np.clip(order, n["pitch_low"], n["pitch_high"]), n, period)
+    fuel, unit = gain * n["map_rack"], force * n["diameter"]
     return {
-        "engine": (
-            torque - (gain * brake - n["inertia_front"] * spin),
-            {
-                "coulomb-friction": -ones,
-                "viscous-friction": -omega,
-                "engine-derating": -gain * brake,
-                "engine-torque-curvature": (engine_speed - n["gear"] * middle) ** 2,
-                "engine-torque-lag": -gain * n["map_rack"] * (rack - _lagged(rack, period, 2.0)),
-                "engine-dead-time": -gain * n["map_rack"] * (rack - _lagged(rack, period, 0.5)),
-                "torque-sensor-gain": torque,
-                "torque-sensor-delay": -_rate(torque, period),
-            },
-        ),
-        "propeller": (
-            torque - (load + n["inertia_back"] * spin),
-            {
-                "coulomb-friction": ones,
-                "viscous-friction": omega,
-                "propeller-roughness": force * n["diameter"],
-                "entrained-water-inertia": spin,
-                "pitch-sensor-offset": -force * n["diameter"] * (kq_up - kq) / 0.01,
-                "inflow-lag": -force * n["diameter"] * (kq_j - kq) * jerk,
-                "wake-speed-dependence": force * n["diameter"] * (kq_j - kq) * v**2,
-                "cavitation-breakdown": -load * loading,
-                "torque-sensor-bias": half - 0.5,
-            },
-        ),
-        "hull": (
-            n["mass"] * jerk - (push * kt - n["resistance"] * v * np.abs(v)),
-            {
-                "hull-fouling": -n["resistance"] * v * np.abs(v),
-                "current": 2.0 * n["resistance"] * np.abs(v),
-                "resistance-episode": -(half * 1.0) * v * np.abs(v),
-                "wake-speed-dependence": push * (kt_j - kt) * v**2,
-                "propeller-roughness": -push * pitch,
-            },
-        ),
-        "pitch-actuator": (
-            error,
-            {
-                "pitch-actuator-offset": ones,
-                "pitch-dead-band": -np.sign(_rate(order, period)),
-                "pitch-backlash": -np.sign(_rate(pitch, period)),
-                "pitch-rate-limit": -_rate(pitch, period),
-            },
-        ),
+        "engine": (torque - (gain * brake - n["inertia_front"] * spin), {
+            "coulomb-friction": -ones, "viscous-friction": -omega, "engine-derating": -gain * brake,
+            "engine-torque-curvature": (engine_speed - n["gear"] * middle) ** 2,
+            "engine-torque-lag": -fuel * (rack - _lagged(rack, period, 2.0)),
+            "engine-dead-time": -fuel * (rack - _lagged(rack, period, 0.5)),
+            "torque-sensor-gain": torque, "torque-sensor-delay": -_rate(torque, period),
+        }),
+        "propeller": (torque - (load + n["inertia_back"] * spin), {
+            "coulomb-friction": ones, "viscous-friction": omega, "propeller-roughness": unit,
+            "entrained-water-inertia": spin, "pitch-sensor-offset": -unit * (kq_up - kq) / 0.01,
+            "inflow-lag": -unit * (kq_j - kq) * jerk,
+            "wake-speed-dependence": unit * (kq_j - kq) * v**2,
+            "cavitation-breakdown": -load * loading, "torque-sensor-bias": half - 0.5,
+        }),
+        "hull": (n["mass"] * jerk - (push * kt - n["resistance"] * v * np.abs(v)), {
+            "hull-fouling": -n["resistance"] * v * np.abs(v),
+            "current": 2.0 * n["resistance"] * np.abs(v),
+            "resistance-episode": -(half * 1.0) * v * np.abs(v),
+            "wake-speed-dependence": push * (kt_j - kt) * v**2, "propeller-roughness": -push * pitch,
+        }),
+        "pitch-actuator": (error, {
+            "pitch-actuator-offset": ones, "pitch-dead-band": -np.sign(_rate(order, period)),
+            "pitch-backlash": -np.sign(_rate(pitch, period)),
+            "pitch-rate-limit": -_rate(pitch, period),
+        }),
     }  # fmt: skip
 
 
@@ -164,11 +142,15 @@ def _stepwise(error: Floats, terms: Terms) -> list[Chosen]:
     taken: list[str] = []
     falls: list[float] = []
     score = _bic(error, 0)
+
+    def regress(names: list[str]) -> tuple[Floats, Any]:
+        matrix = np.column_stack([terms[name] for name in names])
+        return matrix, np.linalg.lstsq(matrix, error, rcond=None)[0]
+
     while len(taken) < min(MOST_EFFECTS, len(terms)):
         trials = {}
         for name in set(terms) - set(taken):
-            matrix = np.column_stack([terms[t] for t in [*taken, name]])
-            fit = np.linalg.lstsq(matrix, error, rcond=None)[0]
+            matrix, fit = regress([*taken, name])
             trials[name] = _bic(error - matrix @ fit, len(taken) + 1)
         best = min(sorted(trials), key=lambda name: trials[name])
         if trials[best] >= score:
@@ -178,8 +160,7 @@ def _stepwise(error: Floats, terms: Terms) -> list[Chosen]:
         taken.append(best)
     if not taken:
         return []
-    matrix = np.column_stack([terms[t] for t in taken])
-    fit = np.linalg.lstsq(matrix, error, rcond=None)[0]
+    matrix, fit = regress(taken)
     noise = float(np.mean((error - matrix @ fit) ** 2))
     spread = np.sqrt(np.diag(noise * np.linalg.pinv(matrix.T @ matrix)))
     return [(falls[i], taken[i], float(fit[i]), float(spread[i])) for i in range(len(taken))]
@@ -198,16 +179,12 @@ def diagnose(recording: Path, ship: str, out: Path, exclude: tuple[str, ...]) ->
 
 
 def report_by(
-    choose: Callable[[Floats, Terms], list[Chosen]],
-    recording: Path,
-    ship: str,
+    choose: Callable[[Floats, Terms], list[Chosen]], recording: Path, ship: str,
     exclude: tuple[str, ...],
-) -> dict[str, Any]:
+) -> dict[str, Any]:  # fmt: skip
     """Return a report with the effects that a method chooses for the equation error of each balance."""
     table = pd.read_csv(recording)
-    frigate = "fuel_rack_mm" in table
-    errors: Callable[[pd.DataFrame], dict[str, tuple[Floats, Terms]]]
-    errors = frigate_errors if frigate else bench_errors
+    errors = frigate_errors if "fuel_rack_mm" in table else bench_errors
     fitted = table.iloc[: int(len(table) * (1.0 - HELD_OUT_SHARE))]
     found = []
     for balance, (error, terms) in errors(fitted).items():
@@ -218,24 +195,15 @@ def report_by(
     return {
         "verdict": "explained" if found else "nothing-missing",
         "ship": ship,
-        "recording": {
-            "rows": len(table),
-            "seconds": seconds,
-            "held_out": [[seconds * (1.0 - HELD_OUT_SHARE), seconds]],
-        },
-        "location": {
-            "balances": list(dict.fromkeys(balance for *_, balance in found)),
-            "windows_s": [[0.0, seconds]],
-        },
+        "recording": {"rows": len(table), "seconds": seconds,
+                      "held_out": [[seconds * (1.0 - HELD_OUT_SHARE), seconds]]},
+        "location": {"balances": list(dict.fromkeys(balance for *_, balance in found)),
+                     "windows_s": [[0.0, seconds]]},
         "effects": [
-            {
-                "id": name,
-                "balance": balance,
-                "equivalent_ids": [],
-                "parameters": {"coefficient": {
-                    "value": value, "ci95": [value - 1.96 * spread, value + 1.96 * spread]}},
-                "evidence": {"score": fall, "threshold": 0.0},
-            }
+            {"id": name, "balance": balance, "equivalent_ids": [],
+             "parameters": {"coefficient": {
+                 "value": value, "ci95": [value - 1.96 * spread, value + 1.96 * spread]}},
+             "evidence": {"score": fall, "threshold": 0.0}}
             for fall, name, value, spread, balance in found
         ],
         "fit": {"held_out": {"before": {}, "after": {}}},

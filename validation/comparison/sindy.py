@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from .stepwise_bic import MOST_EFFECTS, Chosen, Floats, Terms, report_by
+from ..simulator.parameters import Floats
+from .stepwise_bic import MOST_EFFECTS, Chosen, Terms, report_by
 
 THRESHOLD = 0.1  # PySINDy's own default: a tenth of the error's rms
 

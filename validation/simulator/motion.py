@@ -16,12 +16,12 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from .numbers import Parameters
+from .parameters import Floats, Parameters
 
 GRAVITY = 9.81
 COMPONENTS = 48
 
-Waves = NDArray[np.float64]
+Waves = Floats
 """Shape (n, 5), one component a row: elevation amplitude [m], inflow amplitude at the propeller [m/s],
 circular frequency [rad/s], wave number along the track [rad/m], phase [rad]."""
 
@@ -35,18 +35,15 @@ def head_sea(
     height: float, period: float, depth: float, seed: int, peakedness: float = 3.3,
     angle: float = 0.0,
 ) -> Waves:  # fmt: skip
-    """Draw a sea that meets the ship.
+    """Draw a sea that meets the ship; each component has the same share of the energy height^2 / 16.
 
     Args:
         height: significant wave height [m].
         period: peak period [s].
-        depth: of the propeller's centre [m].
-        seed: of the phases and frequencies.
+        depth: depth of the propeller's centre [m].
+        seed: seed of the phases and frequencies.
         peakedness: gamma [-].
-        angle: off the bow [rad].
-
-    Returns:
-        Components, each carrying the same share of the energy height^2 / 16.
+        angle: angle off the bow [rad].
     """
     rng = np.random.default_rng(seed)
     grid = np.linspace(0.5, 3.5, 4000) * 2.0 * math.pi / period
@@ -68,17 +65,11 @@ def head_sea(
     return waves
 
 
-Floats = NDArray[np.float64]
-
-
 def rack_travel(demand: Floats, numbers: Parameters, step: float) -> Floats:
-    """Return the rack position [mm] on the fine grid.
+    """Return the rack position [mm] for commands on a grid with a step [s].
 
-    Args:
-        demand: on the fine grid [mm].
-        numbers: ``dead_time`` wanders by ``dead_time_jitter`` (a share of it); the rack needs
-            ``rack_slowness`` [s/mm] upwards, and ``rack_slowness_down`` of that downwards.
-        step: of the grid [s].
+    ``dead_time`` varies by its share ``dead_time_jitter``; the rack needs ``rack_slowness`` [s/mm]
+    upwards, and ``rack_slowness_down`` of that downwards.
     """
     moved = np.clip(demand, 0.0, numbers["rack_high"])
     if numbers["dead_time"] > 0.0:
@@ -98,15 +89,10 @@ def rack_travel(demand: Floats, numbers: Parameters, step: float) -> Floats:
 
 
 def pitch_travel(command: Floats, numbers: Parameters, step: float) -> Floats:
-    """Return the blade pitch ratio on the fine grid: mechanism, then backlash between mechanism and
-    blade.
+    """Return the blade pitch ratio for commands on a grid with a step [s]: mechanism, then backlash.
 
-    Args:
-        command: on the fine grid.
-        numbers: the ``pitch_...`` ones. Beyond ``pitch_dead_band`` a valve opens, and it shuts at
-            ``pitch_dead_band_stop`` of it; the rate saturates smoothly at 1 / ``pitch_slowness``;
-            the play's edges are rounded.
-        step: of the grid [s].
+    Beyond ``pitch_dead_band`` a valve opens, and it shuts at ``pitch_dead_band_stop`` of it; the rate
+    saturates smoothly at 1 / ``pitch_slowness``; the edges of the play are rounded.
     """
     wanted = np.clip(command, numbers["pitch_low"], numbers["pitch_high"])
     wanted = wanted + numbers["pitch_shift"] * (1.0 + numbers["pitch_shift_slope"] * (wanted - 1.1))
@@ -152,7 +138,7 @@ compiled = numba.njit(cache=True, error_model="numpy")
 
 
 @compiled
-def _wave_at(waves: NDArray[np.float64], t: float, x: float) -> tuple[float, float]:
+def _wave_at(waves: Floats, t: float, x: float) -> tuple[float, float]:
     elevation, inflow = 0.0, 0.0
     for k in range(len(waves)):
         c = math.cos(waves[k, 2] * t + waves[k, 3] * x + waves[k, 4])
@@ -162,7 +148,7 @@ def _wave_at(waves: NDArray[np.float64], t: float, x: float) -> tuple[float, flo
 
 
 @compiled
-def _curve(table: NDArray[np.float64], j: float, p: float) -> float:
+def _curve(table: Floats, j: float, p: float) -> float:
     total, power = 0.0, 1.0
     for s in range(table.shape[0]):
         inner = 0.0
@@ -203,8 +189,7 @@ def _engine(ship: Any, omega: float, rack: float) -> Any:
 def _turned_slowly(ship: Any, omega: float, torque: float) -> Any:
     """Return the torque of an engine that may turn too slowly to fire, or astern [N m].
 
-    The rubbing of its parts is what the map leaves without fuel, and takes its sign from the rotation as
-    oil films do, by a hyperbolic tangent. The fuel's part rises with the square of a sine.
+    Its friction is the torque of the map without fuel. The torque of the fuel rises with a squared sine.
     """
     speed = ship.gear * omega
     fires = (speed / ship.idle - 0.4) / 0.4
@@ -257,7 +242,7 @@ def _resistance(ship: Any, v: float, factor: float) -> Any:
 
 
 @compiled
-def _clock(table: NDArray[np.float64], step: float, t: float, now: NDArray[np.float64]) -> None:
+def _clock(table: Floats, step: float, t: float, now: Floats) -> None:
     place = t / step
     k = min(max(int(place + 1e-6), 0), len(table) - 2)
     part = min(max(place - k, 0.0), 1.0)
@@ -268,8 +253,8 @@ def _clock(table: NDArray[np.float64], step: float, t: float, now: NDArray[np.fl
 
 @compiled
 def _balance(
-    t: float, y: NDArray[np.float64], ship: Any, waves: NDArray[np.float64],
-    table: NDArray[np.float64], step: float, rate: NDArray[np.float64], out: NDArray[np.float64],
+    t: float, y: Floats, ship: Any, waves: Floats, table: Floats, step: float, rate: Floats,
+    out: Floats,
 ) -> None:  # fmt: skip
     """Write the rates of the states, and measured torque, thrust and submergence."""
     now = np.empty(table.shape[1])
@@ -329,9 +314,8 @@ def _balance(
 
 @compiled
 def rates(
-    t: float, y: NDArray[np.float64], ship: NDArray[Any], waves: NDArray[np.float64],
-    table: NDArray[np.float64], step: float,
-) -> NDArray[np.float64]:  # fmt: skip
+    t: float, y: Floats, ship: NDArray[Any], waves: Floats, table: Floats, step: float
+) -> Floats:
     """Return the time derivative of the states; ``ship`` is an array of one record."""
     rate, out = np.zeros(STATES), np.zeros(3)
     _balance(t, y, ship[0], waves, table, step, rate, out)
@@ -340,9 +324,8 @@ def rates(
 
 @compiled
 def signals(
-    times: NDArray[np.float64], states: NDArray[np.float64], ship: NDArray[Any],
-    waves: NDArray[np.float64], table: NDArray[np.float64], step: float,
-) -> NDArray[np.float64]:  # fmt: skip
+    times: Floats, states: Floats, ship: NDArray[Any], waves: Floats, table: Floats, step: float
+) -> Floats:
     """Return measured torque [N m], thrust [N] and submergence [m] at the samples, shape (n, 3)."""
     outs, rate = np.zeros((len(times), 3)), np.zeros(STATES)
     for k in range(len(times)):

@@ -9,30 +9,21 @@ import numpy as np
 import pandas as pd
 import scipy
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from .motion import _curve
-from .numbers import Parameters, frigate_parameters, open_water_curve
+from .parameters import Floats, Parameters, frigate_parameters, open_water_curve
 
-Floats = NDArray[np.float64]
 LIVELY = ("steps", "ramps", "staircase", "harbour", "sweep")
 DULL = "cruise"
 SPEED_PER_RACK = 0.3  # rad/s/mm; about what a millimetre of rack is worth
-
-
-@functools.cache
-def _curves() -> tuple[Floats, Floats]:
-    kt, kq = (open_water_curve(curve, 5, 0.9) for curve in ("KT", "KQ"))
-    return kt, kq
 
 
 @functools.lru_cache(4096)
 def steady(omega: float, pitch: float) -> tuple[float, float]:
     """Return rack [mm] and ship speed [m/s] of the frigate at a steady shaft speed and pitch."""
     n = frigate_parameters()
-    kt, kq = _curves()
-    turns = omega / (2.0 * math.pi)
-    diameter = n["diameter"]
+    kt, kq = (open_water_curve(curve, 5, 0.9) for curve in ("KT", "KQ"))
+    turns, diameter = omega / (2.0 * math.pi), n["diameter"]
 
     def surplus(v: float) -> float:
         j = (1.0 - n["wake"]) * v / (turns * diameter)
@@ -67,7 +58,7 @@ def voyage(
         seconds: duration of the recording [s].
         period: sampling interval [s].
         rng: random generator.
-        governed: whether to return the shaft speed [rad/s] in place of the rack, at the same points.
+        governed: whether to return the shaft speed [rad/s] in place of the rack.
     """
     unit = SPEED_PER_RACK if governed else 1.0
     count = round(seconds / period) + 1
@@ -83,8 +74,7 @@ def voyage(
         angle = phase * (np.exp(time / seconds * math.log(high / low)) - 1.0)
         drawn = unit * rng.uniform(1.5, 3.0)
         swell = np.sin(2.0 * math.pi * time / rng.uniform(130.0, 260.0))
-        pitch = min(pitch, 1.3)
-        return rack + drawn * np.sin(angle), pitch + rng.uniform(0.04, 0.08) * swell
+        return rack + drawn * np.sin(angle), min(pitch, 1.3) + rng.uniform(0.04, 0.08) * swell
     slow = kind == "harbour"
     dwell = (12.0, 60.0) if slow else (50.0, 140.0)
     edges = [0.0]
@@ -98,17 +88,14 @@ def voyage(
             (first[0] + f * (last[0] - first[0]), first[1] + f * (last[1] - first[1]))
             for f in (1.0 - folded)
         ]
-    place = np.searchsorted(np.array(edges), time, side="right") - 1
-    knots = np.array(levels)
-    if kind != "ramps":
-        demands = knots[place]
-        if kind == "steps":  # rack and pitch seldom move at the same moment
-            late = np.maximum(place - (time - np.array(edges)[place] < 15.0), 0)
-            demands[:, 1] = knots[late, 1]
-        return demands[:, 0].copy(), demands[:, 1].copy()
-    ramp = rng.uniform(10.0, 40.0)
-    into = np.clip((time - np.array(edges)[place]) / ramp, 0.0, 1.0)[:, None]
-    demands = knots[np.maximum(place - 1, 0)] * (1.0 - into) + knots[place] * into
+    place = np.searchsorted(edges, time, side="right") - 1
+    knots, since = np.array(levels), time - np.array(edges)[place]
+    demands = knots[place]
+    if kind == "steps":  # rack and pitch seldom move at the same moment
+        demands[:, 1] = knots[np.maximum(place - (since < 15.0), 0), 1]
+    elif kind == "ramps":
+        into = np.clip(since / rng.uniform(10.0, 40.0), 0.0, 1.0)[:, None]
+        demands = knots[np.maximum(place - 1, 0)] * (1.0 - into) + knots[place] * into
     return demands[:, 0].copy(), demands[:, 1].copy()
 
 
@@ -119,18 +106,10 @@ def _late(values: Floats, delay: float, smoothing: float, period: float) -> Floa
     """Return values with a delay, a share of which is a first-order lag."""
     time = np.arange(len(values)) * period
     share = -math.expm1(-period / max(smoothing * delay, 1e-9))
-    smooth, _ = scipy.signal.lfilter(
-        [share], [1.0, share - 1.0], values, zi=[(1.0 - share) * values[0]]
-    )
+    start = [(1.0 - share) * values[0]]
+    smooth, _ = scipy.signal.lfilter([share], [1.0, share - 1.0], values, zi=start)
     pure = delay - smoothing * delay
     return np.asarray(np.interp(time - pure, time, smooth))
-
-
-def _trailing_mean(values: Floats, window: float, period: float) -> Floats:
-    wide = max(round(window / period), 1)
-    return np.asarray(
-        scipy.ndimage.uniform_filter1d(values, wide, mode="nearest", origin=(wide - 1) // 2)
-    )
 
 
 def encoder_noise(numbers: Parameters, rows: int, seed: int) -> Floats:
@@ -150,7 +129,6 @@ def add_instruments(
         seed: seed of the noise; None for no noise.
     """
     table = truth.copy()
-    time = table["time_s"].to_numpy()
     if "pitch_ratio" in table:
         pitch = table["pitch_ratio"].to_numpy()
         slope = 1.0 + numbers["pitch_reading_slope"] * (pitch - 1.1)
@@ -161,22 +139,23 @@ def add_instruments(
             torque = _late(torque, numbers["torque_delay"], numbers["torque_filter"], period)
         bow = 1.0 + numbers["torque_scale_bow"] * (torque / 2e5 - 1.0)
         torque = torque * (1.0 + numbers["torque_scale"] * bow)
-        drift = 1.0 + numbers["torque_zero_drift"] * np.sin(2.0 * math.pi * time / 1500.0)
+        wave = np.sin(2.0 * math.pi * table["time_s"].to_numpy() / 1500.0)
+        drift = 1.0 + numbers["torque_zero_drift"] * wave
         table["shaft_torque_N_m"] = torque + numbers["torque_zero"] * drift
     if "ship_speed_m_s" in table and numbers["log_window"] > 0.0:
-        speed = table["ship_speed_m_s"].to_numpy()
-        table["ship_speed_m_s"] = _trailing_mean(speed, numbers["log_window"], period)
+        speed, wide = table["ship_speed_m_s"], max(round(numbers["log_window"] / period), 1)
+        table["ship_speed_m_s"] = scipy.ndimage.uniform_filter1d(  # the trailing mean
+            speed.to_numpy(), wide, mode="nearest", origin=(wide - 1) // 2
+        )
     if seed is None:
         return table
     rng = np.random.default_rng(seed)
     noise = {
         "shaft_speed_rad_s": ("encoder_noise", ENCODER_DIGIT),
-        "shaft_torque_N_m": ("gauge_noise", 100.0),
-        "pitch_ratio": ("pitch_noise", 0.001),
-        "ship_speed_m_s": ("log_noise", 0.01),
-        "motor_current_A": ("current_noise", 0.001),
+        "shaft_torque_N_m": ("gauge_noise", 100.0), "pitch_ratio": ("pitch_noise", 0.001),
+        "ship_speed_m_s": ("log_noise", 0.01), "motor_current_A": ("current_noise", 0.001),
         "propeller_submergence_m": ("depth_noise", 0.01),
-    }
+    }  # fmt: skip
     for column, (name, digit) in noise.items():
         drawn = rng.standard_normal(len(table))
         if column in table:

@@ -8,39 +8,26 @@ the equations of motion are integrated by the classical Runge-Kutta method.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from .bench import THRUSTER, _motor, bench_parameters, step_held
+from .bench import _motor, bench_parameters, bench_table, step_held, thruster_record
 from .instruments import ENCODER_DIGIT, encoder_noise, steady
 from .motion import STATES, Waves, _balance, calm, compiled
-from .numbers import Parameters, as_record
-from .sail import FINE, STALLED, StalledError, _clock_table, _first_states, columns_of
-
-Floats = NDArray[np.float64]
+from .parameters import Floats, Parameters, as_record
+from .voyage import FINE, STALLED, StalledError, _clock_table, _first_states, columns_of
 
 
-@dataclass(frozen=True)
-class Governor:
-    """Proportional-integral controller from shaft speed [rad/s] to the command's unit.
+class Governor(NamedTuple):
+    """Proportional-integral controller from shaft speed [rad/s] to the command's unit."""
 
-    Args:
-        gain: proportional gain [unit s/rad].
-        reset: integral gain [unit/rad].
-        low: lowest command.
-        high: highest command.
-        ramp: fastest change of the set-point [rad/s2].
-    """
-
-    gain: float
-    reset: float
-    low: float
-    high: float
-    ramp: float
+    gain: float  # proportional [unit s/rad]
+    reset: float  # integral gain [unit/rad]
+    low: float  # lowest command
+    high: float  # highest command
+    ramp: float  # fastest change of the set-point [rad/s2]
 
 
 RACK = Governor(4.0, 2.0, 0.0, 34.0, 0.25)
@@ -49,6 +36,8 @@ RACK = Governor(4.0, 2.0, 0.0, 34.0, 0.25)
 VOLTAGE = Governor(0.35, 0.8, -40.0, 40.0, 60.0)
 """Governor of the thruster, command in V."""
 
+VOLTS = np.linspace(-48.0, 48.0, 193)
+
 
 def limit_rate(orders: Floats, governor: Governor, period: float) -> Floats:
     """Return set-points [rad/s] with the governor's rate limit."""
@@ -56,6 +45,12 @@ def limit_rate(orders: Floats, governor: Governor, period: float) -> Floats:
     for k in range(1, len(found)):
         found[k] = found[k - 1] + min(max(found[k] - found[k - 1], -most), most)
     return found
+
+
+def _encoder(numbers: Parameters, rows: int, seed: int) -> tuple[Floats, float]:
+    """Return noise and resolution of the encoder; the resolution is 0 without rounding."""
+    digit = ENCODER_DIGIT if numbers["rounding"] > 0.0 else 0.0
+    return encoder_noise(numbers, rows, seed), digit
 
 
 @compiled
@@ -108,9 +103,8 @@ def _voyage(
             moved = wanted[i]
             if ship.dead_time > 0.0:
                 t = i * step
-                wander = math.sin(2.0 * math.pi * t / 47.0) + math.sin(
-                    2.0 * math.pi * t / 17.3 + 1.0
-                )
+                turn = 2.0 * math.pi * t
+                wander = math.sin(turn / 47.0) + math.sin(turn / 17.3 + 1.0)
                 late = ship.dead_time * (1.0 + 0.5 * ship.dead_time_jitter * wander)
                 place = max(i - late / step, 0.0)
                 below = min(int(place), i)
@@ -153,72 +147,60 @@ def simulate_governed(
     numbers: Parameters, orders: Floats, pitch: Floats, period: float, seed: int, *,
     waves: Waves | None = None, wind_seed: int = 0,
 ) -> pd.DataFrame:  # fmt: skip
-    """Integrate the true ship under a governor.
+    """Integrate the true ship under a governor; the rack command of the result is the governor's.
 
     Args:
         numbers: parameters of the true ship.
         orders: set-point of the shaft speed [rad/s] at each sample.
-        pitch: commanded pitch ratio, likewise.
+        pitch: commanded pitch ratio at each sample.
         period: sampling interval [s].
         seed: seed of the encoder's noise, as for the measurements.
         waves: waves from :func:`~.motion.head_sea`; calm by default.
         wind_seed: seed of the slow variation of the resistance.
 
-    Returns:
-        True signals at the samples, with the rack command of the governor.
-
     Raises:
         StalledError: the engine stops.
     """
-    waves = calm() if waves is None else waves
     table = _clock_table(numbers, np.zeros(len(orders)), pitch, period, wind_seed)
     first, start = _first_rack(numbers, float(orders[0]), table)
-    noise = encoder_noise(numbers, len(orders), seed)
-    digit = ENCODER_DIGIT if numbers["rounding"] > 0.0 else 0.0
-    demands, wanted = np.zeros(len(orders)), limit_rate(orders, RACK, period)
-    seen = (wanted, noise, digit, True)
-    return _sailed(numbers, demands, pitch, period, waves, table, seen, first, start)
+    encoder = _encoder(numbers, len(orders), seed)
+    wanted, racks = limit_rate(orders, RACK, period), np.zeros(len(orders))
+    return _simulate(
+        numbers, racks, pitch, period, waves, table, wanted, encoder, True, first, start
+    )
 
 
 def simulate_held(
     numbers: Parameters, rack: Floats, pitch: Floats, period: float, *, waves: Waves | None = None,
     wind_seed: int = 0,
 ) -> pd.DataFrame:  # fmt: skip
-    """Integrate the true ship with commands that change at every sample, such as those of a governor.
+    """Integrate the true ship with rack commands [mm] that change at every sample.
 
-    Args:
-        numbers: as in :func:`simulate_governed`, like the others.
-        rack: command [mm] at each sample, held until the next.
-        pitch: commanded pitch ratio, likewise.
-        period: sampling interval [s].
-        waves: calm by default.
-        wind_seed: seed of the slow variation of the resistance.
-
-    Raises:
-        StalledError: the engine stops.
+    The other arguments and the error are those of :func:`simulate_governed`.
     """
-    waves = calm() if waves is None else waves
     table = _clock_table(numbers, rack, pitch, period, wind_seed)
     start = _first_states(as_record(numbers), numbers, table)
-    seen = (rack, np.zeros(len(rack)), 0.0, False)
     first = float(np.clip(rack[0], 0.0, numbers["rack_high"]))
-    return _sailed(numbers, rack.copy(), pitch, period, waves, table, seen, first, start)
+    encoder = np.zeros(len(rack)), 0.0
+    return _simulate(
+        numbers, rack.copy(), pitch, period, waves, table, rack, encoder, False, first, start
+    )
 
 
-def _sailed(
-    numbers: Parameters, demands: Floats, pitch: Floats, period: float, waves: Waves, table: Floats,
-    seen: tuple[Floats, Floats, float, bool], first: float, start: Floats,
+def _simulate(
+    numbers: Parameters, racks: Floats, pitch: Floats, period: float, waves: Waves | None,
+    table: Floats, orders: Floats, encoder: tuple[Floats, float], closed: bool, first: float,
+    start: Floats,
 ) -> pd.DataFrame:  # fmt: skip
-    ship, states = as_record(numbers), np.zeros((len(demands), STATES))
-    rule = (RACK.gain, RACK.reset, RACK.low, RACK.high)
-    orders, noise, digit, closed = seen
+    waves = calm() if waves is None else waves
+    ship, states = as_record(numbers), np.zeros((len(racks), STATES))
     _voyage(
-        ship, waves, table, period / FINE, FINE, orders, noise, digit, rule, closed, first, start,
-        demands, states,
+        ship, waves, table, period / FINE, FINE, orders, *encoder, RACK[:4], closed, first,
+        start, racks, states,
     )  # fmt: skip
     if not np.isfinite(states).all() or (states[:, 0] < STALLED).any():
         raise StalledError("the engine stops")
-    return columns_of(demands, pitch, period, states, ship, waves, table)
+    return columns_of(racks, pitch, period, states, ship, waves, table)
 
 
 def bench_orders(volts: Floats) -> Floats:
@@ -264,28 +246,12 @@ def run_bench_governed(
         period: sampling interval [s].
         seed: seed of the encoder's noise, as for the measurements.
     """
-    record = np.zeros(1, THRUSTER)
-    for name, value in numbers.items():
-        record[name] = value
-    noise = encoder_noise(numbers, len(orders), seed)
-    digit = ENCODER_DIGIT if numbers["rounding"] > 0.0 else 0.0
-    wanted = limit_rate(orders, VOLTAGE, period)
-    rule = (VOLTAGE.gain, VOLTAGE.reset, VOLTAGE.low, VOLTAGE.high)
-    demands, currents = np.zeros((2, len(orders)))
+    encoder, wanted = _encoder(numbers, len(orders), seed), limit_rate(orders, VOLTAGE, period)
+    volts, currents = np.zeros((2, len(orders)))
     states = np.zeros((len(orders), 4))
     first = float(np.interp(orders[0], bench_orders(VOLTS), VOLTS))
-    _bench(record, period, wanted, noise, digit, rule, first, demands, states, currents)
-    turns = states[:, 0] / (2.0 * math.pi)
-    thrust = numbers["density"] * numbers["diameter"] ** 4 * numbers["kt"] * turns * np.abs(turns)
-    return pd.DataFrame(
-        {
-            "time_s": np.arange(len(orders)) * period,
-            "motor_voltage_V": demands,
-            "shaft_speed_rad_s": states[:, 0],
-            "motor_current_A": currents,
-            "thrust_N": thrust,
-        }
-    )
-
-
-VOLTS = np.linspace(-48.0, 48.0, 193)
+    _bench(
+        thruster_record(numbers), period, wanted, *encoder, VOLTAGE[:4], first, volts, states,
+        currents,
+    )  # fmt: skip
+    return bench_table(numbers, period, volts, states, currents)

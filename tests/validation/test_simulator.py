@@ -1,4 +1,4 @@
-"""The independent reality: nominally the plant's ship, and each effect where it belongs."""
+"""The independent simulator: without effects the ship of the plant, and each effect in its balance."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from shaftline.plant import load_ship
 from shaftline.plant.replay import simulate_recording
 from shaftline.validation import cases
 from shaftline.validation.cases import draw_case
-from shaftline.validation.reality import bench, effects, instruments, motion
-from shaftline.validation.reality.effects import FRIGATE
-from shaftline.validation.reality.instruments import add_instruments
-from shaftline.validation.reality.numbers import NEUTRAL, frigate_parameters
-from shaftline.validation.reality.sail import simulate_voyage, varies_every_sample
 from shaftline.validation.recording import Scenario, simulate_case
+from shaftline.validation.simulator import bench, effects, instruments, motion
+from shaftline.validation.simulator.effects import FRIGATE
+from shaftline.validation.simulator.instruments import add_instruments
+from shaftline.validation.simulator.parameters import NEUTRAL, frigate_parameters
+from shaftline.validation.simulator.voyage import simulate_voyage, varies_every_sample
 
 PERIOD = 0.1
 
@@ -33,20 +33,20 @@ def close(a: pd.Series, b: pd.Series, share: float) -> bool:
 @pytest.mark.parametrize("kind", instruments.LIVELY)
 def test_without_effects_the_frigate_is_the_plants(kind: str) -> None:
     rack, pitch = instruments.voyage(kind, 300.0, PERIOD, np.random.default_rng(3))
-    reality = simulate_voyage(frigate_parameters(), rack, pitch, PERIOD)
-    plant = simulate_recording(load_ship("frigate"), reality)
+    simulated = simulate_voyage(frigate_parameters(), rack, pitch, PERIOD)
+    plant = simulate_recording(load_ship("frigate"), simulated)
     for column in ("shaft_speed_rad_s", "shaft_torque_N_m", "ship_speed_m_s"):
-        assert close(reality[column], plant[column], 0.01), column
-    assert np.abs(reality["pitch_ratio"] - plant["pitch_ratio"]).max() < 1e-6
+        assert close(simulated[column], plant[column], 0.01), column
+    assert np.abs(simulated["pitch_ratio"] - plant["pitch_ratio"]).max() < 1e-6
 
 
 def test_without_effects_the_thruster_is_the_plants(tmp_path: Path) -> None:
     (tmp_path / "ship.toml").write_text(bench.SHIP_FILE, encoding="utf-8")
     volts = bench.voltage_programme("steps", 120.0, PERIOD, np.random.default_rng(3))
-    reality = bench.run_bench(bench.bench_parameters(), volts, PERIOD)
-    plant = simulate_recording(load_ship(tmp_path / "ship.toml"), reality)
+    simulated = bench.run_bench(bench.bench_parameters(), volts, PERIOD)
+    plant = simulate_recording(load_ship(tmp_path / "ship.toml"), simulated)
     for column in ("shaft_speed_rad_s", "motor_current_A", "thrust_N"):
-        assert close(reality[column], plant[column], 0.002), column
+        assert close(simulated[column], plant[column], 0.002), column
 
 
 def test_demands_that_never_rest_are_held_to_the_last_sample(
@@ -62,7 +62,7 @@ def test_demands_that_never_rest_are_held_to_the_last_sample(
     found = scenario.simulate(scenario.true, waves=False)
     plain = simulate_voyage(scenario.true, scenario.drive, scenario.pitch, PERIOD)
     monkeypatch.setattr(
-        "shaftline.validation.reality.sail.JUMP", 1e-9
+        "shaftline.validation.simulator.voyage.JUMP", 1e-9
     )  # it then stops at every sample
     exact = simulate_voyage(scenario.true, scenario.drive, scenario.pitch, PERIOD)
     for column in ("shaft_speed_rad_s", "shaft_torque_N_m"):
@@ -199,17 +199,17 @@ def test_an_effect_is_as_strong_as_drawn() -> None:
         short("single"), ship=effects.FRIGATE, effects=(one,), programme="steps",
         wave_height=0.0, factors=dict.fromkeys(cases.TOLERANCES[effects.FRIGATE], 1.0),
     )  # fmt: skip
-    reality = simulate_case(case)
-    assert reality.truth["beyond_tolerances"][effect.key] == pytest.approx(1.0, abs=0.08)
+    simulated = simulate_case(case)
+    assert simulated.truth["beyond_tolerances"][effect.key] == pytest.approx(1.0, abs=0.08)
     assert (
-        reality.truth["ratios"][effect.key]
-        >= 0.999 * reality.truth["beyond_tolerances"][effect.key]
+        simulated.truth["ratios"][effect.key]
+        >= 0.999 * simulated.truth["beyond_tolerances"][effect.key]
     )
-    channel = reality.truth["channels"][effect.key]
-    noise = (reality.recording[channel] - reality.concealed[channel]).std()
-    assert noise == pytest.approx(reality.truth["residual_rms"][channel], rel=0.05)
-    equivalent = reality.truth["equivalents"][effect.key]
-    assert equivalent["value"] == pytest.approx(reality.truth["sizes"][effect.key], rel=0.1)
+    channel = simulated.truth["channels"][effect.key]
+    noise = (simulated.recording[channel] - simulated.concealed[channel]).std()
+    assert noise == pytest.approx(simulated.truth["residual_rms"][channel], rel=0.05)
+    equivalent = simulated.truth["equivalents"][effect.key]
+    assert equivalent["value"] == pytest.approx(simulated.truth["sizes"][effect.key], rel=0.1)
     assert equivalent["names"][0] == "torque_N_m"
 
 

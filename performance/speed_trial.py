@@ -1,0 +1,511 @@
+"""Correct a speed trial to calm, deep sea water of 15 degrees Celsius, by ISO 15016:2015.
+
+Each run is corrected by the direct power method: the power for the resistance by wind, waves and water
+is taken from the measured power. The current is removed by comparing runs on reciprocal courses. The
+corrected runs give the speed-power curve of the ship with its uncertainty.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from pydantic import Field, ValidationError, model_validator
+from scipy.optimize import minimize_scalar
+from scipy.special import comb
+from scipy.stats import t as student
+
+from ..core.files import FileError, read_toml
+from ..core.models import FileModel, explain
+from ..plant.holtrop import HullForm, resistance
+from .corrections import (
+    AIR_DENSITY,
+    SEA_WATER,
+    WAVE_RANGE,
+    Superstructure,
+    Wind,
+    admiralty_factor,
+    in_wave_range,
+    mean_wind,
+    relative_wind,
+    shallow_water_speed_loss,
+    true_wind,
+    water_resistance,
+    wave_resistance,
+    wind_at_height,
+    wind_resistance,
+)
+from .tables import DEGREES, KNOT, METRES, POWERS, SPEEDS, Column, TableError, canonical, read_table
+
+Floats = NDArray[np.float64]
+
+
+class TrialError(TableError):
+    """A speed trial cannot be analysed."""
+
+
+class TrialShip(FileModel):
+    """Ship of a speed trial, as her TOML file states it."""
+
+    name: str = Field(min_length=1, max_length=100)
+    hull: HullForm
+    air: Superstructure | None = Field(
+        default=None, description="above the water; without it, no wind correction"
+    )
+    shaft_efficiency: float = Field(
+        default=0.99, gt=0.5, le=1, description="P_D over the shaft power"
+    )
+    propulsive_efficiency: float | None = Field(
+        default=None, gt=0.2, le=1,
+        description="eta_D; without it, from the resistance by Holtrop and the measured power",
+    )  # fmt: skip
+    overload_factor: float = Field(
+        default=-0.1, ge=-1, le=0,
+        description="xi_P: change of eta_D over itself per relative change of the resistance",
+    )  # fmt: skip
+    gyradius: float = Field(
+        default=0.25, gt=0.1, lt=0.4, description="pitch gyradius over the length"
+    )
+    contract_displacement_m3: float | None = Field(default=None, gt=0)
+    mcr_kW: float | None = Field(
+        default=None, gt=0, description="maximum continuous rating, all shafts"
+    )
+
+    @model_validator(mode="after")
+    def _within_two_per_cent(self) -> TrialShip:
+        contract = self.contract_displacement_m3
+        if contract is not None and abs(contract / self.hull.displacement_m3 - 1.0) > 0.02:
+            raise ValueError(
+                f"contract_displacement_m3 = {contract:g} differs by more than 2 % from "
+                f"hull.displacement_m3 = {self.hull.displacement_m3:g} of the trial; beyond that the "
+                "standard needs model tests in both conditions"
+            )
+        return self
+
+
+def load_trial_ship(path: str | Path) -> TrialShip:
+    """Read the ship of a speed trial from a TOML file.
+
+    Args:
+        path: file with the keys of :class:`TrialShip`.
+
+    Raises:
+        TrialError: the file cannot be read, or a key or value is wrong; names file and key.
+    """
+    try:
+        return TrialShip.model_validate(read_toml(Path(path)))
+    except FileError as error:
+        raise TrialError(str(error)) from None
+    except ValidationError as error:
+        raise TrialError(f"{path}: {explain(error)}") from None
+
+
+COLUMNS: dict[str, Column] = {
+    "heading": Column(("heading", "hdg", "course", "cog"), DEGREES, None, -7, 7),
+    "speed_over_ground": Column(("speed_over_ground", "sog", "speed"), SPEEDS, None, 0.3, 40),
+    "shaft_power": Column(
+        ("shaft_power", "power", "ps"), POWERS, None, 1, 2e8
+    ),
+    "shaft_speed": Column(
+        ("shaft_speed", "rpm", "n"), {"rpm": 1 / 60, "1/min": 1 / 60, "1/s": 1.0}, math.nan, 0.01, 60
+    ),
+    "time": Column(
+        ("time", "start", "start_time"), {"h": 3600.0, "min": 60.0, "s": 1.0}, math.nan, -1e9, 1e10
+    ),
+    "wind_speed": Column(
+        ("wind_speed", "relative_wind_speed", "apparent_wind_speed"),
+        {"m/s": 1.0} | SPEEDS, math.nan, 0, 60,
+    ),
+    "wind_angle": Column(
+        ("wind_angle", "relative_wind_angle", "wind_direction", "apparent_wind_angle"),
+        DEGREES, math.nan, -7, 7,
+    ),
+    "wave_height": Column(("wave_height", "hs"), METRES, 0.0, 0, 15),
+    "wave_period": Column(("wave_period", "t01", "tm"), {"s": 1.0}, 6.0, 1, 25),
+    "wave_angle": Column(("wave_angle", "relative_wave_angle"), DEGREES, 0.0, -7, 7),
+    "swell_height": Column(("swell_height",), METRES, 0.0, 0, 15),
+    "swell_period": Column(("swell_period",), {"s": 1.0}, 10.0, 1, 30),
+    "swell_angle": Column(("swell_angle",), DEGREES, 0.0, -7, 7),
+    "depth": Column(("depth", "water_depth"), METRES, 1e4, 2, 12000),
+    "water_temperature": Column(
+        ("water_temperature", "temperature"), {"C": 1.0, "°C": 1.0}, 15.0, -3, 40
+    ),
+    "water_density": Column(
+        ("water_density", "density"), {"kg/m3": 1.0, "t/m3": 1e3}, SEA_WATER, 950, 1100
+    ),
+    "air_density": Column(("air_density",), {"kg/m3": 1.0}, AIR_DENSITY, 0.9, 1.5),
+}  # fmt: skip
+"""Columns of the table of runs by quantity. Wind and waves are relative to the bow, from ahead 0."""
+
+
+def read_runs(path: str | Path) -> pd.DataFrame:
+    """Read a table of runs: one row for each run, in the order of time.
+
+    The names of the columns are those of :data:`COLUMNS`, with the unit in brackets or after the last
+    underscore: ``SOG [kn]``, ``shaft_power_kW``. Other columns are ignored.
+
+    Args:
+        path: CSV or similar text table.
+
+    Returns:
+        Table in SI units with one column for each quantity.
+
+    Raises:
+        TableError: the file or a column cannot be used; names file, column and row.
+    """
+    return canonical(read_table(path), COLUMNS, str(path))
+
+
+def canonical_runs(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table of runs in SI units with one column for each quantity of :data:`COLUMNS`.
+
+    Args:
+        table: runs with names and units as in :func:`read_runs`.
+
+    Raises:
+        TableError: a column is missing, read twice, or has a value outside its range.
+    """
+    return canonical(table, COLUMNS, "runs")
+
+
+class Curve(NamedTuple):
+    """Speed-power curve P = a + b V^q through the corrected runs [W, m/s]."""
+
+    constant: float
+    factor: float
+    exponent: float
+    covariance: Floats
+    """Of the fitted parameters, shape (3, 3); zeros for a parameter that is held."""
+    freedom: int
+    """Degrees of freedom of the residual; 0: no uncertainty is known."""
+
+    def power(self, speed: Any) -> Any:
+        """Return the delivered power [W] at a speed [m/s]."""
+        return self.constant + self.factor * np.power(speed, self.exponent)
+
+    def interval(self, speed: float) -> float:
+        """Return half the 95 % interval of the power [W] at a speed [m/s]; nan if it is not known."""
+        if self.freedom < 1:
+            return math.nan
+        power = speed**self.exponent
+        slope = np.array([1.0, power, self.factor * power * math.log(speed)])
+        return float(student.ppf(0.975, self.freedom) * math.sqrt(slope @ self.covariance @ slope))
+
+    def speed(self, power: float) -> float:
+        """Return the speed [m/s] at a power [W].
+
+        Raises:
+            TrialError: the curve does not reach the power.
+        """
+        ratio = (power - self.constant) / self.factor
+        if ratio <= 0.0:
+            raise TrialError(f"the speed-power curve does not reach {power / 1e3:.0f} kW")
+        return float(ratio ** (1.0 / self.exponent))
+
+
+def fit_curve(speeds: Floats, powers: Floats, settings: int) -> Curve:
+    """Fit P = a + b V^q to runs by least squares.
+
+    Example:
+        >>> speeds = np.array([6.0, 7.0, 8.0])
+        >>> round(fit_curve(speeds, 4e4 * speeds**3.2, 3).exponent, 3)
+        3.2
+
+    With fewer than four power settings a is 0, with a single one q is 3.
+
+    Args:
+        speeds: speed through the water [m/s], (n,).
+        powers: delivered power [W], (n,).
+        settings: number of different power settings.
+    """
+
+    def columns(exponent: float) -> Floats:
+        rising = speeds**exponent
+        return np.array([np.ones_like(speeds), rising]).T if settings >= 4 else rising[:, None]
+
+    def misfit(exponent: float) -> float:
+        lhs = columns(exponent)
+        scale = np.linalg.norm(lhs, axis=0)
+        solution = np.linalg.lstsq(lhs / scale, powers, rcond=None)[0]
+        return float(np.sum((lhs / scale @ solution - powers) ** 2))
+
+    exponent = 3.0
+    if settings > 1:
+        exponent = float(minimize_scalar(misfit, bounds=(1.5, 8.0), method="bounded").x)
+    lhs = columns(exponent)
+    scale = np.linalg.norm(lhs, axis=0)
+    solution = np.linalg.lstsq(lhs / scale, powers, rcond=None)[0] / scale
+    constant, factor = (0.0, *solution)[-2:]
+    free = [0, 1, 2] if settings >= 4 else [1, 2] if settings > 1 else [1]
+    rising = speeds**exponent
+    jacobian = np.array([np.ones_like(speeds), rising, factor * rising * np.log(speeds)]).T[:, free]
+    freedom = len(speeds) - len(free)
+    covariance = np.zeros((3, 3))
+    if freedom > 0:
+        scale = np.linalg.norm(jacobian, axis=0)
+        normal = (jacobian / scale).T @ (jacobian / scale)
+        residual = constant + factor * rising - powers
+        variance = float(residual @ residual) / freedom
+        covariance[np.ix_(free, free)] = variance * np.linalg.pinv(normal) / np.outer(scale, scale)
+    return Curve(float(constant), float(factor), exponent, covariance, max(freedom, 0))
+
+
+def _count_settings(powers: Floats, pairs: list[int]) -> int:
+    """Return the number of different power settings; those within 3 per cent are one."""
+    numbers = np.array(pairs)
+    means = np.sort([powers[numbers == n].mean() for n in set(pairs)])
+    return 1 + int(np.sum(np.diff(means) > 0.03 * means[:-1]))
+
+
+@dataclass(frozen=True)
+class SpeedTrial:
+    """Result of a speed trial.
+
+    Args:
+        ship: ship of the trial.
+        runs: measured and corrected values of each run, in SI units; corrected are ``power_W``
+            (delivered power in calm deep water) and ``speed_m_s`` (through the water).
+        curve: speed-power curve of delivered power in calm water.
+        method: how the current was removed: ``iterative`` or ``mean of means``.
+        remarks: sentences on what was assumed, left out, or lies outside a range of validity.
+    """
+
+    ship: TrialShip
+    runs: pd.DataFrame
+    curve: Curve
+    method: str
+    remarks: tuple[str, ...]
+
+    def shaft_power(self, speed_m_s: float) -> tuple[float, float]:
+        """Return shaft power and half of its 95 % interval at a speed [W].
+
+        Args:
+            speed_m_s: speed through calm water.
+        """
+        efficiency = self.ship.shaft_efficiency
+        power, half = float(self.curve.power(speed_m_s)), self.curve.interval(speed_m_s)
+        return power / efficiency, half / efficiency
+
+    def speed_at(self, shaft_power_W: float) -> tuple[float, float]:
+        """Return speed in calm water and half of its 95 % interval at a shaft power [m/s].
+
+        Args:
+            shaft_power_W: power of all shafts [W].
+
+        Raises:
+            TrialError: the speed-power curve does not reach the power.
+        """
+        curve = self.curve
+        speed = curve.speed(shaft_power_W * self.ship.shaft_efficiency)
+        slope = curve.factor * curve.exponent * speed ** (curve.exponent - 1.0)
+        return speed, curve.interval(speed) / slope
+
+
+def analyse_trial(ship: TrialShip, runs: pd.DataFrame) -> SpeedTrial:
+    """Correct the runs of a speed trial, and fit the speed-power curve (ISO 15016:2015).
+
+    Args:
+        ship: ship of the trial.
+        runs: table of :func:`read_runs`; consecutive runs of one power are on reciprocal courses.
+
+    Raises:
+        TrialError: fewer than two runs, a run without its reciprocal, or corrections larger than the
+            measured power.
+    """
+    pairs = _double_runs(runs)
+    remarks = list(_remarks(ship, runs))
+    result = runs.copy()
+    result["pair"] = pairs
+    result["delivered_power_W"] = runs["shaft_power"] * ship.shaft_efficiency
+    winds = _winds(ship, runs, pairs)
+    rows = [
+        _added_resistance(ship, row, wind) | _run_power(ship, row, wind)
+        for (_, row), wind in zip(runs.iterrows(), winds, strict=True)
+    ]
+    corrected = pd.DataFrame(rows, index=runs.index)
+    result = pd.concat([result, corrected], axis=1)
+    power = corrected["power_W"].to_numpy(copy=True)
+    ground = runs["speed_over_ground"].to_numpy()
+    speed, method = _through_water(runs, pairs, ground, power)
+    result["power_W"] = power
+    result["current_m_s"] = ground - speed
+    losses = [
+        shallow_water_speed_loss(v, ship.hull.midship_area, h)
+        for v, h in zip(speed, runs["depth"], strict=True)
+    ]
+    result["shallow_water_loss"] = losses
+    result["speed_m_s"] = speed * (1.0 + np.array(losses))
+    if ship.contract_displacement_m3 is not None:
+        power = power * admiralty_factor(ship.hull.displacement_m3, ship.contract_displacement_m3)
+        result["power_W"] = power
+    curve = fit_curve(result["speed_m_s"].to_numpy(), power, _count_settings(power, pairs))
+    if curve.freedom < 1:
+        remarks.append("too few runs for an interval of the speed-power curve")
+    return SpeedTrial(ship, result, curve, method, tuple(remarks))
+
+
+def _double_runs(runs: pd.DataFrame) -> list[int]:
+    """Return the number of the power setting of each run: runs on alternating courses at one power.
+
+    Raises:
+        TrialError: a run without a reciprocal run.
+    """
+    if len(runs) < 2:
+        raise TrialError(f"{len(runs)} run: a speed trial needs at least one run in each direction")
+    numbers, group = [0], 0
+    heading, power = runs["heading"].to_numpy(), runs["shaft_power"].to_numpy()
+    for k in range(1, len(runs)):
+        turned = abs(math.remainder(heading[k] - heading[k - 1] - math.pi, 2 * math.pi))
+        same_power = abs(power[k] / power[k - 1] - 1.0) < 0.06
+        if not (same_power and turned < math.radians(30.0)):
+            group += 1
+        numbers.append(group)
+    for number in sorted(set(numbers)):
+        if numbers.count(number) < 2:
+            run = numbers.index(number) + 1
+            raise TrialError(
+                f"run {run} ({runs['shaft_power'].iloc[run - 1] / 1e3:.0f} kW, heading "
+                f"{math.degrees(heading[run - 1]):.0f} deg) has no run beside it in the table at the "
+                "same power (within 6 %) on the reciprocal course (within 30 deg); the current cannot "
+                "be "
+                "removed"
+            )
+    return numbers
+
+
+def _winds(ship: TrialShip, runs: pd.DataFrame, pairs: list[int]) -> list[Wind | None]:
+    """Return the relative wind of each run at the reference height, by the mean wind of its setting."""
+    if ship.air is None or runs[["wind_speed", "wind_angle"]].isna().to_numpy().any():
+        return [None] * len(runs)
+    air = ship.air
+    true = [
+        true_wind(Wind(row.wind_speed, row.wind_angle), row.speed_over_ground, row.heading)
+        for row in runs.itertuples()
+    ]
+    found: list[Wind | None] = []
+    for row, number in zip(runs.itertuples(), pairs, strict=True):
+        mean = mean_wind([wind for wind, other in zip(true, pairs, strict=True) if other == number])
+        speed = wind_at_height(mean.speed, air.anemometer_height_m, air.reference_height_m)
+        found.append(relative_wind(Wind(speed, mean.angle), row.speed_over_ground, row.heading))
+    return found
+
+
+def _added_resistance(
+    ship: TrialShip, run: Mapping[str, float], wind: Wind | None
+) -> dict[str, float]:
+    """Return the resistance by wind, waves and water of a run [N]."""
+    speed, hull = run["speed_over_ground"], ship.hull
+    seas = sum(
+        wave_resistance(
+            hull, speed, run[f"{sea}_height"], run[f"{sea}_period"], run[f"{sea}_angle"], ship.gyradius,
+            run["water_density"],
+        )
+        for sea in ("wave", "swell")
+    )  # fmt: skip
+    calm = resistance(hull, speed, SEA_WATER).total
+    water = water_resistance(hull, speed, calm, run["water_temperature"], run["water_density"])
+    blow = 0.0
+    if wind is not None and ship.air is not None:
+        blow = wind_resistance(ship.air, wind, speed, run["air_density"])
+    return {"wind_resistance_N": blow, "wave_resistance_N": seas, "water_resistance_N": water}
+
+
+def _run_power(ship: TrialShip, run: Mapping[str, float], wind: Wind | None) -> dict[str, float]:
+    """Return the delivered power of a run in calm water by the direct power method [W].
+
+    Raises:
+        TrialError: the corrections are larger than the measured power.
+    """
+    added = sum(_added_resistance(ship, run, wind).values())
+    speed, delivered = run["speed_over_ground"], run["shaft_power"] * ship.shaft_efficiency
+    efficiency = ship.propulsive_efficiency
+    if efficiency is None:
+        calm = resistance(ship.hull, speed, SEA_WATER).total
+        efficiency = float(np.clip((calm + added) * speed / delivered, 0.4, 0.85))
+    share = added * speed / efficiency
+    rest = delivered - share
+    inside = rest**2 + 4.0 * delivered * share * ship.overload_factor
+    if rest <= 0.0 or inside < 0.0:
+        raise TrialError(
+            f"wind, waves and water take {share / 1e3:.0f} kW of the {delivered / 1e3:.0f} kW delivered "
+            f"at {speed / KNOT:.1f} kn; check the units of wind and waves and the dimensions of the ship"
+        )
+    return {"propulsive_efficiency": efficiency, "power_W": 0.5 * (rest + math.sqrt(inside))}
+
+
+TIDE_S = 44712.0
+"""Period of the semi-diurnal tide [s]: 12 hours, 25 minutes, 12 seconds."""
+
+ROUNDS = 50
+
+
+def _through_water(
+    runs: pd.DataFrame, pairs: list[int], ground: Floats, power: Floats
+) -> tuple[Floats, str]:
+    """Return the speed of each run through the water [m/s], and the method that removes the current."""
+    time = runs["time"].to_numpy()
+    if len(runs) >= 8 and np.isfinite(time).all() and len(set(pairs)) >= 3:
+        return _iterative(
+            time - time[0], runs["heading"].to_numpy(), pairs, ground, power
+        ), "iterative"
+    speed = np.empty(len(runs))
+    for number in sorted(set(pairs)):
+        rows = [k for k, other in enumerate(pairs) if other == number]
+        weights = comb(len(rows) - 1, np.arange(len(rows)))
+        speed[rows] = np.average(ground[rows], weights=weights)
+        power[rows] = np.average(power[rows], weights=weights)
+    return speed, "mean of means"
+
+
+def _iterative(
+    time: Floats, heading: Floats, pairs: list[int], ground: Floats, power: Floats
+) -> Floats:
+    """Return the speed through the water by the iterative method (ISO 15016:2015, Annex B).
+
+    The current along the first course is V_c cos(2 pi t / T) + V_s sin(2 pi t / T) + V_t t + V_0. It and
+    the speed-power curve are fitted in turn.
+    """
+    along = np.where(np.cos(heading - heading[0]) > 0.0, 1.0, -1.0)
+    phase = 2.0 * math.pi * time / TIDE_S
+    tide = np.array([np.cos(phase), np.sin(phase), time / TIDE_S, np.ones_like(time)]).T
+    numbers, settings = np.array(pairs), _count_settings(power, pairs)
+    speed = np.array([ground[numbers == n].mean() for n in pairs])
+    mean_power = np.array([power[numbers == n].mean() for n in pairs])
+    curve = fit_curve(speed, mean_power, settings)
+    for _ in range(ROUNDS):
+        expected = np.array([curve.speed(p) for p in power])
+        current = tide @ np.linalg.lstsq(tide, along * (ground - expected), rcond=None)[0]
+        further = ground - along * current
+        if np.max(np.abs(further - speed)) < 1e-6:
+            break
+        speed = further
+        curve = fit_curve(speed, power, settings)
+    return speed
+
+
+def _remarks(ship: TrialShip, runs: pd.DataFrame) -> list[str]:
+    """Return sentences on what is assumed or outside the range of a formula."""
+    said = []
+    if ship.air is None:
+        said.append("no wind correction: the ship file has no table [air]")
+    elif runs[["wind_speed", "wind_angle"]].isna().to_numpy().any():
+        said.append("no wind correction: the runs have no wind_speed and wind_angle")
+    waves = runs["wave_height"] + runs["swell_height"]
+    if not waves.any():
+        said.append("no wave correction: the runs have no wave_height")
+    elif not all(in_wave_range(ship.hull, v) for v in runs["speed_over_ground"]):
+        said.append(f"STAWAVE-2 is used outside its range ({WAVE_RANGE})")
+    if ship.propulsive_efficiency is None:
+        said.append("propulsive efficiency estimated from the resistance by Holtrop and Mennen")
+    if not np.isfinite(runs["time"]).all():
+        said.append("no time of the runs: the current is taken as constant within each setting")
+    depth = runs["depth"].to_numpy()
+    if (depth >= 1e4).all():
+        said.append("no water depth: deep water is assumed")
+    return said

@@ -1,0 +1,481 @@
+"""Ship files from main particulars: what a yard's data sheet has, the rest estimated.
+
+Resistance, wake and thrust deduction are those of Holtrop and Mennen (:mod:`.holtrop`). The propeller
+is of the B-series; its blade area follows Keller's criterion, its pitch the thrust at the design
+speed. The engine has the rack map and the fuel surface of the package's frigate, scaled to its rating.
+Each estimated value has a note on its method, and the file has tolerances, by which a diagnosis knows
+how uncertain it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field, ValidationError, model_validator
+from scipy.optimize import brentq
+
+from ..core.files import FileError, read_toml
+from ..core.models import FileModel, explain
+from .holtrop import HullForm, Interaction, interaction, resistance
+from .open_water import b_series, open_water
+from .ship import Ship, ShipError
+from .surroundings import ATMOSPHERE, GRAVITY, VAPOUR_PRESSURE
+
+KNOT = 1852.0 / 3600.0
+"""Knot [m/s]."""
+
+WATER = 1025.0
+"""Density of sea water [kg/m3]."""
+
+
+class Particulars(FileModel):
+    """Main particulars of a ship. Form coefficients that are not given are estimated.
+
+    Machinery is that of one shaft: one engine, gearbox and propeller each.
+    """
+
+    name: str = Field(min_length=1, max_length=60)
+    length_m: float = Field(gt=5, le=500, description="length on the water line")
+    beam_m: float = Field(gt=1, le=100, description="moulded beam at the water line")
+    draught_m: float = Field(gt=0.3, le=40, description="mean moulded draught")
+    displacement_t: float = Field(gt=5, le=1e6, description="displacement in sea water, in tonnes")
+    design_speed_kn: float = Field(gt=2, le=60, description="design speed")
+    mcr_kW: float = Field(gt=10, le=1e5, description="maximum continuous rating of one engine")
+    engine_speed_rpm: float = Field(gt=30, le=3000, description="engine speed at that rating")
+    shaft_speed_rpm: float = Field(gt=20, le=2000, description="shaft speed at that rating")
+    propeller_diameter_m: float = Field(gt=0.3, le=15)
+    blades: int = Field(default=4, ge=3, le=7)
+    shafts: Literal[1, 2] = Field(default=1, description="number of shafts")
+    controllable_pitch: bool = Field(default=False, description="whether the pitch is controllable")
+    pitch_ratio: float | None = Field(default=None, ge=0.5, le=1.4, description="design P/D")
+    expanded_area_ratio: float | None = Field(default=None, ge=0.3, le=1.05)
+    midship_coefficient: float | None = Field(default=None, gt=0.4, le=1)
+    waterplane_coefficient: float | None = Field(default=None, gt=0.4, le=1)
+    lcb_percent: float | None = Field(default=None, ge=-8, le=8)
+    bulb_area_m2: float = Field(default=0.0, ge=0)
+    bulb_centre_m: float = Field(default=0.0, ge=0)
+    transom_area_m2: float = Field(default=0.0, ge=0)
+    appendage_area_m2: float = Field(default=0.0, ge=0)
+    stern_shape: float = Field(default=0.0, ge=-25, le=10)
+    specific_consumption_g_kWh: float = Field(default=202.0, gt=100, lt=400)
+
+    @model_validator(mode="after")
+    def _fits(self) -> Particulars:
+        if self.propeller_diameter_m > 0.95 * self.draught_m:
+            raise ValueError(
+                f"propeller_diameter_m = {self.propeller_diameter_m:g} does not fit under the water "
+                f"line "
+                f"with draught_m = {self.draught_m:g}"
+            )
+        if self.shaft_speed_rpm > 1.001 * self.engine_speed_rpm:
+            raise ValueError(
+                f"shaft_speed_rpm = {self.shaft_speed_rpm:g} is above engine_speed_rpm = "
+                f"{self.engine_speed_rpm:g}; the gearbox of a ship reduces the speed"
+            )
+        froude = self.design_speed_kn * KNOT / math.sqrt(GRAVITY * self.length_m)
+        if froude > 0.8:
+            raise ValueError(
+                f"design_speed_kn = {self.design_speed_kn:g} is a Froude number of {froude:.2f}; "
+                "Holtrop and Mennen hold for displacement ships, up to 0.8"
+            )
+        return self
+
+
+def load_particulars(path: str | Path) -> Particulars:
+    """Read a TOML file of particulars.
+
+    Args:
+        path: file with the keys of :class:`Particulars`.
+
+    Raises:
+        ShipError: the file cannot be read, or a key or value is wrong; names file and key.
+    """
+    try:
+        return Particulars.model_validate(read_toml(Path(path)))
+    except FileError as error:
+        raise ShipError(str(error)) from None
+    except ValidationError as error:
+        raise ShipError(f"{path}: {explain(error)}") from None
+
+
+class Estimate(NamedTuple):
+    """Value of a ship file with the note on its source."""
+
+    value: Any
+    note: str
+
+
+Sections = dict[str, dict[str, Estimate]]
+
+
+def hull_form(given: Particulars) -> HullForm:
+    """Return the hull for Holtrop and Mennen, with form coefficients that are not given estimated.
+
+    C_M = 1 / (1 + (1 - C_B)^3.5) and C_WP = (1 + 2 C_B) / 3 (Schneekluth & Bertram 1998, Ship design for
+    efficiency and economy, chapter 1); the centre of buoyancy 8.8 - 38.9 Fn per cent of the length
+    forward of midships, at most 3 (the same, after Guldhammer and Harvald).
+
+    Raises:
+        ValidationError: dimensions that fit no ship.
+    """
+    volume = given.displacement_t * 1000.0 / WATER
+    block = volume / (given.length_m * given.beam_m * given.draught_m)
+    froude = given.design_speed_kn * KNOT / math.sqrt(GRAVITY * given.length_m)
+    midship = given.midship_coefficient or 1.0 / (1.0 + max(1.0 - block, 0.0) ** 3.5)
+    plane = given.waterplane_coefficient or min((1.0 + 2.0 * block) / 3.0, 1.0)
+    centre = given.lcb_percent
+    return HullForm(
+        length_m=given.length_m, beam_m=given.beam_m, draught_m=given.draught_m, displacement_m3=volume,
+        midship_coefficient=midship, waterplane_coefficient=plane,
+        lcb_percent=float(np.clip(8.8 - 38.9 * froude, -3.0, 3.0)) if centre is None else centre,
+        bulb_area_m2=given.bulb_area_m2, bulb_centre_m=given.bulb_centre_m,
+        transom_area_m2=given.transom_area_m2, appendage_area_m2=given.appendage_area_m2,
+        stern_shape=given.stern_shape,
+    )  # fmt: skip
+
+
+class DesignPoint(NamedTuple):
+    """Propeller and its working point at the design speed."""
+
+    pitch_ratio: float
+    expanded_area_ratio: float
+    shaft_speed: float
+    """[rev/s]"""
+    shaft_power: float
+    """Of one shaft, in front of the gearbox [W]."""
+    flow: Interaction
+
+
+def gear_efficiency(given: Particulars) -> float:
+    """Return the efficiency of shaft and gearbox: 0.99 without a gearbox, 0.97 with one."""
+    return 0.99 if given.engine_speed_rpm < 1.05 * given.shaft_speed_rpm else 0.97
+
+
+def design_point(given: Particulars, hull: HullForm) -> DesignPoint:
+    """Return pitch, blade area and working point of the propeller at the design speed.
+
+    The blade area follows Keller's criterion (Keller 1966). Without a given pitch, pitch and shaft
+    speed are such that the thrust equals the resistance and the power lies on the cubic propeller
+    curve through the engine's rating.
+
+    Args:
+        given: particulars.
+        hull: hull of :func:`hull_form`.
+
+    Raises:
+        ShipError: no pitch of the B-series gives the thrust of the design speed.
+    """
+    speed, diameter = given.design_speed_kn * KNOT, given.propeller_diameter_m
+    rated = given.shaft_speed_rpm / 60.0
+    drag = resistance(hull, speed, WATER).total / given.shafts
+    area, pitch = given.expanded_area_ratio or 0.6, given.pitch_ratio or 1.0
+    for _ in range(
+        20
+    ):  # wake, blade area and pitch depend on each other; it settles in a few rounds
+        flow = interaction(hull, diameter, speed, given.shafts, area, pitch)
+        thrust = drag / (1.0 - flow.thrust_deduction)
+        before = area, pitch
+        area = given.expanded_area_ratio or _keller(given, thrust)
+        pitch, revolutions, power = _match(given, flow, area, thrust, rated)
+        if max(abs(area - before[0]), abs(pitch - before[1])) < 1e-6:
+            break
+    return DesignPoint(pitch, area, revolutions, power, flow)
+
+
+def _keller(given: Particulars, thrust: float) -> float:
+    """Return the expanded area ratio by Keller's criterion against cavitation."""
+    depth = _shaft_depth(given)
+    head = ATMOSPHERE - VAPOUR_PRESSURE + WATER * GRAVITY * depth
+    loaded = (1.3 + 0.3 * given.blades) * thrust / (given.propeller_diameter_m**2 * head)
+    return float(np.clip(loaded + (0.2 if given.shafts == 1 else 0.1), 0.35, 1.05))
+
+
+def _shaft_depth(given: Particulars) -> float:
+    """Return the depth of the shaft [m]: the blade tips clear the base line by 5 % of the diameter."""
+    return given.draught_m - 0.55 * given.propeller_diameter_m
+
+
+LOWEST_PITCH, HIGHEST_PITCH = 0.5, 1.4
+"""Range of P/D of the B-series."""
+
+SLOWEST, FASTEST = 0.6, 1.1
+"""Shaft speeds at the design speed that are tried, as shares of the rated one."""
+
+
+class _Screw(NamedTuple):
+    """Propeller at the design speed."""
+
+    given: Particulars
+    flow: Interaction
+    area: float
+    thrust: float
+
+    def _coefficient(self, curve: str, pitch: float, revolutions: float) -> float:
+        inflow = self.given.design_speed_kn * KNOT * (1.0 - self.flow.wake_fraction)
+        advance = inflow / (revolutions * self.given.propeller_diameter_m)
+        return float(open_water(b_series(curve, self.area, self.given.blades), advance, pitch))
+
+    def excess(self, pitch: float, revolutions: float) -> float:
+        """Return the thrust above the wanted one [N]."""
+        factor = WATER * revolutions**2 * self.given.propeller_diameter_m**4
+        return factor * self._coefficient("KT", pitch, revolutions) - self.thrust
+
+    def power(self, pitch: float, revolutions: float) -> float:
+        """Return the power of one engine [W]."""
+        factor = WATER * revolutions**2 * self.given.propeller_diameter_m**5
+        torque = factor * self._coefficient("KQ", pitch, revolutions)
+        shaft = 2.0 * math.pi * revolutions * torque / self.flow.relative_rotative_efficiency
+        return shaft / gear_efficiency(self.given)
+
+    def pitch_for(self, revolutions: float) -> float | None:
+        """Return the pitch ratio that gives the thrust at a shaft speed; None if none does."""
+        low, high = (self.excess(p, revolutions) for p in (LOWEST_PITCH, HIGHEST_PITCH))
+        if low > 0.0 or high < 0.0:
+            return None
+        return float(brentq(self.excess, LOWEST_PITCH, HIGHEST_PITCH, args=(revolutions,)))
+
+
+def _match(
+    given: Particulars, flow: Interaction, area: float, thrust: float, rated: float
+) -> tuple[float, float, float]:
+    """Return pitch ratio, revolutions [1/s] and power of one engine [W] at the design speed."""
+    screw = _Screw(given, flow, area, thrust)
+    wanted = f"the thrust of {thrust / 1e3:.0f} kN at {given.design_speed_kn:g} kn"
+    if (pitch := given.pitch_ratio) is not None:
+        low, high = 0.2 * rated, 2.0 * rated
+        if screw.excess(pitch, low) * screw.excess(pitch, high) > 0.0:
+            raise ShipError(
+                f"{given.name}: with pitch_ratio = {pitch:g} no shaft speed up to twice the rated one "
+                f"gives "
+                f"{wanted}; check propeller_diameter_m, shaft_speed_rpm and design_speed_kn"
+            )
+        revolutions = float(brentq(lambda n: screw.excess(pitch, n), low, high))
+        return pitch, revolutions, screw.power(pitch, revolutions)
+    tried = []
+    for share in np.linspace(SLOWEST, FASTEST, 51):
+        revolutions = float(share * rated)
+        if (found := screw.pitch_for(revolutions)) is not None:
+            power = screw.power(found, revolutions)
+            off_curve = abs(math.log(power / (given.mcr_kW * 1e3 * share**3)))
+            tried.append((off_curve, found, revolutions, power))
+    if not tried:
+        raise ShipError(
+            f"{given.name}: no B-series propeller of {given.propeller_diameter_m:g} m at {SLOWEST:.0%} "
+            f"to "
+            f"{FASTEST:.0%} of {given.shaft_speed_rpm:g} rpm gives {wanted}; check "
+            f"propeller_diameter_m, "
+            "shaft_speed_rpm and design_speed_kn"
+        )
+    return min(tried)[1:]
+
+
+SCALED = "scaled from the package's frigate"
+
+
+def estimate_sections(given: Particulars) -> Sections:
+    """Return the keys of a ship file by section, with a note on the source of each value.
+
+    Args:
+        given: particulars.
+
+    Raises:
+        ShipError: the propeller cannot give the thrust of the design speed, or the engine its power.
+        ValidationError: dimensions that fit no ship.
+    """
+    hull = hull_form(given)
+    point = design_point(given, hull)
+    power = given.mcr_kW * 1e3
+    if point.shaft_power > 1.02 * power:
+        raise ShipError(
+            f"{given.name}: {given.design_speed_kn:g} kn needs {point.shaft_power / 1e3:.0f} kW of "
+            f"each engine "
+            f"by Holtrop and Mennen, more than mcr_kW = {given.mcr_kW:g}; lower design_speed_kn or "
+            f"check "
+            "displacement and dimensions"
+        )
+    return {
+        "water": {"density_kg_m3": Estimate(WATER, "sea water of 15 degrees Celsius")},
+        "hull": _hull(given, hull, point),
+        "propeller": _propeller(given, point),
+        "prime_mover": _engine(given),
+        "transmission": _transmission(given, point),
+        **({"pitch_actuator": {"time_constant_s": Estimate(2.0, "assumed")}}
+           if given.controllable_pitch else {}),
+        "tolerances": _TOLERANCES,
+    }  # fmt: skip
+
+
+_TOLERANCES = {
+    "default": Estimate("guessed", "the values that follow are assumed standard deviations"),
+    "resistance": Estimate(0.1, "Holtrop and Mennen for a single ship"),
+    "mass": Estimate(0.02, ""),
+    "wake_fraction": Estimate(0.05, ""),
+    "thrust_curve": Estimate(0.03, "B-series for a real propeller"),
+    "torque_curve": Estimate(0.03, "B-series for a real propeller"),
+    "torque_per_rack": Estimate(0.05, ""),
+}
+
+
+def _hull(given: Particulars, hull: HullForm, point: DesignPoint) -> dict[str, Estimate]:
+    speed = given.design_speed_kn * KNOT
+    low, high = (resistance(hull, f * speed, WATER).total for f in (0.85, 1.0))
+    exponent = float(np.clip(math.log(high / low) / math.log(1.0 / 0.85), 1.5, 6.0))
+    surge = 2.7 * WATER * hull.displacement_m3 ** (5.0 / 3.0) / given.length_m**2
+    by_holtrop = "Holtrop and Mennen at the design speed"
+    return {
+        "mass_kg": Estimate(
+            given.displacement_t * 1e3 + surge, "displacement and added mass by Soeding (1982)"
+        ),
+        "resistance_coefficient_N_s2_m2": Estimate(high / speed**2, by_holtrop),
+        "resistance_exponent": Estimate(
+            exponent, "Holtrop and Mennen, 85 to 100 % of the design speed"
+        ),
+        "resistance_reference_speed_m_s": Estimate(speed, "design speed"),
+        "thrust_deduction": Estimate(point.flow.thrust_deduction, by_holtrop),
+        "wake_fraction": Estimate(point.flow.wake_fraction, by_holtrop),
+        "propellers": Estimate(given.shafts, "given"),
+        "beam_m": Estimate(given.beam_m, "given"),
+        "bow_length_m": Estimate(0.25 * given.length_m, "assumed"),
+    }
+
+
+def _propeller(given: Particulars, point: DesignPoint) -> dict[str, Estimate]:
+    pitch, note = point.pitch_ratio, "thrust at the design speed and the engine's rating"
+    if given.pitch_ratio is not None:
+        note = "given"
+    lowest, highest = (0.5, max(1.2, pitch)) if given.controllable_pitch else (pitch, pitch)
+    area = "Keller's criterion" if given.expanded_area_ratio is None else "given"
+    return {
+        "model": Estimate("b-series", "assumed"),
+        "diameter_m": Estimate(given.propeller_diameter_m, "given"),
+        "blades": Estimate(given.blades, "given"),
+        "expanded_area_ratio": Estimate(point.expanded_area_ratio, area),
+        "pitch_ratio_min": Estimate(lowest, "of the B-series" if lowest < pitch else note),
+        "pitch_ratio_max": Estimate(
+            highest, note if lowest == pitch else f"design P/D {pitch:.3f}"
+        ),
+        "relative_rotative_efficiency": Estimate(
+            point.flow.relative_rotative_efficiency, "Holtrop and Mennen"
+        ),
+        "depth_m": Estimate(_shaft_depth(given), "blade tips 5 % of the diameter above the keel"),
+    }
+
+
+def _engine(given: Particulars) -> dict[str, Estimate]:
+    """Return the frigate's engine scaled to a rating: torque by torque, speed by speed."""
+    model = Ship.model_validate(_frigate())
+    engine: Any = model.prime_mover
+    rated_speed = given.engine_speed_rpm * math.pi / 30.0
+    torque = given.mcr_kW * 1e3 / rated_speed
+    share = torque / engine.torque_limit_N_m
+    speed_share = rated_speed / (engine.speed_max_rpm * math.pi / 30.0)
+    values: dict[str, Estimate] = {"type": Estimate("diesel", "assumed")}
+    for key in ("torque_per_rack_N_m_mm", "torque_offset_N_m", "torque_limit_at_min_speed_N_m"):
+        values[key] = Estimate(getattr(engine, key) * share, SCALED)
+    for key in ("torque_per_speed_N_m_s_rad", "torque_limit_slope_N_m_s_rad"):
+        values[key] = Estimate(getattr(engine, key) * share / speed_share, SCALED)
+    values["torque_limit_N_m"] = Estimate(torque, "rated power over rated speed")
+    values["rack_max_mm"] = Estimate(engine.rack_max_mm, "assumed: the scale of the rack")
+    values["speed_min_rpm"] = Estimate(engine.speed_min_rpm * speed_share, SCALED)
+    values["speed_max_rpm"] = Estimate(given.engine_speed_rpm, "given")
+    values["fuel_base_g_kWh"] = Estimate(
+        given.specific_consumption_g_kWh,
+        "given" if "specific_consumption_g_kWh" in given.model_fields_set else "assumed",
+    )
+    values["fuel_rated_power_W"] = Estimate(given.mcr_kW * 1e3, "given")
+    for key in type(engine).model_fields:
+        if key.startswith("fuel_p") and getattr(engine, key):
+            values[key] = Estimate(getattr(engine, key), SCALED)
+    return values
+
+
+def _frigate() -> dict[str, Any]:
+    from .ship_files import load_ship
+
+    return load_ship("frigate").model_dump(exclude_unset=True)
+
+
+BRONZE = 7600.0
+"""Density of propeller bronze [kg/m3]."""
+
+INERTIA_CONSTANT_S = 1.5
+"""Kinetic energy of engine, flywheel and gearbox at rated speed over the rated power [s], assumed."""
+
+
+def _transmission(given: Particulars, point: DesignPoint) -> dict[str, Estimate]:
+    rated = given.engine_speed_rpm * math.pi / 30.0
+    inertia = 2.0 * INERTIA_CONSTANT_S * given.mcr_kW * 1e3 / rated**2
+    area, power = point.expanded_area_ratio, given.propeller_diameter_m**5
+    # blades of the B-series: mean thickness 0.0102 D over the expanded area, radius of gyration 0.275 D
+    blades = BRONZE * 0.25 * math.pi * area * 0.0102 * 0.275**2 * power
+    water = 0.0703 * (point.pitch_ratio * area) ** 2 / (math.pi * given.blades) * WATER * power
+    return {
+        "gear_ratio": Estimate(given.engine_speed_rpm / given.shaft_speed_rpm, "given"),
+        "efficiency": Estimate(gear_efficiency(given), "assumed"),
+        "inertia_engine_side_kg_m2": Estimate(
+            inertia, f"assumed: {INERTIA_CONSTANT_S:g} s of the rated power"
+        ),
+        "inertia_propeller_side_kg_m2": Estimate(
+            blades + water, "blades of the B-series, and water by Schwanecke (1963)"
+        ),
+    }
+
+
+def ship_from_particulars(given: Particulars) -> Ship:
+    """Return the ship of :func:`estimate_sections`.
+
+    Args:
+        given: particulars.
+
+    Raises:
+        ShipError: dimensions that fit no ship, or machinery that does not reach the design speed.
+    """
+    tree: dict[str, Any] = {"name": given.name, "description": _description(given)}
+    try:
+        for section, keys in estimate_sections(given).items():
+            tree[section] = {key: estimate.value for key, estimate in keys.items()}
+        return Ship.model_validate(tree)
+    except ValidationError as error:
+        raise ShipError(f"{given.name}: {explain(error)}") from None
+
+
+def _description(given: Particulars) -> str:
+    return f"{given.length_m:g} m, {given.design_speed_kn:g} kn, estimated from main particulars"
+
+
+def particulars_text(given: Particulars) -> str:
+    """Return the ship of :func:`estimate_sections` as the text of a commented ship file.
+
+    Args:
+        given: particulars.
+
+    Raises:
+        ShipError: as :func:`ship_from_particulars`.
+    """
+    ship_from_particulars(given)
+    return "\n".join(_lines(given)) + "\n"
+
+
+def _lines(given: Particulars) -> Iterator[str]:
+    yield "# Made from main particulars by `shaftline new-ship --from-particulars`. What is not given"
+    yield "# is estimated, by the method in its comment: replace what you know."
+    yield f'name = "{given.name}"'
+    yield f'description = "{_description(given)}"'
+    for section, keys in estimate_sections(given).items():
+        yield f"\n[{section}]"
+        for key, (value, note) in keys.items():
+            shown = f'"{value}"' if isinstance(value, str) else _digits(value)
+            line = f"{key} = {shown}"
+            yield f"{line:<48} # {note}" if note else line
+
+
+def _digits(value: float) -> str:
+    """Return a number with six significant digits as TOML."""
+    if isinstance(value, int):
+        return str(value)
+    text = f"{value:.6g}"
+    return text if any(mark in text for mark in ".en") else f"{text}.0"

@@ -1,0 +1,141 @@
+"""``trial``, ``performance``, ``export`` and ``new-ship --from-particulars``: results and refusals."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from shaftline.cli.main import app
+
+SHIP = """\
+name = "tanker"
+mcr_kW = 27000
+propulsive_efficiency = 0.75
+[hull]
+length_m = 320
+beam_m = 58
+draught_m = 20.8
+displacement_m3 = 312622
+midship_coefficient = 0.998
+waterplane_coefficient = 0.9
+lcb_percent = 3.5
+"""
+RUNS = """\
+start;HDG (deg);SOG [kn];Power [kW]
+01.05.2026 08:00;20;15,1;16000
+01.05.2026 09:15;200;14,2;16100
+01.05.2026 10:30;20;16,4;22000
+01.05.2026 11:45;200;15,7;22100
+"""
+LOG = "Date;STW [kn];Power [kW]\n" + "".join(
+    f"{1 + k % 28:02d}.{1 + k // 28:02d}.2026;11,8;6000\n" for k in range(56)
+)
+REFERENCE = """\
+name = "bulk carrier"
+beam_m = 32
+draught_m = 10
+speed_kn = [8, 12, 16]
+power_kW = [1570, 6000, 15500]
+"""
+PARTICULARS = """\
+name = "ferry"
+length_m = 150.0
+beam_m = 25.0
+draught_m = 6.0
+displacement_t = 13500.0
+design_speed_kn = 21.0
+shafts = 2
+mcr_kW = 10000.0
+engine_speed_rpm = 500.0
+shaft_speed_rpm = 140.0
+propeller_diameter_m = 4.6
+controllable_pitch = true
+"""
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(one) for one in arguments])
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    for name, text in (
+        ("ship.toml", SHIP), ("runs.csv", RUNS), ("log.csv", LOG), ("reference.toml", REFERENCE),
+        ("particulars.toml", PARTICULARS),
+    ):  # fmt: skip
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+def test_a_trial_prints_speeds_and_writes_its_files(files: Path) -> None:
+    out = files / "out"
+    result = run(
+        "trial", files / "runs.csv", "--ship", files / "ship.toml", "--speed", 15, "--out", out
+    )
+    assert result.exit_code == 0, result.output
+    assert "at 20250 kW" in result.output
+    assert "no wind correction" in result.output
+    report = json.loads((out / "report.json").read_text())
+    assert report["method"] == "mean of means"
+    assert 14.6 < report["runs"][0]["corrected_speed_kn"] < 14.7
+    assert 15.0 < report["speed_at_power"][0]["speed_kn"] < 16.1
+    assert {file.name for file in out.iterdir()} == {
+        "runs.csv", "curve.csv", "report.json", "speed-power.png",
+    }  # fmt: skip
+
+
+def test_performance_prints_periods_and_writes_its_files(files: Path) -> None:
+    out = files / "out"
+    result = run("performance", files / "log.csv", "--ship", files / "reference.toml", "--out", out)
+    assert result.exit_code == 0, result.output
+    report = json.loads((out / "report.json").read_text())
+    assert report["periods"][0]["speed_loss_percent"] == pytest.approx(
+        100 * (11.8 / 12 - 1), abs=1e-6
+    )
+    assert report["periods"][0]["from"] == "2026-01-01"
+    assert (out / "speed-loss.png").stat().st_size > 5000
+
+
+def test_a_ship_from_particulars_is_a_ship_file(files: Path) -> None:
+    ship = files / "ferry.toml"
+    assert (
+        run("new-ship", "--from-particulars", files / "particulars.toml", "--out", ship).exit_code
+        == 0
+    )
+    linear = run("linearise", "--ship", ship, "--speed", 9, "--out", files / "linear")
+    assert linear.exit_code == 0, linear.output
+
+
+def test_a_policy_is_exported(files: Path) -> None:
+    result = run("export", "storm", "--out", files / "storm.c")
+    assert result.exit_code == 0, result.output
+    assert "void storm_step(" in (files / "storm.c").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (("trial", "log.csv", "--ship", "ship.toml"), "no column is read as heading"),
+        (("trial", "runs.csv", "--ship", "reference.toml"), "hull is missing"),
+        (("trial", "none.csv", "--ship", "ship.toml"), "none.csv"),
+        (
+            ("performance", "runs.csv", "--ship", "reference.toml"),
+            "no column is read as speed_through_water",
+        ),
+        (("performance", "log.csv", "--ship", "ship.toml"), "beam_m is missing"),
+        (("export", "storm", "--out", "storm.txt"), "must end in .c"),
+        (("export", "calm", "--out", "calm.c"), "no such policy file"),
+        (("new-ship",), "give either --template or --from-particulars"),
+        (("new-ship", "--from-particulars", "reference.toml"), "length_m is missing"),
+    ],
+)
+def test_input_that_cannot_be_used_ends_with_its_reason(
+    arguments: tuple[str, ...], reason: str, files: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(files)
+    result = run(*arguments)
+    assert result.exit_code == 2, result.output
+    assert reason in " ".join(result.output.split())

@@ -1,0 +1,127 @@
+"""A ship estimated from its main particulars."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from shaftline.plant import Ship, ShipError, approach, load_ship
+from shaftline.plant.particulars import (
+    KNOT,
+    Particulars,
+    design_point,
+    hull_form,
+    load_particulars,
+    particulars_text,
+    ship_from_particulars,
+)
+
+TANKER: dict[str, Any] = {
+    "name": "tanker", "length_m": 325.5, "beam_m": 58.0, "draught_m": 20.8, "displacement_t": 320438.0,
+    "design_speed_kn": 15.5, "mcr_kW": 28000.0, "engine_speed_rpm": 76.0, "shaft_speed_rpm": 76.0,
+    "propeller_diameter_m": 9.86, "midship_coefficient": 0.998, "lcb_percent": 3.5, "stern_shape": 10.0,
+}  # fmt: skip
+"""The tanker KVLCC2, a public benchmark; rating and shaft speed are assumed."""
+
+FERRY: dict[str, Any] = {
+    "name": "ferry", "length_m": 150.0, "beam_m": 25.0, "draught_m": 6.0, "displacement_t": 13500.0,
+    "design_speed_kn": 21.0, "mcr_kW": 10000.0, "engine_speed_rpm": 500.0, "shaft_speed_rpm": 140.0,
+    "propeller_diameter_m": 4.6, "shafts": 2, "controllable_pitch": True,
+}  # fmt: skip
+
+
+def test_the_propeller_of_kvlcc2_is_near_the_published_one() -> None:
+    """P/D 0.721, expanded area ratio 0.431 (SIMMAN 2008); within 5 %, the scatter of such estimates."""
+    given = Particulars(**TANKER)
+    point = design_point(given, hull_form(given))
+    assert point.pitch_ratio == pytest.approx(0.721, rel=0.05)
+    assert point.expanded_area_ratio == pytest.approx(0.431, rel=0.05)
+
+
+@pytest.mark.parametrize("particulars", [TANKER, FERRY], ids=["tanker", "ferry"])
+def test_the_ship_makes_her_design_speed_within_her_rating(particulars: dict[str, Any]) -> None:
+    given = Particulars(**particulars)
+    ship = ship_from_particulars(given)
+    point = approach(ship, given.design_speed_kn * KNOT, ship.propeller.pitch_ratio_max)
+    expected = design_point(given, hull_form(given))
+    assert point.outputs.resistance == pytest.approx(
+        given.shafts * (1.0 - ship.hull.thrust_deduction) * point.outputs.thrust, rel=1e-6
+    )
+    if not given.controllable_pitch:
+        assert point.state.shaft_speed / (2 * math.pi) == pytest.approx(
+            expected.shaft_speed, rel=1e-3
+        )
+        power = point.outputs.brake_torque * point.state.shaft_speed * ship.transmission.gear_ratio
+        assert power == pytest.approx(expected.shaft_power, rel=2e-3)
+    assert expected.shaft_power < given.mcr_kW * 1e3
+
+
+def test_the_text_is_a_ship_file_that_equals_the_ship(tmp_path: Path) -> None:
+    file = tmp_path / "ferry.toml"
+    file.write_text(particulars_text(Particulars(**FERRY)))
+    read, made = load_ship(file), ship_from_particulars(Particulars(**FERRY))
+    assert read.hull.wake_fraction == pytest.approx(made.hull.wake_fraction, rel=1e-5)
+    assert read.name == "ferry"
+    assert isinstance(read, Ship)
+    assert read.tolerances.resistance == 0.1
+    assert tomllib.loads(file.read_text())["propeller"]["pitch_ratio_min"] == 0.5
+
+
+def test_the_engine_delivers_its_rating_at_its_rated_speed() -> None:
+    ship = ship_from_particulars(Particulars(**FERRY))
+    engine: Any = ship.prime_mover
+    assert engine.torque_limit_N_m * 500.0 * math.pi / 30.0 == pytest.approx(10e6)
+    full = engine.torque_per_rack_N_m_mm * engine.rack_max_mm + engine.torque_offset_N_m
+    full += engine.torque_per_speed_N_m_s_rad * 500.0 * math.pi / 30.0
+    assert full > engine.torque_limit_N_m  # the limit is reached before the end stop of the rack
+
+
+def test_a_given_pitch_is_kept() -> None:
+    given = Particulars(**TANKER | {"pitch_ratio": 0.7})
+    assert design_point(given, hull_form(given)).pitch_ratio == 0.7
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"mcr_kW": 9000.0}, "15.5 kn needs .* more than mcr_kW = 9000; lower design_speed_kn"),
+        ({"shaft_speed_rpm": 20.5}, "no B-series propeller of 9.86 m at 60% to 110% of 20.5 rpm"),
+        ({"displacement_t": 500000.0}, "block coefficient of 1.2"),
+    ],
+)
+def test_machinery_and_hulls_that_do_not_fit_are_refused(
+    change: dict[str, float], reason: str
+) -> None:
+    with pytest.raises(ShipError, match=reason):
+        ship_from_particulars(Particulars(**TANKER | change))
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ("propeller_diameter_m = 30.0", "propeller_diameter_m = 30.0"),
+        ("propeller_diameter_m = 14.9\ndraught_m = 15.0", "does not fit under the water line"),
+        ("shaft_speed_rpm = 200.0", "shaft_speed_rpm = 200 is above engine_speed_rpm = 76"),
+        ("design_speed_kn = 60.0\nlength_m = 50.0", "is a Froude number of 1.39"),
+        ("depth = 3", "depth is not a known key"),
+    ],
+)
+def test_particulars_that_are_wrong_are_refused_by_key(
+    line: str, reason: str, tmp_path: Path
+) -> None:
+    values = TANKER | tomllib.loads(line)
+    file = tmp_path / "p.toml"
+    file.write_text("".join(f"{key} = {value!r}\n" for key, value in values.items()))
+    with pytest.raises(ShipError, match=reason):
+        load_particulars(file)
+
+
+def test_a_missing_key_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "p.toml"
+    file.write_text('name = "a"\n')
+    with pytest.raises(ShipError, match="length_m is missing"):
+        load_particulars(file)
