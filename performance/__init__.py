@@ -10,6 +10,7 @@ from .monitoring import (
     PerformanceReport,
     ReferenceShip,
     analyse_performance,
+    canonical_log,
     load_reference_ship,
     read_log,
 )
@@ -34,6 +35,7 @@ __all__ = [
     "TrialShip",
     "analyse_performance",
     "analyse_trial",
+    "canonical_log",
     "canonical_runs",
     "load_reference_ship",
     "load_trial_ship",

@@ -135,7 +135,22 @@ def read_log(path: str | Path) -> pd.DataFrame:
     Raises:
         TableError: the file or a column cannot be used; names file, column and row.
     """
-    log = canonical(read_table(path), COLUMNS, str(path), gaps=True)
+    return _ordered(canonical(read_table(path), COLUMNS, str(path), gaps=True))
+
+
+def canonical_log(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table of log rows in SI units, as :func:`read_log` returns it.
+
+    Args:
+        table: rows with names and units as in :func:`read_log`; a cell may be empty.
+
+    Raises:
+        TableError: a column is missing, read twice, or has a value outside its range.
+    """
+    return _ordered(canonical(table, COLUMNS, "log", gaps=True))
+
+
+def _ordered(log: pd.DataFrame) -> pd.DataFrame:
     return log.sort_values("time", ignore_index=True)
 
 

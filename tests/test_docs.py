@@ -32,7 +32,7 @@ blocks = pytest.mark.parametrize(
     ("page", "number", "block"), BLOCKS, ids=[f"{p}-{i}" for p, i, _ in BLOCKS]
 )
 
-PACKAGES = ("plant", "observers", "baselines", "envs", "agents", "mismatch")
+PACKAGES = ("plant", "observers", "baselines", "envs", "agents", "mismatch", "performance")
 PUBLIC = {f"shaftline.{package}" for package in PACKAGES} | {
     "shaftline.envs.sb3"  # separate, because it needs stable-baselines3
 }

@@ -26,7 +26,7 @@ from ...envs.settings import EPISODE_S
 from ...envs.steering import environment_classes
 from ...envs.tasks import Task, controller_for, get_task
 from ...plant import Ship
-from ..policy.policy import PolicyError, load_policy, packaged_policies
+from ..policy.policy import PolicyError, load_policy, packaged_policies, policy_file
 from .kpis import EpisodeSums
 
 _LONGEST = 160
@@ -249,8 +249,7 @@ def label(text: str) -> str:
     if kind != _POLICY:
         propulsion = split_steering_name(text)[-1]
         return f"{text} {external_class_digest(read_options(propulsion)[0], CONTROLLERS)}".rstrip()
-    path = packaged_policies().get(source, Path(source))
-    return f"{_POLICY}:{'/'.join(Path(source).parts[-2:])} {version_of(path)}"
+    return f"{_POLICY}:{'/'.join(Path(source).parts[-2:])} {version_of(policy_file(source))}"
 
 
 def version_of(policy: Path) -> str:

@@ -71,7 +71,10 @@ class Recipe(FileModel):
         1, ge=1, le=MOST_FRAMES, description="number of the last observations in the policy input"
     )
     plans: int = Field(
-        0, ge=0, le=1000, description="clairvoyant plans to imitate before reinforcement learning"
+        default=0,
+        ge=0,
+        le=1000,
+        description="clairvoyant plans to imitate before reinforcement learning",
     )
     evaluations: int = Field(10, ge=1, description="evaluations, each followed by a checkpoint")
     env_kwargs: dict[str, Any] = Field(default_factory=dict)

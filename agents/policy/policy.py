@@ -250,6 +250,24 @@ def packaged_policies() -> dict[str, Path]:
     return {path.stem: path for path in sorted(packaged_policies_folder().glob("*.npz"))}
 
 
+def policy_file(source: str | Path) -> Path:
+    """Return the file of a policy.
+
+    Args:
+        source: file, or name of a policy of the package.
+
+    Raises:
+        PolicyError: no such policy.
+    """
+    path = packaged_policies().get(str(source), Path(source))
+    if not path.is_file():
+        raise PolicyError(
+            f"{source}: no such policy file; the package contains "
+            f"{', '.join(packaged_policies()) or 'none'}"
+        )
+    return path
+
+
 def load_policy(source: str | Path, ship: Ship | None = None) -> Policy:
     """Load a policy.
 
@@ -264,12 +282,7 @@ def load_policy(source: str | Path, ship: Ship | None = None) -> Policy:
         >>> load_policy("rough-sea").about["recipe"]["algorithm"]
         'ppo'
     """
-    path = packaged_policies().get(str(source), Path(source))
-    if not path.is_file():
-        raise PolicyError(
-            f"{source}: no such policy file; the package contains "
-            f"{', '.join(packaged_policies()) or 'none'}"
-        )
+    path = policy_file(source)
     try:
         archive = read_archive(path)
         about = json.loads(bytes(archive["about"]).decode())

@@ -165,7 +165,7 @@ def test_dates_of_loggers_are_read(stamps: list[str], second_s: float, tmp_path:
 
 def test_a_log_off_the_reference_curve_is_refused_with_the_reasons(tmp_path: Path) -> None:
     table = log(1, 20)
-    table["Power [kW]"] *= 20.0
+    table["Power [kW]"] *= 12.0
     with pytest.raises(TableError, match=r"none of the 480 rows .* outside the reference curve: "):
         analyse(tmp_path, table)
 

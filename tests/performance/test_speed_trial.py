@@ -18,7 +18,8 @@ from shaftline.performance import (
     load_trial_ship,
     read_runs,
 )
-from shaftline.performance.speed_trial import KNOT, fit_curve
+from shaftline.performance.speed_trial import fit_curve
+from shaftline.performance.tables import KNOT
 
 HULL = {
     "length_m": 320, "beam_m": 58, "draught_m": 20.8, "displacement_m3": 312622,

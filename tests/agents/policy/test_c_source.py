@@ -27,7 +27,7 @@ def in_double_precision(policy: Policy, x: np.ndarray[Any, Any]) -> np.ndarray[A
         x = weight.astype(float) @ x + bias.astype(float)
         if k < len(network.weights) - 1:
             x = np.tanh(x) if network.activation == "tanh" else np.maximum(x, 0.0)
-    return np.tanh(x) if network.squashed else np.clip(x, -1.0, 1.0)
+    return np.asarray(np.tanh(x) if network.squashed else np.clip(x, -1.0, 1.0))
 
 
 @needs_compiler
