@@ -245,8 +245,12 @@ def _find_class(name: str, what: str = "") -> tuple[Any, Mapping[str, Any]]:
 def make_steering(text: str, ship: Ship, interval_s: float) -> SteeringController:
     """Return a steering controller from ``HELMSMAN+CONTROLLER``, each with its options.
 
-    Without a second name the speed pilot sets pitch and fuel rack. Arguments: see
-    :func:`make_controller`.
+    Without a second name the speed pilot sets pitch and fuel rack.
+
+    Args:
+        text: names and options, such as ``autopilot:gain=2+speed-pilot``.
+        ship: ship that turns.
+        interval_s: control interval [s].
 
     Raises:
         ControllerError: a name or an option is unknown, or an option is out of range.

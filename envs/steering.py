@@ -62,7 +62,11 @@ class SteeringEnv(FrigateEnv):
 
 
 class SteeringVectorEnv(FrigateVectorEnv):
-    """Many :class:`SteeringEnv` environments in one compiled call; see :class:`FrigateVectorEnv`."""
+    """Many :class:`SteeringEnv` environments in one compiled call; see :class:`FrigateVectorEnv`.
+
+    Raises:
+        ValueError: a name does not exist or a value is out of range; the message names it.
+    """
 
     steered: ClassVar[bool] = True
     defaults: ClassVar[dict[str, Any]] = _DEFAULTS

@@ -71,8 +71,9 @@ def follow(
 def follow_record(observer: Any, measurements: Floats) -> tuple[Floats, NDArray[np.bool_]]:
     """Run an observer that is given as a record, for example with a changed ship model.
 
-    The OBSERVER record is that of :meth:`Observer.discretise`. Measurements and results: see
-    :func:`follow`.
+    Args:
+        observer: OBSERVER record of :meth:`Observer.discretise`.
+        measurements: as in :func:`follow`, whose results are those of this function.
     """
     found = _estimate_series(observer, measurements)
     return found.velocity, found.valid

@@ -115,6 +115,15 @@ class Schedule:
 
     Commands are constant over each step; disturbances are continuous.
 
+    Args:
+        drive: fuel rack [mm], voltage [V], torque [N m] or held speed [rad/s].
+        pitch_command: P/D [-].
+        inflow: disturbance u_x of the advance velocity, in addition to the sea [m/s].
+        resistance_factor: d_c1 [-].
+        elevation: elevation of the surface above the propeller, in addition to the sea [m].
+        signals: external signals of the ship's terms by name, in the units of the ship file.
+        rudder_command: angle [rad]; a positive angle turns to starboard.
+
     >>> import numpy as np
     >>> from shaftline.plant import Schedule
     >>> schedule = Schedule(drive=lambda t: np.where(t < 60.0, 20.0, 24.0), pitch_command=1.2)
@@ -122,15 +131,13 @@ class Schedule:
     [20.0, 24.0]
     """
 
-    drive: Any  # fuel rack [mm], voltage [V], torque [N m] or held speed [rad/s]
-    pitch_command: Any  # P/D [-]
-    inflow: Any = 0.0  # disturbance u_x of the advance velocity, in addition to the sea [m/s]
-    resistance_factor: Any = 1.0  # d_c1 [-]
-    elevation: Any = 0.0  # of the surface above the propeller, in addition to the sea [m]
-    signals: Mapping[str, Any] = field(
-        default_factory=dict
-    )  # external, by name, as in the ship file
-    rudder_command: Any = 0.0  # angle [rad]; a positive angle turns to starboard
+    drive: Any
+    pitch_command: Any
+    inflow: Any = 0.0
+    resistance_factor: Any = 1.0
+    elevation: Any = 0.0
+    signals: Mapping[str, Any] = field(default_factory=dict)
+    rudder_command: Any = 0.0
 
 
 def _values_at(value: Any, times: NDArray[np.float64], name: str) -> NDArray[np.float64]:
