@@ -94,7 +94,8 @@ def evaluate(
         for name in seas:
             if name != "task":
                 get_sea(name)
-        made = {label(text): load_controller(text, vessel, _INTERVAL, model) for text in controller}
+        loaded = [load_controller(text, vessel, _INTERVAL, model) for text in controller]
+        made = dict(zip(map(label, controller), loaded, strict=True))  # a label needs a valid file
         grid = itertools.product(*map(dict.fromkeys, (made, seas, observer)))
         cells = [Setting(c, task, s, o, seeds, ship, episode_s) for c, s, o in grid]
 
