@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import NoneType
-from typing import Annotated, Any, Literal, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, field_validator
+
+from .files import FileError, read_toml
 
 
 class FileModel(BaseModel):
@@ -59,6 +62,28 @@ def explain(error: ValidationError) -> str:
         else:
             sentences.append(f"{key} = {item['input']!r}: {item['msg'].lower()}")
     return "; ".join(sentences)
+
+
+Model = TypeVar("Model", bound=FileModel)
+
+
+def read_model(model: type[Model], path: str | Path, error: type[ValueError]) -> Model:
+    """Return the model that a TOML file describes.
+
+    Args:
+        model: class of the model.
+        path: TOML file with its keys.
+        error: class of the error that is raised.
+
+    Raises:
+        ValueError: ``error``; the file cannot be read, or a key or value is wrong. Names file and key.
+    """
+    try:
+        return model.model_validate(read_toml(Path(path)))
+    except FileError as refused:
+        raise error(str(refused)) from None
+    except ValidationError as refused:
+        raise error(f"{path}: {explain(refused)}") from None
 
 
 def refuse_non_numbers(value: Any, kinds: tuple[type, ...] = (bool,)) -> None:

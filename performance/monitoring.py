@@ -17,14 +17,13 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 from scipy.stats import t as student
 
-from ..core.files import FileError, read_toml
-from ..core.models import FileModel, explain
-from ..plant.surroundings import GRAVITY
+from ..core.models import FileModel, read_model
+from ..plant.surroundings import GRAVITY, KNOT
 from .corrections import AIR_DENSITY, Superstructure, Wind, true_wind, wind_resistance
-from .tables import DEGREES, KNOT, METRES, POWERS, SPEEDS, Column, TableError, canonical, read_table
+from .tables import DEGREES, METRES, POWERS, SPEEDS, Column, TableError, canonical, read_table
 
 Floats = NDArray[np.float64]
 
@@ -114,12 +113,7 @@ def load_reference_ship(path: str | Path) -> ReferenceShip:
     Raises:
         TableError: the file cannot be read, or a key or value is wrong; names file and key.
     """
-    try:
-        return ReferenceShip.model_validate(read_toml(Path(path)))
-    except FileError as error:
-        raise TableError(str(error)) from None
-    except ValidationError as error:
-        raise TableError(f"{path}: {explain(error)}") from None
+    return read_model(ReferenceShip, path, TableError)
 
 
 def read_log(path: str | Path) -> pd.DataFrame:

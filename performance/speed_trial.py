@@ -16,14 +16,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 from scipy.optimize import minimize_scalar
 from scipy.special import comb
 from scipy.stats import t as student
 
-from ..core.files import FileError, read_toml
-from ..core.models import FileModel, explain
+from ..core.models import FileModel, read_model
 from ..plant.holtrop import HullForm, resistance
+from ..plant.surroundings import KNOT
 from .corrections import (
     AIR_DENSITY,
     SEA_WATER,
@@ -41,7 +41,7 @@ from .corrections import (
     wind_at_height,
     wind_resistance,
 )
-from .tables import DEGREES, KNOT, METRES, POWERS, SPEEDS, Column, TableError, canonical, read_table
+from .tables import DEGREES, METRES, POWERS, SPEEDS, Column, TableError, canonical, read_table
 
 Floats = NDArray[np.float64]
 
@@ -98,12 +98,7 @@ def load_trial_ship(path: str | Path) -> TrialShip:
     Raises:
         TrialError: the file cannot be read, or a key or value is wrong; names file and key.
     """
-    try:
-        return TrialShip.model_validate(read_toml(Path(path)))
-    except FileError as error:
-        raise TrialError(str(error)) from None
-    except ValidationError as error:
-        raise TrialError(f"{path}: {explain(error)}") from None
+    return read_model(TrialShip, path, TrialError)
 
 
 COLUMNS: dict[str, Column] = {
@@ -325,7 +320,7 @@ def analyse_trial(ship: TrialShip, runs: pd.DataFrame) -> SpeedTrial:
     result["delivered_power_W"] = runs["shaft_power"] * ship.shaft_efficiency
     winds = _winds(ship, runs, pairs)
     rows = [
-        _added_resistance(ship, row, wind) | _run_power(ship, row, wind)
+        _corrected_run(ship, row, wind)
         for (_, row), wind in zip(runs.iterrows(), winds, strict=True)
     ]
     corrected = pd.DataFrame(rows, index=runs.index)
@@ -396,10 +391,16 @@ def _winds(ship: TrialShip, runs: pd.DataFrame, pairs: list[int]) -> list[Wind |
     return found
 
 
-def _added_resistance(
+def _corrected_run(
     ship: TrialShip, run: Mapping[str, float], wind: Wind | None
 ) -> dict[str, float]:
-    """Return the resistance by wind, waves and water of a run [N]."""
+    """Return added resistances [N] and the delivered power in calm water [W] of a run.
+
+    The power follows from the direct power method.
+
+    Raises:
+        TrialError: the corrections are larger than the measured power.
+    """
     speed, hull = run["speed_over_ground"], ship.hull
     seas = sum(
         wave_resistance(
@@ -413,20 +414,9 @@ def _added_resistance(
     blow = 0.0
     if wind is not None and ship.air is not None:
         blow = wind_resistance(ship.air, wind, speed, run["air_density"])
-    return {"wind_resistance_N": blow, "wave_resistance_N": seas, "water_resistance_N": water}
-
-
-def _run_power(ship: TrialShip, run: Mapping[str, float], wind: Wind | None) -> dict[str, float]:
-    """Return the delivered power of a run in calm water by the direct power method [W].
-
-    Raises:
-        TrialError: the corrections are larger than the measured power.
-    """
-    added = sum(_added_resistance(ship, run, wind).values())
-    speed, delivered = run["speed_over_ground"], run["shaft_power"] * ship.shaft_efficiency
+    added, delivered = blow + seas + water, run["shaft_power"] * ship.shaft_efficiency
     efficiency = ship.propulsive_efficiency
     if efficiency is None:
-        calm = resistance(ship.hull, speed, SEA_WATER).total
         efficiency = float(np.clip((calm + added) * speed / delivered, 0.4, 0.85))
     share = added * speed / efficiency
     rest = delivered - share
@@ -436,7 +426,10 @@ def _run_power(ship: TrialShip, run: Mapping[str, float], wind: Wind | None) -> 
             f"wind, waves and water take {share / 1e3:.0f} kW of the {delivered / 1e3:.0f} kW delivered "
             f"at {speed / KNOT:.1f} kn; check the units of wind and waves and the dimensions of the ship"
         )
-    return {"propulsive_efficiency": efficiency, "power_W": 0.5 * (rest + math.sqrt(inside))}
+    return {
+        "wind_resistance_N": blow, "wave_resistance_N": seas, "water_resistance_N": water,
+        "propulsive_efficiency": efficiency, "power_W": 0.5 * (rest + math.sqrt(inside)),
+    }  # fmt: skip
 
 
 TIDE_S = 44712.0

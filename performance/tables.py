@@ -13,9 +13,7 @@ from numpy.typing import NDArray
 
 from ..core.files import FileError
 from ..core.tables import LayoutError, read_text_table
-
-KNOT = 1852.0 / 3600.0
-"""Knot [m/s]."""
+from ..plant.surroundings import KNOT
 
 
 class TableError(ValueError):

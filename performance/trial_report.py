@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 
 from ..core.files import write_json
 from ..display import figures, tables
+from ..plant.surroundings import KNOT
 from .speed_trial import SpeedTrial
-from .tables import KNOT
 
 
 def runs_table(trial: SpeedTrial) -> pd.DataFrame:

@@ -18,15 +18,12 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 from scipy.optimize import brentq
 
-from ..core.files import FileError, read_toml
-from ..core.models import FileModel, explain
+from ..core.models import FileModel, explain, read_model
 from .holtrop import HullForm, Interaction, interaction, resistance
 from .open_water import b_series, open_water
 from .ship import Ship, ShipError
-from .surroundings import ATMOSPHERE, GRAVITY, VAPOUR_PRESSURE
-
-KNOT = 1852.0 / 3600.0
-"""Knot [m/s]."""
+from .ship_files import format_value, load_ship
+from .surroundings import ATMOSPHERE, GRAVITY, KNOT, VAPOUR_PRESSURE
 
 WATER = 1025.0
 """Density of sea water [kg/m3]."""
@@ -94,12 +91,7 @@ def load_particulars(path: str | Path) -> Particulars:
     Raises:
         ShipError: the file cannot be read, or a key or value is wrong; names file and key.
     """
-    try:
-        return Particulars.model_validate(read_toml(Path(path)))
-    except FileError as error:
-        raise ShipError(str(error)) from None
-    except ValidationError as error:
-        raise ShipError(f"{path}: {explain(error)}") from None
+    return read_model(Particulars, path, ShipError)
 
 
 class Estimate(NamedTuple):
@@ -367,8 +359,7 @@ def _propeller(given: Particulars, point: DesignPoint) -> dict[str, Estimate]:
 
 def _engine(given: Particulars) -> dict[str, Estimate]:
     """Return the frigate's engine scaled to a rating: torque by torque, speed by speed."""
-    model = Ship.model_validate(_frigate())
-    engine: Any = model.prime_mover
+    engine: Any = load_ship("frigate").prime_mover
     rated_speed = given.engine_speed_rpm * math.pi / 30.0
     torque = given.mcr_kW * 1e3 / rated_speed
     share = torque / engine.torque_limit_N_m
@@ -391,12 +382,6 @@ def _engine(given: Particulars) -> dict[str, Estimate]:
         if key.startswith("fuel_p") and getattr(engine, key):
             values[key] = Estimate(getattr(engine, key), SCALED)
     return values
-
-
-def _frigate() -> dict[str, Any]:
-    from .ship_files import load_ship
-
-    return load_ship("frigate").model_dump(exclude_unset=True)
 
 
 BRONZE = 7600.0
@@ -434,11 +419,17 @@ def ship_from_particulars(given: Particulars) -> Ship:
     Raises:
         ShipError: dimensions that fit no ship, or machinery that does not reach the design speed.
     """
+    return _make_ship(given)[0]
+
+
+def _make_ship(given: Particulars) -> tuple[Ship, Sections]:
+    """Return the ship and the sections of her file."""
     tree: dict[str, Any] = {"name": given.name, "description": _description(given)}
     try:
-        for section, keys in estimate_sections(given).items():
+        sections = estimate_sections(given)
+        for section, keys in sections.items():
             tree[section] = {key: estimate.value for key, estimate in keys.items()}
-        return Ship.model_validate(tree)
+        return Ship.model_validate(tree), sections
     except ValidationError as error:
         raise ShipError(f"{given.name}: {explain(error)}") from None
 
@@ -456,19 +447,19 @@ def particulars_text(given: Particulars) -> str:
     Raises:
         ShipError: as :func:`ship_from_particulars`.
     """
-    ship_from_particulars(given)
-    return "\n".join(_lines(given)) + "\n"
+    ship, sections = _make_ship(given)
+    return "\n".join(_lines(ship, sections)) + "\n"
 
 
-def _lines(given: Particulars) -> Iterator[str]:
+def _lines(ship: Ship, sections: Sections) -> Iterator[str]:
     yield "# Made from main particulars by `shaftline new-ship --from-particulars`. What is not given"
     yield "# is estimated, by the method in its comment: replace what you know."
-    yield f'name = "{given.name}"'
-    yield f'description = "{_description(given)}"'
-    for section, keys in estimate_sections(given).items():
+    yield f"name = {format_value(ship.name)}"
+    yield f"description = {format_value(ship.description)}"
+    for section, keys in sections.items():
         yield f"\n[{section}]"
         for key, (value, note) in keys.items():
-            shown = f'"{value}"' if isinstance(value, str) else _digits(value)
+            shown = format_value(value) if isinstance(value, str) else _digits(value)
             line = f"{key} = {shown}"
             yield f"{line:<48} # {note}" if note else line
 

@@ -189,7 +189,8 @@ def template_text(name: str, ship_name: str | None = None) -> str:
     """Return a template as the text of a commented ship file, with the template's name by default."""
     ship = template(name)
     head = _HEAD.format(description=ship.description, template=name)
-    head += f"name = {_value(ship_name or ship.name)}\ndescription = {_value(ship.description)}\n"
+    head += f"name = {format_value(ship_name or ship.name)}\n"
+    head += f"description = {format_value(ship.description)}\n"
     parts = [head]
     given = ship.model_dump(exclude_unset=True)
     for key in type(ship).model_fields:
@@ -232,7 +233,7 @@ def _is_applicable(ship: Ship, section: Section, info: FieldInfo) -> bool:
 
 
 def _line(key: str, value: Any, info: FieldInfo) -> str:
-    text = f"{key} = {_value(value)}"
+    text = f"{key} = {format_value(value)}"
     has_unit = type(value) is float or unit_of(info) != "-"
     parts = [info.description or "", f"[{unit_of(info)}]" if has_unit else ""]
     if place_of(info) is not None or type(value) in (int, float):
@@ -243,7 +244,7 @@ def _line(key: str, value: Any, info: FieldInfo) -> str:
     return f"{text:<{_WIDTH}} # {comment}" if comment else text
 
 
-def _value(value: Any) -> str:
+def format_value(value: Any) -> str:
     """Return a value as TOML text."""
     if isinstance(value, bool):
         return "true" if value else "false"
@@ -252,5 +253,5 @@ def _value(value: Any) -> str:
     if isinstance(value, tuple) and len(value) == 1 and isinstance(value[0], tuple):
         value = value[0]  # A table with one curve needs no list of lists.
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(_value(item) for item in value) + "]"
+        return "[" + ", ".join(format_value(item) for item in value) + "]"
     return repr(value)

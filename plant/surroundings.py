@@ -7,6 +7,9 @@ from .keys import Section, parameter
 
 ATMOSPHERE, VAPOUR_PRESSURE, GRAVITY = 101325.0, 1671.0, 9.81  # Pa, Pa (15 degC), m/s2
 
+KNOT = 1852.0 / 3600.0
+"""Knot [m/s]."""
+
 THINNEST_LIQUID = 100.0
 """Density [kg/m3] below which a fluid is a gas: every liquid at 20 degC exceeds 500."""
 

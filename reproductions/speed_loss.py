@@ -12,7 +12,8 @@ import pandas as pd
 from shaftline.display.tables import write_table
 from shaftline.performance import ReferenceShip, analyse_performance
 from shaftline.performance.monitoring import COLUMNS, DAY_S, step_between
-from shaftline.performance.tables import KNOT, canonical
+from shaftline.performance.tables import canonical
+from shaftline.plant.surroundings import KNOT
 
 from .pages import fill_template, make_parser
 

@@ -11,8 +11,8 @@ import pandas as pd
 from shaftline.display.tables import write_table
 from shaftline.performance.corrections import SEA_WATER, regular_wave_resistance, wave_resistance
 from shaftline.plant.holtrop import HullForm, interaction, resistance
-from shaftline.plant.particulars import KNOT, Particulars, design_point, hull_form
-from shaftline.plant.surroundings import GRAVITY
+from shaftline.plant.particulars import Particulars, design_point, hull_form
+from shaftline.plant.surroundings import GRAVITY, KNOT
 
 from .pages import fill_template, make_parser
 

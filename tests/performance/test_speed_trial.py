@@ -19,7 +19,7 @@ from shaftline.performance import (
     read_runs,
 )
 from shaftline.performance.speed_trial import fit_curve
-from shaftline.performance.tables import KNOT
+from shaftline.plant.surroundings import KNOT
 
 HULL = {
     "length_m": 320, "beam_m": 58, "draught_m": 20.8, "displacement_m3": 312622,

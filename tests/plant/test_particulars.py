@@ -11,7 +11,6 @@ import pytest
 
 from shaftline.plant import Ship, ShipError, approach, load_ship
 from shaftline.plant.particulars import (
-    KNOT,
     Particulars,
     design_point,
     hull_form,
@@ -19,6 +18,7 @@ from shaftline.plant.particulars import (
     particulars_text,
     ship_from_particulars,
 )
+from shaftline.plant.surroundings import KNOT
 
 TANKER: dict[str, Any] = {
     "name": "tanker", "length_m": 325.5, "beam_m": 58.0, "draught_m": 20.8, "displacement_t": 320438.0,
@@ -69,6 +69,12 @@ def test_the_text_is_a_ship_file_that_equals_the_ship(tmp_path: Path) -> None:
     assert isinstance(read, Ship)
     assert read.tolerances.resistance == 0.1
     assert tomllib.loads(file.read_text())["propeller"]["pitch_ratio_min"] == 0.5
+
+
+def test_a_name_with_quotes_stays_a_name(tmp_path: Path) -> None:
+    file = tmp_path / "ferry.toml"
+    file.write_text(particulars_text(Particulars(**FERRY | {"name": 'the "old" ferry'})))
+    assert load_ship(file).name == 'the "old" ferry'
 
 
 def test_the_engine_delivers_its_rating_at_its_rated_speed() -> None:
