@@ -21,6 +21,9 @@ _Plain: Any = caching.IndexDataCacheFile
 _DIGEST = 32
 """Number of bytes of the SHA-256 digest at the start of a file."""
 
+_UNKNOWN_NAME = (ImportError, AttributeError)
+"""Errors of a file whose writer had imported the package under another name, or had other classes."""
+
 
 class CheckedCacheFile(_Plain):  # type: ignore[misc]
     """Numba's index and data files; a file with a wrong digest is removed instead of loaded.
@@ -36,7 +39,10 @@ class CheckedCacheFile(_Plain):  # type: ignore[misc]
         file = io.BytesIO(content)
         if pickle.load(file) != self._version:
             return {}
-        stamp, overloads = pickle.load(file)
+        try:
+            stamp, overloads = pickle.load(file)
+        except _UNKNOWN_NAME:
+            return {}
         return dict(overloads) if stamp == self._source_stamp else {}
 
     def _save_index(self, overloads: dict[Any, str]) -> None:
@@ -47,7 +53,10 @@ class CheckedCacheFile(_Plain):  # type: ignore[misc]
         content = _read(self._data_path(name))
         if content is None:
             raise FileNotFoundError(name)  # Numba then compiles the kernel.
-        return pickle.loads(content)
+        try:
+            return pickle.loads(content)
+        except _UNKNOWN_NAME as error:
+            raise FileNotFoundError(name) from error
 
     def _save_data(self, name: str, data: Any) -> None:
         self._write(self._data_path(name), self._dump(data))

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
 
+import numba
 import pytest
 
 import shaftline
@@ -49,6 +52,20 @@ def test_a_damaged_file_is_made_again(ending: str, damage: str, tmp_path: Path) 
     }[damage])  # fmt: skip
     assert _run(tmp_path) == (6.0, 0)
     assert _run(tmp_path) == (6.0, 1)
+
+
+def test_a_file_written_under_another_name_of_the_package_is_made_again(tmp_path: Path) -> None:
+    """A checkout that a script imports by its folder's name pickles classes of that name."""
+    (tmp_path / "kernel.py").write_text(PROGRAM)
+    assert _run(tmp_path) == (6.0, 0)
+    for ending in ("nbi", "nbc"):
+        (file,) = (tmp_path / "kept").rglob(f"*triple*.{ending}")
+        content = b"cmain.ship\nShip\n."  # pickle's opcode c names a global: module, then class
+        if ending == "nbi":  # numba's version comes first
+            content = pickle.dumps(numba.__version__) + content
+        file.write_bytes(hashlib.sha256(content).digest() + content)
+        assert _run(tmp_path) == (6.0, 0)
+        assert _run(tmp_path) == (6.0, 1)
 
 
 SOURCES = {
