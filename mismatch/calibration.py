@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..plant.keys import ShipParameter
 from ..plant.ship import Ship
 from .estimate import Tick, ignore_progress
 from .identification.free_parameters import AUTO, LEAST_CERTAIN, UnidentifiableError
@@ -59,8 +60,37 @@ def calibrate(
             ]
         # A user who calibrates does not trust the ship file. A parameter that is not identifiable may be
         # off by as much as the limit of identifiability, and would otherwise appear as missing physics.
-        own = found.identified
-        fixed = (own.parameter(key) for key in left_out if own.has_key(key))
-        start = widen_tolerances(own, fixed, LEAST_CERTAIN)
-        estimated = tuple(estimate.key for estimate in found.estimates)
+        own, estimated = found.identified, tuple(one.key for one in found.estimates)
+        fixed = [own.parameter(key) for key in left_out if own.has_key(key)]
+        start = _calibrate_jointly(own, estimated, fixed, recordings, columns, tolerance, progress)
+        if start is None:
+            start = widen_tolerances(found.joint or own, fixed, LEAST_CERTAIN)
         return Start(ship, start, calibrated=estimated, left_out=left_out, remarks=tuple(remarks))
+
+
+def _calibrate_jointly(
+    ship: Ship,
+    estimated: tuple[str, ...],
+    fixed: Sequence[ShipParameter],
+    recordings: Sequence[Recorded],
+    columns: str | Path | None,
+    tolerance: float,
+    tick: Tick,
+) -> Ship | None:
+    """Return the ship calibrated again while the parameters that are not identifiable are uncertain.
+
+    A reference period may determine a combination of two parameters, such as resistance and thrust
+    deduction, far better than either. The correlation of their errors keeps this knowledge: without it,
+    one of them would be free to explain a later change. None without such parameters, or if the
+    estimates are then not identifiable.
+    """
+    if not fixed:
+        return None
+    wide = widen_tolerances(ship, fixed, LEAST_CERTAIN)
+    try:
+        again = identify(
+            wide, *recordings, free=estimated, columns=columns, tolerance=tolerance, tick=tick
+        )
+    except UnidentifiableError:
+        return None
+    return again.joint

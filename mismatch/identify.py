@@ -77,6 +77,8 @@ class Identification(Result):
         limits: limits of the recordings, a sentence each.
         warnings: remarks on the recordings and the estimates, a sentence each.
         line: whether the commands were interpolated linearly between rows; otherwise they were held.
+        joint: ship in which the parameters that moved within their tolerances have their estimates too,
+            with the standard errors and correlations of all; None if the method has no such estimates.
     """
 
     method: str
@@ -96,6 +98,7 @@ class Identification(Result):
     limits: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     line: bool = False
+    joint: Ship | None = None
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -209,6 +212,7 @@ def identification_without_fit(
     return Identification(
         method, ship, identified_ship(ship, found), tuple(estimates), found.correlation, left_out,
         found.tables, warnings=[*found.remarks], line=found.line,
+        joint=None if found.joint is None else identified_ship(ship, found.with_tolerances()),
     )  # fmt: skip
 
 

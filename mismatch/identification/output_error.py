@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -146,14 +147,11 @@ class OutputError:
         """
         return fit.weight * ((self._spare / self._counts) ** 2)[:, None, None]
 
-    def covariance(self, values: Sequence[float], fit: Fit) -> tuple[Array, Array]:
-        """Return the covariance of the estimates, and the degrees of freedom of their variances.
+    def estimates(self, values: Sequence[float], fit: Fit) -> MethodResult:
+        """Return the estimates with their covariance, and jointly with the parameters with tolerances.
 
-        The tolerances of the other parameters are included.
-
-        Returns:
-            The covariance, shape (n, n), and the degrees of freedom of each variance, shape (n,): those
-            of the bands by their shares in it (Satterthwaite 1946). Tolerances count as known exactly.
+        The degrees of freedom of each variance are those of the bands by their shares in it
+        (Satterthwaite 1946). Tolerances count as known exactly.
         """
         columns = self.columns(values, fit)  # the first call adapts the steps to these values
         columns = self.columns(values, fit)
@@ -162,11 +160,33 @@ class OutputError:
         information = self.fitter.likelihood.information(weight, columns)
         scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
         inverse = np.linalg.pinv(information / np.outer(scale, scale), hermitian=True)
-        inverse = np.asarray(inverse / np.outer(scale, scale))[:count]
-        told = np.einsum("ik,bkl,il->ib", inverse, by_band, inverse)
-        shares = told / np.maximum(np.diag(inverse), 1e-300)[:, None]
+        inverse = np.asarray(inverse / np.outer(scale, scale))
+        own = inverse[:count]
+        told = np.einsum("ik,bkl,il->ib", own, by_band, own)
+        shares = told / np.maximum(np.diag(own), 1e-300)[:, None]
         freedom = 1.0 / np.maximum(np.sum(shares**2 / (2.0 * self._spare), axis=1), 1e-12)
-        return inverse[:, :count], freedom
+        table = {"search": pd.DataFrame(self.steps)}
+        return MethodResult(
+            self.free.keys, tuple(values), own[:, :count], table, score=fit.score, freedom=freedom,
+            joint=self._joint(values, fit, inverse),
+        )  # fmt: skip
+
+    def _joint(self, values: Sequence[float], fit: Fit, covariance: Array) -> MethodResult:
+        """Return the estimates of the free parameters and of those that moved within tolerances."""
+        count, moves = len(values), self.fitter.moves
+        keys = [*dict.fromkeys(key for move in moves for key, one in move.numbers.items() if one)]
+        # Some regressors change the first state and no parameter.
+        change = np.zeros((count + len(keys), len(covariance)))
+        change[:count, :count] = np.eye(count)
+        for k, move in enumerate(moves):
+            change[count:, count + k] = [move.numbers.get(key, 0.0) for key in keys]
+        shares = np.concatenate([np.zeros(count), fit.tolerances])
+        found = [*values]
+        for key, shift in zip(keys, (change @ shares)[count:], strict=True):
+            number = self.free.ship.parameter(key)
+            inside = np.clip(number.value + shift, *number.search_range)
+            found.append(number.info.inside(float(inside)))
+        return MethodResult((*self.free.keys, *keys), tuple(found), change @ covariance @ change.T)
 
     def _note(self, values: Sequence[float], fit: Fit) -> None:
         self.steps.append(
@@ -184,7 +204,7 @@ def output_error(
     """
     search = OutputError(fitter, free, tick)
     values, fit = search.search(start)
-    covariance, freedom = search.covariance(values, fit)
+    found = search.estimates(values, fit)
     colour = Whiteness(fitter, fitter.balances.replay.noise_rms).colour(fit)
     remarks: tuple[str, ...] = ()
     if colour is not None:
@@ -195,10 +215,7 @@ def output_error(
             f"instruments' noise at {colour.low_Hz:.3g} to {colour.high_Hz:.3g} Hz; physics is missing, "
             "and the parameters may have absorbed it",
         )
-    table = pd.DataFrame(search.steps)
-    return MethodResult(
-        free.keys, tuple(values), covariance, {"search": table}, remarks, fit.score, freedom=freedom
-    )
+    return replace(found, remarks=remarks)
 
 
 def refuse_uncertain(found: MethodResult, free: Free) -> None:

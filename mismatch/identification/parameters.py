@@ -124,6 +124,8 @@ class MethodResult:
         score: 2 log L; 0 if the method has none.
         line: whether the commands were interpolated linearly between rows; otherwise they were held.
         freedom: degrees of freedom of each variance [-], shape (n,); None for infinitely many.
+        joint: these estimates together with those of the parameters that moved within their tolerances;
+            None if the method has none.
 
     >>> found = MethodResult(("a.b", "a.c"), (1.0, 2.0), np.array([[0.04, 0.0], [0.0, 0.09]]))
     >>> found.standard_errors
@@ -138,6 +140,7 @@ class MethodResult:
     score: float = 0.0
     line: bool = False
     freedom: Array | None = None
+    joint: MethodResult | None = None
 
     @property
     def standard_errors(self) -> Array:
@@ -159,7 +162,19 @@ class MethodResult:
             return self
         apart = np.array(other.values) - np.array(self.values)
         there = other.covariance + np.outer(apart, apart)
-        return replace(self, covariance=(1.0 - share) * self.covariance + share * there)
+        joint = self.joint and other.joint and self.joint.mix_with(other.joint, share)
+        mixed = (1.0 - share) * self.covariance + share * there
+        return replace(self, covariance=mixed, joint=joint)
+
+    def with_tolerances(self) -> MethodResult:
+        """Return the joint estimates, with the standard errors of these ones where they differ."""
+        if self.joint is None:
+            return self
+        count = len(self.keys)
+        before = self.joint.standard_errors
+        scale = np.ones(len(before))
+        scale[:count] = self.standard_errors / np.maximum(before[:count], 1e-300)
+        return replace(self.joint, covariance=self.joint.covariance * np.outer(scale, scale))
 
     @property
     def correlation(self) -> Array:

@@ -10,14 +10,16 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...plant.keys import ShipParameter
 from ...plant.ship import Ship
+from ...plant.tolerances import Tolerances
 from ..search.catalogue import SizedEffect
 from ..simulate.balances import tolerance_perturbations
 from ..simulate.joint_replay import Floats, JointReplay
@@ -45,6 +47,9 @@ WIDE = 0.7
 
 WIDE_SHIFT = 30.0
 """Standard deviation of a parameter in a wrong file, in tolerances, if its tolerance is a difference."""
+
+LEAST_EIGENVALUE = 1e-9
+"""Least eigenvalue of the correlation of calibrated parameters; those in a file are rounded."""
 
 LARGEST_LOG_FACTOR = 5.0
 """Largest logarithm of a factor by which a parameter may move."""
@@ -127,12 +132,15 @@ class Coordinates:
         return (k - self._count) // self._owner.states if self._count <= k < self.clocks else None
 
     def precision(self, point: Floats, guessed: bool) -> Floats:
-        """Return the precision of each coordinate's prior; an effect's value has none."""
-        precision = np.zeros(len(point))
-        for k, prior in enumerate(self._owner.priors):
-            moves = self.steps[k] > 0.0
-            precision[k] = prior.precision(float(point[k]), guessed) if moves else FIXED
-        precision[self._count : self.edge] = self._owner.nuisance_precision()
+        """Return the precision matrix of the coordinates' prior; an effect's value has none."""
+        precision = np.zeros((len(point), len(point)))
+        count, own = self._count, self._owner
+        precision[:count, :count] = own.prior.precision(point[:count], guessed)
+        fixed = np.flatnonzero(self.steps[:count] == 0.0)
+        precision[fixed, :] = precision[:, fixed] = 0.0
+        precision[fixed, fixed] = FIXED
+        nuisance = np.arange(count, self.edge)
+        precision[nuisance, nuisance] = own.nuisance_precision()
         return precision
 
     def inside(self, point: Floats) -> Floats:
@@ -211,6 +219,107 @@ class Prior:
         near = math.exp(-0.5 * (shift / self.near) ** 2) / self.near
         far = math.exp(-0.5 * (shift / self.far) ** 2) / self.far
         return (1.0 - self.wrong) * near, self.wrong * far
+
+
+class _Case(NamedTuple):
+    """One normal distribution of a mixture."""
+
+    wrong: NDArray[np.bool_]  # whether each parameter is wrong in the file
+    log: float  # logarithm of weight and density at 0, without the constant that all share
+    precision: Floats
+
+
+class JointPrior:
+    """Prior of all parameters; those with correlated errors are far from the file one at a time.
+
+    The errors of calibrated parameters are correlated: a reference period may give the ratio of two
+    parameters far better than either. The prior of such parameters is a mixture of normal distributions:
+    all have the errors and correlations of the file, one is wrong and the others have theirs, or all are
+    wrong. The prior of a parameter without correlations is its own.
+
+    Args:
+        priors: prior of each parameter.
+        tolerances: tolerances of the ship, with the correlations.
+    """
+
+    def __init__(self, priors: Sequence[Prior], tolerances: Tolerances) -> None:
+        self._priors = list(priors)
+        keys = [prior.key for prior in priors]
+        correlation = np.array([[tolerances.correlation(a, b) for b in keys] for a in keys])
+        correlation = correlation.reshape(len(keys), len(keys))
+        known = np.array([prior.wrong < 1.0 for prior in priors], bool)
+        linked = (correlation != 0.0) & ~np.eye(len(keys), dtype=bool) & np.outer(known, known)
+        self._group = np.flatnonzero(linked.any(axis=1))
+        self._alone = np.flatnonzero(~linked.any(axis=1))
+        self._cases = [*self._mixture(correlation)] if len(self._group) else []
+
+    def _mixture(self, correlation: Floats) -> Iterator[_Case]:
+        """Yield the normal distributions of the correlated parameters; in the first, none is wrong."""
+        own = [self._priors[k] for k in self._group]
+        near, far = np.array([p.near for p in own]), np.array([p.far for p in own])
+        wrong = np.array([p.wrong for p in own])
+        count = len(own)
+        cases = np.vstack([np.zeros((1, count), bool), np.eye(count, dtype=bool)])
+        if count > 1:
+            cases = np.vstack([cases, np.ones((1, count), bool)])
+        for case in cases:
+            weight = float(np.prod(np.where(case, wrong, 1.0 - wrong)))
+            if weight <= 0.0:
+                continue
+            size = np.where(case, far, near)
+            inner = correlation[np.ix_(self._group, self._group)] * np.outer(~case, ~case)
+            np.fill_diagonal(inner, 1.0)
+            values, axes = np.linalg.eigh(inner)
+            values = np.maximum(values, LEAST_EIGENVALUE)
+            precision = (axes / values) @ axes.T / np.outer(size, size)
+            log = math.log(weight) - float(np.sum(np.log(size)) + 0.5 * np.sum(np.log(values)))
+            yield _Case(case, log, precision)
+
+    def penalty(self, shifts: Floats, guessed: bool = False) -> float:
+        """Return 2 log p of the file's own values less that of shifted ones."""
+        alone = range(len(self._priors)) if guessed else self._alone
+        cost = sum(self._priors[k].penalty(float(shifts[k]), guessed) for k in alone)
+        if self._cases and not guessed:
+            own = shifts[self._group]
+            there, here = self._logs(np.zeros_like(own)), self._logs(own)
+            cost += 2.0 * float(np.logaddexp.reduce(there) - np.logaddexp.reduce(here))
+        return float(cost)
+
+    def precision(self, shifts: Floats, guessed: bool = False) -> Floats:
+        """Return the precision matrix of the normal distribution with the same slope at the shifts."""
+        found = np.zeros((len(self._priors), len(self._priors)))
+        alone = range(len(self._priors)) if guessed else self._alone
+        for k in alone:
+            found[k, k] = self._priors[k].precision(float(shifts[k]), guessed)
+        if self._cases and not guessed:
+            shares = self._shares(shifts[self._group])
+            own = np.tensordot(shares, np.array([case.precision for case in self._cases]), 1)
+            found[np.ix_(self._group, self._group)] = own
+        return found
+
+    def distances(self, shifts: Floats) -> Floats:
+        """Return the distance of each parameter from the file, in standard deviations.
+
+        That of a parameter with correlated errors which is likelier wrong than not is its distance from
+        what the other parameters let expect.
+        """
+        found = np.abs(shifts) / np.array([prior.near for prior in self._priors])
+        if self._cases:
+            own, near = shifts[self._group], self._cases[0].precision
+            wrong = self._shares(own) @ np.array([case.wrong for case in self._cases])
+            expected = np.abs(near @ own) / np.sqrt(np.diag(near))
+            found[self._group] = np.where(wrong > 0.5, expected, found[self._group])
+        return np.asarray(found)
+
+    def _shares(self, shifts: Floats) -> Floats:
+        """Return the probability of each distribution at shifts of the correlated parameters."""
+        logs = self._logs(shifts)
+        return np.asarray(np.exp(logs - np.logaddexp.reduce(logs)))
+
+    def _logs(self, shifts: Floats) -> Floats:
+        return np.array(
+            [case.log - 0.5 * float(shifts @ case.precision @ shifts) for case in self._cases]
+        )
 
 
 def parameter_priors(replay: JointReplay, tolerance: float = 1.0) -> list[Prior]:

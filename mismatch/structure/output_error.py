@@ -26,7 +26,7 @@ from ..search.spectra import Segments
 from ..search.trial_ship import TrialShip
 from ..simulate.balances import Balances, first_state_deviations
 from ..simulate.joint_replay import Floats, map_threaded
-from .model import FIXED, Coordinates, Model, Prior, parameter_priors
+from .model import FIXED, Coordinates, JointPrior, Model, Prior, parameter_priors
 from .noise_model import Likelihood, with_first_states
 
 SKEW_ROWS = 0.29
@@ -78,6 +78,7 @@ class OutputError:
         self.tolerance = tolerance
         self.trial_ship = TrialShip(balances)
         self.priors: list[Prior] = parameter_priors(replay, tolerance)
+        self._prior: tuple[list[Prior], JointPrior] | None = None
         self.names = list(replay.channels)
         self.rows = np.concatenate([np.arange(a, b) for a, b in fitted])
         self.held_rows = np.concatenate([np.arange(a, b) for a, b in held])
@@ -159,10 +160,17 @@ class OutputError:
         self, white: Floats, shifts: Floats, nuisance: Floats, guessed: bool = False
     ) -> float:
         """Return 2 log L of whitened residuals on the fitted rows, with the priors."""
-        pairs = zip(self.priors, shifts, strict=True)
-        cost = sum(prior.penalty(float(shift), guessed) for prior, shift in pairs)
+        cost = self.prior.penalty(shifts, guessed)
         cost += float(np.sum(self.nuisance_precision() * nuisance**2))
         return self.likelihood.fitted(white) - cost
+
+    @property
+    def prior(self) -> JointPrior:
+        """Prior of all parameters."""
+        if self._prior is None or self._prior[0] != self.priors:
+            joint = JointPrior(self.priors, self.replay.ship.tolerances)
+            self._prior = list(self.priors), joint
+        return self._prior[1]
 
     def nuisance_precision(self) -> Floats:
         """Return the precision of each nuisance value's prior; :data:`FIXED` of one that cannot move."""
@@ -193,7 +201,7 @@ class OutputError:
 
     def far_parameters(self, model: Model) -> list[int]:
         """Return the indices of parameters beyond :data:`FAR_TOLERANCES`, the largest shift first."""
-        sizes = np.abs(model.shifts) / np.array([prior.near for prior in self.priors])
+        sizes = self.prior.distances(model.shifts)
         return [k for k in np.argsort(-sizes, kind="stable").tolist() if sizes[k] > FAR_TOLERANCES]
 
     def fit_from_far(self, model: Model) -> Model:
@@ -244,8 +252,8 @@ class OutputError:
                 columns = np.concatenate([kept, own])
             precision, scale = search.precision(point, guessed), self.likelihood.scale(white)
             flat = (columns * scale).reshape(len(columns), -1)
-            lhs = flat @ flat.T + np.diag(precision)
-            rhs = flat @ (white * scale).ravel() - precision * point
+            lhs = flat @ flat.T + precision
+            rhs = flat @ (white * scale).ravel() - precision @ point
             gained = -math.inf
             for _ in range(MOST_TRIALS):
                 trial = search.step(point, lhs + damping * np.diag(np.diag(lhs)), rhs)
@@ -320,6 +328,6 @@ class OutputError:
         columns, search = self.derivatives(model)
         scale = self.likelihood.scale(self.likelihood.white(self.residual(model)))
         flat = (columns * scale).reshape(len(columns), -1)
-        information = flat @ flat.T + np.diag(search.precision(search.start, guessed))
+        information = flat @ flat.T + search.precision(search.start, guessed)
         variances = np.maximum(np.diag(np.linalg.pinv(information)), 0.0)
         return np.asarray(np.sqrt(variances) * search.units)

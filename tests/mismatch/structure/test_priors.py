@@ -9,8 +9,15 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch.simulate.joint_replay import JointReplay
-from shaftline.mismatch.structure.model import WIDE, WRONG, Prior, parameter_priors
+from shaftline.mismatch.structure.model import (
+    WIDE,
+    WRONG,
+    JointPrior,
+    Prior,
+    parameter_priors,
+)
 from shaftline.plant import load_ship
+from shaftline.plant.tolerances import Tolerances
 
 from .rigs import INERTIA, motor, run
 
@@ -39,6 +46,56 @@ def test_a_guessed_parameter_costs_its_distance_alone() -> None:
 def test_a_share_moves_by_a_factor_and_a_shift_by_itself() -> None:
     assert PRIOR.value_at(math.log(2.0)) == pytest.approx(8.0)
     assert Prior("k", 4.0, 0.1, 1.0, 0.1, False, PRIOR.write).value_at(-0.5) == 3.5
+
+
+def _joint(correlation: float, wrong: float = 0.01) -> JointPrior:
+    """Return the joint prior of two parameters with errors of 10 %, and of a third without links."""
+    first, second, third = (
+        Prior(key, 1.0, 0.1, 0.7, wrong, True, PRIOR.write) for key in ("a", "b", "c")
+    )
+    known = Tolerances(numbers={"a": 0.1, "b": 0.1}, correlations={"b": {"a": correlation}})
+    return JointPrior([first, second, third], known)
+
+
+def test_correlated_parameters_move_together_cheaply_and_apart_at_the_price_of_a_wrong_one() -> (
+    None
+):
+    """For rho = 0.999, a step of s apart costs s^2 / (1 - rho) 2 / 2 and of s together s^2 2 / (1 + rho)."""
+    joint = _joint(0.999, wrong=0.0)
+    assert joint.penalty(np.array([0.1, 0.1, 0.0])) == pytest.approx(2.0 / 1.999)
+    assert joint.penalty(np.array([0.1, -0.1, 0.0])) == pytest.approx(2.0 / 0.001)
+    assert joint.penalty(np.array([0.1, -0.1, 0.0]), guessed=True) == pytest.approx(
+        2 * (1 / 7) ** 2
+    )
+    apart = _joint(0.999).penalty(np.array([0.2, -0.1, 0.0]))
+    assert 10.0 < apart < 25.0  # one of both is wrong: 2 ln(1 / 0.01) and the density's width
+
+
+def test_the_parameter_that_is_wrong_is_far_although_it_is_inside_its_own_tolerance() -> None:
+    joint = _joint(0.9999)
+    assert joint.distances(np.array([0.1, 0.1, 0.1])) == pytest.approx([1.0, 1.0, 1.0], rel=1e-3)
+    far = joint.distances(np.array([0.15, 0.0, 0.0]))
+    assert far[0] > 50.0
+    assert far[2] == 0.0
+
+
+def test_the_precision_of_a_joint_prior_is_the_slope_of_its_penalty() -> None:
+    joint, at = _joint(0.9), np.array([0.12, 0.02, -0.05])
+    slope = joint.precision(at) @ at
+    for k in range(3):
+        step = np.zeros(3)
+        step[k] = 1e-6
+        change = joint.penalty(at + step) - joint.penalty(at - step)
+        assert change / 4e-6 == pytest.approx(slope[k], rel=1e-6)
+
+
+def test_without_correlations_a_joint_prior_is_the_sum_of_its_parts() -> None:
+    joint, at = _joint(0.0), np.array([0.12, 0.5, -0.05])
+    own = [Prior("a", 1.0, 0.1, 0.7, 0.01, True, PRIOR.write)] * 3
+    assert joint.penalty(at) == sum(p.penalty(float(x)) for p, x in zip(own, at, strict=True))
+    assert np.array_equal(
+        joint.precision(at), np.diag([p.precision(float(x)) for p, x in zip(own, at, strict=True)])
+    )
 
 
 def test_every_parameter_with_a_tolerance_has_a_prior_and_those_of_the_ship_s_own_terms() -> None:
