@@ -80,7 +80,12 @@ def bound_of(task: str, found: dict[str, Any]) -> Bound | None:
 def episodes_of(task: str, name: str, part: str, found: dict[str, Any]) -> NDArray[np.float64]:
     """Return episode returns of shape (trainings, episodes); no row without results."""
     if name in ALGORITHMS:
-        rows = [v[part]["values"] for k, v in found.items() if k.startswith(f"{name}_{task}_")]
+        steps = INTERVALS[name]
+        rows = [
+            v[part]["values"]
+            for k, v in found.items()
+            if k.startswith(f"{name}_{task}_") and k.endswith(f"_{steps}")
+        ]
     else:
         key = f"reference_{task}_{name.replace(' ', '-')}"
         rows = [found[key][part]["values"]] if key in found else []
@@ -146,6 +151,29 @@ def _targets(table: pd.DataFrame, names: list[str], learners: Iterable[str]) -> 
     )  # fmt: skip
 
 
+def shorter_trainings(names: list[str], found: dict[str, Any]) -> pd.DataFrame:
+    """Return a row for each training with fewer control intervals than :data:`INTERVALS`."""
+    rows = []
+    for task, name in itertools.product(names, ALGORITHMS):
+        for key, cell in found.items():
+            steps = int(key.split("_")[-1]) if key.startswith(f"{name}_{task}_") else 0
+            if not 0 < steps < INTERVALS[name]:
+                continue
+            values = np.array(cell[""]["values"])
+            base = episodes_of(task, COMBINATOR, "", found)[0]
+            mean, low, high = mean_with_interval((values - base)[None])
+            decided = "yes" if low > 0.0 else "no" if high < 0.0 else "not decided"
+            rows.append(
+                (task, name, steps, f"{cell['curve'][0][1]:.0f}", f"{values.mean():.0f}",
+                 f"{mean:+.0f} ({low:+.0f} to {high:+.0f})", decided)
+            )  # fmt: skip
+    return pd.DataFrame(
+        rows,
+        columns=["task", "learner", "control intervals", "return before", "return",
+                 "return less the combinator's", "beats it"],
+    )  # fmt: skip
+
+
 def _bounds(names: list[str], found: dict[str, Any]) -> pd.DataFrame:
     rows = []
     for task in names:
@@ -195,19 +223,15 @@ def write(folder: Path, names: list[str], found: dict[str, Any]) -> Path:
         task for task in names if any(len(episodes_of(task, a, "", found)) for a in ALGORITHMS)
     ]
     save(curves(learned, found), folder / "figures" / "learners.png")
-    budget: dict[str, set[int]] = {}
-    for key in found:
-        algorithm = key.split("_")[0]
-        if algorithm in ALGORITHMS:
-            budget.setdefault(algorithm, set()).add(int(key.split("_")[-1]))
-    steps = ", ".join(f"{name} {max(counts):,}" for name, counts in budget.items())
+    budget = [name for name in ALGORITHMS if any(key.startswith(f"{name}_") for key in found)]
+    steps = ", ".join(f"{name} {INTERVALS[name]:,}" for name in budget)
     recipe = from_nothing(learned[0], {}) if RECIPE in budget else None
     body = fill_template(
         Path(__file__).with_name("page.md"), episodes=EPISODES, first=FIRST_SEED, steps=steps,
         table=_wide(table, names, ""), targets=_targets(table, names, DEFAULT_LEARNERS),
         held_out=_wide(table, names, f":{HELD_OUT}"), recipe=recipe,
         recipe_targets=_targets(table, names, [RECIPE]), bounds=_bounds(names, found),
-        planned=PLANNED, plan_steps=STEPS, starts=STARTS,
+        short=shorter_trainings(names, found), planned=PLANNED, plan_steps=STEPS, starts=STARTS,
     )  # fmt: skip
     write_table(folder, "learners", TITLE, COMMAND, table, body)
     return folder / "learners.md"
@@ -223,10 +247,12 @@ INTERVALS = {
 """Control intervals of a training."""
 
 
-def learners(algorithms: list[str], names: list[str], seeds: int, folder: Path) -> list[Learner]:
+def learners(
+    algorithms: list[str], names: list[str], seeds: int, folder: Path, steps: int | None = None
+) -> list[Learner]:
     """Return all trainings, seed by seed, so that an interrupted run covers every task."""
     return [
-        Learner(task, algorithm, seed, INTERVALS[algorithm], str(folder / "policies"))
+        Learner(task, algorithm, seed, steps or INTERVALS[algorithm], str(folder / "policies"))
         for seed in range(1, seeds + 1)
         for algorithm in algorithms
         for task in names
@@ -240,6 +266,11 @@ def main(arguments: list[str] | None = None) -> None:
     add = parser.add_argument
     add("--task", nargs="+", choices=list(tasks(None)), default=list(tasks(None)), help="tasks")
     add("--algorithm", nargs="*", choices=ALGORITHMS, default=list(ALGORITHMS), help="learners")
+    add(
+        "--steps",
+        type=int,
+        help="control intervals of a training; the page lists shorter ones apart",
+    )
     add("--seeds", type=int, default=5, help="trainings of each learner on each task")
     add("--no-plans", action="store_true", help="no clairvoyant bounds")
     add("--page-only", action="store_true", help="compute nothing, write the page")
@@ -252,7 +283,8 @@ def main(arguments: list[str] | None = None) -> None:
         for name in names_of(task)
     }
     trainings = {
-        one.name: one for one in learners(options.algorithm, options.task, options.seeds, kept)
+        one.name: one
+        for one in learners(options.algorithm, options.task, options.seeds, kept, options.steps)
     }
     planned = [task for task in options.task if task in tasks() and not options.no_plans]
     plans = {key: cell for task in planned for key, cell in bounds.cells(task).items()}
