@@ -54,7 +54,7 @@ def linearise_ship(
         check_folder(out)
         vessel = load_ship(ship)
         check_pitch(vessel, pitch)
-        point = _point(vessel, speed, drive, pitch)
+        point = working_point(vessel, speed, drive, pitch)
         names = tuple(filter(None, (name.strip() for name in output.split(","))))
         if not names:
             raise ValueError(f"--output {output!r}: give at least one output, such as shaft_speed")
@@ -70,9 +70,10 @@ def linearise_ship(
         say(f"\nModel: {out / 'linear.json'}, {out / 'linear.mat'}   picture: {out / 'bode.png'}")
 
 
-def _point(
+def working_point(
     ship: Ship, speed: float | None, drive: float | None, pitch: float | None
 ) -> Equilibrium:
+    """Return the steady state at ``--speed`` or at ``--drive``, with ``--pitch``."""
     if (speed is None) == (drive is None):
         raise ValueError("give either --speed or --drive, but not both")
     if drive is None:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...baselines.controller import NORMALISED_BOUND
+from ...envs.batch import Batch
 from ...plant.signals import get_signal
 from .policy import Policy
 
@@ -129,10 +130,19 @@ def c_source(policy: Policy, name: str) -> str:
         interval=policy.interval_s, width=width, frames=policy.frames, inputs=network.shape[0],
         outputs=network.shape[1], middle=_numbers(middle), half=_numbers(half), bound=NORMALISED_BOUND,
         measurements=_comment(_signal(name) for name in batch.observed),
-        actions=_comment(("pitch ratio", f"drive: {batch.command}", "rudder")[: batch.actions]),
-        mode=_MEANING[batch.settings.action_mode.partition(":")[0]],
+        actions=_comment(action_names(batch)), mode=action_meaning(batch),
         layers="\n".join(layers), calls="\n".join(calls),
     )  # fmt: skip
+
+
+def action_names(batch: Batch) -> tuple[str, ...]:
+    """Return what each action of a policy commands, from an environment for which it is made."""
+    return ("pitch ratio", f"drive: {batch.command}", "rudder")[: batch.actions]
+
+
+def action_meaning(batch: Batch) -> str:
+    """Return what a value of an action means, from an environment for which the policy is made."""
+    return _MEANING[batch.settings.action_mode.partition(":")[0]]
 
 
 def _activation(policy: Policy, last: bool, name: str, target: str) -> str:
