@@ -57,6 +57,7 @@ results: $(INSTALLED)
 	    $(BIN)/python -m reproductions $$name --out docs/results || exit 1; done
 	$(BIN)/python -m reproductions learners.reward_terms --out docs/results/figures/reward-terms.png
 	$(BIN)/python -m reproductions speed --out docs/results/speed.md
+	if [ -e /dev/nvidia0 ]; then $(BIN)/python -m reproductions gpu --out docs/results || exit 1; fi
 	@# recordings are their owners' and stay outside; SHAFTLINE_DATA is the folder that holds them
 	if [ -d "$(SHAFTLINE_DATA)/recordings" ]; then \
 	    $(BIN)/python -m reproductions rigs --out docs/results \

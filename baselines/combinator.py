@@ -10,6 +10,7 @@ officer of the watch does, and is therefore comparable with controllers that hol
 from __future__ import annotations
 
 import functools
+import math
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -72,7 +73,9 @@ def full_pitch(ship: Ship, torque_share: float = TORQUE_MARGIN) -> float:
 def combinator_curve(
     ship: Ship, floor_share: float = FLOOR_SHARE, full_pitch_lever: float = FULL_PITCH_LEVER
 ) -> Curve:
-    """Return the standard combinator curve of a ship; with a fixed pitch it sets the shaft speed only.
+    """Return the combinator curve of a ship; with a fixed pitch it sets the shaft speed only.
+
+    It is that of the ship's combinator table, by default the standard curve.
 
     Args:
         ship: ship with a diesel.
@@ -94,6 +97,8 @@ def combinator_curve(
             f"combinator curve: floor_share = {floor_share:g} (allowed: >= 0 and < 1), "
             f"full_pitch_lever = {full_pitch_lever:g} (allowed: > 0 and < 1)"
         )
+    if ship.combinator.present:
+        return _tabled_curve(ship)
     lowest, highest = ship.shaft_speeds
     floor = max(lowest, floor_share * highest)
     lever = np.linspace(0.0, 1.0, _POINTS)
@@ -120,11 +125,41 @@ def curve_through(ship: Ship, lever: Any, pitch_ratio: Any, shaft_speed: Any) ->
     lever, pitch, speed = (np.asarray(x, np.float64) for x in (lever, pitch_ratio, shaft_speed))
     points = [steady_point(ship, float(n), float(p)) for p, n in zip(pitch, speed, strict=True)]
     ship_speed = np.array([point.ship_speed for point in points])
-    if np.any(np.diff(ship_speed) <= 0.0) or np.any(np.diff(lever) <= 0.0):
+    level = (np.diff(ship_speed) <= 0.0) | (np.diff(lever) <= 0.0)
+    if level.any():
+        here = int(np.argmax(level)) + 1
         raise ValueError(
-            f"{ship.name}: lever position and steady ship speed must rise along the curve"
+            f"{ship.name}: lever position and steady ship speed must rise along the combinator curve, "
+            f"but from lever {lever[here - 1]:g} to {lever[here]:g} the speed goes from "
+            f"{ship_speed[here - 1]:.3g} to {ship_speed[here]:.3g} m/s"
         )
     return Curve(lever, pitch, speed, ship_speed, np.array([point.thrust for point in points]))
+
+
+def _tabled_curve(ship: Ship) -> Curve:
+    """Return the curve of the ship's combinator table.
+
+    Lever positions are converted to ordered speeds by the steady ship speeds in calm water, in steps
+    that are fine enough between the rows. A table by ordered speed holds as it is.
+    """
+    table = ship.combinator
+    rows = np.array(getattr(table, table.key))
+    grid = np.union1d(rows, np.linspace(rows[0], rows[-1], _POINTS))
+    speed = np.clip(
+        np.interp(grid, rows, table.shaft_speed_rpm) * math.pi / 30.0, *ship.shaft_speeds
+    )
+    screw = ship.propeller
+    pitch = np.full_like(grid, screw.pitch_ratio_max)
+    if table.pitch_ratio:
+        pitch = np.interp(grid, rows, table.pitch_ratio)
+        pitch = np.clip(pitch, screw.pitch_ratio_min, screw.pitch_ratio_max)
+    if table.lever:
+        return curve_through(ship, grid, pitch, speed)
+    lever = (grid - grid[0]) / (grid[-1] - grid[0])
+    thrust = [
+        steady_point(ship, float(n), float(p)).thrust for n, p in zip(speed, pitch, strict=True)
+    ]
+    return Curve(lever, pitch, speed, grid, np.array(thrust))
 
 
 def _driving_pitch(ship: Ship) -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 
 from ..core.lazy import control
 from ..observers.records import Floats
@@ -27,8 +28,11 @@ _MEASURED = (
     "shaft_speed", "shaft_torque", "pitch_ratio", "fuel_rack", "ship_speed", "advance_velocity",
 )  # fmt: skip
 _SHARE = 1e-5  # step of the finite differences over the size of a signal
-_LONGEST_S, _CHECK_S = 7200.0, 60.0  # longest time to a steady state; time between two checks
-_STEADY = 1e-9  # largest relative change of the commands between two checks in a steady state
+_LONGEST_S, _CHECK_S = 7200.0, 60.0  # longest time to a steady state; time over which it is judged
+_STEADY = 1e-9  # largest relative change of the commands in a steady state
+_STARTS = 81  # number of drive commands from which the search of a steady state may begin
+_FIXED = 1e-9  # width of the bounds of a fixed pitch [-]
+_AT_REST = 1e-7  # largest share by which commands and controller state change in a steady state
 
 
 def linear_plant(ship: Ship, point: Equilibrium) -> control.StateSpace:
@@ -64,7 +68,10 @@ class RestPoint(NamedTuple):
 
 
 def settle_controller(controller: Controller, speed_m_s: float) -> RestPoint:
-    """Return the steady state of a controller at a speed order [m/s] in calm water, by simulation.
+    """Return the steady state of a controller at a speed order [m/s] in calm water.
+
+    It is that in which a simulation ends. An unstable loop does not come to rest; its steady state is
+    the solution of the equations of ship and controller.
 
     Raises:
         ShipError: the ship does not reach the speed.
@@ -80,20 +87,85 @@ def settle_controller(controller: Controller, speed_m_s: float) -> RestPoint:
         raise ValueError(
             f"{controller.name}: the controller cannot be linearised, its state is no array of numbers"
         )
-    before = np.full(2, np.inf)
     for _ in range(round(_LONGEST_S / _CHECK_S)):
+        commands = []
         for _ in range(round(_CHECK_S / interval)):
             pitch, drive = controller.act(Measurements(*signals[:, None]), memory)
-            voyage.run(float(drive[0]), float(pitch[0]), 0.0, steps)
+            commands.append((float(pitch[0]), float(drive[0])))
+            voyage.run(commands[-1][1], commands[-1][0], 0.0, steps)
             signals = observe(voyage, speed_m_s)
-        now = np.array([pitch[0], drive[0]])
-        if np.all(np.abs(now - before) <= _STEADY * np.abs(now)):
-            point = equilibrium(ship, float(drive[0]), float(pitch[0]))
+        # All commands must be equal: those at two instants are also equal in an oscillation.
+        if np.all(np.ptp(commands, axis=0) <= _STEADY * np.abs(commands[-1])):
+            point = equilibrium(ship, commands[-1][1], commands[-1][0])
             return RestPoint(point, _observation(point, speed_m_s), memory[0])
-        before = now
+    if (rest := _solve_rest(controller, speed_m_s)) is not None:
+        return rest
     raise ValueError(
         f"{controller.name}: no steady state within {_LONGEST_S:g} s at an order of {speed_m_s:g} m/s"
     )
+
+
+def _solve_rest(controller: Controller, speed_m_s: float) -> RestPoint | None:
+    """Return the state in which ship and controller state do not change; None if none is found."""
+    ship = controller.ship
+    record, screw = ship.record(), ship.propeller
+    low = np.array([screw.pitch_ratio_min, float(record["drive_min"])])
+    high = np.array([screw.pitch_ratio_max + _FIXED, float(record["drive_max"])])
+
+    def observed(pitch: float, drive: float) -> Floats | None:
+        try:
+            return _observation(equilibrium(ship, drive, pitch), speed_m_s)
+        except ValueError:  # The torque does not turn the shaft.
+            return None
+
+    def change(unknown: Floats) -> Floats:
+        seen = observed(float(unknown[0]), float(unknown[1]))
+        if seen is None:
+            return np.full(len(unknown), 1e3)
+        held = unknown[None, 2:].copy()
+        pitch, drive = controller.act(Measurements(*seen[:, None]), held)
+        scale = np.maximum(np.abs(unknown), 1.0)
+        return (np.array([pitch[0], drive[0], *held[0]]) - unknown) / scale
+
+    # Limits hide the solution from a search that begins far from it.
+    pitch = float(high[0])
+    starts = []
+    for drive in np.linspace(low[1], high[1], _STARTS):
+        if (seen := observed(pitch, float(drive))) is None:
+            continue
+        signals = Measurements(*seen[:, None])
+        memory = controller.initial_state(signals)[0]
+        set_pitch = controller.act(signals, memory[None].copy())[0]
+        pitch = float(np.clip(set_pitch[0], low[0], high[0]))
+        if np.isfinite(memory).all():
+            starts.append(np.array([pitch, drive, *memory]))
+    if not starts:
+        return None
+    best = min(starts, key=lambda start: float(np.abs(change(start)).max()))
+    # A controller state that nothing moves, as a trim that is switched off, keeps its initial value.
+    steps = np.diag(_SHARE * np.maximum(np.abs(best), 1.0))
+    slopes = np.array([change(best + step) - change(best - step) for step in steps])
+    moves = np.ones(len(best), np.bool_)
+    moves[2:] = slopes[:, 2:].any(axis=0)
+    ends = np.full(int(moves.sum()) - 2, np.inf)
+
+    def whole(part: Floats) -> Floats:
+        full = best.copy()
+        full[moves] = part
+        return full
+
+    def change_of(part: Floats) -> Floats:
+        return change(whole(part))[moves]
+
+    found = scipy.optimize.least_squares(
+        change_of, best[moves], x_scale="jac",
+        bounds=(np.append(low, -ends), np.append(high, ends)), xtol=1e-14, ftol=1e-14, gtol=1e-14,
+    )  # fmt: skip
+    if not np.abs(found.fun).max() < _AT_REST:
+        return None
+    pitch, drive, *memory = whole(found.x).tolist()
+    point = equilibrium(ship, drive, pitch)
+    return RestPoint(point, _observation(point, speed_m_s), np.array(memory))
 
 
 def observe(voyage: Voyage, order: float) -> Floats:

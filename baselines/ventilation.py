@@ -6,15 +6,15 @@ that of the shaft torque meter, which acts on the inertia behind it; without a t
 an electric drive, as in the paper, which acts on the inertia and friction of the whole shaft line. The
 propeller torque at zero advance speed depends on the measured pitch.
 
-The torque reduction coefficient beta_Q is the estimated propeller torque over the nominal torque at the
-ship speed. Ventilation is detected below one threshold and ends above another.
+The torque reduction coefficient beta_Q is the ratio of the estimated propeller torque to the nominal
+torque at the ship speed. Ventilation is detected below one threshold and ends above another.
 
-Waves also change the torque. Their orbital motion increases the inflow as often as it reduces it, but
-air only reduces the torque. The gains of torque therefore measure the effect of the sea. With the
-option ``sea_margin``, which is not in the paper, ventilation is detected only if the loss is larger
-than this effect: the inflow that explains the estimated torque without air must exceed the inflow in
-calm water by a number of standard deviations of that of the sea, a constant-false-alarm-rate threshold
-as in a radar.
+Waves also change the torque. Their orbital motion increases the torque as often as it reduces it, but
+air only reduces it. Increases of the torque therefore measure the effect of the sea. With the option
+``sea_margin``, which is not in the paper, ventilation is detected only if the loss is larger than this
+effect: the inflow that would explain the estimated torque without air must exceed the inflow in calm
+water by a number of standard deviations of the sea's inflow. This is a threshold of constant false-alarm
+rate, as in a radar.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ def observer_weights(
 
 @dataclass(frozen=True)
 class TorqueLossObserver:
-    """Tuning of the torque-loss observer, per inertia, so that it suits ships of every size.
+    """Tuning of the torque-loss observer; gains are per inertia and so suit ships of every size.
 
     The paper prints no gains. The defaults place the poles of shaft and loss at -4 and -8 rad/s without
     the damping of the propeller. Faster poles improve little with measurements every 0.5 s. The time
@@ -245,7 +245,7 @@ def update_torque_losses(
         update_torque_loss(observer, estimates[i], shaft_speed[i], shaft_torque[i], pitch_ratio[i])
 
 
-_LEAST_NOMINAL = 0.05  # nominal over bollard torque from which a loss can be detected [-]
+_LEAST_NOMINAL = 0.05  # least ratio of nominal to bollard torque at which a loss is detectable [-]
 DETECTION = np.dtype(
     [
         ("ventilating", np.int64),  # nu
@@ -309,8 +309,8 @@ def torque_ratio(
 ) -> float:
     """Return the torque reduction coefficient beta_Q-hat [-] (eqs. 23 to 26).
 
-    It is 1 without a torque loss, and if the nominal torque at the speed v_s [m/s] of the ship is too
-    small for a comparison with Q_p-hat [N m]. omega is in rad/s.
+    It is 1 without a torque loss. It is also 1 if the nominal torque at the ship speed v_s [m/s] is too
+    small to be compared with Q_p-hat [N m]. omega is in rad/s.
     """
     blend = math.exp(-detector.blend_gain * abs(omega) ** detector.blend_power)
     direction = direction_of(ship, omega)
@@ -345,8 +345,8 @@ def update_detection(detector: Record, detection: Record, ratio: float, inflow: 
     detection.since += detector.dt
     limit = detector.sea_margin * math.sqrt(detection.sea_square)
     beyond = detector.sea_margin == 0.0 or inflow > limit
-    # The mean is over all samples at first, later over the memory. It uses twice the half of the
-    # samples in which the torque increases.
+    # The mean covers all samples at first, and the memory later. Samples in which the torque increases
+    # count twice, because air reduces the torque in the others.
     detection.samples += 1.0
     share = max(1.0 / detection.samples, min(detector.dt / detector.sea_memory_s, 1.0))
     gained = min(inflow, 0.0)

@@ -69,7 +69,7 @@ def check(
             write_text(draft, "\n".join(found.begin) + "\n")
             say(f"column map to complete: {draft}")
             if columns is not None:
-                say(f"it contains the entries that {columns} lacks; copy its lines there")
+                say(f"it contains the entries of {columns} as well")
         elif draft is not None:
             say("no draft was written: no column map is needed, or no column was recognised")
         if found.recording is None:

@@ -13,7 +13,7 @@ from ..mismatch import Options
 from ..mismatch.diagnosis import SHIP
 from ..mismatch.example import concealed, copy_example
 from ..mismatch.folder import find_recordings
-from ..mismatch.report.index import INDEX_PAGE, INDEX_TABLE, PAGE, REPORT
+from ..mismatch.report.index import INDEX_PAGE, INDEX_TABLE, PAGE, PDF, REPORT
 from ..plant import Ship, load_ship
 from . import console
 from .console import check_folder, progress, report_errors, say, stages
@@ -58,6 +58,8 @@ def diagnose(
         help="Leave out the second search, which estimates effects and parameters of the ship file "
         "together if the first one leaves a residual; it takes up to two minutes.")] = False,
     steady: console.SteadyRows = False,
+    pdf: Annotated[bool, typer.Option(
+        "--pdf", help="Also write report.pdf, the report on A4 pages for print and mail.")] = False,
     jobs: Annotated[int | None, typer.Option(
         min=1, help="FOLDER only: processes on this machine.", show_default="one a core")] = None,
     backend: Annotated[console.Backend, typer.Option(
@@ -84,8 +86,10 @@ def diagnose(
     - **unexplained**: physics is missing that matches no effect; the report shows it as a function of a
     signal.
 
-    Written: `report.html` (read this), `report.json` (for programs), `corrected_ship.toml` (the ship
-    with the identified effects; accepted wherever a ship is). Invalid input ends with exit code 2 and a
+    Written: `report.html` (read this: its first page says what the difference costs in speed, power and
+    fuel, where it is and what to do next; the technical part follows), `report.json` (for programs),
+    `corrected_ship.toml` (the ship with the identified effects; accepted wherever a ship is), and with
+    `--pdf` `report.pdf`. Invalid input ends with exit code 2 and a
     message that names file, column and row; nothing is written then.
 
     A recording needs `time_s`, `fuel_rack_mm` (or `motor_voltage_V`), `pitch_ratio_command` and
@@ -176,6 +180,11 @@ def diagnose(
                 raise ValueError(
                     f"{folders[0]}: give a folder alone, without other recordings and without --hold-out"
                 )
+            if pdf:
+                raise ValueError(
+                    f"{folders[0]}: --pdf is for recordings, not for a folder; diagnose the recordings "
+                    "that you want to print alone, or print their report.html"
+                )
             check_backend(jobs, backend, scheduler)
             _folder(folders[0], vessel, out, options, jobs, backend, scheduler)
             return
@@ -188,9 +197,12 @@ def diagnose(
                 vessel, *recordings, hold_out=hold_out or (), options=options, tick=tick
             )
             tick("writing the report", 0, 1)
-            diagnosis.save(out)
+            diagnosis.save(out, pdf=pdf)
         say(diagnosis.summary())
-        say(f"\nreport: {out / PAGE}   data: {out / REPORT}   corrected ship: {out / SHIP}")
+        printed = f"   for print: {out / PDF}" if pdf else ""
+        say(
+            f"\nreport: {out / PAGE}{printed}   data: {out / REPORT}   corrected ship: {out / SHIP}"
+        )
         if example:
             say(f"concealed effect: {concealed()}; the diagnosis did not know it")
 

@@ -17,6 +17,7 @@ from ..core.files import check_writable, write_json
 from ..core.lazy import control
 from ..plant import Ship, approach, load_ship
 from ..plant.loops import Loop
+from ..plant.order_tables import with_combinator_table
 from .console import PresetShip, check_folder, check_pitch, print_table, report_errors, say
 from .machine import to_json
 
@@ -45,6 +46,9 @@ def loop(
     speed: Annotated[float, typer.Option(help="Ship speed [m/s] of the working point.")] = 8.0,
     interval: Annotated[float, typer.Option(
         help="Control interval [s]; a transfer function is continuous.")] = 0.5,
+    lever: Annotated[Path | None, typer.Option(
+        help="Combinator table (.toml or .csv) that the controller follows.",
+        show_default="that of the ship")] = None,
     command: Annotated[str, typer.Option(
         help="Command at which the loop is opened: drive, pitch_command, rudder_command.")] = "drive",
     reading: Annotated[str | None, typer.Option(
@@ -82,11 +86,15 @@ def loop(
         if not 0.0 < interval <= 60.0:
             raise ValueError(f"--interval {interval:g} s: must be above 0 and at most 60")
         vessel = load_ship(ship)
+        if lever is not None:
+            vessel = with_combinator_table(vessel, lever)
         check_pitch(vessel, pitch)
         found, about = _loop(controller, vessel, speed, interval, command, reading, pitch)
         if not found.stable:
+            worst = found.fastest_pole
             raise ValueError(
-                f"{about}: the closed loop is unstable, its fastest growing pole is {_worst(found)}"
+                f"{about}: the closed loop is unstable, its fastest growing pole is "
+                f"{worst.real:.3g}{worst.imag:+.3g}j rad/s; {lacking_text(found)}"
             )
         numbers = found.margins()._asdict() | found.step_measures()._asdict()
         rows = [(*_UNITS[key], value) for key, value in numbers.items()]
@@ -157,9 +165,8 @@ def _law(text: str) -> control.TransferFunction:
     return law
 
 
-def _worst(found: Loop) -> str:
-    poles = control.feedback(found.open_loop, 1).poles()
-    if found.interval:
-        poles = np.log(poles.astype(complex)) / found.interval
-    worst = poles[np.argmax(poles.real)]
-    return f"{worst.real:.3g}{worst.imag:+.3g}j rad/s"
+def lacking_text(found: Loop) -> str:
+    """Return the margins of an unstable loop as text."""
+    gain, phase = found.lacking_margins()
+    words = f"gain margin {gain:.1f} dB" if np.isfinite(gain) else "no smaller gain makes it stable"
+    return words + (f", phase margin {phase:.1f} deg" if np.isfinite(phase) else "")

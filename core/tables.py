@@ -18,6 +18,7 @@ import sys
 import zipfile
 import zlib
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -32,9 +33,31 @@ _NAMES = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma"}
 _CONSTANT = 0.9  # least share of the lines with the same number of fields
 _WIDE = 0.9  # least share of zero bytes at one place of each character in a UTF-16 or UTF-32 text
 _HEAD_ROWS = 100  # rows of a spreadsheet in which the header is searched
+_MOSTLY = 0.8  # least share of the cells of a row of units that look like units
 _LONGEST_S = 120  # time limit of the spreadsheet process [s]
 _LARGEST_UNPACKED = 400e6  # largest unpacked spreadsheet [bytes]
-_SHORT = 16  # largest number of characters of a unit
+_SHORT = 24  # largest number of characters of a unit
+_UNITS = frozenset((
+    "ms", "us", "µs", "μs", "ns", "sec", "min", "hr", "day", "days", "hz", "khz", "rpm", "rps", "rev",
+    "mm", "cm", "km", "kn", "kt", "kts", "knot", "knots", "nm", "nmi", "deg", "degrees", "rad", "pct",
+    "percent", "mn", "knm", "nmm", "kw", "mw", "hp", "ps", "mv", "kv", "ma", "bar", "mbar", "pa",
+    "kpa", "mpa", "°c", "ºc", "degc", "°f", "kg", "mt", "ton", "tons", "ltr", "m3", "m³", "m²", "kwh",
+    "kvar", "p/d", "-", "1",
+))  # fmt: skip
+"""Units of loggers in small letters; quotients and products of them are units as well."""
+_LETTERS = frozenset("shmgtdlrLNWVAKCFU%°º")
+"""Units of a single letter; other letters, such as n and P, are names."""
+_DATE_FORMAT = re.compile(
+    r"(?=.*[./:-])[dmyjhstfza\s.,:/_-]{5,}|%[a-z].*|date\s*time|datetime|utc", re.I
+)
+"""Date format in a row of units, such as ``dd.mm.yyyy hh:mm:ss``."""
+_STAMP = re.compile(r"\s*(\d{1,4}[-./]\d{1,2}[-./]\d{1,4}|\d{1,2}:\d{2})[\d\s:.,/TZ+-]*")
+MISSING = ("-", "--", "---", "----", "-----", "-.-", "--.-", "*", "**", "***", "****", "*****", "n.a.",
+           "n.v.", "no data", "No data", "No Data", "bad", "Bad", "invalid", "Invalid")  # fmt: skip
+"""Texts that loggers write for a missing value, besides those that pandas knows."""
+_PLACEHOLDERS = (-999.0, -9999.0, -99999.0, -999.9, -999.99)
+"""Numbers that loggers write for a missing value."""
+_FAR_OFF = 2.0  # multiple of the range of a column by which a placeholder lies outside
 _NO_TEXT = {
     b"\x1f\x8b": "it is compressed (gzip); unpack it first",
     b"PK\x03\x04": "it is a zip archive or a spreadsheet; unpack it, or give it its own ending (.xlsx)",
@@ -58,6 +81,7 @@ class Layout:
     decimal: str = "."  # decimal sign, ``.`` or ``,``
     header_row: int = 1  # line of the column names, from 1
     unit_row: int | None = None  # line of the units, if there is one
+    data_row: int = 2  # line of the first values
     sheet: str | None = None  # of a spreadsheet; None for a text file
 
     def description(self) -> str:
@@ -148,29 +172,42 @@ def guess_layout(path: Path, encoding: str | None = None) -> Layout:
     )
     decimal = "," if separator != "," and comma > point else "."
     rows = [_cells(line, separator) if line.strip() else [] for line in lines]
-    return Layout(encoding, separator, decimal, *_names_and_units(rows, width, decimal))
+    return Layout(encoding, separator, decimal, *_header_rows(rows, width, decimal))
 
 
-def _names_and_units(rows: list[list[str]], width: int, decimal: str) -> tuple[int, int | None]:
-    """Return the row of the column names, from 1, and of the units, if there is one.
+def _header_rows(rows: list[list[str]], width: int, decimal: str) -> tuple[int, int | None, int]:
+    """Return the row of the names, from 1, of the units, if there is one, and of the first values.
 
-    They are the rows of text directly above the numbers, of the same width.
+    They are among the rows of text directly above the values, of the same width. The row of units is the
+    lowest one whose cells are units; the names are above it, in the nearest row without an empty cell.
     """
     headers: list[int] = []
     for number, cells in enumerate(rows, start=1):
         if len(cells) != width or not any(cell.strip() for cell in cells):
             headers = []
-        elif 2 * sum(_is_number(cell, decimal) for cell in cells) >= width:
+        elif 2 * sum(_is_value(cell, decimal) for cell in cells) >= width:
             break
         else:
             headers.append(number)
     else:
-        return (headers or [1])[0], None  # The caller reports that there are no numbers.
+        first = (headers or [1])[0]
+        return first, None, first + 1  # The caller reports that there are no numbers.
     if not headers:
-        return 1, None
-    if len(headers) > 1 and _are_units(rows[headers[-1] - 1]):
-        return headers[-2], headers[-1]
-    return headers[-1], None
+        return number, None, number + 1
+    unit = next((row for row in headers[:0:-1] if _are_units(rows[row - 1])), None)
+    above = [row for row in headers if unit is None or row < unit]
+    full = [row for row in above if len({*map(str.strip, rows[row - 1])} - {""}) == width]
+    return (full or above)[-1], unit, number
+
+
+def _is_value(cell: str, decimal: str) -> bool:
+    """Return whether a cell holds a number, a date or time, or the sign of a missing value."""
+    stripped = cell.strip()
+    return bool(
+        _is_number(cell, decimal)
+        or _STAMP.fullmatch(stripped)
+        or (stripped in MISSING and stripped != "-")
+    )
 
 
 def _cells(line: str, separator: str) -> list[str]:
@@ -178,45 +215,64 @@ def _cells(line: str, separator: str) -> list[str]:
 
 
 def _are_units(cells: list[str]) -> bool:
-    """Return whether all cells are short and none is a date or a time."""
-    return all(len(c.strip()) <= _SHORT and not re.search(r"\d:\d", c) for c in cells)
+    """Return whether the cells of a row are short and nearly all of them are units or date formats."""
+    given = [cell.strip().strip("[]()").strip() for cell in cells if cell.strip()]
+    known = sum(_is_unit(cell) for cell in given)
+    return all(len(cell) <= _SHORT for cell in given) and known >= _MOSTLY * max(len(given), 1)
 
 
-def read_text_table(path: Path, given: dict[str, Any] | None = None) -> pd.DataFrame:
+def _is_unit(cell: str) -> bool:
+    """Return whether a cell is a unit, such as ``kN m`` or ``U/min``, or the format of a date."""
+    if _DATE_FORMAT.fullmatch(cell):
+        return True
+    parts = [re.sub(r"(\^|\*\*)?[-+]?[\d⁻¹²³]+$", "", p) for p in re.split(r"[\s/*·.⋅]+", cell)]
+    known = [
+        part in _LETTERS if len(part) == 1 else part.lower() in _UNITS for part in parts if part
+    ]
+    return cell.lower() in _UNITS or all(known)
+
+
+def read_text_table(
+    path: Path, given: dict[str, Any] | None = None, as_logged: bool = False
+) -> pd.DataFrame:
     """Return the table of a text file; ``attrs`` has its ``layout`` and, if present, ``units`` by name.
 
-    ``given`` holds the known fields of :class:`Layout`; the others are guessed.
+    ``given`` holds the known fields of :class:`Layout`; the others are guessed. Of a table ``as_logged``
+    texts and numbers that stand for a missing value are missing, and repeated names are numbered: the
+    second ``SOG`` becomes ``SOG (2)``; ``attrs["remarks"]`` says so. Else repeated names are refused.
 
     Raises:
         LayoutError: no table, or a repeated column name.
         ValueError: from pandas, which cannot read the file.
     """
     given = given or {}
-    layout = replace(guess_layout(path, given.get("encoding")), **given)
+    layout = _with_given(guess_layout(path, given.get("encoding")), given)
 
     style = {"sep": layout.separator, "decimal": layout.decimal, "encoding": layout.encoding}
-    read = functools.partial(pd.read_csv, path, **style)
+    read = functools.partial(pd.read_csv, path, **style, skipinitialspace=True)
     above = list(range(layout.header_row - 1))
     try:
-        names = _unique(read(header=None, skiprows=above, nrows=1, dtype=str).iloc[0])
+        names = _unique(read(header=None, skiprows=above, nrows=1, dtype=str).iloc[0], as_logged)
     except pd.errors.EmptyDataError:
         empty = f"line {layout.header_row} is empty, but should contain the column names"
         raise LayoutError(empty) from None
-    skipped = above if layout.unit_row is None else [*above, layout.unit_row - 1]
-    table = read(skiprows=skipped)
+    skipped = [*above, *range(layout.header_row, layout.data_row - 1)]
+    table = read(skiprows=skipped, na_values=MISSING if as_logged else None)
     units = None
     if layout.unit_row is not None:
         units = read(header=None, skiprows=layout.unit_row - 1, nrows=1, dtype=str).iloc[0]
     if len(names) == len(table.columns):  # There are fewer names if rows end with a separator.
         table.columns = pd.Index(names)
-    return _labelled(table, layout, units)
+    return _labelled(table, layout, units, as_logged)
 
 
-def read_sheet(path: Path, given: dict[str, Any] | None = None) -> pd.DataFrame:
+def read_sheet(
+    path: Path, given: dict[str, Any] | None = None, as_logged: bool = False
+) -> pd.DataFrame:
     """Return the table of a spreadsheet (xlsx, xls, xlsb or ods), as in :func:`read_text_table`.
 
     Macros and formulas are not executed; their last stored results are read. ``given`` may hold
-    ``sheet`` (by default the first), ``header_row`` and ``unit_row``.
+    ``sheet`` (by default the one with the most numbers), ``header_row`` and ``unit_row``.
 
     Raises:
         LayoutError: no table, no such sheet, or a repeated column name.
@@ -225,28 +281,36 @@ def read_sheet(path: Path, given: dict[str, Any] | None = None) -> pd.DataFrame:
     known = dict(given or {})
     if path.suffix.lower() != ".xls":
         _check_unpacked(path)
-    names, raw = _read_in_process(path, known.get("sheet", ""))
-    sheet = known.get("sheet", names[0])
+    names, sheet, raw = _read_in_process(path, known.get("sheet", ""))
     if raw is None:
         raise LayoutError(f"no sheet {sheet!r}; it has: {', '.join(names)}")
     if raw.empty:
         raise LayoutError(f"sheet {sheet!r} is empty")
     head = [["" if pd.isna(c) else str(c) for c in row] for row in raw.head(_HEAD_ROWS).to_numpy()]
-    header, unit = _names_and_units(head, len(raw.columns), ".")
-    given_rows = known.get("header_row", header), known.get("unit_row", unit)
-    layout = Layout("utf-8", ",", ".", *given_rows, sheet)
+    found = Layout("utf-8", ",", ".", *_header_rows(head, len(raw.columns), "."), sheet)
+    layout = _with_given(found, {k: v for k, v in known.items() if k in ("header_row", "unit_row")})
     if layout.header_row > len(raw):
         few = f"{len(raw)} rows, but header_row is {layout.header_row}"
         raise LayoutError(f"sheet {sheet!r} has {few}")
-    below = max(layout.header_row, layout.unit_row or 0)
-    table = raw.iloc[below:].reset_index(drop=True)
-    table.columns = pd.Index(_unique(raw.iloc[layout.header_row - 1]))
+    table = raw.iloc[layout.data_row - 1 :].replace([*MISSING], None).reset_index(drop=True)
+    table.columns = pd.Index(_unique(raw.iloc[layout.header_row - 1], as_logged))
     units = None if layout.unit_row is None else raw.iloc[layout.unit_row - 1]
-    return _labelled(table.infer_objects(), layout, units)
+    return _labelled(table.infer_objects(), layout, units, as_logged)
 
 
-def _read_in_process(path: Path, sheet: str) -> tuple[list[str], pd.DataFrame | None]:
-    """Return the names of a spreadsheet's sheets, and one sheet as a table, None if absent."""
+def _with_given(found: Layout, given: dict[str, Any]) -> Layout:
+    """Return a layout with its known fields; values begin below the given rows of names and units."""
+    layout = replace(found, **given)
+    if "header_row" in given and "unit_row" not in given and found.unit_row is not None:
+        layout = replace(
+            layout, unit_row=found.unit_row if found.unit_row > layout.header_row else None
+        )
+    below = max(layout.header_row, layout.unit_row or 0) + 1
+    return replace(layout, data_row=max(below, found.data_row))
+
+
+def _read_in_process(path: Path, sheet: str) -> tuple[list[str], str, pd.DataFrame | None]:
+    """Return the names of a spreadsheet's sheets, and name and table of one sheet, None if absent."""
     if importlib.util.find_spec("python_calamine") is None:
         raise ModuleNotFoundError("No module named 'python_calamine'", name="python_calamine")
     line = [sys.executable, "-P", sheet_process.__file__, str(path.absolute()), sheet]
@@ -258,8 +322,8 @@ def _read_in_process(path: Path, sheet: str) -> tuple[list[str], pd.DataFrame | 
         late = f"the spreadsheet took over {_LONGEST_S} s to open; save the sheet as CSV"
         raise LayoutError(late) from None
     if done.returncode == 0:
-        names, table = pickle.loads(done.stdout)
-        return names, table
+        names, chosen, table = pickle.loads(done.stdout)
+        return names, chosen, table
     message = done.stderr.decode(errors="replace")
     if any(sign in message for sign in ("memory allocation", "MemoryError", "capacity overflow")):
         raise LayoutError(
@@ -292,16 +356,54 @@ def _check_unpacked(path: Path) -> None:
         )
 
 
-def _unique(row: pd.Series) -> list[str]:
-    """Return the column names of a row; missing ones are named as in pandas."""
+def _unique(row: pd.Series, as_logged: bool) -> list[str]:
+    """Return the column names of a row; missing ones are named as in pandas, repeated ones numbered."""
     names = [f"Unnamed: {i}" if pd.isna(name) else str(name).strip() for i, name in enumerate(row)]
-    if twice := sorted({name for name in names if names.count(name) > 1}):
+    if (twice := sorted({name for name in names if names.count(name) > 1})) and not as_logged:
         raise LayoutError(f"column {twice[0]!r} occurs twice; give each column a name of its own")
-    return names
+    numbers = [names[: i + 1].count(name) for i, name in enumerate(names)]
+    numeric = [name for name in names if _is_number(name, ".")]
+    if 2 * len(numeric) >= max(len(names), 1):
+        raise LayoutError(
+            f"numbers ({', '.join(numeric[:3])}) where column names are expected; add a line of names "
+            "above the values, or set header_row, the line of the names, under [file] in a column map"
+        )
+    return [
+        name if number == 1 else f"{name} ({number})"
+        for name, number in zip(names, numbers, strict=True)
+    ]
 
 
-def _labelled(table: pd.DataFrame, layout: Layout, units: pd.Series | None) -> pd.DataFrame:
+def _blank_placeholders(table: pd.DataFrame) -> Iterator[str]:
+    """Make numbers that stand for a missing value, such as -999, missing; yield a remark on each column.
+
+    The other values of the column are positive, or far from this number.
+    """
+    for name in table.select_dtypes("number"):
+        values = table[name]
+        hit = values.isin(_PLACEHOLDERS)
+        rest = values[~hit].dropna()
+        if not hit.any() or rest.empty:
+            continue
+        low, high = float(rest.min()), float(rest.max())
+        if low >= 0.0 or low - float(values[hit].max()) > _FAR_OFF * (high - low):
+            table[name] = values.mask(hit)
+            yield f"{name!r}: {hit.sum()} values are {values[hit].iloc[0]:g} and count as missing"
+
+
+def _labelled(
+    table: pd.DataFrame, layout: Layout, units: pd.Series | None, as_logged: bool
+) -> pd.DataFrame:
     table.attrs["layout"] = layout
+    repeated = [name for name in table if re.fullmatch(r".+ \(\d+\)", str(name))]
+    table.attrs["remarks"] = [
+        *(
+            f"column {name.rpartition(' (')[0]!r} occurs again; this one is called {name!r}"
+            for name in repeated
+            if name.rpartition(" (")[0] in table
+        ),
+        *(_blank_placeholders(table) if as_logged else ()),
+    ]
     if units is not None:
         table.attrs["units"] = {
             name: unit.strip().strip("[]()").strip()

@@ -6,6 +6,7 @@ import functools
 from collections import namedtuple
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,6 +25,7 @@ from ..plant.terms import Term
 from . import records, starts
 from .kernel import control_interval, first_observation
 from .options import ResetOptions
+from .orders import profile_columns
 from .ranges import observed_ranges
 from .residual import BaseController
 from .rewards import goals_record
@@ -147,6 +149,9 @@ class Batch:
         if not settings.normalised:
             middle, half = np.zeros_like(middle), np.ones_like(half)
         self._scale = (middle, half)
+        self.profile: tuple[Floats, Floats] | None = None
+        if settings.order_profile is not None:
+            self.profile = profile_columns(settings.order_profile)
         self._usual = self._beginning(ResetOptions.of(None, self.task, (0.0, 0.0), steered))
         self.commons = np.zeros(1, records.COMMON)
         self.common["noise"] = noise_record(self.ship, settings.sensor_noise)
@@ -227,11 +232,17 @@ class Batch:
         """Return the distribution from which episodes start under the options of a reset, if any."""
         if not options:
             return self._usual
+        if self.profile is not None and "speed_order_m_s" in options:
+            raise ValueError(
+                "options: speed_order_m_s: the orders are those of order_profile; give one of the two"
+            )
         known = self.table["ship_speed"]
         speeds = (float(known[0]), float(known[-1]))
         return self._beginning(ResetOptions.of(options, self.task, speeds, self.steered))
 
     def _beginning(self, begin: ResetOptions) -> StartDistribution:
+        if self.profile is not None:
+            begin = replace(begin, orders=np.full(records.MAX_ORDERS, self.profile[1][0]))
         seas = self.seas_to_draw if begin.seas is None else begin.seas
         return StartDistribution(starts.episode_ranges(begin, self.task), starts.sea_bounds(seas))
 
@@ -270,6 +281,9 @@ class Batch:
         """
         if self.base is not None:
             action = self.base.add(action)
+        if self.profile is not None:
+            follow = self.environments, *self.profile, self.interval_s, self._tables
+            starts.follow_profile(*follow)
         if pool is None:
             self._step(action, 0, self.n)
         else:

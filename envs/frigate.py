@@ -164,6 +164,7 @@ class FrigateEnv(gymnasium.Env[Singles, Singles]):
     | `normalised` | True | whether observations are scaled and clipped |
     | `action_mode` | 'increment' | how an action sets a command, see Action Space |
     | `command` | None | second command; None: `shaft-speed`, or `limited-rack` for a residual |
+    | `order_profile` | None | pairs of time [s] and ordered speed [m/s], in place of drawn orders |
     | `render_mode` | None | None, or `rgb_array` for a dashboard |
 
     :class:`shaftline.envs.Settings` explains the arguments in full.

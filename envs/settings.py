@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Literal, get_args
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from ..core.models import explain
 from ..plant import Sea, Ship, get_sea
+from .orders import OrderProfile, check_profile
 from .records import NOISE
 from .tasks import Task
 
@@ -30,6 +31,7 @@ _ALLOWED = {
     "randomise": ": must map keys of the ship file to half widths from 0 to below 1",
     "normalised": ": must be True or False",
     "action_mode": f": must be one of {', '.join(ACTION_MODES)}",
+    "order_profile": ": must be pairs of time [s] and ordered ship speed [m/s], or None",
 }
 """Allowed values of each keyword, as the end of a message."""
 
@@ -63,6 +65,9 @@ class Settings(BaseModel):
         command: what the second action commands. ``shaft-speed`` (default): the set-point of a governor,
             which acts at every plant step; ``limited-rack`` (default for a residual): the fuel rack
             within idle speed, torque and highest speed; ``fuel-rack``: without engine protection.
+        order_profile: pairs of time [s] and ordered ship speed [m/s] in place of the orders of the task,
+            such as ``[(0, 5.0), (60, 8.0)]``; each order holds until the next one
+            (:mod:`shaftline.envs.orders`).
 
     Examples:
         >>> Settings(task="transit").drive_command
@@ -85,6 +90,12 @@ class Settings(BaseModel):
     normalised: bool = True
     action_mode: str = "increment"
     command: Command | None = None
+    order_profile: Any = None
+
+    @field_validator("order_profile")
+    @classmethod
+    def _check_profile(cls, rows: Any) -> OrderProfile | None:
+        return None if rows is None else check_profile(rows)
 
     @model_validator(mode="after")
     def _check_action_mode(self) -> Settings:

@@ -29,19 +29,23 @@ from ..plant.waves import COMPONENTS, fill_sea
 from .options import ResetOptions
 from .records import ENVIRONMENT, MAX_ORDERS
 from .rewards import total_fuel_flow
+from .sensing import order_index
 from .settings import SeaRange
 from .tasks import Task
 
-LOADS = (0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0)  # over the calm-water resistance
+LOADS = (0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0)
+"""Tabulated loads: resistance relative to that in calm water [-]."""
+
+_ROUNDING = 1e-6  # share of a control interval by which an order may come early
 _COLUMNS = ("ship_speed", "shaft_speed", "pitch_ratio", "drive", "pitch_command", "fuel")
 
 
 @functools.lru_cache(maxsize=16 * len(LOADS))
 def steady_states(ship: Ship, load: float = 1.0) -> NDArray[Any]:
-    """Return the steady states under a load, by rising ship speed, and the commands that hold them.
+    """Return the steady states under a load, by rising ship speed, with the commands that hold them.
 
-    The load is the resistance over that of calm water [-]. The structured array has ship speed, shaft
-    speed and pitch (units of STATE), fuel rack, pitch command, and fuel flow of all engines [kg/s].
+    The load is the resistance relative to that in calm water [-]. The structured array has ship speed,
+    shaft speed, pitch (units of STATE), fuel rack, pitch command, and fuel flow of all engines [kg/s].
 
     Raises:
         ValueError: there are fewer than two steady states within the speed range of the engine.
@@ -54,7 +58,7 @@ def steady_states(ship: Ship, load: float = 1.0) -> NDArray[Any]:
         try:
             found = equilibrium(ship, float(rack), pitch, resistance_factor=load).state
         except ValueError:
-            continue  # The fuel does not suffice to turn the shaft.
+            continue  # This rack gives too little torque to turn the shaft.
         engine_speed = found.shaft_speed * plant["gear_ratio"]
         if plant["engine_speed_min"] <= engine_speed <= plant["engine_speed_max"]:
             torque = min(rack_torque(plant, engine_speed, rack), torque_limit(plant, engine_speed))
@@ -72,7 +76,7 @@ class SteadyTables(NamedTuple):
     """Steady states under every load at which the engine can run."""
 
     loads: Floats  # loads, shape (k,), rising
-    ends: NDArray[np.int64]  # first column of each load and, last, their total number, (k + 1,)
+    ends: NDArray[np.int64]  # first column of each load, and the number of columns, shape (k + 1,)
     columns: Floats  # fields of :func:`steady_states` as rows, load by load, shape (6, m)
     slowest: float  # lowest ship speed in calm water [m/s]
     fastest: float  # highest ship speed in calm water [m/s]
@@ -127,7 +131,7 @@ _CLEARED = np.array([(start, start + kind.itemsize) for kind, start in _ZERO])
 
 
 def sea_bounds(seas: Sequence[SeaRange | None]) -> Floats:
-    """Return lowest and highest Hs, Tp, gamma and heading of seas, shape (m, 2, 4); zeros for calm."""
+    """Return lowest and highest Hs, Tp, gamma and heading of seas, (m, 2, 4); zeros for calm water."""
     calm = [[0.0] * _PARAMETERS] * 2
     drawn = [sea and [list(end.model_dump().values()) for end in sea] for sea in seas]
     return np.array([ends or calm for ends in drawn])
@@ -155,7 +159,7 @@ def episode_ranges(begin: ResetOptions, task: Task) -> Any:
 
 @compiled
 def _between(ends: Any, share: float) -> float:
-    """Return the value at a share of a range."""
+    """Return the value at a share of the way from the lower to the upper end of a range."""
     return float(ends[0] + (ends[1] - ends[0]) * share)
 
 
@@ -179,9 +183,9 @@ def _steady_value(tables: SteadyTables, row: int, lower: int, load: float, speed
 def _load(
     plant: Record, sea: Record, tables: SteadyTables, speed: float, factor: float
 ) -> tuple[float, int]:
-    """Return the resistance over that of calm water [-] at a speed [m/s], and the index of its table.
+    """Return the load [-] at a speed [m/s], and the index of the tabulated load below it.
 
-    ``factor`` is the mean resistance of the episode over that of calm water, without waves [-].
+    ``factor`` is the mean resistance of the episode without waves, relative to that in calm water [-].
     """
     ahead = water_speed(plant, max(speed, tables.slowest))
     load = factor + wave_resistance(plant, sea.head_sea, ahead) / resistance(plant, ahead, 1.0)
@@ -195,8 +199,8 @@ def _load(
 def _draw(env: Record, sea: Floats, ranges: Record, u: Floats) -> None:
     """Set the episode of an environment from :data:`DRAWS` or :data:`DRAWS_STEERED` numbers in [0, 1).
 
-    ``sea`` has the lowest Hs, Tp, gamma and heading and the highest, shape (2, 4); on return its first
-    row holds the drawn ones.
+    ``sea`` has the lowest and highest Hs, Tp, gamma and heading as its two rows, shape (2, 4). On return
+    its first row has the drawn values.
     """
     episode = env.episode
     for j in range(_PARAMETERS):
@@ -219,13 +223,50 @@ def _draw(env: Record, sea: Floats, ranges: Record, u: Floats) -> None:
 
 
 @compiled
+def _set_reference(env: Record, tables: SteadyTables, j: int) -> None:
+    """Set fuel and towing power of the steady state at order ``j`` of an episode."""
+    plant, episode = env.plant, env.episode
+    order = episode.orders[j]
+    load, lower = _load(plant, env.sea, tables, order, episode.resistance_mean)
+    episode.reference_fuel[j] = _steady_value(tables, 5, lower, load, order)
+    ahead = water_speed(plant, max(order, tables.slowest))
+    episode.reference_power[j] = load * resistance(plant, ahead, 1.0) * order
+
+
+@compiled
+def follow_profile(
+    environments: Any, times: Floats, speeds: Floats, interval_s: float, tables: SteadyTables
+) -> None:
+    """Set the orders of the next control interval of every environment from an order profile.
+
+    Args:
+        environments: ENVIRONMENT array of shape (n,).
+        times: times of the orders [s], rising, shape (m,).
+        speeds: ordered ship speeds [m/s], shape (m,).
+        interval_s: control interval [s].
+        tables: from :func:`steady_tables`.
+    """
+    for i in range(len(environments)):
+        env = environments[i]
+        episode = env.episode
+        begin = episode.elapsed * interval_s
+        row = max(np.searchsorted(times, begin + _ROUNDING * interval_s, side="right") - 1, 0)
+        # The order may change its index within the interval, and headings and tracks with it.
+        first, last = order_index(episode, begin), order_index(episode, begin + interval_s)
+        for j in range(first, last + 1):
+            if episode.orders[j] != speeds[row]:
+                episode.orders[j] = speeds[row]
+                _set_reference(env, tables, j)
+
+
+@compiled
 def start_episodes(
     environments: Any, raw: NDArray[np.uint8], which: NDArray[np.int64], uniform: Floats,
     ranges: Any, seas: Floats, tables: SteadyTables, depth: float, dt: float,
 ) -> None:  # fmt: skip
-    """Start episodes of ships in a steady state at their initial speeds; all changes in place.
+    """Start episodes in a steady state at the initial speeds; the environments change in place.
 
-    The steady state is that under the mean resistance, before slow fluctuation and waves act.
+    The steady state is that under the mean resistance. Slow fluctuation and waves act afterwards.
 
     Args:
         environments: ENVIRONMENT array of shape (n,), with the plants of the new episodes.
@@ -249,6 +290,7 @@ def start_episodes(
         chosen = min(int(u[_SEA_CHOICE] * len(seas)), len(seas) - 1)
         drawn[:] = seas[chosen]
         _draw(env, drawn, ranges[0], u)
+        episode.sea[:] = drawn[0]
         hs, tp, gamma, heading = drawn[0, 0], drawn[0, 1], drawn[0, 2], drawn[0, 3]
         if hs > 0.0:
             fill_uniform(int(u[_WAVE_SEED] * 2147483648.0), shares)
@@ -264,10 +306,7 @@ def start_episodes(
                 episode.reference_fuel[j] = episode.reference_fuel[j - 1]
                 episode.reference_power[j] = episode.reference_power[j - 1]
                 continue
-            there, below = _load(plant, sea, tables, order, factor)
-            episode.reference_fuel[j] = _steady_value(tables, 5, below, there, order)
-            ahead = water_speed(plant, max(order, tables.slowest))
-            episode.reference_power[j] = there * resistance(plant, ahead, 1.0) * order
+            _set_reference(env, tables, j)
         state.ship_speed = clip(speed, tables.slowest, tables.fastest)
         state.shaft_speed = _steady_value(tables, 1, lower, load, speed)
         state.pitch_ratio = _steady_value(tables, 2, lower, load, speed)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+from ..core.files import write_atomically
 from ..plant.ship import Ship
 from .outcome import Outcome
 from .report.data import diagnosis_as_dict
-from .report.index import Result
+from .report.index import PDF, Result
 from .report.text import headline, sentence, summary
 
 SHIP = "corrected_ship.toml"
@@ -18,7 +20,7 @@ class Diagnosis(Outcome, Result):
     """Diagnosis of recordings: verdict, missing physics, corrected ship, and reports.
 
     The fields are those of :class:`~shaftline.mismatch.outcome.Outcome`. ``save`` writes
-    ``report.json``, ``report.html`` and ``corrected_ship.toml``.
+    ``report.json``, ``report.html``, ``corrected_ship.toml`` and, if wanted, ``report.pdf``.
     """
 
     @property
@@ -39,6 +41,28 @@ class Diagnosis(Outcome, Result):
         """Return the content of ``report.json``: values in the units that their names state."""
         return diagnosis_as_dict(self)
 
+    def save(self, folder: str | Path, *, page: bool = True, pdf: bool = False) -> Path:
+        """Write ``report.json``, ``report.html``, the corrected ship, and ``report.pdf`` if wanted.
+
+        Each file is renamed into place when it is complete.
+
+        Args:
+            folder: created if it does not exist.
+            page: whether to write ``report.html`` with its figures.
+            pdf: whether to write ``report.pdf``, the report on A4 pages.
+
+        Returns:
+            The folder.
+
+        Raises:
+            OSError: the folder cannot be written to.
+        """
+        content = self._pdf() if pdf else None
+        folder = super().save(folder, page=page)
+        if content is not None:
+            write_atomically(folder / PDF, lambda file: file.write_bytes(content))
+        return folder
+
     def _ships(self) -> dict[str, Ship]:
         return {SHIP: self.corrected}
 
@@ -46,6 +70,11 @@ class Diagnosis(Outcome, Result):
         from .report.html import report_html
 
         return report_html(self)
+
+    def _pdf(self) -> bytes:
+        from .report.pdf import report_pdf
+
+        return report_pdf(self)
 
     def __repr__(self) -> str:
         """Return ship and verdict, without the arrays."""

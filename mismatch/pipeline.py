@@ -398,5 +398,8 @@ def _report(
         highest_Hz=fitter.bands.highest_Hz, rows_averaged=replay.every, limits=together.limits,
         warnings=[*together.warnings, *lost, *parameters.start.remarks, *warnings],
         parameters=changes, formula=formula,
+        inputs={
+            "pitch_ratio_command": replay.command, "inflow": replay.inflow_rows, **replay.outside,
+        },
         biased=find_biased_parameters(fitter, selection) if conclusion.is_named else [],
     )  # fmt: skip

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from .drives import DRIVES
 from .ship import Ship
-from .signals import RECORDED_SIGNALS, SIGNALS
+from .signals import LOG_SIGNALS, RECORDED_SIGNALS, SIGNALS
 
 TIME = "time_s"
 SHAFT_SPEED, SHAFT_ANGLE = "shaft_speed_rad_s", "shaft_angle_rad"
 SHAFT_POWER, ELECTRIC_POWER = "shaft_power_W", "electric_power_W"
 RUDDER_COMMAND, RUDDER = "rudder_command_rad", "rudder_rad"
 SWAY_SPEED, YAW_RATE, HEADING = "sway_speed_m_s", "yaw_rate_rad_s", "heading_rad"
+SHIP_SPEED, OVER_GROUND = "ship_speed_m_s", "speed_over_ground_m_s"
+COURSE = "course_over_ground_rad"
 
 DEMANDS = tuple(drive.demand for drive in DRIVES)
 """Command signal of each kind of prime mover."""
@@ -21,13 +23,16 @@ BOUNDS = {
 }
 """Lowest value, highest value and unit of each known column."""
 
+LOG_COLUMNS = tuple(signal.column for signal in LOG_SIGNALS)
+"""Columns of ships' logs that no simulation gives."""
+
 _DEMANDS = tuple(demand.column for demand in DEMANDS if demand.column != SHAFT_SPEED)
 COLUMNS = (
     TIME, *_DEMANDS, "pitch_ratio_command", "pitch_ratio",
     SHAFT_SPEED, SHAFT_ANGLE, "shaft_torque_N_m", "ship_speed_m_s", "thrust_N",
-    "fuel_flow_kg_s", "propeller_submergence_m", "motor_current_A", SHAFT_POWER, ELECTRIC_POWER,
+    "propeller_submergence_m", "motor_current_A", SHAFT_POWER, ELECTRIC_POWER,
     "inflow_velocity_m_s",
-    RUDDER_COMMAND, RUDDER, SWAY_SPEED, YAW_RATE, HEADING,
+    RUDDER_COMMAND, RUDDER, SWAY_SPEED, YAW_RATE, HEADING, *LOG_COLUMNS,
 )  # fmt: skip
 """Canonical columns of a recording: commands first, then measurements."""
 

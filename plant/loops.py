@@ -9,6 +9,7 @@ before the next command. So all results include the phase lag of the hold.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -20,6 +21,7 @@ from ..core.lazy import control
 
 _SETTLED = 0.02  # settling band, as a share of the step
 _STEPS = 20_000  # largest number of points of a step response
+_LEAST_GAIN, _GAINS = 1e-4, 81  # least gain that may make a loop stable; number of gains tried
 _SLOWEST = 12.0  # duration of a step response, in time constants of the slowest pole
 
 
@@ -34,6 +36,13 @@ class Margins(NamedTuple):
     phase_crossover: float  # frequency of the gain margin
     peak_sensitivity: float  # largest |S|; its inverse is the least distance of L from -1
     peak_complementary: float  # largest |T|
+
+
+class LackingMargins(NamedTuple):
+    """Negative stability margins of an unstable loop; nan where it has none."""
+
+    gain_margin_dB: float  # change of the gain that makes the loop stable, below 0
+    phase_margin_deg: float  # least phase margin at a crossover, below 0
 
 
 class StepMeasures(NamedTuple):
@@ -102,6 +111,41 @@ class Loop:
         """Whether the closed loop is stable."""
         poles = control.feedback(self.open_loop, 1).poles()
         return bool(np.all(np.abs(poles) < 1.0) if self.interval else np.all(poles.real < 0.0))
+
+    @property
+    def fastest_pole(self) -> complex:
+        """Closed-loop pole of the fastest growth or slowest decay, in radians per unit of time."""
+        poles = control.feedback(self.open_loop, 1).poles().astype(complex)
+        if self.interval:
+            poles = np.log(poles) / self.interval
+        return complex(poles[np.argmax(poles.real)])
+
+    def lacking_margins(self) -> LackingMargins:
+        """Return how far an unstable loop is from stability.
+
+        Raises:
+            ValueError: the closed loop is stable.
+        """
+        if self.stable:
+            raise ValueError("the closed loop is stable: use margins()")
+
+        def stable_at(gain: float) -> bool:
+            return Loop(gain * self.open_loop).stable
+
+        tried = np.geomspace(1.0, _LEAST_GAIN, _GAINS)
+        fits = next((k for k in range(1, _GAINS) if stable_at(float(tried[k]))), 0)
+        low, high = float(tried[fits]), float(tried[max(fits - 1, 0)])
+        for _ in range(40 if fits else 0):
+            middle = math.sqrt(low * high)
+            low, high = (middle, high) if stable_at(middle) else (low, middle)
+        grid = self.frequencies()
+        gains = self._crossings(grid, np.abs(self.response(grid)) - 1.0, lambda one: abs(one) - 1.0)
+        lead = np.degrees(np.angle(-self.response(gains))) if len(gains) else np.zeros(0)
+        lacking = lead[lead < 0.0]
+        return LackingMargins(
+            20.0 * math.log10(low) if fits else math.nan,
+            float(lacking.min()) if len(lacking) else math.nan,
+        )
 
     def _require_stable(self, otherwise: str) -> None:
         if not self.stable:

@@ -1,8 +1,8 @@
-"""The propeller: its parameters, its KT and KQ from any source, its load and losses, and J from KQ.
+"""Propeller: parameters, KT and KQ from any source, load and losses, and advance ratio J from KQ.
 
-Without four-quadrant curves, KT and KQ over J are those of a shaft that turns ahead with the inflow. A
-four-quadrant propeller has curves for all directions; if its shaft turns astern, J and KQ are measured
-in the direction of rotation.
+Without four-quadrant curves, KT and KQ over J hold for a shaft that turns ahead with the inflow. A
+four-quadrant propeller has curves for all directions of rotation and inflow; if its shaft turns astern,
+J and KQ are positive in the direction of rotation.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ _UNUSED = (-math.inf, math.inf)
 
 
 def _is_bollard(plant: Any) -> bool:
-    """Return whether KT and KQ are constants, which were measured at rest and in both directions."""
+    """Return whether KT and KQ are constants, measured at bollard pull in both directions."""
     curves = np.stack([plant["kt"], plant["kq"]])
     curves[:, 0, 0] = 0.0
     return bool(plant["propeller_model"] == POLYNOMIALS and not curves.any())
@@ -101,7 +101,7 @@ VALIDITY = (
     ),
     Validity(
         "the propeller's shaft speed", "rad/s", lambda _, samples: samples["shaft_speed"],
-        _shaft_speeds, "astern the curves of ahead rotation are used with n |n|, not measured ones",
+        _shaft_speeds, "astern the curves for rotation ahead are used with n |n|",
     ),
     Validity(
         "the blades' pitch ratio P/D", "-", lambda _, samples: samples["pitch_ratio"], _pitch_ratios,
@@ -206,10 +206,11 @@ def outside_ring_vortex(
 ) -> bool:
     """Return whether KQ shows that the shaft turns with the inflow and not against it.
 
-    Against the inflow (J < 0) the flow is an unsteady ring vortex, useless for an estimate: zone 1 of
-    Pivano et al. 2008, section 4.1. The torques between its dip and its peak occur at moderate J too. An
-    estimate that was valid before (``known``) stays valid up to the peak; a new one must have a KQ below
-    the dip. J = v_a / (n D) is the estimate; ``direction`` is 1 if the shaft turns ahead, -1 if astern.
+    Against the inflow (J < 0) the flow is an unsteady ring vortex, in which no estimate is possible:
+    zone 1 of Pivano et al. 2008, section 4.1. Torques between its dip and its peak also occur at
+    moderate J. An estimate that was valid before (``known``) stays valid up to the peak; a new one must
+    have a KQ below the dip. J = v_a / (n D) is the estimate; ``direction`` is 1 if the shaft turns
+    ahead, -1 if astern.
     """
     dip, peak = _fold(plant, pitch_ratio, direction)
     if not advance_ratio >= max(peak, 0.0):
@@ -225,8 +226,8 @@ def _invert_four_quadrants(
 ) -> tuple[float, bool]:
     """Return J at which the four-quadrant curve has a KQ, on the falling branch nearest to the guess.
 
-    A KQ above the peak or below the dip occurs on one branch only, which is then used for any
-    guess. Otherwise J is the end of the branch if the branch does not reach the KQ.
+    A KQ above the peak or below the dip occurs on one branch only, which is then used for any guess. If
+    the selected branch does not reach the KQ, J is the end of the branch and not valid.
     """
     dip, peak = _fold(plant, pitch_ratio, direction)
     least = _kq_along(plant, dip, pitch_ratio, direction)
@@ -290,8 +291,9 @@ def advance_ratio_of(
 PITCH_RANGES = {"b-series": (0.4, 1.6), "four-quadrant": (PITCH_NODES[0], PITCH_NODES[-1])}
 """Lowest and highest P/D of a ship with each model.
 
-The series was tested from 0.5 to 1.4; its polynomials are used a little beyond. At negative pitch they
-would give thrust ahead, and so would the four-quadrant curves, which are constant outside their range.
+The B-series was tested from 0.5 to 1.4; its polynomials are used slightly beyond. Negative pitch is
+refused, because the polynomials would give thrust ahead there. So would the four-quadrant curves, which
+are constant outside their range.
 """
 
 
@@ -472,8 +474,8 @@ def propeller_load(
 
     The polynomials cover rotation ahead only. Astern their coefficients are used with n |n|, so thrust
     and torque change sign with the shaft speed (four-quadrant curves cover both directions). Astern
-    loads are multiplied by ``astern_load_fraction``, because blade sections made for one direction load
-    less in the other.
+    loads are multiplied by ``astern_load_fraction``, because blade sections are designed for rotation
+    ahead and carry less load astern.
 
     Roughness uses the ITTC-1978 scale corrections with the added blade drag Delta C_D: Delta KT = -0.3
     (P/D) (c Z / D) Delta C_D and Delta KQ = 0.25 (c Z / D) Delta C_D.

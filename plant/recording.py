@@ -127,7 +127,13 @@ def read_table(path: Path, layout: Mapping[str, object] = MappingProxyType({})) 
         check_size(path.stat().st_size, 10.0 if parquet else 2.0, f"bytes of {path}")
         if parquet:
             return pd.read_parquet(path)
-        return read_sheet(path, dict(layout)) if sheet else read_text_table(path, dict(layout))
+        read = read_sheet if sheet else read_text_table
+        table = read(path, dict(layout), as_logged=True)
+        for column in (c for c in BOUNDS if f"{c} (2)" in table):
+            raise LayoutError(
+                f"column {column!r} occurs twice; rename or drop one of the two columns"
+            )
+        return table
     except ImportError:
         needs = "a Parquet file needs pyarrow" if parquet else "a spreadsheet needs python-calamine"
         extra = "parquet" if parquet else "excel"

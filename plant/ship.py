@@ -19,6 +19,7 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from .actuators import PitchActuator
 from .cavitation import CavitationBucket
+from .combinator_table import CombinatorTable
 from .drives import Diesel, Drive
 from .expressions import FUNCTIONS, MAX_SIGNALS, MAX_TERMS
 from .hull import Hull
@@ -205,6 +206,21 @@ def check_turning(ship: Ship) -> None:
         )
 
 
+def check_combinator(ship: Ship) -> None:
+    """Refuse a combinator table that does not suit the ship; a ValueError names column and row."""
+    if not ship.combinator.present:
+        return
+    if not (ship.has_diesel and ship.has_propeller):
+        raise ValueError(
+            "combinator: the table needs a ship with a diesel and a propeller; remove it"
+        )
+    screw = ship.propeller
+    try:
+        ship.combinator.check(ship.shaft_speeds, (screw.pitch_ratio_min, screw.pitch_ratio_max))
+    except ValueError as error:
+        raise ValueError(f"combinator: {error}") from None
+
+
 class Ship(Section):
     """A ship: all parameters that the plant needs, immutable.
 
@@ -232,6 +248,7 @@ class Ship(Section):
     prime_mover: Annotated[Drive, Field(discriminator="type")]
     transmission: Transmission = Transmission()
     pitch_actuator: PitchActuator = PitchActuator()
+    combinator: CombinatorTable = CombinatorTable()
     sensors: Sensors = Sensors()
     integration: Integration = Integration()
     tolerances: Tolerances = Tolerances()
@@ -265,6 +282,7 @@ class Ship(Section):
             keys = tuple(k for k, info in fields if declared(info, "required") == UNLESS_HELD)
             require(self.transmission, keys, UNLESS_HELD, "transmission.")
         check_turning(self)
+        check_combinator(self)
         check_time_constants(self)
         return self
 

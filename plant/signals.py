@@ -131,8 +131,35 @@ CONTROL_SIGNALS = (
 )  # fmt: skip
 """Signals of controllers and observers, in addition to those of the plant."""
 
-RECORDED_SIGNALS = (
+LOG_SIGNALS = (
+    Signal("speed_over_ground", "v_g", "m/s", -40, 40, "sensor", "speed_over_ground_m_s",
+           "speed over ground of the satellite navigation"),
+    Signal("course_over_ground", "chi", "rad", -7, 7, "sensor", "course_over_ground_rad",
+           "course over ground, clockwise from north"),
+    Signal("wind_speed", "u_w", "m/s", 0, 80, "sensor", "wind_speed_m_s",
+           "apparent wind speed, relative to the ship"),
+    Signal("wind_angle", "gamma", "rad", -7, 7, "sensor", "wind_angle_rad",
+           "direction from which the apparent wind comes, from ahead clockwise"),
+    Signal("true_wind_speed", "u_t", "m/s", 0, 80, "sensor", "true_wind_speed_m_s",
+           "true wind speed, over ground"),
+    Signal("true_wind_angle", "gamma_t", "rad", -7, 7, "sensor", "true_wind_angle_rad",
+           "direction from which the true wind comes, from ahead clockwise"),
+    Signal("wind_height", "z", "m", 0, 200, "sensor", "wind_height_m",
+           "height of the wind measurement above the water"),
+    Signal("draught_fore", "T_f", "m", 0, 40, "sensor", "draught_fore_m",
+           "draught at the forward perpendicular"),
+    Signal("draught_aft", "T_a", "m", 0, 40, "sensor", "draught_aft_m",
+           "draught at the aft perpendicular"),
+    Signal("water_depth", "h", "m", 0.5, 12000, "sensor", "water_depth_m",
+           "depth of the water, from the surface"),
+    Signal("water_temperature", "theta_w", "degC", -3, 40, "sensor", "water_temperature_C",
+           "temperature of the water"),
     Signal("fuel_flow", "m_f", "kg/s", 0, 100, "sensor", "fuel_flow_kg_s", "fuel flow of the engines"),
+)  # fmt: skip
+"""Signals of ships' logs that no simulation gives: surroundings, navigation, loading condition, fuel."""
+
+RECORDED_SIGNALS = (
+    *LOG_SIGNALS,
     Signal("inflow_velocity", "v_a", "m/s", -200, 200, "sensor", "inflow_velocity_m_s",
            "measured speed of the fluid at the propeller"),
 )  # fmt: skip

@@ -21,7 +21,7 @@ from .signals import SAMPLE, SIGNALS
 from .state import Inputs, Outputs, State, get_state, set_state, shift_state
 from .waves import SYNC_STEPS, pass_half_step, synchronise, wave_motion
 
-_LIMITS = np.array(
+LIMITS = np.array(
     [math.inf if s.source == "demand" else 1e3 * max(abs(s.low), abs(s.high)) for s in SIGNALS]
 )
 """Bounds of the samples, 1000 times the range of a signal in the registry.
@@ -40,7 +40,7 @@ def refuse_divergence(ship: Ship, samples: NDArray[Any]) -> None:
     and the time.
     """
     values = samples.view(np.float64).reshape(-1, len(SAMPLE.names or ()))
-    good = np.abs(values) <= _LIMITS  # also false for NaN
+    good = np.abs(values) <= LIMITS  # also false for NaN
     good &= np.isfinite(values)
     if good.all():
         return

@@ -152,12 +152,12 @@ def measure_gpu(
     plants = np.full(n, ship.record(), PLANT) if own else None
     start = time.perf_counter()
     ships = GpuBatch(ship, states, commands[0], plants)
-    cuda.synchronize()
+    cuda.synchronize()  # type: ignore[no-untyped-call]
     begin = time.perf_counter() - start
 
     def work() -> None:
         ships.step(STEPS, *commands)
-        cuda.synchronize()
+        cuda.synchronize()  # type: ignore[no-untyped-call]
 
     work()
     best = min(seconds(work) for _ in range(REPEATS))
@@ -189,7 +189,7 @@ def _warm_gpu(ship: Ship) -> float:
 
     def work() -> None:
         GpuBatch(ship, states, commands[0]).step(1, *commands)
-        cuda.synchronize()
+        cuda.synchronize()  # type: ignore[no-untyped-call]
 
     return seconds(work)
 
@@ -230,7 +230,7 @@ def measure(sizes: Sequence[int] = SIZES, own: int = OWN) -> tuple[pd.DataFrame,
 def machine() -> str:
     """Return the names of GPU and compiler."""
     try:
-        name = cuda.get_current_device().name
+        name = cuda.get_current_device().name  # type: ignore[no-untyped-call]
     except AttributeError:
         name = "numba's simulator of a GPU"
     name = name.decode() if isinstance(name, bytes) else str(name)

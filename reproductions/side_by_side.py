@@ -81,6 +81,10 @@ def side_by_side(ours: pd.DataFrame, cells: Iterable[Cell], digits: int = 2) -> 
 NAMED_CELLS = 8  # largest number of cells that a list item names; it counts more cells by table
 
 
+def _cells(count: int) -> str:
+    return f"{count} cell" if count == 1 else f"{count} cells"
+
+
 def _group_by_text(cells: Iterable[tuple[Cell, str]]) -> str:
     """Return each text once as a list item, with the cells that it belongs to."""
     groups: dict[str, list[Cell]] = {}
@@ -90,7 +94,7 @@ def _group_by_text(cells: Iterable[tuple[Cell, str]]) -> str:
     for text, own in groups.items():
         names = [" / ".join(part for part in cell.key if part) for cell in own]
         if len(own) > NAMED_CELLS:
-            names = [f"{table}: {n} cells" for table, n in Counter(c.table for c in own).items()]
+            names = [f"{table}: {_cells(n)}" for table, n in Counter(c.table for c in own).items()]
         lines.append(f"- {text} ({'; '.join(names)})")
     return "\n".join(lines) or "- no cell"
 
@@ -112,7 +116,7 @@ def verdicts(study: str, cells: Iterable[Cell]) -> str:
     """Return the Markdown that ends a page: counts, tolerances, reasons and unexplained cells."""
     cells = list(cells)
     bases = Counter(cell.basis for cell in cells)
-    tolerances = "\n".join(f"- {basis} ({count} cells)" for basis, count in bases.items())
+    tolerances = "\n".join(f"- {basis} ({_cells(count)})" for basis, count in bases.items())
     return (
         f"## Number of cells met\n\n{markdown(counts(cells).reset_index())}\n\n"
         "*input*: the model was given the number; *calibrated*: a parameter was fitted to the number or "

@@ -20,7 +20,7 @@ NAMING = ("explained", "partly-explained")
 """Verdicts that report effects."""
 
 VERDICTS = (*NAMING, "unexplained", "nothing-missing")
-WORTH_IT = 0.05  # gain of the oracle below which no fraction of it means anything
+WORTH_IT = 0.05  # gain of the oracle below which a fraction of this gain is not meaningful
 
 
 def overlap(found: list[list[float]], true: list[float]) -> float:
@@ -56,7 +56,8 @@ def strength_class(strengths: dict[str, float]) -> str:
 def oracle_gains(simulated: SimulatedCase, held_out: list[list[float]]) -> dict[str, float]:
     """Return 1 - rms(recording - true ship) / rms(recording - true ship without its effects) by channel.
 
-    It is the gain of the true effect in its true form on the held-out data, in calm water without noise.
+    This is the gain of an oracle that knows the true effect in its true form, on the held-out data. The
+    ships are simulated in calm water without noise.
     """
     time = simulated.recording["time_s"].to_numpy()
     rows = np.zeros(len(time), dtype=bool)
@@ -116,7 +117,7 @@ def _parameters(report: Row, truth: Row) -> Row:
 def _outcome(
     kind: str, verdict: str, ship: str, effects: list[Row], concealed: list[TrueEffect]
 ) -> str:
-    """Return the outcome of a report in one word."""
+    """Return the outcome of a report, such as ``named`` or ``false alarm``."""
     if verdict not in VERDICTS:
         return "failed"
     if verdict == "partly-explained" and not effects:
@@ -135,7 +136,7 @@ def _outcome(
 
 
 def _pairs(effects: list[Row], true_ids: list[str]) -> int:
-    """Return how many true ids are reported by different effects (greedy, exact ids first)."""
+    """Return the number of true ids that different effects of a report cover (greedy, exact first)."""
     left, found = list(effects), 0
     for exact in (True, False):
         for name in list(true_ids):
@@ -216,7 +217,7 @@ RIGHT = ("named", "class")
 
 
 def wilson(hits: int, count: int) -> tuple[float, float]:
-    """Return Wilson's interval of a share with z = 1.96."""
+    """Return Wilson's 95 % interval of a share (z = 1.96)."""
     if count == 0:
         return 0.0, 1.0
     level = 1.0 - 2.0 * scipy.stats.norm.sf(1.96)

@@ -86,6 +86,8 @@ class Clairvoyant:
         )
         if quiet.max_episode_steps is None:
             raise ValueError("max_episode_steps = None: a plan needs an episode with an end")
+        if quiet.order_profile is not None:
+            raise ValueError("order_profile: a plan follows the orders of its task; give None")
         self._one = one = Batch(1, quiet)
         self.intervals = quiet.max_episode_steps  # number of control intervals of the episode
         if not one.ship.has_variable_pitch:

@@ -21,11 +21,13 @@ from ...baselines.registry import CONTROLLERS, read_options, split_steering_name
 from ...core.discovery import external_class_digest
 from ...core.sweep import digest_of, source_digest
 from ...envs import CLASSIC, DEFAULTS, FrigateVectorEnv
+from ...envs.orders import OrderProfile
 from ...envs.records import TRUTHS
 from ...envs.settings import EPISODE_S
 from ...envs.steering import environment_classes
 from ...envs.tasks import Task, controller_for, get_task
-from ...plant import Ship
+from ...fmi.controller import FmuController
+from ...plant import Sea, Ship
 from ..policy.policy import PolicyError, load_policy, packaged_policies, policy_file
 from .kpis import EpisodeSums
 
@@ -50,6 +52,8 @@ class Setting:
         randomise: half width of a uniform factor by dotted key of the ship file. The simulated ship has
             the factors; observer and controller use the nominal ship.
         tuning: tuning of the observer; its default where None.
+        interval_s: control interval [s].
+        order_profile: orders in place of those of the task (:mod:`shaftline.envs.orders`).
 
     Examples:
         >>> cell = Setting("combinator", "transit", "task", "luenberger", seeds=4)
@@ -71,6 +75,8 @@ class Setting:
     first_seed: int = 0
     randomise: Mapping[str, float] | None = None
     tuning: str | None = None
+    interval_s: float = DEFAULTS.control_interval_s
+    order_profile: OrderProfile | None = None
 
     @property
     def model(self) -> Task:
@@ -82,24 +88,34 @@ class Setting:
         """Preset or path of the simulated ship."""
         return self.ship or self.model.vessel
 
-    def environment(self, controller: Predictor) -> dict[str, Any]:
+    def environment(self, controller: Any) -> dict[str, Any]:
         """Return the keywords of the environment of a controller."""
         return {
             "ship": self.vessel, "task": self.model, "sea": None if self.sea == "task" else self.sea,
             "observer": self.observer, "sensor_noise": self.sensor_noise,
-            "max_episode_steps": max(round(self.episode_s / DEFAULTS.control_interval_s), 1),
-            "randomise": self.randomise, "tuning": self.tuning,
+            "max_episode_steps": self.intervals, "control_interval_s": self.interval_s,
+            "randomise": self.randomise, "tuning": self.tuning, "order_profile": self.order_profile,
             **getattr(controller, "interface", CLASSIC),
         }  # fmt: skip
 
     @property
+    def intervals(self) -> int:
+        """Number of control intervals of an episode."""
+        return max(round(self.episode_s / self.interval_s), 1)
+
+    @property
     def columns(self) -> dict[str, Any]:
-        """Fields as columns of a table, with the simulated ship and without ``task_model``."""
+        """Fields as columns of a table, with the simulated ship and without ``task_model``.
+
+        Columns with the default value are left out from ``randomise`` on; an order profile is a digest.
+        """
         fields = asdict(self) | {"ship": self.vessel}
         del fields["task_model"]
-        for name in ("randomise", "tuning"):
-            if fields[name] is None:
+        for name in ("randomise", "tuning", "interval_s", "order_profile"):
+            if fields[name] == type(self).__dataclass_fields__[name].default:
                 del fields[name]
+        if self.order_profile is not None:
+            fields["order_profile"] = digest_of(repr(self.order_profile))
         return fields
 
     @property
@@ -171,6 +187,27 @@ def run_episodes(
     return sums.kpis(), np.array(trace, dtype=np.float64)
 
 
+def drawn_seas(setting: Setting) -> pd.DataFrame:
+    """Return the sea of each episode: seed, Hs [m], Tp [s], gamma [-] and heading [deg].
+
+    In calm water Hs is 0 and the others are nan.
+
+    Examples:
+        >>> cell = Setting("combinator", "transit", "state-5", "none", seeds=1)
+        >>> drawn_seas(cell).to_dict("records")
+        [{'seed': 0, 'hs_m': 3.25, 'tp_s': 9.7, 'gamma': 3.3, 'heading_deg': 180.0}]
+    """
+    env = environment_classes(setting.model.steered).vector(
+        setting.seeds, threads=1, **setting.environment(object())
+    )  # fmt: skip
+    env.reset(seed=setting.first_seed)
+    table = pd.DataFrame(env.batch.arrays.episodes["sea"].copy(), columns=list(Sea.model_fields))
+    env.close()
+    table.loc[table["hs_m"] == 0.0, ["tp_s", "gamma", "heading_deg"]] = np.nan
+    table.insert(0, "seed", range(setting.first_seed, setting.first_seed + setting.seeds))
+    return table
+
+
 def _measured(env: FrigateVectorEnv) -> NDArray[np.float64]:
     """Return the signals of the classic controllers in physical units, shape (n, 8)."""
     return env.batch.signals[:, : len(OBSERVED)].astype(np.float64)
@@ -182,23 +219,25 @@ TRACE = ("time", "speed_order", "pitch_ratio", "fuel_rack", *TRUTHS, "estimate",
 """Columns of the trace of an episode."""
 
 
-_POLICY = "policy"
+_POLICY, _FMU = "policy", "fmu"
 
 
 def known_controllers() -> str:
     """Return the values that :func:`load_controller` accepts, as text."""
-    return f"{', '.join(controller_names())}, module:Class, policy:FILE.npz" + "".join(
-        f", {_POLICY}:{name}" for name in packaged_policies()
+    return (
+        f"{', '.join(controller_names())}, module:Class, fmu:FILE.fmu, policy:FILE.npz"
+        + "".join(f", {_POLICY}:{name}" for name in packaged_policies())
     )
 
 
 def load_controller(
     text: str, ship: Ship, interval_s: float, task: Task | None = None
 ) -> Predictor:
-    """Return a controller from ``NAME``, ``NAME:option=number,...`` or ``policy:FILE``.
+    """Return a controller from ``NAME``, ``NAME:option=number,...``, ``policy:FILE`` or ``fmu:FILE``.
 
     Args:
-        text: one of the forms above; FILE is a policy file, or the name of a policy of the package.
+        text: one of the forms above; FILE is a policy file, the name of a policy of the package, or an
+            FMU. The machine code in an FMU is executed with the rights of the user.
         ship: ship to control.
         interval_s: control interval [s].
         task: task of the controller. Where the rudder is an action, ``HELMSMAN+NAME`` selects the
@@ -207,6 +246,7 @@ def load_controller(
     Raises:
         ControllerError: unknown name, or an option that the controller does not accept.
         PolicyError: not a policy file, or a policy of another version, ship, observation or interval.
+        FmuError: not an FMU, or one whose variables do not suit a controller.
 
     Examples:
         >>> from shaftline.plant import load_ship
@@ -214,6 +254,12 @@ def load_controller(
         'speed-pilot'
     """
     kind, _, source = text.partition(":")
+    if kind == _FMU and source:
+        if task is not None and task.steered:
+            raise ControllerError(
+                f"{text!r}: an FMU commands pitch and drive, but this task steers"
+            )
+        return FmuController(Path(source), ship, interval_s)
     if kind != _POLICY:
         steered = task is not None and task.steered
         parts = split_steering_name(text)
@@ -238,21 +284,23 @@ def label(text: str) -> str:
     """Return the name in tables and cells of a controller that :func:`load_controller` accepts.
 
     The content of a file can change under the same name, and results of an earlier content must not be
-    reused. The label of a policy therefore ends with eight letters of a digest of its file and of the
-    source code that runs it, the label of a user's controller with those of its source and its imports.
+    reused. The label of a policy or an FMU therefore ends with eight letters of a digest of its file and
+    of the source code that runs it, the label of a user's controller with those of its source and its
+    imports.
 
     Examples:
         >>> label("combinator")
         'combinator'
     """
     kind, _, source = text.partition(":")
+    if kind == _FMU:
+        return f"{_FMU}:{'/'.join(Path(source).parts[-2:])} {version_of(Path(source), 'fmi')}"
     if kind != _POLICY:
         propulsion = split_steering_name(text)[-1]
         return f"{text} {external_class_digest(read_options(propulsion)[0], CONTROLLERS)}".rstrip()
     return f"{_POLICY}:{'/'.join(Path(source).parts[-2:])} {version_of(policy_file(source))}"
 
 
-def version_of(policy: Path) -> str:
-    """Return eight letters that change with a policy file and the source code that runs it."""
-    code = source_digest("agents/policy")
-    return hashlib.sha256(code.encode() + policy.read_bytes()).hexdigest()[:8]
+def version_of(file: Path, code: str = "agents/policy") -> str:
+    """Return eight letters that change with a policy file or FMU and the source code that runs it."""
+    return hashlib.sha256(source_digest(code).encode() + file.read_bytes()).hexdigest()[:8]

@@ -1,7 +1,8 @@
 """Judge whether chosen effects hold and whether the residual is noise, and describe the effects.
 
-Each balance has a verdict of its own, so that a sure effect in one balance is reported although another
-balance has a residual. A finding is an identified effect with intervals, windows of time and regime.
+Each balance has its own verdict, so that an effect in one balance is reported even if the residual of
+another balance is not explained. A finding is an identified effect with its intervals, time windows and
+operating regime.
 """
 
 from __future__ import annotations
@@ -27,18 +28,18 @@ NOTHING, UNEXPLAINED = "nothing-missing", "unexplained"
 """Verdicts."""
 
 MOST_LEFT = 100.0
-"""Largest ratio of residual to noise power of an explained recording, in the band where it is largest:
-ten times the noise's amplitude. A larger ratio is allowed if :data:`NEARLY_ALL` is explained."""
+"""Largest ratio of residual to noise power, in any frequency band, of an explained recording: ten times
+the amplitude of the noise. A larger ratio is allowed if :data:`NEARLY_ALL` is explained."""
 
 NEARLY_ALL = 0.99
-"""Explained share of the power beyond noise at which a tenth of the difference's amplitude remains."""
+"""Explained share of the power beyond noise that leaves a tenth of the amplitude of the difference."""
 
 EXPLAINED_SHARE = 0.8
 """Least share of the power beyond noise that effects must explain if the residual is more than noise."""
 
 LOST_SHARE = 0.05
-"""Share by which effects may increase the power beyond noise, which is not measured more accurately.
-Effects that increase it by more explain nothing."""
+"""Share by which effects may increase the power beyond noise, because this power is not known more
+accurately. Effects that increase it by more explain nothing."""
 
 SURE_SHARE, SURE_GAIN = 0.5, 10.0
 """Explained share, and gain in thresholds, from which an effect holds beside other missing physics."""
@@ -47,8 +48,9 @@ CLOSE_SHARE = 0.6
 """Share of the best effect's gain from which the second best is close to it."""
 
 FORM_SHARE = 0.15
-"""Half-width of an effect's interval without noise, as a share of its size, because the forms of the
-catalogue are approximations. Of concealed effects with other forms, one value in ten was off by more."""
+"""Smallest half-width of an effect's interval as a share of its size. It remains without noise, because
+the forms of the catalogue are approximations: of concealed effects with other forms, one value in ten
+had a larger error."""
 
 AT_BOUND = 1e-6
 """Relative distance from a bound within which a value counts as at the bound."""
@@ -104,15 +106,15 @@ def judge_selection(
     undecided = bool(fit.effects) and not excited and several
     helps = gain >= -INDISTINGUISHABLE and explained >= -LOST_SHARE
     holds = bool(fit.effects) and helps and not undecided
-    whole = left_over is None or explained >= EXPLAINED_SHARE
-    if holds and whole and not doubts(whiteness.fitter.trial_ship, fit.effects):
+    complete = left_over is None or explained >= EXPLAINED_SHARE
+    if holds and complete and not doubts(whiteness.fitter.trial_ship, fit.effects):
         name = EXPLAINED
-    elif holds and (sure or whole):
+    elif holds and (sure or complete):
         name = PARTLY
     else:
-        # No effect holds: nothing is missing only if the residual is noise.
-        more = colour is not None or undecided or (holds and not whole)
-        name = UNEXPLAINED if more else NOTHING
+        # No effect holds. The verdict nothing-missing requires that the residual is noise.
+        remains = colour is not None or undecided or (holds and not complete)
+        name = UNEXPLAINED if remains else NOTHING
     reported = fit if name in (EXPLAINED, PARTLY) else null
     return Verdict(name, explained, colour, left_over, balance_verdicts(whiteness, reported))
 
@@ -147,7 +149,7 @@ def is_undecidable(excited: bool, limits: Sequence[str]) -> bool:
 
 
 def is_far_from_noise(left_over: Colour | None, explained: float) -> bool:
-    """Return whether a residual is too far from noise, for its explained share, to be explained."""
+    """Return whether a residual exceeds the noise too far, at its explained share, to be explained."""
     return left_over is not None and left_over.ratio > MOST_LEFT and explained < NEARLY_ALL
 
 
@@ -158,7 +160,10 @@ def is_close_call(selection: Selection) -> bool:
 
 
 def sure_effects(selection: Selection, rows: list[int], whiteness: Whiteness) -> list[int]:
-    """Return the indices of effects, by their balances' rows, that hold beside other missing physics."""
+    """Return the indices of the effects that hold even if other physics is missing.
+
+    ``rows`` has the row of each effect's balance.
+    """
     shares = explained_shares(whiteness, whiteness.fitter.null, selection.fit)[rows]
     strong = np.array(selection.gains) >= SURE_GAIN * np.array(selection.thresholds)
     indices: list[int] = np.flatnonzero((shares >= SURE_SHARE) & strong).tolist()
@@ -192,8 +197,8 @@ def explained_shares(
 ) -> np.ndarray:
     """Return the share of the residual's power beyond noise that a model explains.
 
-    The shape is (balances + 1,), all balances together last. The model is compared to one without
-    effects; ``file`` is the whiteness test of the latter, if it has other parameters.
+    The shape is (balances + 1,); the last value is that of all balances together. ``without`` is the
+    model without effects, and ``file`` its whiteness test if its parameters differ.
     """
     pairs = ((whiteness if file is None else file, without), (whiteness, fit))
     before, after = (np.maximum(w.ratios(f) - 1.0, 0.0).sum(axis=0) for w, f in pairs)
@@ -238,7 +243,7 @@ class Finding:
 def findings_of(fitter: Fitter, selection: Selection, lacking: Floats) -> list[Finding]:
     """Return the chosen effects with intervals, traces, windows and regimes.
 
-    The nominal ship leaves the residuals ``lacking``, shape (balances, rows).
+    ``lacking`` are the residuals of the nominal ship, shape (balances, rows).
     """
     replay, trial_ship, fit = fitter.balances.replay, fitter.trial_ship, selection.fit
     estimates, signals = fitter.estimates(fit, FORM_SHARE), signals_of(fitter, fit)
@@ -275,10 +280,10 @@ def balance_rows(fitter: Fitter, fit: Fit) -> list[int]:
 
 
 def _rows_and_traces(fitter: Fitter, fit: Fit, lacking: Floats) -> Iterator[tuple[int, Floats]]:
-    """Yield the row of the balance of each effect and its trace beside the others, shape (rows,).
+    """Yield the row of each effect's balance, and how the effect changes this balance, shape (rows,).
 
-    The balance is that of the catalogue or, where this is not measured, the one that changes most in
-    relation to its residual.
+    The balance is that of the catalogue. If this balance is not measured, it is the balance with the
+    largest change relative to its residual.
     """
     balances = fitter.balances
     scale = np.sqrt(np.mean(lacking**2, axis=1)) + 1e-300
@@ -298,7 +303,7 @@ def _rows_and_traces(fitter: Fitter, fit: Fit, lacking: Floats) -> Iterator[tupl
 
 
 def active_windows(trace: Floats, interval_s: float, duration_s: float) -> list[Window]:
-    """Return the windows in which an effect is active; the whole recording if they are most of it.
+    """Return the time windows in which an effect is active; the whole recording if it mostly is.
 
     Args:
         trace: change of the balance by the effect, shape (rows,).
@@ -325,7 +330,7 @@ def active_windows(trace: Floats, interval_s: float, duration_s: float) -> list[
 
 
 def regime(trace: Floats, signals: dict[str, tuple[Any, str]]) -> str:
-    """Return the operating regime that contains most of an effect, in words; empty without one.
+    """Return the operating regime in which an effect acts, in words; empty if it is not limited to one.
 
     Args:
         trace: change of the balance by the effect, shape (rows,).
@@ -357,7 +362,7 @@ def regime(trace: Floats, signals: dict[str, tuple[Any, str]]) -> str:
 
 
 def missing_measurement(effect: Effect, balances: Balances) -> str:
-    """Return which measurement the balance of an effect lacks; empty if it lacks none."""
+    """Return, in words, the measurement that the balance of an effect lacks; empty if there is none."""
     ship, name = balances.replay.ship, effect.balance
     if name in SENSOR_OF_BALANCE and name not in balances.names:
         return f"without a {SENSOR_OF_BALANCE[name]} the {name} balance is not measured"
@@ -368,15 +373,15 @@ def missing_measurement(effect: Effect, balances: Balances) -> str:
 
 
 def doubts(trial_ship: TrialShip, effects: Iterable[SizedEffect]) -> list[str]:
-    """Return which parameters are at a bound or implausible, in words; these indicate another cause."""
+    """Return, in words, the parameters at a bound or implausible; they indicate another cause."""
     checks = (parameter_at_bound, implausible_parameter)
-    return [said for effect in effects for check in checks if (said := check(trial_ship, effect))]
+    return [text for effect in effects for check in checks if (text := check(trial_ship, effect))]
 
 
 def parameter_at_bound(trial_ship: TrialShip, effect: SizedEffect) -> str:
-    """Return which parameter of an effect is at a bound of its search, in words; empty if none is.
+    """Return, in words, the parameter of an effect at a bound of its search; empty if there is none.
 
-    Such a value is no estimate. Bounds at which the effect is absent or complete do not count.
+    A value at a bound is no estimate. Bounds at which the effect is absent or complete do not count.
     """
     for parameter, value in effect.pairs:
         absent = trial_ship.origin(parameter)
@@ -388,7 +393,7 @@ def parameter_at_bound(trial_ship: TrialShip, effect: SizedEffect) -> str:
 
 
 def implausible_parameter(trial_ship: TrialShip, effect: SizedEffect) -> str:
-    """Return which parameter of an effect lies outside its plausible range; empty where none does."""
+    """Return, in words, the parameter outside its plausible range; empty if there is none."""
     for parameter, value in effect.pairs:
         low, high = trial_ship.plausible_range(parameter)
         if not low <= value <= high:
@@ -400,7 +405,7 @@ def implausible_parameter(trial_ship: TrialShip, effect: SizedEffect) -> str:
 
 @dataclass(frozen=True)
 class Detectable:
-    """Smallest size of an effect that a recording would have shown."""
+    """Smallest size of an effect at which a diagnosis of the recording would report it."""
 
     effect: Effect
     value: float  # distance from neutral, in the parameter's unit
@@ -410,10 +415,10 @@ class Detectable:
 def detectable_effects(
     fitter: Fitter, threshold: Callable[[Effect], float], fit: Fit, effects: list[Effect]
 ) -> list[Detectable]:
-    """Return the smallest detectable size of each effect with one parameter beside a model.
+    """Return the smallest detectable size of each effect with one parameter, added to a model.
 
-    It follows from the curvature of the likelihood at the smallest probe of the effect, and from a
-    function that returns the threshold of an effect in 2 log L.
+    The size follows from the curvature of the likelihood at the smallest probe of the effect, and from
+    ``threshold``, which returns the threshold of an effect in 2 log L.
     """
     trial_ship, detectable = fitter.trial_ship, []
     base = fitter.predict(trial_ship.record(fit.effects))

@@ -13,6 +13,9 @@ A column map is a TOML file (``docs/recordings.md`` describes all keys)::
     [file]
     separator = ";"
 
+    [rows]
+    leave_out_turns = true
+
 The canonical value is sign * (scale * value + offset), converted from ``unit``. Terms of a ship may
 depend on the signals (:mod:`shaftline.plant.terms`), which are converted to SI. A formula has the syntax
 of terms (:mod:`shaftline.plant.expressions`); it is parsed and never executed, and is evaluated row by
@@ -179,7 +182,8 @@ class FileLayout(FileModel):
     header_row: Annotated[int | None, Field(ge=1, le=1000, description="line of the names")] = None
     unit_row: Annotated[int | None, Field(ge=1, le=1000, description="line of the units")] = None
     sheet: Annotated[
-        str | None, Field(description="sheet of a spreadsheet; the first by default")
+        str | None,
+        Field(description="sheet of a spreadsheet; that with the most numbers by default"),
     ] = None
 
     @field_validator("separator")
@@ -216,6 +220,7 @@ PERCENT_OF_RANGE = "percent of range"
 PERCENT = ("%", "percent", "pct")
 Ranges: TypeAlias = Mapping[str, tuple[float, float]]
 """Lowest and highest value of each command and position of a ship, by canonical column."""
+FUEL_FLOW = "fuel_flow_kg_s"
 PITCHES = ("pitch_ratio", "pitch_ratio_command")
 LINEAR = {"N m": "N", "rad": "m", "rad/s": "m/s"}  # unit of a linear axis for each unit of a shaft
 _TURNING = ("revolution", "radian", "degree", "turn", "rpm", "rps")
@@ -227,6 +232,10 @@ _Offset: TypeAlias = Annotated[float, Field(description="offset in this unit, ad
 _Radius: TypeAlias = Annotated[
     float | None,
     Field(gt=0.0, description="converts a force, position or speed of a linear axis to a shaft"),
+]
+_Density: TypeAlias = Annotated[
+    float | None,
+    Field(ge=100.0, le=2000.0, description="converts a volume flow of fuel to a mass flow"),
 ]
 _Formula: TypeAlias = Annotated[
     str | None, Field(description="expression of other columns, instead of a column of the file")
@@ -247,6 +256,7 @@ class Source(FileModel):
     scale: _Scale = 1.0
     offset: _Offset = 0.0
     radius_m: _Radius = None
+    density_kg_m3: _Density = None
     formula: _Formula = None
     names: _Names = {}  # noqa: RUF012 (pydantic copies it)
 
@@ -273,6 +283,8 @@ class Source(FileModel):
             raise ValueError(
                 f"radius_m applies to torques, angles and speeds of the shaft, not to {self.column}"
             )
+        if self.density_kg_m3 is not None and self.column != FUEL_FLOW:
+            raise ValueError(f"density_kg_m3 applies to {FUEL_FLOW}, not to {self.column}")
         if self.stamps is None and self.unit != PERCENT_OF_RANGE:
             self.convert(pd.Series([1.0]))
         return self
@@ -350,10 +362,18 @@ class Source(FileModel):
         if self.unit is None:
             return numbers
         units = unit_registry()
-        wanted = units.Unit({"-": "dimensionless"}.get(unit, unit.replace(" ", "*")))
+        wanted = _pint_unit(unit)
         given = parse_unit(self.unit)
+        if self.density_kg_m3 is not None and given.is_compatible_with("m**3/s"):
+            return pd.Series(
+                units.Quantity(numbers.to_numpy(), given).m_as("m**3/s") * self.density_kg_m3,
+                numbers.index,
+            )
         if not given.is_compatible_with(wanted):
-            raise ValueError(f"unit {self.unit!r} cannot be converted to {unit} of {self.column}")
+            raise ValueError(
+                f"unit {self.unit!r} cannot be converted to {unit} of {self.column}: "
+                f"{_way_out(given, unit, self.column)}"
+            )
         angle = any(word in str(given) for word in _TURNING)
         if unit in ("rad/s", "rad") and not angle:
             angles = "rad and deg are angles, turn is a revolution"
@@ -365,6 +385,43 @@ class Source(FileModel):
             radians = pd.Series(quantity.m_as("radian"), numbers.index)
             return 0.7 * math.pi * radians.map(math.tan)
         return pd.Series(quantity.m_as(wanted), numbers.index)
+
+
+def _way_out(given: Any, unit: str, column: str) -> str:
+    """Return what to do about a unit that cannot be converted to the canonical unit of a column."""
+    units = unit_registry()
+    if column == FUEL_FLOW and given.is_compatible_with("m**3/s"):
+        return "it is a volume flow; add density_kg_m3 = 850, or the density of your fuel"
+    others = [
+        c
+        for c, (_, _, other) in BOUNDS.items()
+        if c in COLUMNS and other != "-" and given.is_compatible_with(_pint_unit(other))
+    ]
+    if given.dimensionless:
+        others = []
+    usual = (
+        f"use {_EXAMPLES[unit]}" if unit in _EXAMPLES else f"use a unit of the same kind as {unit}"
+    )
+    if column == "shaft_torque_N_m" and given.is_compatible_with(units.watt):
+        return "it is a power; map it as shaft_power_W, and the torque follows from the shaft speed"
+    if others:
+        return f"{usual}, or map the column as {' or '.join(others[:3])}, which has a unit of this kind"
+    return f"{usual}, or give a formula that converts it"
+
+
+_EXAMPLES = {
+    "m/s": "knot, km/h or m/s", "rad/s": "rpm, rps, deg/s or rad/s", "rad": "deg or rad",
+    "N m": "kN m or N m", "N": "kN or N", "W": "kW, MW or hp", "kg/s": "kg/h, t/day or l/h",
+    "m": "m or ft", "mm": 'mm, cm or "percent of range"', "degC": "degC, degF or K", "s": "s, min or h",
+    "V": 'V, or "percent of range"', "A": "A or mA",
+    "-": 'a pure number, "percent", "percent of range", or deg for a pitch',
+}  # fmt: skip
+"""Units that loggers use, by canonical unit."""
+
+
+def _pint_unit(unit: str) -> Any:
+    """Return the unit of the registry for a canonical unit."""
+    return unit_registry().Unit({"-": "dimensionless"}.get(unit, unit.replace(" ", "*")))
 
 
 def _scaled(source: Source | SignalSource, values: pd.Series) -> pd.Series:
@@ -428,12 +485,21 @@ class SignalSource(FileModel):
         return pd.Series(quantity.to_base_units().magnitude, numbers.index)
 
 
+class Rows(FileModel):
+    """Rows of a recording that are used."""
+
+    leave_out_turns: Annotated[
+        bool, Field(description="whether rows in which the ship turns are left out")
+    ] = False
+
+
 class ColumnMap(FileModel):
     """Column map: canonical columns and signals for terms by their names in the file, and its layout."""
 
     columns: dict[str, Source] = Field(default={})
     signals: dict[str, SignalSource] = Field(default={})
     file: FileLayout = FileLayout()
+    rows: Rows = Rows()
 
     @field_validator("columns", "signals", mode="before")
     @classmethod
@@ -463,8 +529,10 @@ class ColumnMap(FileModel):
 
     @model_validator(mode="after")
     def _each_once(self) -> ColumnMap:
-        if not self.sources and not self.file.model_fields_set:
-            raise ValueError("the map is empty: [columns], [signals] or [file] needs an entry")
+        if not (self.sources or self.file.model_fields_set or self.rows.model_fields_set):
+            raise ValueError(
+                "the map is empty: [columns], [signals], [file] or [rows] needs an entry"
+            )
         if both := sorted(set(self.columns) & set(self.signals)):
             raise ValueError(f"{both[0]!r} is in [columns] and in [signals]; keep one of the two")
         names = [source.column for source in self.sources.values()]
@@ -554,7 +622,9 @@ def _explained(item: dict[str, Any]) -> str:
     if item["type"] == "missing":
         return f"{key} is missing"
     if item["type"] == "extra_forbidden":
-        tables: dict[Any, type[BaseModel]] = {"signals": SignalSource, "file": FileLayout}
+        tables: dict[Any, type[BaseModel]] = {
+            "signals": SignalSource, "file": FileLayout, "rows": Rows
+        }  # fmt: skip
         known = ColumnMap if len(item["loc"]) == 1 else tables.get(item["loc"][0], Source)
         return f"{key} is not a known key (allowed: {', '.join(known.model_fields)})"
     return f"{key}: {what}"

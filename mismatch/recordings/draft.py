@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -21,8 +20,11 @@ from ...plant import Ship
 from ...plant.columns import (
     BOUNDS,
     COLUMNS,
+    COURSE,
     ELECTRIC_POWER,
     HEADING,
+    LOG_COLUMNS,
+    OVER_GROUND,
     RUDDER,
     RUDDER_COMMAND,
     SHAFT_ANGLE,
@@ -30,13 +32,16 @@ from ...plant.columns import (
     SHAFT_SPEED,
     SWAY_SPEED,
     TIME,
+    TURNING_COLUMNS,
     YAW_RATE,
     absent_columns,
     drive_column,
     input_columns,
     simulated_columns,
 )
-from .columns import LINEAR, PERCENT, PERCENT_OF_RANGE, Source
+from .columns import FUEL_FLOW, LINEAR, PERCENT, PERCENT_OF_RANGE, PITCHES, ColumnMap, Source
+from .course import ANGLES
+from .logger_names import GROUND, LONG, LoggerName, split_name
 from .unit_errors import HELMS, command_ranges, top_speed
 
 Array = NDArray[np.float64]
@@ -50,7 +55,7 @@ PHRASES: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
         (ANY, ("secs", "seconds", "sample", "index", "frame", "k")),
     ),
     "fuel_rack_mm": (
-        (ANY, ("fuel rack", "rack", "fuel index", "load index", "load indicator", "index")),
+        (ANY, ("fuel rack", "rack", "fuel index", "load index", "load indicator", "index", "füllung")),
         (ANY, ("governor", "fuel command", "throttle", "lever", "command")),
     ),
     "motor_voltage_V": (
@@ -71,7 +76,8 @@ PHRASES: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
         (ANY, ("propeller rpm", "prop rpm", "shaft velocity", "propeller velocity", "prop velocity")),
         (ANY, ("motor speed", "motor velocity", "joint velocity", "rotor speed", "engine speed")),
         (ANY, ("engine rpm", "motor rpm", "electrical speed", "revolutions", "rpm", "rps", "drehzahl")),
-        (ANY, ("omega", "angular velocity", "angular speed", "tacho", "revs", "rev", "n", "w")),
+        (ANY, ("wellendrehzahl", "omega", "angular velocity", "angular speed", "tacho", "revs")),
+        (ANY, ("rev", "n", "w")),
         (RIG, ("velocity", "speed", "qd", "dq")),
     ),
     SHAFT_ANGLE: (
@@ -83,7 +89,10 @@ PHRASES: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
         (ANY, ("drehmoment", "moment", "effort", "q")),
     ),
     "thrust_N": ((ANY, ("thrust", "schub")),),
-    SHAFT_POWER: ((ANY, ("shaft power", "mechanical power", "delivered power", "propeller power")),),
+    SHAFT_POWER: (
+        (ANY, ("shaft power", "mechanical power", "delivered power", "propeller power")),
+        (MOVING, ("propulsion power", "engine power", "wellenleistung", "power", "ps")),
+    ),
     ELECTRIC_POWER: ((ANY, ("electric power", "electrical power", "elec power", "input power")),),
     "motor_current_A": (
         (ANY, ("motor current", "armature current", "current", "strom", "ampere", "amps", "i")),
@@ -92,31 +101,45 @@ PHRASES: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
         (ANY, ("speed through water", "stw", "water speed", "log speed", "ship speed")),
         (ANY, ("vessel speed", "boat speed", "hull speed", "surge speed", "surge velocity", "surge")),
         (MOVING, ("u velo", "u velocity", "vhw speed", "log", "vs", "u")),
-        (MOVING, ("sog", "speed over ground", "ground speed", "vtg speed", "speed")),
+        (MOVING, ("speed",)),
+    ),
+    OVER_GROUND: ((MOVING, ("sog", "speed over ground", "ground speed", "vtg speed", "gps speed")),),
+    COURSE: ((MOVING, ("cog", "course over ground", "vtg course", "course", "kurs")),),
+    "wind_speed_m_s": (
+        (MOVING, ("aws", "apparent wind speed", "relative wind speed", "wind speed", "wind")),
+    ),
+    "wind_angle_rad": (
+        (MOVING, ("awa", "apparent wind angle", "apparent wind direction", "relative wind angle")),
+        (MOVING, ("relative wind direction", "wind angle", "wind direction")),
+    ),
+    "true_wind_speed_m_s": ((MOVING, ("tws", "true wind speed")),),
+    "true_wind_angle_rad": ((MOVING, ("twa", "true wind angle")),),
+    "wind_height_m": ((MOVING, ("wind height", "anemometer height")),),
+    "draught_fore_m": ((MOVING, ("draught fore", "tiefgang vorn", "draught f", "t fore")),),
+    "draught_aft_m": ((MOVING, ("draught aft", "tiefgang hinten", "draught a", "t aft")),),
+    "water_depth_m": ((MOVING, ("water depth", "depth below surface", "depth", "ukc")),),
+    "water_temperature_C": (
+        (MOVING, ("water temperature", "sea temperature", "seawater temperature", "sw temperature")),
     ),
     "inflow_velocity_m_s": (
         (RIG, ("inflow velocity", "inflow speed", "inflow", "airspeed", "air speed", "tunnel speed")),
         (RIG, ("advance velocity", "advance speed", "flow speed", "flow velocity", "water speed", "va")),
     ),
-    "fuel_flow_kg_s": ((ANY, ("fuel flow", "fuel rate", "fuel consumption")),),
+    FUEL_FLOW: (
+        (ANY, ("fuel flow", "fuel rate", "fuel consumption", "fuel mass flow", "fuel volume flow")),
+        (ANY, ("kraftstoff", "verbrauch")),
+    ),
     "propeller_submergence_m": ((ANY, ("propeller submergence", "submergence", "immersion")),),
     RUDDER_COMMAND: ((ANY, ("rudder", "helm", "delta")),),
     RUDDER: ((ANY, ("rudder angle", "rudder", "rsa", "helm", "delta")),),
     SWAY_SPEED: ((ANY, ("sway speed", "sway velocity", "sway", "lateral speed", "vm", "v")),),
     YAW_RATE: ((ANY, ("yaw rate", "rate of turn", "turn rate", "yaw velocity", "rot", "r")),),
-    HEADING: ((ANY, ("heading", "hdt", "hdg", "psi", "yaw")),),
+    HEADING: ((ANY, ("heading", "hdt", "gyro", "psi", "yaw")),),
 }  # fmt: skip
 """Phrases by canonical column, the most reliable first; the name must have all words of a phrase."""
 
 DUTY = frozenset({"pwm", "duty", "esc", "throttle", "lever", "command", "governor"})
 """Words of a command that is a share of the range of a drive."""
-
-COMMANDS = frozenset((
-    "order", "ordered", "set", "setpoint", "cmd", "command", "demand", "demanded", "ref",
-    "reference", "target", "goal", "desired",
-))  # fmt: skip
-"""Words of columns that hold a command."""
-_ORDERED = {"cmd": "command", "ordered": "order", "demanded": "demand", "setpoint": "set"}
 
 _QUANTITIES = frozenset((
     "torque", "speed", "pitch", "rudder", "heading", "thrust", "rpm", "position", "angle", "force",
@@ -130,12 +153,25 @@ FOREIGN = frozenset((
     "latitude", "longitude", "track", "depth", "energy", "efficiency", "quality", "count",
 ))  # fmt: skip
 """Words of columns that are no canonical columns."""
+_ALLOWED = {
+    SHAFT_POWER: {"power"}, ELECTRIC_POWER: {"power"}, COURSE: {"track"}, "water_depth_m": {"depth"},
+    "water_temperature_C": {"temp", "temperature"},
+    **{column: {"wind"} for column in COLUMNS if "wind" in column},
+}  # fmt: skip
+"""Such words that a canonical column may have."""
 _NOT_WITH = {
     "motor_current_A": {"speed", "velocity", "direction"},
     SHAFT_SPEED: {"air", "airspeed", "water", "ship", "vessel", "boat", "ground", "log", "stw", "sog",
                   "yaw"},
     SHAFT_ANGLE: {"x", "y", "z", "rudder", "pitch"},
-    "ship_speed_m_s": {"motor", "shaft", "prop", "propeller", "engine", "rotor", "air", "joint", "yaw"},
+    "ship_speed_m_s": {"motor", "shaft", "prop", "propeller", "engine", "rotor", "air", "joint", "yaw",
+                       *GROUND},
+    COURSE: {"speed", "steer"},
+    "wind_speed_m_s": {"true", "direction", "angle", "height", "air"},
+    "wind_angle_rad": {"true", "height"},
+    "water_depth_m": {"propeller", "shaft", "tank", "mould", "moulded"},
+    SHAFT_POWER: {"electric", "electrical", "elec", "battery", "generator", "aux", "hotel", "pto",
+                  "supply", "rated", "max", "limit", "factor", "input"},
     "shaft_torque_N_m": {"speed"},
     "pitch_ratio": {"rate"},
     HEADING: {"rate", "velocity"},
@@ -143,33 +179,8 @@ _NOT_WITH = {
 }  # fmt: skip
 """Words that exclude a canonical column although the name has one of its phrases."""
 
-UNITS = (
-    {unit: unit for unit in ("s", "ms", "us", "ns", "min", "h", "A", "mA", "V", "mV", "kV", "N", "kN",
-                             "Nmm", "rad", "deg", "rpm", "rps", "Hz", "W", "kW", "mm", "cm", "m")}
-    | dict.fromkeys(("sec", "secs", "seconds"), "s")
-    | dict.fromkeys(("nsec", "nsecs", "nanosec"), "ns")
-    | dict.fromkeys(("msec", "millis"), "ms")
-    | dict.fromkeys(("volt", "volts"), "V")
-    | dict.fromkeys(("amp", "amps"), "A")
-    | dict.fromkeys(("Nm", "N_m"), "N m")
-    | dict.fromkeys(("kNm", "kN_m"), "kN m")
-    | dict.fromkeys(("rad_s", "radps", "rads", "rad_per_s", "rad_sec"), "rad/s")
-    | dict.fromkeys(("deg_s", "degps", "dps", "deg_per_s"), "deg/s")
-    | dict.fromkeys(("m_s", "mps", "m_per_s"), "m/s")
-    | dict.fromkeys(("kn", "kt", "kts", "knot", "knots"), "knot")
-    | dict.fromkeys(("kmh", "km_h", "kph"), "km/h")
-    | dict.fromkeys(("pct", "percent", "perc"), "%")
-    | {"degrees": "deg", "radians": "rad", "hz": "Hz", "kg_s": "kg/s", "newton": "N"}
-)  # fmt: skip
-"""Unit for each suffix of a name."""
-_SPELLED = {"kmh": "km/h", "kph": "km/h", "rads": "rad/s", "kts": "knot", "mps": "m/s"}
-"""Units in brackets that the unit registry does not know, or knows with another meaning."""
-_LONG = 3  # fewest characters of a unit suffix whose case is ignored
-
-_SIGNAL_K = {"navigation", "propulsion", "steering", "environment"}
-"""Roots of Signal K paths, whose values have SI units and Hz."""
-_SIGNAL_K_UNITS = {SHAFT_SPEED: "Hz", "ship_speed_m_s": "m/s", HEADING: "rad", RUDDER: "rad",
-                   YAW_RATE: "rad/s", "shaft_torque_N_m": "N m"}  # fmt: skip
+_NO_UNIT = ("-", "P/D", "p/d", "1", "none", "n/a", "dimensionless")
+"""Units in the file of a column without a unit."""
 _BESIDES = frozenset(
     ("raw", "measured", "meas", "volt", "velo", "velocity", "angvelo", "filtered", "hat", "state")
 )
@@ -194,7 +205,8 @@ _LEAST_OPENING, _SMALL_OPENING = 0.25, 30.0  # share of the end stop; percent
 _A_TURN = 2.0 * math.pi + 0.1
 _LEAST_VARIATION = 0.1  # share of its size over which the voltage of a motor varies
 _EITHER_WAY = 0.1  # share of its largest value that a reversing signal reaches with the other sign
-_OPTIONAL = ("inflow_velocity_m_s", "fuel_flow_kg_s", "propeller_submergence_m", RUDDER_COMMAND)
+_OPTIONAL = ("inflow_velocity_m_s", "propeller_submergence_m", RUDDER_COMMAND, *LOG_COLUMNS)
+_FUEL_DENSITY = 850.0  # of marine diesel oil near the flow meter [kg/m3]
 
 
 class _Fit(NamedTuple):
@@ -240,16 +252,18 @@ def draft_column_map(
         taken: canonical columns that the file has.
     """
     foreign = absent_columns(ship)
+    optional = _OPTIONAL
+    if ship.moves and not ship.turns:  # The log of such a ship shows its turns.
+        shown = (HEADING, YAW_RATE, RUDDER)
+        foreign, optional = foreign - {*shown}, (*optional, *shown)
     for has, columns in (
         (ship.has_variable_pitch, {"pitch_ratio"}),
         (ship.has_propeller, {"inflow_velocity_m_s", "propeller_submergence_m"}),
-        (ship.has_diesel, {"fuel_flow_kg_s"}),
-        (ship.moves, {"ship_speed_m_s"}),
+        (ship.has_diesel, {FUEL_FLOW}),
+        (ship.moves, {"ship_speed_m_s", *LOG_COLUMNS} - {FUEL_FLOW}),
     ):
         foreign |= set() if has else columns
-    wanted = dict.fromkeys(
-        [*input_columns(ship), SHAFT_SPEED, *simulated_columns(ship), *_OPTIONAL]
-    )
+    wanted = dict.fromkeys([*input_columns(ship), SHAFT_SPEED, *simulated_columns(ship), *optional])
     missing = [c for c in wanted if c not in taken and c not in foreign]
     left = left.rename(columns=str)
     left = left[[name for name in left if name not in ship.external_signals]]
@@ -258,6 +272,8 @@ def draft_column_map(
         return
     found = _by_name(ship, left, names, missing)
     _by_cells(ship, left, names, missing, found)
+    if OVER_GROUND in found or OVER_GROUND in taken:  # It stands for the speed through water.
+        missing = [c for c in missing if c != "ship_speed_m_s" or c in found]
     if RUDDER in found or RUDDER in taken:  # The rudder angle may be the rudder command as well.
         missing = [c for c in missing if c != RUDDER_COMMAND]
     shaft = {SHAFT_SPEED, SHAFT_ANGLE}
@@ -271,12 +287,49 @@ def draft_column_map(
         if choice.rivals:
             yield f"# also possible as {column}: {', '.join(choice.rivals)}"
     chosen = {choice.name for choice in found.values()}
-    still = [f"{c} [{BOUNDS[c][2]}]" for c in missing if c not in found and c not in _OPTIONAL]
+    still = [f"{c} [{BOUNDS[c][2]}]" for c in missing if c not in found and c not in optional]
     others = [name for name in names if name not in chosen]
     if still and others:
         yield f"# still missing: {', '.join(still)}"
         for name in others:
             yield f'# {_quoted(name)} = {{ column = "?", unit = "{names[name].unit or "?"}" }}'
+
+
+def with_given_map(given: ColumnMap, draft: Sequence[str]) -> list[str]:
+    """Return the lines of a map that has the entries of a given map and those of a draft.
+
+    Example:
+        >>> given = ColumnMap.model_validate({"file": {"header_row": 3}, "columns": {"t": "time_s"}})
+        >>> for line in with_given_map(given, ["[columns]", '"n" = { column = "shaft_speed_rad_s" }']):
+        ...     print(line)
+        [file]
+        header_row = 3
+        [columns]
+        "t" = { column = "time_s" }
+        "n" = { column = "shaft_speed_rad_s" }
+    """
+    entries = given.model_dump(exclude_unset=True)
+    lines = [line for line in draft if line.startswith("# draft")]
+    for table in ("file", "rows"):
+        if values := entries.get(table):
+            lines += [f"[{table}]", *(f"{key} = {_value(value)}" for key, value in values.items())]
+    if entries.get("signals"):
+        lines += ["[signals]", *_entries(entries["signals"])]
+    own = [line for line in draft if not line.startswith(("# draft", "[columns]"))]
+    return [*lines, "[columns]", *_entries(entries.get("columns", {})), *own]
+
+
+def _entries(entries: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    """Yield the lines of a table of a map."""
+    for name, keys in entries.items():
+        yield f"{_quoted(name)} = {{ {', '.join(f'{k} = {_value(v)}' for k, v in keys.items())} }}"
+
+
+def _value(value: Any) -> str:
+    """Return a value of a map as TOML."""
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{k} = {_value(v)}' for k, v in value.items())} }}"
+    return json.dumps(value, ensure_ascii=False)
 
 
 def _by_name(
@@ -352,7 +405,8 @@ def _by_cells(
     wanted = SHAFT_SPEED in missing and SHAFT_SPEED not in found and len(counted) == 1
     if wanted and (speed := guess(counted[0], SHAFT_SPEED)) is not None:
         found[SHAFT_SPEED] = _Choice(counted[0], speed)
-    columns = [c for c in missing if c not in found and c not in _OPTIONAL]
+    optional = _OPTIONAL if ship.turns else (*_OPTIONAL, *TURNING_COLUMNS)
+    columns = [c for c in missing if c not in found and c not in optional]
     pairs = [
         (name, column, own)
         for name in rest()
@@ -438,8 +492,10 @@ def guess_unit(
         found = _opening(stated, values, top, BOUNDS[column][2], reverses)
         if found is not None:
             return found
-    if not stated:
+    if not stated or stated in _NO_UNIT:
         return _from_size(name, column, ship, values)
+    if column == FUEL_FLOW and (volume := _is_volume_flow(stated)) is not None:
+        return volume
     if column == SHAFT_SPEED:
         stated = _TURNS.get(stated.lower(), stated)
     if stated in PERCENT:
@@ -448,9 +504,7 @@ def guess_unit(
         doubt = "Signal K convention: SI units, revolutions in Hz" if not name.unit else ""
         if "electrical" in name.words and column == SHAFT_SPEED:
             doubt = "from the motor controller; right only if the logger knows the number of poles"
-        if column == "ship_speed_m_s" and {"sog", "ground", "vtg"} & {*name.words}:
-            doubt = "speed over ground includes the current"
-        return Guess(stated, (), doubt)
+        return Guess(stated, (), doubt or _meaning_doubt(name, column))
     linear = not ship.moves and not ship.has_propeller
     if linear and BOUNDS[column][2] in LINEAR and _is_unit_of(stated, column, 1.0):
         doubt = "a linear axis: set the radius, or keep 1 m and use masses as inertias of the ship"
@@ -459,6 +513,8 @@ def guess_unit(
 
 
 def _time(stated: str, values: Array, cells: pd.Series | None) -> Guess | None:
+    if cells is not None and pd.api.types.is_datetime64_any_dtype(cells):
+        return Guess("datetime")
     text = cells is not None and not pd.api.types.is_numeric_dtype(cells)
     if text and cells is not None and len(values) < len(cells) / 2:
         return Guess("datetime")
@@ -522,16 +578,42 @@ def _from_size(name: LoggerName, column: str, ship: Ship, values: Array) -> Gues
         unit = "deg" if size > float(ship.record()["rudder_max"]) * 1.25 else "rad"
     elif column == YAW_RATE and {"rot", "turn"} & {*name.words}:
         unit = "deg/min"
-    elif column == HEADING:
+    elif column in ANGLES:
         unit = "deg" if size > _A_TURN else "rad"
     elif column in command_ranges(ship) and BOUNDS[column][2] == "-" and size > BOUNDS[column][1]:
         unit = PERCENT_OF_RANGE
+    elif column in PITCHES and name.unit in _NO_UNIT:
+        return Guess("dimensionless")
     doubt = f"unit not stated: {unit} assumed"
-    if column == "ship_speed_m_s":
+    if BOUNDS[column][2] == "m/s":
         doubt += "; knot is also common"
-        if {"sog", "ground", "vtg"} & {*name.words}:
-            doubt += "; speed over ground includes the current"
+    if meaning := _meaning_doubt(name, column):
+        doubt += f"; {meaning}"
     return Guess(unit, (), doubt)
+
+
+def _meaning_doubt(name: LoggerName, column: str) -> str:
+    """Return the doubt about the meaning of a column of a ship's log; empty if it is clear."""
+    words = {*name.words}
+    if column.startswith("wind_") and not {"apparent", "relative", "aws", "awa"} & words:
+        return "assumed to be relative to the ship"
+    if column == "water_depth_m" and not {"water"} & words:
+        return "if it is the depth below the keel, add the draught as offset"
+    if column == SHAFT_POWER and not {"shaft", "propeller"} & words:
+        return "assumed to be the power of the shaft of the model"
+    return ""
+
+
+def _is_volume_flow(unit: str) -> Guess | None:
+    """Return the guess for a fuel flow by volume; None for another unit."""
+    try:
+        Source(column=FUEL_FLOW, unit=unit, density_kg_m3=_FUEL_DENSITY)
+        if _is_unit_of(unit, FUEL_FLOW):
+            return None
+    except ValueError:
+        return None
+    doubt = "density at the flow meter assumed: see the bunker note"
+    return Guess(unit, (f"density_kg_m3 = {_FUEL_DENSITY:g}",), doubt)
 
 
 def _speed(name: LoggerName, ship: Ship, size: float) -> Guess:
@@ -569,7 +651,7 @@ def rank(name: LoggerName, column: str, ship: Ship, ordered: bool) -> tuple[int,
         Index of the phrase in the list of phrases, and the number of further words in the name.
     """
     words = set(name.words)
-    foreign = FOREIGN - {"power"} if column in (SHAFT_POWER, ELECTRIC_POWER) else FOREIGN
+    foreign = FOREIGN - _ALLOWED.get(column, set())
     if words & foreign or words & _NOT_WITH.get(column, set()) or (name.is_command and not ordered):
         return None
     if column in ("pitch_ratio_command", RUDDER_COMMAND) and not name.is_command:
@@ -593,73 +675,6 @@ def _has(name: LoggerName, phrase: list[str]) -> bool:
 
     def is_word(word: str, found: str) -> bool:
         part = found.startswith(word) or found.endswith(word)
-        return word == found or ((len(word) > _LONG or word == "rpm") and part)
+        return word == found or ((len(word) > LONG or word == "rpm") and part)
 
     return all(any(is_word(word, found) for found in name.words) for word in phrase)
-
-
-@dataclass(frozen=True)
-class LoggerName:
-    """Name of one column, split into words and a unit.
-
-    Args:
-        words: all words in lower case.
-        core: words without those of the unit.
-        unit: unit that the file or the name states; else empty.
-    """
-
-    words: tuple[str, ...]
-    core: tuple[str, ...]
-    unit: str
-
-    @property
-    def is_command(self) -> bool:
-        """Whether the name has a word of a command."""
-        return bool(COMMANDS & set(self.words))
-
-    def unit_as(self, column: str) -> str:
-        """Return the unit of the name for a canonical column; a Signal K path has a standard unit."""
-        if not self.unit and self.words[0] in _SIGNAL_K:
-            return _SIGNAL_K_UNITS.get(column, "")
-        return self.unit
-
-
-def split_name(name: str, stated: str = "") -> LoggerName:
-    """Split a name into words and a unit; a number in brackets is an index and no unit.
-
-    Example:
-        >>> name = split_name("PropShaftSpeed_rpm")
-        >>> name.words, name.unit
-        (('prop', 'shaft', 'speed', 'rpm'), 'rpm')
-
-    Args:
-        name: name in the file.
-        stated: unit in the row of units of the file; empty or ``-`` if the file states none.
-    """
-    bare, unit = name, stated if stated not in ("", "-") else ""
-    bracket = re.search(r"[\[(]([^\])]+)[\])]\s*$", name)
-    if bracket and not bracket[1].strip().isdigit():
-        bare = name[: bracket.start()]
-        unit = unit or _SPELLED.get(bracket[1].strip(), bracket[1].strip())
-    words = _split(bare) or (name.lower(),)
-    parts = [part for part in re.split(r"[^0-9A-Za-zÀ-ÿ°%µμ]+", bare) if part]
-    for length in (3, 2, 1):
-        suffix = _unit_of("_".join(parts[-length:])) if len(parts) >= length else ""
-        if suffix and (len(parts) > length or len(parts[0]) >= _LONG):
-            return LoggerName(words, _split(" ".join(parts[:-length])) or words, unit or suffix)
-    if len(words) > 1 and len(words[-1]) >= _LONG and (suffix := _unit_of(words[-1])):  # camelCase
-        return LoggerName(words, words[:-1], unit or suffix)
-    turns = next((word for word in words if word in ("rpm", "rps")), "")
-    return LoggerName(words, words, unit or turns)
-
-
-def _split(name: str) -> tuple[str, ...]:
-    """Return the words of a name, split at signs, at digits and at capital letters."""
-    spaced = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
-    words = re.findall(r"[^\W\d_]+|\d+", spaced.lower())
-    return tuple(_ORDERED.get(word, word) for word in words)
-
-
-def _unit_of(suffix: str) -> str:
-    folded = suffix.lower() if len(suffix) >= _LONG else ""
-    return UNITS.get(suffix) or UNITS.get(folded, "")

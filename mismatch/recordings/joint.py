@@ -24,6 +24,7 @@ from ...plant.recording import RecordingError
 from ...plant.ship import Ship
 from ..estimate import Tick, ignore_progress
 from .checks import TOO_SHORT, length_limits
+from .course import SEVERAL_COURSES, has_several_courses
 from .load import TABLE, Recording, load_parts
 from .noise import estimate_noise
 from .time_base import FEWEST_ROWS
@@ -326,6 +327,8 @@ def _limits_and_warnings(
         return [f"{recording.source.name}: {limit}" for limit in other]
 
     warnings = [f"{r.source.name}: {warning}" for r in loaded for warning in r.warnings]
+    if any(r.over_ground for r in loaded) and has_several_courses(r.navigation for r in loaded):
+        warnings.append(SEVERAL_COURSES)
     together = []
     if any(limit.startswith(TOO_SHORT) for r in fitted for limit in r.limits):
         together = length_limits([r.table for r in fitted], fitted[0].interval_s, ship)

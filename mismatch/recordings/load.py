@@ -17,18 +17,26 @@ from numpy.typing import NDArray
 from ...plant.columns import (
     BOUNDS,
     COLUMNS,
+    COURSE,
     ELECTRIC_POWER,
     HEADING,
+    LOG_COLUMNS,
+    OVER_GROUND,
+    RUDDER,
     SHAFT_ANGLE,
     SHAFT_POWER,
     SHAFT_SPEED,
+    SHIP_SPEED,
     TIME,
+    TURNING_COLUMNS,
+    YAW_RATE,
     absent_columns,
     input_columns,
     simulated_columns,
 )
 from ...plant.recording import RecordingError, check_bounds, convert_numbers, read_table
 from ...plant.ship import Ship
+from ...plant.signals import LOG_SIGNALS
 from ...plant.terms import TURNING_SIGNALS
 from .checks import (
     constant_channel_warnings,
@@ -41,6 +49,8 @@ from .checks import (
     wrapped_angle_errors,
 )
 from .columns import load_map
+from .course import over_ground_warning, turning_rows, wind_signals
+from .logger_names import split_name
 from .noise import Noise, estimate_command_noise, estimate_noise
 from .reference_simulation import ReferenceSimulation
 from .steady_rows import (
@@ -56,6 +66,7 @@ from .steady_rows import (
 from .time_base import (
     FEWEST_ROWS,
     Cleaned,
+    complete_log,
     convert_dates,
     fill_missing,
     resample_evenly,
@@ -93,6 +104,9 @@ class Recording:
             "insufficient excitation".
         signals: unit of each column that is a signal for terms, by name.
         steady: whether each row is an equilibrium at the inputs of that row.
+        log: columns of a ship's log that no simulation of the ship gives, such as wind, course and
+            draught, at the same rows.
+        over_ground: whether ``ship_speed_m_s`` is the speed over ground.
     """
 
     source: Path
@@ -103,6 +117,8 @@ class Recording:
     limits: tuple[str, ...] = ()
     signals: Mapping[str, str] = field(default_factory=dict)
     steady: bool = False
+    log: pd.DataFrame = field(default_factory=pd.DataFrame)
+    over_ground: bool = False
 
     def __len__(self) -> int:
         """Return the number of rows."""
@@ -110,7 +126,7 @@ class Recording:
 
     def __contains__(self, column: object) -> bool:
         """Return whether the recording has a canonical column."""
-        return column in self.table
+        return column in self.table or column in self.log
 
     def __getitem__(self, column: str) -> NDArray[np.float64]:
         """Return the values of a canonical column, (n,).
@@ -118,7 +134,8 @@ class Recording:
         Raises:
             KeyError: the recording does not have the column.
         """
-        return np.array(self.table[column], dtype=float)
+        table = self.log if column in self.log else self.table
+        return np.array(table[column], dtype=float)
 
     @property
     def time_s(self) -> NDArray[np.float64]:
@@ -126,8 +143,13 @@ class Recording:
         return self[TIME]
 
     @property
+    def navigation(self) -> Mapping[str, NDArray[np.float64]]:
+        """Values of each column of the table and of the log, (n,)."""
+        return {str(c): self[str(c)] for c in (*self.log, *self.table)}
+
+    @property
     def channels(self) -> tuple[str, ...]:
-        """Canonical columns of the recording without the time."""
+        """Canonical columns that a simulation uses or gives, and signals, without the time."""
         return tuple(c for c in self.table if c != TIME)
 
 
@@ -178,7 +200,8 @@ def load_recording(
     check_argument_types(source, ship, columns)
     path = Path(name) if isinstance(source, pd.DataFrame) else Path(source)
     table, signal_units = read_canonical(source, ship, columns, name)
-    return clean_and_check(path, table, {**signals, **ship.signals, **signal_units}, ship, steady)
+    units = {**signals, **ship.signals, **signal_units}
+    return _with_over_ground_warning([clean_and_check(path, table, units, ship, steady)])[0]
 
 
 def load_parts(
@@ -208,12 +231,13 @@ def load_parts(
     units = {**signals, **ship.signals, **signal_units}
     time = time_in_seconds(path, raw)
     if rows_are_steady(ship, raw, time, steady):
-        return [clean_and_check(path, raw, units, ship, steady)]
+        return _with_over_ground_warning([clean_and_check(path, raw, units, ship, steady)])
     intervals = split_at_gaps(time)
     kept = [(a, b) for a, b in intervals if b - a >= FEWEST_ROWS]
     rows = sum(b - a for a, b in kept)
     if len(intervals) == 1 or len(kept) > MOST_PARTS or 2 * rows < len(raw):
-        return [clean_and_check(path, raw, units, ship)]  # This call reports the gaps as an error.
+        # If there are gaps, this call reports them as an error.
+        return _with_over_ground_warning([clean_and_check(path, raw, units, ship)])
     cuts = [f"{time[a] - time[a - 1]:.4g} s before row {a + 1}" for a, _ in intervals[1:]]
     short = f"; {len(raw) - rows} rows in parts of fewer than {FEWEST_ROWS} rows were left out"
     warning = (
@@ -224,11 +248,19 @@ def load_parts(
     result = []
     for number, (a, b) in enumerate(kept, 1):
         part = raw.iloc[a:b].reset_index(drop=True)
-        part.attrs = raw.attrs if number == 1 else {}
+        part.attrs = raw.attrs if number == 1 else {"over_ground": raw.attrs.get("over_ground")}
         part_path = path.with_name(f"{path.name} part {number} (from row {a + 1})")
         result.append(clean_and_check(part_path, part, units, ship))
     result[0] = replace(result[0], warnings=(warning, *result[0].warnings))
-    return result
+    return _with_over_ground_warning(result)
+
+
+def _with_over_ground_warning(parts: list[Recording]) -> list[Recording]:
+    """Return the parts of a recording, the first with a warning if their speed is over ground."""
+    if not parts[0].over_ground:
+        return parts
+    said = over_ground_warning([part.navigation for part in parts])
+    return [replace(parts[0], warnings=(*parts[0].warnings, said)), *parts[1:]]
 
 
 def check_argument_types(source: object, ship: object, columns: object) -> None:
@@ -276,11 +308,56 @@ def read_canonical(
         raw = read_table(path, layout)
     refuse_complex(path, raw, [*COLUMNS, *ship.signals, *inputs])
     if column_map is None:
-        return raw, {}
+        return _use_speed_over_ground(raw, ship), {}
     ranges = command_ranges(ship)
     mapped = column_map.apply(path, raw, ranges)
-    mapped.attrs = raw.attrs | {"remarks": list(column_map.remarks(ranges))}
+    mapped.attrs = raw.attrs | {
+        "remarks": [*raw.attrs.get("remarks", []), *column_map.remarks(ranges)],
+        "over_ground": any(
+            source.column == SHIP_SPEED and split_name(name).is_over_ground
+            for name, source in column_map.columns.items()
+        ),
+    }
+    mapped = _use_speed_over_ground(mapped, ship)
+    if column_map.rows.leave_out_turns:
+        mapped = _leave_out_turns(path, mapped)
     return mapped, {one.signal: one.unit_in_expressions for one in column_map.signals.values()}
+
+
+def _use_speed_over_ground(table: pd.DataFrame, ship: Ship) -> pd.DataFrame:
+    """Return a table in which a speed over ground stands for a missing speed through water."""
+    if not ship.moves or SHIP_SPEED in table or OVER_GROUND not in table:
+        return table
+    given = table.assign(**{SHIP_SPEED: table[OVER_GROUND]})
+    given.attrs = table.attrs | {"over_ground": True}
+    return given
+
+
+def _leave_out_turns(path: Path, table: pd.DataFrame) -> pd.DataFrame:
+    """Return the table without the rows in which the ship turns.
+
+    Raises:
+        RecordingError: no column shows a turn, or fewer than :data:`.time_base.FEWEST_ROWS` rows remain.
+    """
+    shown = [c for c in (COURSE, HEADING, RUDDER, YAW_RATE) if c in table]
+    if not shown:
+        raise RecordingError(
+            f"{path}: leave_out_turns needs a column that shows a turn: {HEADING}, {COURSE}, {YAW_RATE} "
+            f"or {RUDDER}"
+        )
+    columns, _ = complete_log(table[shown], shown)
+    time = pd.Series(time_in_seconds(path, table)).interpolate(limit_direction="both")
+    clock, _ = spread_coarse_clock(path, pd.DataFrame({TIME: time}))
+    rows = turning_rows(clock[TIME].to_numpy(), columns)
+    if len(table) - rows.sum() < FEWEST_ROWS:
+        raise RecordingError(
+            f"{path}: the ship turns in {rows.sum()} of {len(table)} rows; at least {FEWEST_ROWS} other "
+            "rows are needed: remove leave_out_turns from the column map"
+        )
+    kept = table[~rows].reset_index(drop=True)
+    said = f"{rows.sum()} of {len(table)} rows were left out, in which the ship turns"
+    kept.attrs = table.attrs | {"remarks": [*table.attrs["remarks"], said]}
+    return kept
 
 
 @dataclass
@@ -295,6 +372,8 @@ class _Draft:
     known: list[str]
     required: list[str]
     warnings: list[str]
+    log: list[str]
+    over_ground: bool
 
     def apply(self, step: Cleaned) -> bool:
         """Take over the table and the warnings of a cleaning step; return whether there were any."""
@@ -349,12 +428,7 @@ def _prepare(
     words = layout.description() if layout else ""
     warnings = [f"read as a table with {words}"] if words else []
     warnings += table.attrs.get("remarks", [])
-    if not ship.turns:  # Terms of such a ship may depend on a turn that its equations do not have.
-        turn = {n: c for n, c in TURNING_SIGNALS.items() if c in table and n not in table}
-        table = table.assign(**{name: table[column] for name, column in turn.items()})
-    signals = {name: unit for name, unit in units.items() if name in table}
     speed = SHAFT_ANGLE if SHAFT_ANGLE in table and SHAFT_SPEED not in table else SHAFT_SPEED
-    refuse_complex(path, table, signals)
     table, converted = convert_dates(path, table)
     warnings += converted
     time = time_in_seconds(path, table)
@@ -363,12 +437,39 @@ def _prepare(
         speed = SHAFT_SPEED
         warnings.append(steady_rows_remark(ship, table, time, requested))
         refuse_without_drive(path, table, ship)
+    log = [c for c in (*LOG_COLUMNS, *TURNING_COLUMNS) if c in table]
+    log = [c for c in log if c in LOG_COLUMNS or steady or not ship.turns]
+    refuse_complex(path, table, log)
+    table, completed = complete_log(table, log)
+    warnings += completed
+    log = [column for column in log if column in table]
+    if HEADING in table and HEADING not in log:  # The heading of the model is continuous.
+        table = table.assign(**{HEADING: _continuous(table[HEADING])})
+    # Terms may depend on a turn that the equations of the ship do not have, and on the log.
+    named = {one.name: one.column for one in LOG_SIGNALS} | ({} if ship.turns else TURNING_SIGNALS)
+    given = {name: table[c] for name, c in named.items() if c in log} | wind_signals(table[log])
+    table = table.assign(**{n: v for n, v in given.items() if n in units and n not in table})
+    signals = {name: unit for name, unit in units.items() if name in table}
+    refuse_complex(path, table, signals)
     unused = absent_columns(ship) | (NO_EQUILIBRIUM if steady else set())
     needs_speed = speed in table or not {SHAFT_POWER, ELECTRIC_POWER} & set(table) - unused
     needed = [*input_columns(ship), *([speed] * needs_speed), *ship.external_signals]
-    known = [*(c for c in COLUMNS if c in table and c not in unused), *sorted(signals)]
+    channels = [c for c in COLUMNS if c in table and c not in unused and c not in log]
+    known = [*channels, *sorted(signals), *log]
     required = list(dict.fromkeys(needed))
-    return _Draft(path, ship, table, signals, steady, known, required, warnings)
+    over = bool(table.attrs.get("over_ground", False))
+    return _Draft(path, ship, table, signals, steady, known, required, warnings, log, over)
+
+
+def _continuous(angle: pd.Series) -> pd.Series:
+    """Return an angle [rad] without jumps of a full turn; gaps and text stay as they are."""
+    numbers = pd.to_numeric(angle, errors="coerce")
+    known = numbers.dropna()
+    if (known.diff().abs() <= np.pi).iloc[1:].all():
+        return angle
+    return angle.where(
+        numbers.isna(), pd.Series(np.unwrap(known), known.index).reindex(angle.index)
+    )
 
 
 def _clean(draft: _Draft) -> None:
@@ -440,6 +541,8 @@ def _finish(draft: _Draft) -> Recording:
     dropped = False
     if draft.steady:
         dropped = draft.apply(drop_outliers(draft.path, draft.table, simulated, measured))
+    log = draft.table[draft.log]
+    draft.table = draft.table.drop(columns=draft.log)
     table, commands = draft.table, command_columns(ship, draft.table)
     noise = {
         c: (estimate_command_noise if c in commands else estimate_noise)(v.to_numpy(), interval)
@@ -455,7 +558,10 @@ def _finish(draft: _Draft) -> Recording:
     warnings = (*draft.warnings, *end_stop_warnings(table, ship), *constant)
     too_short = [] if draft.steady else length_limits([table], interval, ship)
     limits = (*too_short, *insufficient_excitation(table, ship, noise))
-    return Recording(draft.path, table, interval, noise, warnings, limits, signals, draft.steady)
+    return Recording(
+        draft.path, table, interval, noise, warnings, limits, signals, draft.steady, log,
+        draft.over_ground,
+    )  # fmt: skip
 
 
 def fetch(

@@ -25,6 +25,7 @@ from ...plant.columns import (
     simulated_columns,
 )
 from ...plant.ship import Ship
+from .course import turn_remark
 from .load import Recording
 from .reference_simulation import ReferenceSimulation
 from .unit_errors import command_columns, rectified_remark
@@ -53,7 +54,7 @@ _ON_GRID = 0.98  # least share of the levels within that distance
 
 
 def remarks(recording: Recording, ship: Ship) -> Iterator[str]:
-    """Yield remarks on rectified, shifted and quantised channels of a recording that was checked.
+    """Yield remarks on rectified, shifted and quantised channels, and on turns, of a recording.
 
     The nominal ship is simulated with the recorded commands; the recording is not changed.
     """
@@ -74,6 +75,8 @@ def remarks(recording: Recording, ship: Ship) -> Iterator[str]:
     for column in (*commands, *measured):
         if remark := quantisation_remark(column, table[column].to_numpy(dtype=float)):
             yield remark
+    if not ship.turns and (remark := turn_remark(recording.time_s, recording.navigation)):
+        yield remark
 
 
 def _timing_remarks(

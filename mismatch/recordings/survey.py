@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ...core.tables import Layout
 from ...plant.columns import (
     BOUNDS,
     COLUMNS,
     ELECTRIC_POWER,
+    OVER_GROUND,
     SHAFT_POWER,
     input_columns,
     simulated_columns,
@@ -22,7 +24,8 @@ from ...plant.recording import RecordingError, read_table
 from ...plant.ship import Ship
 from ...plant.terms import TURNING_SIGNALS
 from .columns import ColumnMap, SignalSource, Source, load_map
-from .draft import draft_column_map
+from .course import speeds_remark
+from .draft import draft_column_map, with_given_map
 from .joint import refuse_too_few_rows
 from .load import CUT, EXTRA_SIGNALS, Recording, load_parts
 from .remarks import remarks
@@ -171,9 +174,13 @@ def survey(
         recording = replace(
             parts[0],
             table=pd.concat([part.table for part in parts], ignore_index=True),
+            log=pd.concat([part.log for part in parts], ignore_index=True),
             warnings=(*no_drive, *_numbered_warnings(parts)),
             limits=tuple(dict.fromkeys(limit for part in parts for limit in part.limits)),
         )
+        if not recording.over_ground:
+            said = speeds_remark(recording.time_s, recording.navigation)
+            implausible |= {said: None} if said else {}
     except RecordingError as error:
         refused = str(error).replace(f"{path}: ", "")
     entries = [
@@ -187,7 +194,7 @@ def survey(
     # Power divided by shaft speed is the torque.
     powers = {SHAFT_POWER} if ship.turns_freely else {SHAFT_POWER, ELECTRIC_POWER}
     useful = {
-        "shaft_torque_N_m": not powers & have, "ship_speed_m_s": ship.moves,
+        "shaft_torque_N_m": not powers & have, "ship_speed_m_s": ship.moves and OVER_GROUND not in have,
         "motor_current_A": ship.has_voltage, "pitch_ratio": ship.has_variable_pitch,
     }  # fmt: skip
     wanted = [c for c in simulated_columns(ship) if c in COSTS and useful.get(c, True)]
@@ -196,11 +203,26 @@ def survey(
     layout = raw.attrs.get("layout")
     left = raw[[entry.name for entry in entries if not entry.column]]
     begin = tuple(draft_column_map(ship, left, raw.attrs.get("units", {}), have))
-    if recording is not None and not any(line.startswith('"') for line in begin):
+    recognised = any(line.startswith('"') for line in begin)
+    if recording is not None and not recognised:
         begin = ()
+    if recording is None and not recognised and not given.sources:
+        refused += f"\n{_where_names_are(layout)}"
+    if begin and columns is not None:
+        begin = tuple(with_given_map(given, begin))
     words = layout.description() if layout else ""
     return Survey(
         path, tuple(entries), absent, recording, refused, words, begin, tuple(implausible)
+    )
+
+
+def _where_names_are(layout: Layout | None) -> str:
+    """Return what to do if the names of the columns were read from the wrong line or sheet."""
+    line = f"line {layout.header_row}" if layout else "the header"
+    sheet = ", and sheet, the name of the sheet" if layout and layout.sheet else ""
+    return (
+        f"no column is recognised by the names in {line}; if the names are elsewhere, set header_row, "
+        f"their line, and unit_row, the line of the units{sheet}, under [file] in a column map"
     )
 
 

@@ -13,8 +13,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...plant.columns import TIME
+from ...plant.columns import BOUNDS, TIME
 from ...plant.recording import RecordingError
+from .course import interpolate
 
 Array = NDArray[np.float64]
 
@@ -242,6 +243,38 @@ def fill_missing(path: Path, table: pd.DataFrame, known: list[str]) -> Cleaned:
     return table, messages
 
 
+def complete_log(table: pd.DataFrame, columns: list[str]) -> Cleaned:
+    """Make columns of a ship's log that no simulation uses finite, or drop them.
+
+    A cell that is no number or outside the range of its column is missing, and is interpolated
+    between the other rows, across gaps of any length. A column with values in less than half of
+    the rows is left out.
+    """
+    warnings, rows = [], np.arange(len(table), dtype=np.float64)
+    for column in columns:
+        low, high, unit = BOUNDS[column]
+        numbers = np.array(pd.to_numeric(table[column], errors="coerce"), dtype=np.float64)
+        outside = np.isfinite(numbers) & ~((numbers >= low) & (numbers <= high))
+        missing = outside | ~np.isfinite(numbers)
+        said = f"{missing.sum()} of {len(table)} values are missing"
+        if outside.any():
+            row = int(np.argmax(outside))
+            said = (
+                f"{said}, {outside.sum()} of them outside {low:g} to {high:g} {unit} (first in row "
+                f"{row + 1}: {numbers[row]:g}; check the unit)"
+            )
+        if 2 * missing.sum() > len(table):
+            table = table.drop(columns=column)
+            warnings.append(f"{column}: {said}; the column was left out")
+            continue
+        if missing.any():
+            warnings.append(f"{column}: {said}; they were interpolated")
+            numbers[missing] = np.nan
+            numbers = interpolate(rows, rows, numbers, column)
+        table = table.assign(**{column: numbers})
+    return table, warnings
+
+
 def refuse_falling_time(path: Path, time: Array, falls: NDArray[np.bool_], more: str = "") -> None:
     """Raise a RecordingError at the first row whose step of time (row - 1,) is marked as a fall."""
     if falls.any():
@@ -317,5 +350,5 @@ def resample_evenly(path: Path, table: pd.DataFrame) -> Cleaned:
         )
     count = round((time[-1] - time[0]) / float(np.mean(steps[~uneven]))) + 1
     even = np.linspace(time[0], time[-1], count)
-    columns = {c: np.interp(even, time, table[c]) for c in table} | {TIME: even}
+    columns = {c: interpolate(even, time, table[c].to_numpy(), c) for c in table} | {TIME: even}
     return pd.DataFrame(columns), messages

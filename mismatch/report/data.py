@@ -10,6 +10,7 @@ from ..judge.shapes import Shape
 from ..judge.verdict import EXPLAINED
 from ..outcome import Outcome
 from ..simulate.balances import BALANCE_OF_RESIDUAL
+from .first_page import first_page
 from .text import finding_sentence, headline, sentence
 from .wording import biased_parameters, formula_as_dict, parameters_as_dict
 
@@ -109,6 +110,7 @@ def diagnosis_as_dict(diagnosis: Outcome) -> dict[str, Any]:
     report: dict[str, Any] = {
         "verdict": diagnosis.verdict,
         "headline": headline(diagnosis),
+        "summary": first_page(diagnosis).to_dict(),
         "sentence": sentence(diagnosis),
         "ship": diagnosis.ship.name,
         "recording": {

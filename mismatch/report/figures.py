@@ -1,11 +1,13 @@
-"""Figures of the reports as SVG elements: over time, frequency and operating regime, and by effect.
+"""Figures of the reports: over time, frequency and operating regime, by effect, and power over speed.
 
 The pages are read on wide and on narrow screens. Each figure is therefore a list of small panels, drawn
-at their final size, that the page wraps into rows.
+at their final size, that the page wraps into rows. A panel is a matplotlib figure whose label describes
+it; pages contain it as an SVG element, the PDF as it is.
 """
 
 from __future__ import annotations
 
+import functools
 import io
 import re
 from collections.abc import Callable
@@ -17,14 +19,18 @@ import numpy as np
 import scipy
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import text_to_path
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 
 from ...plant.columns import drive_column
 from ...plant.ship import Ship
+from ...plant.surroundings import KNOT
 from ..estimate import HALF_95
 from ..outcome import Outcome
 from ..search.catalogue import Window
+from .service import ENGINE_POWER, Service
 from .wording import axis_label, channel_name, number, scale_unit, superscript, time_unit
 
 Array = NDArray[np.float64]
@@ -41,8 +47,10 @@ AFTER_LINE: dict[str, Any] = {"color": AFTER, "linewidth": 1.5}
 WIDTH, HEIGHT = 5.4, 2.35  # Size of a panel [inch]; the page shows it about 550 pixels wide
 
 _SMALL, _NORMAL = 8.0, 8.8
+TITLE_OF_PANEL = _NORMAL  # size of letters [pt]
 _POINTS = 420
 _BINS = 12
+SHOWN = 0.72, 1.1  # range of speed of the figure of power, in service speeds
 LEAST_SPECTRUM = 64  # smallest number of rows in each segment whose spectra are averaged
 RANKED = 12  # number of candidates that the ranking shows
 _SEA_Hz = (0.04, 0.4)
@@ -78,11 +86,27 @@ def panel(
     return figure, axes
 
 
-def svg(figure: Figure, label: str, prefix: str) -> str:
-    """Return a figure as an SVG element.
+@functools.lru_cache(maxsize=20000)
+def text_width(words: str, size: float, bold: bool = False) -> float:
+    """Return the width of a line [inch] at a size of letters [pt].
 
-    The label is for screen readers; the prefix of the element's ids is unique on the page.
+    >>> text_width("two", 20.0) / text_width("two", 10.0)
+    2.0
     """
+    font = FontProperties(size=size, weight="bold" if bold else "normal")
+    width, _, _ = text_to_path.get_text_width_height_descent(words, font, False)
+    return float(width) / 72.0
+
+
+def with_label(figure: Figure, label: str) -> Figure:
+    """Return a figure with a description for screen readers."""
+    figure.set_label(label)
+    return figure
+
+
+def svg(figure: Figure, prefix: str) -> str:
+    """Return a figure as an SVG element; the prefix of the element's ids is unique on the page."""
+    label = str(figure.get_label())
     buffer = io.StringIO()
     no_metadata: dict[str, Any] = dict.fromkeys(("Creator", "Date", "Format", "Type"))
     # A fixed salt makes the ids, and thereby the page, reproducible.
@@ -104,6 +128,14 @@ def equation(latex: str, plain: str, prefix: str) -> str:
 
     It is plain text where matplotlib cannot typeset it.
     """
+    figure = equation_figure(latex)
+    if figure is None:
+        return f"<code>{escape(plain)}</code>"
+    return svg(with_label(figure, plain), prefix)
+
+
+def equation_figure(latex: str) -> Figure | None:
+    """Return an equation as a figure of its size; None where matplotlib cannot typeset it."""
     spaced = latex + " "
     for unknown, known in _UNKNOWN_TO_MATHTEXT.items():
         spaced = spaced.replace(unknown, known)
@@ -113,11 +145,11 @@ def equation(latex: str, plain: str, prefix: str) -> str:
     try:
         figure.savefig(buffer, format="svg")  # raises ValueError if mathtext lacks a command
     except ValueError:
-        return f"<code>{escape(plain)}</code>"
+        return None
     box = figure.get_tightbbox().padded(0.03)  # type: ignore[no-untyped-call]
     figure.set_size_inches(box.width, box.height)
     figure.texts[0].set_position((-box.x0 / box.width, -box.y0 / box.height))
-    return svg(figure, plain, prefix)
+    return figure
 
 
 def outline(time: Array, values: Array) -> tuple[Array, Array]:
@@ -196,9 +228,9 @@ def bin_means(signal: Array, residual: Array, size: int) -> tuple[Array, Array, 
     return np.array(centres), np.array(means), np.array(error)
 
 
-def regime_panels(diagnosis: Outcome) -> list[str]:
+def regime_panels(diagnosis: Outcome) -> list[Figure]:
     """Draw the residuals of the located balances over the operating regime, before and after."""
-    drawn: list[str] = []
+    drawn: list[Figure] = []
     size, shape = block_size(diagnosis), diagnosis.shape
     for row in balances_to_show(diagnosis)[:2]:
         name, unit = diagnosis.balances[row]
@@ -220,13 +252,11 @@ def regime_panels(diagnosis: Outcome) -> list[str]:
                     x, mean / factor, yerr=error / factor, color=colour, markersize=3.2,
                     fmt="o--" if colour == BEFORE else "o-", linewidth=1.0, capsize=2,
                 )  # fmt: skip
-            drawn.append(
-                svg(figure, f"residual of the {name} balance over {words}", f"g{len(drawn)}")
-            )
+            drawn.append(with_label(figure, f"residual of the {name} balance over {words}"))
     return drawn
 
 
-def shape_panel(diagnosis: Outcome) -> list[str]:
+def shape_panel(diagnosis: Outcome) -> list[Figure]:
     """Draw a shape over the signal that it depends on."""
     shape = diagnosis.shape
     if shape is None:
@@ -252,7 +282,7 @@ def shape_panel(diagnosis: Outcome) -> list[str]:
         x, y = block_statistics(signal, size), block_statistics(residual, size) / factor
         axes.plot(x, y, ".", color=QUIET, markersize=3.0)
     axes.plot(shape.knots, shape.values / factor, "o-", color=BEFORE, linewidth=1.8, markersize=4.5)
-    return [svg(figure, f"shape of the residual of the {shape.balance} balance", "s0")]
+    return [with_label(figure, f"shape of the residual of the {shape.balance} balance")]
 
 
 class Comparison(Protocol):
@@ -290,12 +320,12 @@ def sampling_interval(diagnosis: Outcome) -> float:
     return float(time[-1] - time[0]) / (len(time) - 1)
 
 
-def trace_panels(diagnosis: Comparison) -> list[str]:
+def trace_panels(diagnosis: Comparison) -> list[Figure]:
     """Draw each channel measured and simulated: the whole recording, then the held-out data."""
     clock, seconds = time_unit(float(diagnosis.time_s[-1]))
     time = diagnosis.time_s / clock
     held_out = [(a / clock, b / clock) for a, b in diagnosis.held_out]
-    drawn: list[str] = []
+    drawn: list[Figure] = []
     rows = [(diagnosis.before, nominal_line(diagnosis))]
     if is_corrected(diagnosis):
         rows.insert(0, (diagnosis.after, AFTER_LINE))
@@ -315,14 +345,14 @@ def trace_panels(diagnosis: Comparison) -> list[str]:
             for channels, style in rows:
                 axes.plot(*thin(time[part], channels[column][part] / factor), **style)
             axes.set_xlim(start, end)
-            drawn.append(svg(figure, f"{name} over time{where}", f"t{len(drawn)}"))
+            drawn.append(with_label(figure, f"{name} over time{where}"))
     return drawn
 
 
-def residual_panels(diagnosis: Outcome) -> list[str]:
+def residual_panels(diagnosis: Outcome) -> list[Figure]:
     """Draw the residual of each balance over time, before and after."""
     time, size = diagnosis.time_s, block_size(diagnosis)
-    drawn: list[str] = []
+    drawn: list[Figure] = []
     clock, seconds = time_unit(float(time[-1]))
     at = block_statistics(time, size) / clock
     for row, (name, unit) in enumerate(diagnosis.balances):
@@ -352,7 +382,7 @@ def residual_panels(diagnosis: Outcome) -> list[str]:
             axes.plot(at, values / factor, **style)
         axes.set_ylim(low / factor, high / factor)
         axes.set_xlim(0.0, time[-1] / clock)
-        drawn.append(svg(figure, f"residual of the {name} balance over time", f"r{row}"))
+        drawn.append(with_label(figure, f"residual of the {name} balance over time"))
     return drawn
 
 
@@ -372,7 +402,7 @@ def _windows(diagnosis: Outcome, row: int) -> list[tuple[float, float]]:
     return [w for w in found if w[1] - w[0] < 0.98 * float(diagnosis.time_s[-1])]
 
 
-def spectrum_panels(diagnosis: Outcome) -> list[str]:
+def spectrum_panels(diagnosis: Outcome) -> list[Figure]:
     """Draw the spectrum of the residual of each balance, before and after."""
     drawn = []
     rate, quarter = 1.0 / sampling_interval(diagnosis), len(diagnosis.time_s) // 4
@@ -400,7 +430,7 @@ def spectrum_panels(diagnosis: Outcome) -> list[str]:
         per_root = f"{superscript(unit)}/√Hz" if superscript(unit) else "1/√Hz"
         axes.set_ylabel(f"amplitude [{per_root}]", fontsize=8.8, labelpad=3)
         axes.set_xlim(frequency[0], frequency[-1])
-        drawn.append(svg(figure, f"spectrum of the {name} balance's residual", f"f{row}"))
+        drawn.append(with_label(figure, f"spectrum of the {name} balance's residual"))
     return drawn
 
 
@@ -433,14 +463,69 @@ def sea_band(frequency: Array, power: Array) -> tuple[float, float] | None:
     return float(lifted[0]), float(lifted[-1])
 
 
-def ranking_panels(diagnosis: Outcome) -> list[str]:
+def speed_power_panel(service: Service, mover: str = "engine") -> list[Figure]:
+    """Draw power over speed of the nominal and the corrected ship, with the changes at service speed.
+
+    Args:
+        service: both ships in service; without curves there is no figure.
+        mover: name of the prime mover.
+    """
+    if service.curves is None or service.speed_m_s is None:
+        return []
+    nominal, corrected = service.curves
+    speed, low, high = service.speed_m_s, SHOWN[0] * service.speed_m_s, SHOWN[1] * service.speed_m_s
+    factor = 1e3 if nominal.at("power", speed) >= 1e3 else 1.0
+    figure, axes = panel(
+        "Power over speed",
+        "speed through the water [kn]",
+        f"{mover} power [{'kW' if factor > 1.0 else 'W'}]",
+        3.3,
+        0.8,
+    )
+    lines = [(nominal, BEFORE_LINE, "ship file")]
+    if service.changes:
+        lines.insert(0, (corrected, AFTER_LINE, "as diagnosed"))
+    else:
+        lines = [(nominal, {**BEFORE_LINE, "linestyle": "-"}, "ship file")]
+    for curve, style, words in lines:
+        at = np.linspace(max(low, curve.speed[0]), min(high, curve.speed[-1]), 80)
+        power = np.array([curve.at("power", v) for v in at])
+        axes.plot(at / KNOT, power / factor, label=words, **style)
+    if service.band is not None and service.changes:
+        at, lower, upper = service.band
+        axes.fill_between(
+            at / KNOT, lower / factor, upper / factor, color=AFTER, alpha=0.2, linewidth=0,
+            label="95 % interval",
+        )  # fmt: skip
+    before, after = nominal.at("power", speed), corrected.at("power", speed)
+    axes.axvline(speed / KNOT, color=QUIET, linewidth=0.8)
+    axes.plot(speed / KNOT, before / factor, "o", color=BEFORE, markersize=4.5)
+    if service.sure(ENGINE_POWER) is not None:
+        arrow = {"arrowstyle": "-|>", "color": MEASURED, "lw": 1.1, "shrinkA": 0, "shrinkB": 0}
+        axes.annotate(
+            "", (speed / KNOT, after / factor), (speed / KNOT, before / factor), arrowprops=arrow
+        )
+        equal = corrected.speed_at("power", before)
+        axes.annotate(
+            "", (equal / KNOT, before / factor), (speed / KNOT, before / factor), arrowprops=arrow
+        )
+    axes.set_xlim(low / KNOT, high / KNOT)
+    top = max(float(curve.at("power", min(high, curve.speed[-1]))) for curve, _, _ in lines)
+    least = min(float(curve.at("power", max(low, curve.speed[0]))) for curve, _, _ in lines)
+    axes.set_ylim(0.8 * least / factor, 1.05 * top / factor)
+    axes.legend(fontsize=_NORMAL, frameon=False, loc="upper left")
+    return [with_label(figure, f"{mover} power over speed, before and after the correction")]
+
+
+def ranking_panels(diagnosis: Outcome) -> list[Figure]:
     """Draw the gain and the threshold of the best candidates of the catalogue."""
     best = diagnosis.ranking[:RANKED]
     if not best:
         return []
     height = 0.75 + 0.24 * len(best)
     label = "2 Δ log L of each effect alone (| threshold)"
-    figure, axes = panel("", label, "", height, left=2.15)
+    left = max(text_width(c.effect.label, _SMALL) for c, _ in best) + 0.15
+    figure, axes = panel("", label, "", height, max(left, 2.15))
     chosen = {f.effect.label for f in diagnosis.findings}
     rivals = {c.effect.label for f in diagnosis.findings for c in f.rivals}
     for place, (candidate, limit) in enumerate(best):
@@ -460,4 +545,4 @@ def ranking_panels(diagnosis: Outcome) -> list[str]:
     axes.set_ylim(len(best) - 0.4, -0.6)
     axes.grid(visible=False, axis="y")
     axes.tick_params(axis="y", length=0)
-    return [svg(figure, "ranking of the candidates with their thresholds", "k0")]
+    return [with_label(figure, "ranking of the candidates with their thresholds")]

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
+from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ...plant.ship import Ship, ShipError
@@ -20,7 +21,8 @@ from ..judge.verdict import NOTHING
 from ..outcome import Outcome
 from ..search.catalogue import SizedEffect, catalogue, confusable_ids
 from . import figures
-from .figures import AFTER, HEIGHT, MEASURED, equation, panel, svg
+from .figures import AFTER, HEIGHT, MEASURED, equation, panel, svg, with_label
+from .first_page import FirstPage, first_page
 from .text import CONSTANT, VERDICT_WORDS, headline, lacking_or_excess, remarks, sentence, status
 from .wording import (
     DAY_S,
@@ -38,7 +40,9 @@ from .wording import (
     superscript,
     time_span,
     time_unit,
+    unbroken,
     value_with_unit,
+    values_by_key,
     windows_in_words,
 )
 
@@ -48,7 +52,18 @@ if TYPE_CHECKING:
 
 def report_html(diagnosis: Outcome) -> str:
     """Return the page of a diagnosis with its style sheet, equations and figures."""
-    drawn = {
+    fields = report_fields(diagnosis)
+    for finding, card in zip(diagnosis.findings, fields["findings"], strict=True):
+        effect = finding.effect
+        card["equation"] = Markup(equation(effect.latex, effect.equation, f"e{card['index']}"))
+    return _render("report.html.j2", report_panels(diagnosis, fields["first"]), **fields)
+
+
+def report_panels(diagnosis: Outcome, first: FirstPage) -> dict[str, list[Figure]]:
+    """Return the figures of a diagnosis by the part of the report to which they belong."""
+    mover = "engine" if diagnosis.ship.has_diesel else "drive"
+    return {
+        "speed-power": figures.speed_power_panel(first.service, mover),
         "traces": figures.trace_panels(diagnosis),
         "residuals": figures.residual_panels(diagnosis),
         "regimes": figures.regime_panels(diagnosis),
@@ -56,44 +71,52 @@ def report_html(diagnosis: Outcome) -> str:
         "ranking": figures.ranking_panels(diagnosis),
         "shape": figures.shape_panel(diagnosis),
     }
-    return _render(
-        "report.html.j2",
-        drawn,
-        d=diagnosis,
-        status=status(diagnosis),
-        verdict=VERDICT_WORDS[status(diagnosis)],
-        headline=headline(diagnosis),
-        sentence=sentence(diagnosis),
-        changed=figures.is_corrected(diagnosis),
-        facts=_facts(diagnosis),
-        fits=_fits(diagnosis),
-        findings=[_finding(diagnosis, i) for i in range(len(diagnosis.findings))],
-        shape=_shape(diagnosis),
-        balances=_balances(diagnosis),
-        formula=formula_for_page(diagnosis.formula),
-        located=[diagnosis.balances[row][0] for row in figures.balances_to_show(diagnosis)[:2]],
-        shown=min(figures.RANKED, len(diagnosis.ranking)),
-        detectable=_detectable_rows(diagnosis),
-        without_size=_without_size(diagnosis),
-        parameters=parameter_rows_for_page(diagnosis),
-        remarks=remarks(diagnosis),
-        keys=changed_keys(diagnosis),
-    )
 
 
-def _render(template: str, drawn: dict[str, list[str]], **fields: Any) -> str:
+def report_fields(diagnosis: Outcome) -> dict[str, Any]:
+    """Return the content of the report other than figures, as text and tables."""
+    return {
+        "d": diagnosis,
+        "first": first_page(diagnosis),
+        "status": status(diagnosis),
+        "verdict": VERDICT_WORDS[status(diagnosis)],
+        "headline": headline(diagnosis),
+        "sentence": sentence(diagnosis),
+        "changed": figures.is_corrected(diagnosis),
+        "facts": _facts(diagnosis),
+        "fits": _fits(diagnosis),
+        "findings": [_finding(diagnosis, i) for i in range(len(diagnosis.findings))],
+        "shape": _shape(diagnosis),
+        "balances": _balances(diagnosis),
+        "formula": formula_for_page(diagnosis.formula),
+        "located": [diagnosis.balances[row][0] for row in figures.balances_to_show(diagnosis)[:2]],
+        "shown": min(figures.RANKED, len(diagnosis.ranking)),
+        "detectable": _detectable_rows(diagnosis),
+        "without_size": _without_size(diagnosis),
+        "parameters": parameter_rows_for_page(diagnosis),
+        "remarks": remarks(diagnosis),
+        "keys": changed_keys(diagnosis),
+    }
+
+
+def _render(template: str, drawn: dict[str, list[Figure]], **fields: Any) -> str:
     """Return a page from a template of this package, its figures and its fields."""
+    elements = {
+        key: [Markup(svg(figure, f"{key}{place}")) for place, figure in enumerate(panels)]
+        for key, panels in drawn.items()
+    }
     return _template(template).render(
-        figures={key: [Markup(panel) for panel in panels] for key, panels in drawn.items()},
-        version=version("shaftline"), style=Markup(_text("style.css")), **fields,
-    )  # fmt: skip
+        figures=elements, version=version("shaftline"), style=Markup(_text("style.css")), **fields
+    )
 
 
 @functools.cache
 def _template(name: str) -> Template:
-    return Environment(
+    environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    ).from_string(_text(name))
+    )
+    environment.filters["unbroken"] = unbroken
+    return environment.from_string(_text(name))
 
 
 def _text(name: str) -> str:
@@ -103,30 +126,12 @@ def _text(name: str) -> str:
 def changed_keys(diagnosis: Outcome) -> list[tuple[Markup, str, str]]:
     """Return the keys of the ship file that the correction changes, with old and new value."""
     ship = diagnosis.corrected
-    old, new = _values_by_key(diagnosis.ship), _values_by_key(ship)
+    old, new = values_by_key(diagnosis.ship), values_by_key(ship)
     return [
         (breakable_key(key), _value(old.get(key), key, ship), _value(value, key, ship))
         for key, value in new.items()
         if value != old.get(key)
     ]
-
-
-def _values_by_key(ship: Ship) -> dict[str, Any]:
-    """Return the values of a ship file by dotted key, and the expressions of its terms by id."""
-
-    def flat(tree: dict[str, Any], above: str = "") -> dict[str, Any]:
-        found: dict[str, Any] = {}
-        for key, value in tree.items():
-            name = above + key
-            found |= flat(value, f"{name}.") if isinstance(value, dict) else {name: value}
-        return found
-
-    found = flat(ship.model_dump(exclude={"term"}))
-    for term in ship.term:
-        found[f"term.{term.id}"] = "; ".join(f"{where}: {what}" for where, what in term.expressions)
-        for name, parameter in term.parameters.items():
-            found[f"term.{term.id}.{name}"] = parameter.value
-    return found
 
 
 def _value(value: Any, key: str, ship: Ship) -> str:
@@ -187,7 +192,6 @@ def _finding(diagnosis: Outcome, index: int) -> dict[str, Any]:
         "mistaken_for": confusable_ids(effect, ship),
         "index": index + 1,
         "lacks": lacking_or_excess(finding),
-        "equation": Markup(equation(effect.latex, effect.equation, f"e{index}")),
         "parameters": rows,
         "rivals": [_rival(c.sized_effect, ship) for c in finding.rivals],
         "biased": "" if biased is None else biased_parameter_sentence(biased),
@@ -344,7 +348,7 @@ def _rows(identification: Identification) -> list[dict[str, Any]]:
     return rows
 
 
-def _change_panel(identification: Identification) -> str:
+def _change_panel(identification: Identification) -> Figure:
     """Draw each estimate with its 95 % interval, as a change from the ship file's value."""
     shown = [e for e in identification.estimates if e.neutral != 0.0]
     height = max(HEIGHT, 0.9 + 0.3 * len(shown))
@@ -358,10 +362,10 @@ def _change_panel(identification: Identification) -> str:
     axes.axvline(0.0, color=MEASURED, linewidth=0.7)
     axes.set_yticks(range(len(shown)), [parameter_words(e.name, e.unit) for e in shown], fontsize=7)
     axes.set_ylim(len(shown) - 0.5, -0.5)
-    return svg(figure, "change of each parameter with its 95 % interval", "n0")
+    return with_label(figure, "change of each parameter with its 95 % interval")
 
 
-def _correlation_panels(identification: Identification) -> list[str]:
+def _correlation_panels(identification: Identification) -> list[Figure]:
     """Draw the correlation matrix of the estimates; nothing for a single parameter."""
     if (count := len(identification.estimates)) < 2:
         return []
@@ -375,10 +379,10 @@ def _correlation_panels(identification: Identification) -> list[str]:
     axes.set_yticks(range(count), names, fontsize=7)
     axes.set_xticks(range(count), [str(i + 1) for i in range(count)], fontsize=7)
     axes.grid(visible=False)
-    return [svg(figure, "correlation of the estimates", "n1")]
+    return [with_label(figure, "correlation of the estimates")]
 
 
-def _search_panels(identification: Identification) -> list[str]:
+def _search_panels(identification: Identification) -> list[Figure]:
     """Draw the distance of 2 log L from its maximum and the parameters, by step of the search."""
     table = identification.tables.get("search")
     if table is None or len(table) < 2:
@@ -388,14 +392,14 @@ def _search_panels(identification: Identification) -> list[str]:
         axes.semilogy(np.maximum(table["cost"], 1e-3), color=AFTER)
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         label = "weighted sum of squared errors over the evaluations of the search"
-        return [svg(figure, label, "s0")]
+        return [with_label(figure, label)]
     bands = table.get("highest_Hz", pd.Series(0.0, table.index))
     searches = table["2logL"].groupby(bands, sort=False)
     left = (searches.transform("last") - table["2logL"]).to_numpy()
     figure, axes = panel("Distance from the maximum", "step", "2 log L below the maximum")
     axes.semilogy(np.maximum(left, 1e-3), "o-", color=AFTER, markersize=4)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    drawn = [svg(figure, "2 log L over the steps of the search", "s0")]
+    drawn = [with_label(figure, "2 log L over the steps of the search")]
     figure, axes = panel("Parameters by step", "step", "share of the final change [%]")
     for e in identification.estimates:
         values = table[e.key].to_numpy()
@@ -405,4 +409,4 @@ def _search_panels(identification: Identification) -> list[str]:
             axes.plot(100.0 * (values - values[0]) / change, "o-", markersize=3, label=words)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.legend(fontsize=6, frameon=False, loc="upper right", ncols=2)
-    return [*drawn, svg(figure, "parameters over the steps of the search", "s1")]
+    return [*drawn, with_label(figure, "parameters over the steps of the search")]

@@ -19,7 +19,8 @@ from ...plant.ship_files import write_ship
 from .data import replace_non_finite
 from .text import align_columns
 
-REPORT, PAGE = "report.json", "report.html"  # File names of the report as data and as a page
+REPORT, PAGE, PDF = "report.json", "report.html", "report.pdf"
+"""File names of the report as data, as a page and for print."""
 
 
 class Result(ABC):

@@ -9,6 +9,7 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from ...plant.columns import DEMANDS
+from ...plant.ship import Ship
 from ...plant.signals import SIGNALS
 from ..identification.parameters import BiasedParameter, ParameterChange
 from ..outcome import Outcome
@@ -92,6 +93,19 @@ def effect_words(effect: Effect) -> str:
 def capitalise(words: str) -> str:
     """Return words with a capital first letter and the rest unchanged."""
     return words[:1].upper() + words[1:]
+
+
+_UNITS = "%|kn|N m|kN m|kW|W|t/d|kg/d|rpm|mm|m/s|min|s|days|V|Hz|N|kN|MN|rad/s"
+
+
+def unbroken(words: str) -> str:
+    r"""Return a text with no-break spaces inside numbers and before their units.
+
+    >>> unbroken("13 900 kW at 15.9 kn").split(" ")
+    ['13\xa0900\xa0kW', 'at', '15.9\xa0kn']
+    """
+    words = re.sub(r"(?<=\d) (?=\d{3}(?!\d))", "\xa0", words)
+    return re.sub(rf"(?<=\d) (?=(?:{_UNITS})(?![\w/]))", "\xa0", words)
 
 
 def join_words(names: list[str]) -> str:
@@ -308,3 +322,21 @@ def formula_for_page(formula: Formula | None) -> dict[str, Any] | None:
         "rivals": formula.rivals,
         "better": formula_advantage(formula) if formula.better_than else "",
     }
+
+
+def values_by_key(ship: Ship) -> dict[str, Any]:
+    """Return the values of a ship file by dotted key, and the expressions of its terms by id."""
+
+    def flat(tree: dict[str, Any], above: str = "") -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        for key, value in tree.items():
+            name = above + key
+            found |= flat(value, f"{name}.") if isinstance(value, dict) else {name: value}
+        return found
+
+    found = flat(ship.model_dump(exclude={"term"}))
+    for term in ship.term:
+        found[f"term.{term.id}"] = "; ".join(f"{where}: {what}" for where, what in term.expressions)
+        for name, parameter in term.parameters.items():
+            found[f"term.{term.id}.{name}"] = parameter.value
+    return found

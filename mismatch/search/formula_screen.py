@@ -29,10 +29,10 @@ PROBE = 1e-3
 """Perturbation of an input, as a share of its rms, from which the response is computed."""
 
 LEFT = 1e-4
-"""Smallest share of the power of a block that is independent of the nominal parameters."""
+"""Smallest share of a block's power that must be independent of the nominal parameters."""
 
 FIRST, SECOND = 12, 8
-"""Number of the best blocks at a location that are paired, and of second blocks for each."""
+"""Number of the best blocks at a location from which pairs are made, and of partners for each."""
 
 ONES, PROFILED = 24, 48
 """Number of blocks that are kept for each location, and of formulas with an exact likelihood."""
@@ -46,7 +46,7 @@ LOCATIONS_OF_BALANCE = {
     "hull": ("resistance", "inflow_velocity"), "sway": ("side_force",), "yaw": ("yaw_moment",),
     "thrust": ("thrust", "inflow_velocity"), "pitch-actuator": ("pitch_rate",),
 }  # fmt: skip
-"""Locations of a term for each balance; thrust differs from resistance only if thrust is measured."""
+"""Locations of a term for each balance. Thrust and resistance differ only if the thrust is measured."""
 
 
 SIGNALS_OF_BALANCE = {
@@ -78,7 +78,7 @@ class Screened:
 
 
 def locations_of(balances: Balances, names: Iterable[str]) -> list[str]:
-    """Return the locations of terms that act on balances of some names."""
+    """Return the locations in the model at which a term acts on the named balances."""
     ship = balances.replay.ship
     locations = {location for name in names for location in LOCATIONS_OF_BALANCE.get(name, ())}
     if not balances.has_torque and ship.has_propeller and balances.prime_mover in names:
@@ -104,7 +104,7 @@ def balance_of_location(location: str, balances: Balances) -> str:
 
 
 class Screen:
-    """Linear regressors of blocks about a fit of the effects that are known to be missing."""
+    """Linear regressors of blocks about a fitted model, which has the effects identified so far."""
 
     def __init__(self, fitter: Fitter, base: Fit) -> None:
         self.fitter, self.base = fitter, base
@@ -113,7 +113,7 @@ class Screen:
         self._values = self.values(base.effects)
 
     def values(self, effects: tuple[SizedEffect, ...]) -> Values:
-        """Return every signal that an expression may use, along a simulation, by name."""
+        """Simulate the ship with effects, and return the signals that an expression may use by name."""
         replay = self.fitter.balances.replay
         samples = replay.simulate(self.fitter.trial_ship.record(effects))
         names = [name for name in TERM_SIGNALS if name in samples.dtype.names]
@@ -135,7 +135,7 @@ class Screen:
         return tuple(dict.fromkeys([*names, *balances.replay.outside]))
 
     def blocks(self, location: str) -> list[Block]:
-        """Return the blocks at a location of the signals that vary."""
+        """Return the blocks of a location, made of those of its signals that vary."""
         if location not in self._blocks:
             names = self.signals_at(location)
             self._blocks[location] = make_blocks({name: self._values[name] for name in names})
@@ -151,7 +151,7 @@ class Screen:
         balances = self.fitter.balances
         replay, plant, names = balances.replay, balances.plant, balances.names
         if location in ("inflow_velocity", "drive"):
-            # The residual decreases by the contribution of the input, hence the sign.
+            # A contribution of the input reduces the residual, therefore the sign.
             rows = "inflow_rows" if location == "inflow_velocity" else "drive_rows"
             given = getattr(replay, rows)
             probe = PROBE * max(float(np.sqrt(np.mean(np.square(given)))), 1e-3)
@@ -238,9 +238,10 @@ class Screen:
     ) -> list[Screened]:
         """Return the best screened formulas by their gain with a free covariance, best first.
 
-        With the fixed covariance of a model, which the missing effect increases, an inexact form fits
-        nearly as well as the true form. The shares are initial deviations of the nominal parameters, in
-        standard deviations; other arguments are as in :meth:`singles_and_pairs`.
+        The missing effect increases the covariance of the model. With this covariance held fixed, an
+        inexact form fits nearly as well as the true form. ``shares`` are initial deviations of the
+        nominal parameters, in standard deviations; other arguments are as in
+        :meth:`singles_and_pairs`.
         """
         profiled = []
         for one in sorted(screened, key=lambda s: -s.gain)[:PROFILED]:

@@ -92,13 +92,13 @@ def findings(found: pd.DataFrame) -> str:
         best, second = (row for _, row in group.nsmallest(2, "unseen_percent").iterrows())
         before, unseen = float(best["before_percent"]), float(best["unseen_percent"])
         said = (
-            f"**{best['effect']}** ({best['key']} = {best['value']:.3g}) does best: {before:.2f} % "
+            f"**{best['effect']}** ({best['key']} = {best['value']:.3g}) fits best: {before:.2f} % "
             f"falls to {best['after_percent']:.2f} %, unseen {unseen:.2f} %"
         )
         if unseen > 0.9 * before:
-            said = f"nothing is missing that five points could show; {said}"
+            said = f"five points do not show that anything is missing; {said}"
         if second["unseen_percent"] - unseen < 0.1 * before:
-            said += "; another effect does as well, so the name is not decided"
+            said += "; another effect fits as well, so the effect is not decided"
         lines.append(f"- {name}: {said}.")
     return "\n".join(lines)
 

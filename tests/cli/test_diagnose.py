@@ -14,7 +14,7 @@ import pytest
 
 from shaftline.mismatch import Options, diagnose
 from shaftline.mismatch.diagnosis import SHIP
-from shaftline.mismatch.report.index import PAGE, REPORT
+from shaftline.mismatch.report.index import PAGE, PDF, REPORT
 from shaftline.plant import equilibrium, load_ship
 from shaftline.plant.replay import simulate_recording
 
@@ -91,6 +91,25 @@ def test_a_foreign_recording_is_explained(shaftline: Command, tmp_path: Path) ->
     said = " ".join(result.output.split())
     for words in (report["sentence"], "95 % from", "FitPercent", "held out", str(PAGE)):
         assert words in said, said
+
+
+def test_a_pdf_is_written_on_request_and_not_for_a_folder(
+    shaftline: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pages = SimpleNamespace(report_pdf=lambda diagnosis: diagnosis.verdict.encode())
+    monkeypatch.setitem(sys.modules, "shaftline.mismatch.report.pdf", pages)
+    (tmp_path / "logs").mkdir()
+    trial(60.0).to_csv(tmp_path / "logs" / "log.csv", index=False)
+    given = "--ship", "frigate", "--out", tmp_path / "out", "--quick", "--pdf"
+    result = shaftline("diagnose", tmp_path / "logs", *given)
+    refused(result, "--pdf is for recordings, not for a folder", "report.html")
+    assert not (tmp_path / "out").exists()
+    result = shaftline("diagnose", tmp_path / "logs" / "log.csv", *given)
+    assert result.exit_code == 0, result.output
+    assert {file.name for file in (tmp_path / "out").iterdir()} == {*WRITTEN, PDF}
+    verdict = json.loads((tmp_path / "out" / REPORT).read_text())["verdict"]
+    assert (tmp_path / "out" / PDF).read_text() == verdict
+    assert PDF in " ".join(result.output.split())
 
 
 def test_whole_recordings_are_set_aside_and_ids_left_out(

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -9,11 +10,16 @@ import pandas as pd
 import pytest
 
 from shaftline.agents.evaluation.scores import Bound
+from shaftline.baselines import steady_point
+from shaftline.plant import load_ship
 
 from .conftest import Command
 from .test_bad_input import nothing_written, refused
 
-QUICK = ("--seeds", 4, "--episode-s", 20, "--jobs", 1)
+QUICK = ("--seeds", 4, "--episode-s", 20, "--jobs", 1, "--no-stability")
+LEVER = "lever_percent,shaft_speed_rpm,pitch_ratio\n0,70,0.7\n50,90,1.3\n100,130,1.35\n"
+OWN_SEA = "hs=2.5,tp=8,gamma=2,heading=150"
+ORDERS = "time_s;speed_order_kn\n0;10\n5;14\n20;14\n"
 
 
 def test_controllers_are_compared(shaftline: Command, tmp_path: Path) -> None:
@@ -94,9 +100,90 @@ def test_controllers_that_use_no_estimate_take_one_row(shaftline: Command, tmp_p
     assert "Zero everywhere: `overload_s`" in page
 
 
+def test_orders_lever_interval_and_seas(shaftline: Command, tmp_path: Path) -> None:
+    (tmp_path / "orders.csv").write_text(ORDERS)
+    (tmp_path / "lever.csv").write_text(LEVER)
+    result = shaftline(
+        "evaluate", "--controller", "combinator", "--sea", "calm", "--sea", OWN_SEA,
+        "--orders", tmp_path / "orders.csv", "--interval", 1, "--lever", "ship",
+        "--lever", tmp_path / "lever.csv", "--seeds", 4, "--jobs", 1, "--no-stability",
+        "--out", tmp_path / "ev", "--json", tmp_path / "told.json",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    told = json.loads((tmp_path / "told.json").read_text())
+    assert told["control_interval_s"] == 1.0
+    orders = [value for row in told["orders"] for value in row]
+    assert orders == pytest.approx([0, 5.1444, 5, 7.2022, 20, 7.2022], rel=1e-4)
+    names = [cell["controller"] for cell in told["cells"]]
+    assert names[0] == names[1] == "combinator"
+    assert names[2] == names[3]
+    assert names[2].startswith("combinator lever:lever.csv ")
+    assert {cell["episode_s"] for cell in told["cells"]} == {20.0}
+    cell = json.loads(next((tmp_path / "ev/cells").glob("combinator_*calm*.json")).read_text())
+    assert cell["trace"]["time"] == [float(k) for k in range(20)]
+    assert cell["trace"]["speed_order"] == pytest.approx([5.1444] * 6 + [7.2022] * 14, rel=1e-4)
+    lever = json.loads(next((tmp_path / "ev/cells").glob("*lever*calm*.json")).read_text())
+    assert lever["trace"]["blade_pitch"][-1] < cell["trace"]["blade_pitch"][-1] - 0.02
+    sea = {"hs_m": 2.5, "tp_s": 8.0, "gamma": 2.0, "heading_deg": 150.0}
+    assert told["seas"][4:] == [{"seed": k, **sea, "sea": OWN_SEA} for k in range(4)]
+    assert told["seas"][0] == {"seed": 0, **dict.fromkeys(sea), "hs_m": 0.0, "sea": "calm"}
+    assert ["2.5", "8", "2", "150", "0,", "1,", "2,", "3"] in [
+        line.split()[1:] for line in result.output.splitlines()
+    ]
+    assert len(pd.read_csv(tmp_path / "ev/seas.csv")) == 8
+
+
+def test_an_unstable_controller_is_reported(shaftline: Command, tmp_path: Path) -> None:
+    result = shaftline(
+        "evaluate", "--controller", "combinator", "--controller", "speed-pilot:shaft_gain=7.5",
+        "--sea", "calm", *QUICK[:-1], "--out", tmp_path / "ev", "--json", tmp_path / "told.json",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    lines = [line for line in result.output.splitlines() if line.startswith("UNSTABLE")]
+    assert len(lines) == 1
+    assert lines[0].startswith(
+        "UNSTABLE: speed-pilot:shaft_gain=7.5 (observer random-walk-kalman): "
+    )
+    assert "gain margin -1" in lines[0]
+    assert list(pd.read_csv(tmp_path / "ev/table.csv")["stability"]) == ["stable", "unstable"]
+    stable, unstable = json.loads((tmp_path / "told.json").read_text())["stability"]
+    assert stable["stable"] is True
+    assert unstable["stable"] is False
+    assert -15.0 < unstable["gain_margin_dB"] < -9.0
+    assert "unstable: speed-pilot:shaft_gain=7.5" in (tmp_path / "ev/table.md").read_text()
+
+
+def test_a_policy_at_another_interval_is_refused(shaftline: Command, tmp_path: Path) -> None:
+    line = ("evaluate", "--controller", "policy:transit", "--interval", 1, "--out", tmp_path / "ev")
+    refused(shaftline(*line, *QUICK), "control_interval_s: the policy has 0.5 s", "1 s")
+
+
+def test_lever_positions_of_orders_need_one_table(shaftline: Command, tmp_path: Path) -> None:
+    (tmp_path / "lever.csv").write_text(LEVER)
+    (tmp_path / "orders.csv").write_text("time_s,lever\n0,0.5\n20,0.5\n")
+    line = ("evaluate", "--controller", "combinator", "--orders", tmp_path / "orders.csv", "--out")
+    both = ("--lever", "ship", "--lever", tmp_path / "lever.csv")
+    result = shaftline(*line, tmp_path / "ev", *both, *QUICK)
+    refused(result, "the lever positions have another speed on each --lever")
+    alone = shaftline(*line, tmp_path / "one", *both[2:], *QUICK, "--ramp")
+    assert alone.exit_code == 0, alone.output
+    (cell,) = (tmp_path / "one/cells").glob("*.json")
+    order = json.loads(cell.read_text())["trace"]["speed_order"][0]
+    table = steady_point(load_ship("frigate"), shaft_speed=90.0 * math.pi / 30.0, pitch_ratio=1.3)
+    assert order == pytest.approx(table.ship_speed, abs=1e-4)
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (("--controller", "combinator", "--interval", "0.33"), ("--interval 0.33 s", "0.05 s")),
+        (("--controller", "combinator", "--interval", "0"), ("--interval 0 s", "multiple")),
+        (("--controller", "combinator", "--interval", "nan"), ("--interval nan s",)),
+        (("--controller", "combinator", "--interval", "61"), ("--interval 61 s", "at most 60 s")),
+        (("--controller", "combinator", "--ramp"), ("--ramp", "--orders FILE")),
+        (("--controller", "combinator", "--lever", "mine"), ("--lever mine", ".toml or .csv")),
+        (("--controller", "combinator", "--lever", "no.csv"), ("no.csv", "cannot be read")),
+        (("--controller", "combinator", "--orders", "no.csv"), ("no.csv", "cannot be read")),
         (("--controller", "autopilot"), ("unknown controller 'autopilot'", "combinator")),
         (("--controller", "combinator:speed=1"), ("combinator:speed=1", "speed")),
         (("--controller", "combinator:response_s=fast"), ("response_s=fast", "number")),

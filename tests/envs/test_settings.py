@@ -25,7 +25,7 @@ def test_defaults() -> None:
         "ship": None, "task": "speed-keeping", "observer": "random-walk-kalman",
         "tuning": None, "sea": None, "sensor_noise": 1.0, "control_interval_s": 0.5,
         "max_episode_steps": 600, "randomise": None, "normalised": True,
-        "action_mode": "increment", "command": None,
+        "action_mode": "increment", "command": None, "order_profile": None,
     }  # fmt: skip
     assert FrigateEnv().batch.settings == FrigateVectorEnv(2).batch.settings == DEFAULTS
 

@@ -54,7 +54,7 @@ def page(outcomes: list[Outcome], seed: int, let_pass: list[dict[str, Any]]) -> 
         "# Small wrong changes, and whether the tests notice", "",
         f"`make mutants` makes small wrong changes to the code, one at a time (seed {seed}, at most one "
         "to a line), and runs the tests that stand in the mirror of the changed module. A change that "
-        "no test notices is a hole in the tests, or makes no wrong result.", "",
+        "no test notices is a gap in the tests, or makes no wrong result.", "",
         "| folder | changes | noticed | share | at least |", "|---|---|---|---|---|",
     ]  # fmt: skip
     for folder, (noticed, made) in shares(outcomes).items():

@@ -56,6 +56,27 @@ def test_an_unstable_loop_has_no_margins() -> None:
         Loop(control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2))))
 
 
+def test_what_an_unstable_loop_lacks() -> None:
+    """1 / (s + 1)^3 with the gain K: the limit is K = 8, and the phase at |L| = 1 is -3 atan(w)."""
+    plant = control.tf([1.0], [1.0, 3.0, 3.0, 1.0])
+    loop = Loop.from_plant(plant, control.tf([80.0], [1.0]))
+    lacking = loop.lacking_margins()
+    assert lacking.gain_margin_dB == pytest.approx(-20.0, abs=1e-6)
+    crossover = math.sqrt(80.0 ** (2.0 / 3.0) - 1.0)
+    phase = 180.0 - 3.0 * math.degrees(math.atan(crossover))
+    assert lacking.phase_margin_deg == pytest.approx(phase, abs=1e-6)
+    assert phase < 0.0
+    # (s + 1)^3 = -80
+    pole = 80.0 ** (1.0 / 3.0) * np.exp(1j * math.pi / 3.0) - 1.0
+    assert (loop.fastest_pole.real, abs(loop.fastest_pole.imag)) == pytest.approx(
+        (pole.real, pole.imag)
+    )
+    always = Loop.from_plant(control.tf([1.0], [1.0, -1.0, 0.0]), control.tf([1.0], [1.0]))
+    assert math.isnan(always.lacking_margins().gain_margin_dB)
+    with pytest.raises(ValueError, match="the closed loop is stable"):
+        Loop.from_plant(plant, control.tf([4.0], [1.0])).lacking_margins()
+
+
 def test_step_of_a_second_order_loop() -> None:
     """L = 1 / (s (s + 2 z)) closes to 1 / (s^2 + 2 z s + 1)."""
     damping = 0.4

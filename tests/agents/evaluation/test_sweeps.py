@@ -47,7 +47,7 @@ def test_a_row_is_a_cell_with_the_summary_of_its_episodes(
     fields = {
         key: value
         for key, value in (asdict(CELL) | {"ship": "frigate"}).items()
-        if key not in ("task_model", "randomise", "tuning")
+        if key not in ("task_model", "randomise", "tuning", "interval_s", "order_profile")
     }
     assert {key: row[key] for key in fields} == fields
     assert len(row) == len(fields) + 3 * len(KPIS)

@@ -73,7 +73,7 @@ def test_foreign_names_units_and_signs_are_carried_over(load: Load, calm: pd.Dat
         ('[columns]\nN = { column = "shaft_angle_rad", radius_m = 0.0 }', r"radius_m: .*greater than 0"),
         ('[columns]\nN = { column = "thrust_N", unit = "datetime" }', r"is allowed for time_s only"),
         ('[columns]\nN = "thrust_N"\nM = "thrust_N"', r"thrust_N is given by more than one"),
-        ("[column]\nN = 1", r"column is not a known key \(allowed: columns, signals, file\)"),
+        ("[column]\nN = 1", r"column is not a known key \(allowed: columns, signals, file, rows\)"),
     ],
 )  # fmt: skip
 def test_bad_map_is_named(load: Load, calm: pd.DataFrame, text: str, words: str) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.recordings.draft import split_name
+from shaftline.mismatch.recordings.logger_names import split_name
 from shaftline.mismatch.recordings.survey import survey
 from shaftline.plant import Ship, load_ship, simulate_recording
 
@@ -160,7 +160,7 @@ def test_nmea(turn: pd.DataFrame, tmp_path: Path) -> None:
     found, lines = drafted(log, "kvlcc2", tmp_path)
     close(found, turn, ("shaft_speed_rad_s", "ship_speed_m_s", "rudder_rad", "heading_rad",
                         "yaw_rate_rad_s"))  # fmt: skip
-    assert '# also possible as ship_speed_m_s: "VTG.SpeedOverGround" (no unit)' in lines
+    assert '"VTG.SpeedOverGround" = { column = "speed_over_ground_m_s", unit = "m/s" }' in lines
     assert '"VHW.SpeedKnots" = { column = "ship_speed_m_s", unit = "knot" }' in lines
 
 

@@ -21,19 +21,19 @@ from shaftline.mismatch.report.figures import (
 
 from ..diagnoses import ROWS, TIME, candidate, diagnosis_of
 
-Drawn = list[tuple[Any, str, str]]
+Drawn = list[tuple[Any, str]]
 
 
 @pytest.fixture
 def drawn(monkeypatch: pytest.MonkeyPatch) -> Drawn:
-    """The axes of every drawing, with its label and the prefix of its ids."""
+    """The axes of every drawing, with its label."""
     kept: Drawn = []
 
-    def keep(figure: Any, label: str, prefix: str) -> str:
-        kept.append((figure.axes[0], label, prefix))
+    def keep(figure: Any, label: str) -> str:
+        kept.append((figure.axes[0], label))
         return label
 
-    monkeypatch.setattr(figures, "svg", keep)
+    monkeypatch.setattr(figures, "with_label", keep)
     return kept
 
 
@@ -54,7 +54,6 @@ def test_traces_show_the_whole_and_the_part_set_aside(drawn: Drawn) -> None:
         "pitch ratio over time", "pitch ratio over time, held-out data",
         "shaft speed over time", "shaft speed over time, held-out data",
     ]  # fmt: skip
-    assert [prefix for _, _, prefix in drawn] == ["t0", "t1", "t2", "t3"]
     whole, part = drawn[2][0], drawn[3][0]
     assert whole.get_xlim() == (0.0, TIME[-1])
     assert part.get_xlim() == (180.0, 240.0)

@@ -13,6 +13,7 @@ import pytest
 
 from shaftline.mismatch import Diagnosis, catalogue
 from shaftline.mismatch.report import figures
+from shaftline.mismatch.report.first_page import first_page
 from shaftline.mismatch.report.html import (
     _detectable_rows,
     _facts,
@@ -100,7 +101,10 @@ def test_every_verdict_gives_a_page_that_needs_nothing_else(
     used = {a[1:] for a in found.addresses} | set(re.findall(r"url\(#([^)]+)\)", page))
     assert used <= set(found.ids)
     assert diagnosis.sentence in unescape(page)
-    assert f"<h1>{diagnosis.headline}</h1>" in unescape(page)
+    text = unescape(page).replace("\xa0", " ")
+    assert f"<h1>{first_page(diagnosis).headline}</h1>" in text
+    assert f"<p><b>{diagnosis.headline}</b></p>" in text
+    assert text.index("<h1>") < text.index("Technical part") < text.index("Key facts")
     assert len(page) < 3_000_000
 
 
@@ -109,6 +113,8 @@ def test_every_figure_is_there(case: str, pages: dict[str, tuple[Diagnosis, str]
     expected = {"traces": 4, "residuals": 2, "regimes": 2, "spectra": 2, "ranking": 1}
     if case in ("unexplained", "undecided"):
         expected["shape"] = 1
+    if case != "undecided":
+        expected["speed-power"] = 1
     assert outline(pages[case][1]).figures == expected
 
 
@@ -117,8 +123,9 @@ def test_the_verdict_is_said(pages: dict[str, tuple[Diagnosis, str]]) -> None:
         "explained": "explained", "unexplained": "unexplained",
         "nothing-missing": "nothing missing", "undecided": "cannot be decided",
     }  # fmt: skip
-    for case, (_, page) in pages.items():
-        assert f'<p class="verdict">{words[case]}</p>' in page
+    for case, (diagnosis, page) in pages.items():
+        name = diagnosis.ship.name
+        assert f'<p class="verdict">{name} · {words[case]}</p>' in unescape(page)
         assert f'<body class="{case}">' in page
 
 
@@ -137,7 +144,7 @@ def test_a_finding_is_told_in_full(pages: dict[str, tuple[Diagnosis, str]]) -> N
 
 def test_texts_are_escaped(pages: dict[str, tuple[Diagnosis, str]]) -> None:
     _, page = pages["undecided"]
-    assert "<b>" not in page
+    assert page.count("<b>") == 1  # the headline of the technical part
     assert "two rows were &lt;b&gt;lost&lt;/b&gt;" in page
     assert "a&lt;b ship" in page
 
@@ -160,7 +167,7 @@ def test_the_same_diagnosis_gives_the_same_drawing(
     pages: dict[str, tuple[Diagnosis, str]],
 ) -> None:
     (drawn,) = figures.ranking_panels(pages["explained"][0])
-    assert drawn in pages["explained"][1]
+    assert figures.svg(drawn, "ranking0") in pages["explained"][1]
 
 
 def test_facts_are_those_of_the_recording(pages: dict[str, tuple[Diagnosis, str]]) -> None:

@@ -18,6 +18,7 @@ from shaftline.mismatch.report.figures import (
     panel,
     svg,
     thin,
+    with_label,
 )
 
 
@@ -76,7 +77,10 @@ def test_a_panel_has_its_size_and_labels() -> None:
 
 
 def test_a_drawing_is_one_element_with_ids_of_its_own() -> None:
-    first, second = (svg(panel("a", "x", "y")[0], 'rate "a" < b', prefix) for prefix in ("p", "q"))
+    def drawn(prefix: str) -> str:
+        return svg(with_label(panel("a", "x", "y")[0], 'rate "a" < b'), prefix)
+
+    first, second = drawn("p"), drawn("q")
     assert first.startswith('<svg role="img" aria-label="rate &quot;a&quot; &lt; b" ')
     assert first.rstrip().endswith("</svg>")
     assert second == first.replace("p-", "q-") or set(
@@ -87,4 +91,4 @@ def test_a_drawing_is_one_element_with_ids_of_its_own() -> None:
     assert all(one.startswith("p-") for one in ids)
     assert all(one in ids for one in re.findall(r'href="#([^"]+)"', first))
     assert not re.search(r"xmlns|<!--|<metadata", first)
-    assert svg(panel("a", "x", "y")[0], 'rate "a" < b', "p") == first
+    assert drawn("p") == first

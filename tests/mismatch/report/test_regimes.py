@@ -21,11 +21,11 @@ from .test_figures import Drawn, lines, shaded
 def drawn(monkeypatch: pytest.MonkeyPatch) -> Drawn:
     kept: Drawn = []
 
-    def keep(figure: Any, label: str, prefix: str) -> str:
-        kept.append((figure.axes[0], label, prefix))
+    def keep(figure: Any, label: str) -> str:
+        kept.append((figure.axes[0], label))
         return label
 
-    monkeypatch.setattr(figures, "svg", keep)
+    monkeypatch.setattr(figures, "with_label", keep)
     return kept
 
 
@@ -94,7 +94,6 @@ def test_each_located_balance_is_drawn_over_each_signal(drawn: Drawn) -> None:
         "residual of the engine balance over shaft speed",
         "residual of the engine balance over fuel rack demand",
     ]
-    assert [prefix for _, _, prefix in drawn] == ["g0", "g1"]
     axes = drawn[0][0]
     assert (axes.get_xlabel(), axes.get_ylabel()) == (
         "shaft speed [rad/s]",
@@ -160,7 +159,7 @@ def test_over_time_the_part_set_aside_is_shaded(drawn: Drawn) -> None:
 
 def test_the_curve_stands_in_the_regime_of_its_own_signal(drawn: Drawn) -> None:
     figures.regime_panels(diagnosis_of("unexplained"))
-    speed, drive = (axes for axes, _, _ in drawn)
+    speed, drive = (axes for axes, _ in drawn)
     dashed = [
         line for line in speed.lines if line.get_linestyle() == "--" and len(line.get_xdata()) == 3
     ]

@@ -60,7 +60,7 @@ def _joint(correlation: float, wrong: float = 0.01) -> JointPrior:
 def test_correlated_parameters_move_together_cheaply_and_apart_at_the_price_of_a_wrong_one() -> (
     None
 ):
-    """For rho = 0.999, a step of s apart costs s^2 / (1 - rho) 2 / 2 and of s together s^2 2 / (1 + rho)."""
+    """At rho = 0.999, steps of s apart cost 2 s^2 / (1 - rho), steps together 2 s^2 / (1 + rho)."""
     joint = _joint(0.999, wrong=0.0)
     assert joint.penalty(np.array([0.1, 0.1, 0.0])) == pytest.approx(2.0 / 1.999)
     assert joint.penalty(np.array([0.1, -0.1, 0.0])) == pytest.approx(2.0 / 0.001)
