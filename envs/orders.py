@@ -117,7 +117,7 @@ def read_orders(path: str | Path, ship: Ship, ramp_s: float = 0.0) -> OrdersFile
     if order_name in LEVERS:
         lever = read_column(path, table, order_name, LEVERS[order_name], (0.0, 1.0))
         curve = combinator_curve(ship)
-        speed: Floats = np.interp(lever, curve.lever, curve.ship_speed)
+        speed = np.asarray(np.interp(lever, curve.lever, curve.ship_speed), np.float64)
     else:
         limits = LIMITS["speed_order_m_s"][:2]
         speed = read_column(path, table, order_name, SPEED_ORDERS[order_name], limits)

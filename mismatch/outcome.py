@@ -61,9 +61,7 @@ class Outcome:
     biased: list[BiasedParameter | None] = field(default_factory=list)  # one for each finding
     balance_verdicts: tuple[BalanceVerdict, ...] = ()  # verdict on each balance
     formula: Formula | None = None  # formula of the residual that the held-out data confirm
-    # recorded inputs beside the drive command, each of shape (rows,): ``pitch_ratio_command`` [-],
-    # ``inflow`` u_x [m/s] and external signals by name
-    inputs: dict[str, Floats] = field(default_factory=dict)
+    inputs: dict[str, Floats] = field(default_factory=dict)  # recorded inputs but the drive, (rows,)
 
     @property
     def held_rows(self) -> NDArray[np.bool_]:

@@ -26,7 +26,9 @@ REPORTS = ("report/data.py", "report/wording.py", "identification/parameters.py"
 
 COMMANDS = {
     name: {
-        option for parameter in main.LazyCommand(name).itself().params for option in parameter.opts
+        option
+        for parameter in main.LazyCommand(name).itself().params
+        for option in (*parameter.opts, *parameter.secondary_opts)
     }
     for name in main.COMMANDS
 }
