@@ -25,7 +25,7 @@ def _single(steps: int, **keywords: Any) -> np.ndarray[Any, Any]:
     observation, _ = env.reset(seed=3)
     rows = [np.append(observation, 0.0)]
     for k in range(steps):
-        observation, reward, *_ = env.step(np.float32([0.3, 0.2 * np.sin(k)]))
+        observation, reward, *_ = env.step(np.array([0.3, 0.2 * np.sin(k)], np.float32))
         rows.append(np.append(observation, reward))
     return np.array(rows)
 
@@ -38,7 +38,7 @@ def test_single_and_vector_environment_agree_to_the_bit(task: str) -> None:
     observation, _ = env.reset(seed=3)
     rows = [np.append(observation[0], 0.0)]
     for k in range(80):
-        action = np.tile(np.float32([0.3, 0.2 * np.sin(k)]), (3, 1))
+        action = np.tile(np.array([0.3, 0.2 * np.sin(k)], np.float32), (3, 1))
         observation, reward, *_ = env.step(action)
         rows.append(np.append(observation[0], reward[0]))
     env.close()
@@ -61,7 +61,7 @@ def test_a_profile_of_the_drawn_orders_changes_no_bit() -> None:
     for keywords, begin in (
         ({"order_profile": [(0.0, 5.0), (10.0, 8.0), (20.0, 6.0)]}, None), ({}, options),
     ):  # fmt: skip
-        env = FrigateEnv(task="transit", sea="state-5", **CLASSIC, **keywords)
+        env = FrigateEnv(task="transit", sea="state-5", **CLASSIC, **keywords)  # type: ignore[arg-type]
         env.reset(seed=4, options=begin)
         rows.append([env.step([0.4, 0.1])[1] for _ in range(60)])
     assert rows[0] == rows[1]

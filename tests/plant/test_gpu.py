@@ -127,7 +127,7 @@ def test_kernels_compile_for_a_gpu() -> None:
     assert "NRT_" not in done.stdout
 
 
-@pytest.mark.skipif(cuda.is_available(), reason="there is a GPU")
+@pytest.mark.skipif(cuda.is_available(), reason="there is a GPU")  # type: ignore[no-untyped-call]
 def test_missing_gpu_is_refused() -> None:
     """The message names the compiler or the driver that is missing, and the way without a GPU."""
     missing = "numba-cuda" if importlib.util.find_spec("numba_cuda") is None else "nvidia-smi"

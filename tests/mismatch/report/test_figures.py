@@ -50,7 +50,7 @@ def shaded(axes: Any, colour: str) -> list[tuple[float, float]]:
 
 def test_traces_show_the_whole_and_the_part_set_aside(drawn: Drawn) -> None:
     diagnosis = diagnosis_of("explained")
-    assert figures.trace_panels(diagnosis) == [
+    assert figures.trace_panels(diagnosis) == [  # type: ignore[comparison-overlap]
         "pitch ratio over time", "pitch ratio over time, held-out data",
         "shaft speed over time", "shaft speed over time, held-out data",
     ]  # fmt: skip
@@ -88,7 +88,7 @@ def test_large_channels_are_drawn_with_a_prefix(drawn: Drawn) -> None:
 
 def test_residuals_are_block_means_with_the_spread_about_them(drawn: Drawn) -> None:
     diagnosis = diagnosis_of("explained")
-    assert figures.residual_panels(diagnosis) == [
+    assert figures.residual_panels(diagnosis) == [  # type: ignore[comparison-overlap]
         "residual of the hull balance over time", "residual of the engine balance over time",
     ]  # fmt: skip
     axes = drawn[1][0]
@@ -138,7 +138,7 @@ def test_windows_that_hold_all_are_not_shaded() -> None:
 
 def test_spectra_are_amplitudes(drawn: Drawn) -> None:
     diagnosis = diagnosis_of("explained")
-    assert figures.spectrum_panels(diagnosis) == [
+    assert figures.spectrum_panels(diagnosis) == [  # type: ignore[comparison-overlap]
         "spectrum of the hull balance's residual", "spectrum of the engine balance's residual",
     ]  # fmt: skip
     axes = drawn[1][0]

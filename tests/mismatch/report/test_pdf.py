@@ -51,7 +51,7 @@ def words_of(page: Any) -> str:
 def boxes(page: Any) -> list[tuple[str, float, float, float, float]]:
     """Each text of a page with its left, top, right and bottom edge [inch]."""
     page.set_dpi(600.0)  # without the rounding of letters to pixels
-    renderer = FigureCanvasAgg(page).get_renderer()
+    renderer = FigureCanvasAgg(page).get_renderer()  # type: ignore[no-untyped-call]
     found = []
     for text in page.texts:
         box = text.get_window_extent(renderer).transformed(page.dpi_scale_trans.inverted())
@@ -136,7 +136,7 @@ def test_a_panel_keeps_its_margins_at_another_width() -> None:
     box = axes.get_position()
     assert box.x0 * 3.0 == pytest.approx(0.9)
     assert (1.0 - box.x1) * 3.0 == pytest.approx(0.2)
-    title = axes.title if axes.title.get_text() else axes._left_title
+    title = axes.title if axes.title.get_text() else axes._left_title  # type: ignore[attr-defined]
     assert text_width(title.get_text(), title.get_fontsize(), True) <= 3.0 - 0.9 + 1e-6
     assert title.get_fontweight() == "bold"
 

@@ -90,7 +90,7 @@ def test_bins_of_equal_count_have_means_and_intervals() -> None:
 
 def test_each_located_balance_is_drawn_over_each_signal(drawn: Drawn) -> None:
     labels = figures.regime_panels(diagnosis_of("explained"))
-    assert labels == [
+    assert labels == [  # type: ignore[comparison-overlap]
         "residual of the engine balance over shaft speed",
         "residual of the engine balance over fuel rack demand",
     ]
@@ -123,7 +123,9 @@ def test_only_two_balances_are_drawn_and_only_what_was_changed(drawn: Drawn) -> 
 
 def test_the_curve_is_drawn_over_what_the_balance_lacks(drawn: Drawn) -> None:
     diagnosis = diagnosis_of("unexplained")
-    assert figures.shape_panel(diagnosis) == ["shape of the residual of the engine balance"]
+    assert figures.shape_panel(diagnosis) == [  # type: ignore[comparison-overlap]
+        "shape of the residual of the engine balance"
+    ]
     axes = drawn[0][0]
     assert (axes.get_xlabel(), axes.get_ylabel()) == (
         "shaft speed [rad/s]",

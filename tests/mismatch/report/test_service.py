@@ -65,7 +65,7 @@ def engine_power(ship: Ship, speed: float) -> float:
     """Power of both engines [kW] at a speed [m/s]."""
     point = approach(ship, speed, PITCH)
     turns = float(ship.record()["gear_ratio"]) * point.state.shaft_speed
-    return 2e-3 * float(point.outputs.brake_torque) * turns
+    return 2e-3 * float(point.outputs.brake_torque) * turns  # type: ignore[no-any-return]
 
 
 def test_fouling_costs_what_the_steady_states_say(frigate: Ship) -> None:
@@ -159,7 +159,8 @@ def test_a_derated_engine_needs_more_rack_and_no_more_power() -> None:
     point = approach(load_ship("frigate"), SPEED, PITCH)
     torque = float(point.outputs.brake_torque)
     assert rack.change == pytest.approx(
-        (torque / 0.92 - torque) / ship.torque_per_rack_N_m_mm, rel=1e-3
+        (torque / 0.92 - torque) / ship.torque_per_rack_N_m_mm,  # type: ignore[union-attr]
+        rel=1e-3,
     )
     assert found.quantities[EQUAL_COMMAND].change < 0.0
 
