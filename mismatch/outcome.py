@@ -61,9 +61,7 @@ class Outcome:
     biased: list[BiasedParameter | None] = field(default_factory=list)  # one for each finding
     balance_verdicts: tuple[BalanceVerdict, ...] = ()  # verdict on each balance
     formula: Formula | None = None  # formula of the residual that the held-out data confirm
-    inputs: dict[str, Floats] = field(
-        default_factory=dict
-    )  # recorded inputs but the drive, (rows,)
+    inputs: dict[str, Floats] = field(default_factory=dict)  # other recorded inputs, (rows,)
 
     @property
     def held_rows(self) -> NDArray[np.bool_]:

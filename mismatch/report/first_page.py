@@ -105,7 +105,7 @@ class FirstPage:
             return ""
         some = any(q.ci95 is not None for q in self.service.quantities.values())
         some = some and self.service.changes
-        return self.service.condition + (f" Intervals (95 %): {METHOD}." if some else "")
+        return self.service.condition + (f" In brackets, 95 % intervals: {METHOD}." if some else "")
 
     def to_dict(self) -> dict[str, Any]:
         """Return ``summary`` of ``report.json``."""

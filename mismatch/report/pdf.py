@@ -343,13 +343,15 @@ def _write_first_page(
     if first.rows:
         document.skip(0.1)
         heads = ["At service speed" if first.service.speed_m_s else "At the median command"]
-        heads += ["Ship file", "As diagnosed", "Change", "95 % interval", "Unit"]
+        heads += ["Ship file", "As diagnosed", "Change"]
         rows = [
-            [r.name, r.before, r.after, r.change, r.interval or "–", r.unit] for r in first.rows
-        ]
+            [f"{r.name} [{r.unit}]", r.before, r.after,
+             f"{r.change} ({r.interval})" if r.interval else r.change]
+            for r in first.rows
+        ]  # fmt: skip
         if not first.service.changes:
-            heads, rows = [heads[0], "Ship file", "Unit"], [[r[0], r[1], r[5]] for r in rows]
-        document.table(heads, rows, right=range(1, len(heads) - 1), size=SMALL + 0.5)
+            heads, rows = heads[:2], [row[:2] for row in rows]
+        document.table(heads, rows, right=range(1, len(heads)), size=SMALL + 0.5)
         document.paragraph(first.method, SMALL, color=SOFT)
 
 

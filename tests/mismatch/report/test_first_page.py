@@ -51,7 +51,7 @@ def test_a_fouled_hull_costs_speed_power_and_fuel() -> None:
     assert page.where == ["hull"]
     assert "Inspect the hull" in page.next_steps[0]
     assert page.doubts == ["Hull fouling: no other effect fits this recording as well."]
-    assert "Intervals (95 %): each estimated parameter" in page.method
+    assert "In brackets, 95 % intervals: each estimated parameter" in page.method
 
 
 def test_a_cleaner_ship_gains_speed() -> None:
