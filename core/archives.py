@@ -41,11 +41,7 @@ def read_archive(path: Path, limit_bytes: float = 1e8) -> dict[str, NDArray[Any]
             memory, which is checked before the arrays are read.
     """
     try:
-        with zipfile.ZipFile(path) as members:
-            size = sum(member.file_size for member in members.infolist())
-        if size > limit_bytes:
-            most = f"at most {limit_bytes / 1e6:.0f} MB are read"
-            raise ArchiveError(f"{path}: unpacks to {size / 1e6:.0f} MB; {most}")
+        refuse_large_archive(path, limit_bytes, ArchiveError)
         with np.load(path, allow_pickle=False) as archive:
             return {name: archive[name] for name in archive.files}
     except ArchiveError:
@@ -55,6 +51,19 @@ def read_archive(path: Path, limit_bytes: float = 1e8) -> dict[str, NDArray[Any]
             f"{path}: not a NumPy archive of numbers, or damaged ({type(error).__name__}: {error}); "
             "write or download it again"
         ) from None
+
+
+def refuse_large_archive(path: Path, limit_bytes: float, error: type[ValueError]) -> None:
+    """Refuse a zip archive that exceeds a size when it is unpacked, by an error of a class.
+
+    A file that is no zip archive raises an error of :mod:`zipfile`.
+    """
+    with zipfile.ZipFile(path) as members:
+        size = sum(member.file_size for member in members.infolist())
+    if size > limit_bytes:
+        raise error(
+            f"{path}: unpacks to {size / 1e6:.0f} MB; at most {limit_bytes / 1e6:.0f} MB are read"
+        )
 
 
 def pack_tree(tree: Any) -> dict[str, NDArray[Any]]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import shutil
 import tempfile
 import weakref
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..baselines.controller import OBSERVED, actions, measurements_of
+from ..core.archives import refuse_large_archive
 from ..core.files import reason_of, refuse_special
 from ..plant.columns import drive_column
 from ..plant.ship import Ship
@@ -225,11 +225,7 @@ def _read_description(path: Path) -> Any:
     if not path.is_file():
         raise FmuError(f"{path}: no such FMU")
     try:
-        with zipfile.ZipFile(path) as members:
-            size = sum(member.file_size for member in members.infolist())
-        if size > _LARGEST:
-            most = f"at most {_LARGEST / 1e6:.0f} MB are read"
-            raise FmuError(f"{path}: unpacks to {size / 1e6:.0f} MB; {most}")
+        refuse_large_archive(path, _LARGEST, FmuError)
         description = read_model_description(str(path))
         platforms = supported_platforms(str(path))
     except FmuError:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import functools
 import platform
-import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -18,13 +17,14 @@ import numpy as np
 from numba import carray  # type: ignore[attr-defined]
 from numba.core import types as numba_types
 
-from ..plant import Equilibrium, Ship, write_ship
+from ..plant import Equilibrium, Ship
 from ..plant.columns import TIME, drive_column, signal_columns
 from ..plant.dynamics import settle_lags
 from ..plant.expressions import MAX_SIGNALS
 from ..plant.memory import MEMORY
 from ..plant.record import PLANT
 from ..plant.ship import refuse_waves
+from ..plant.ship_files import ship_text
 from ..plant.signals import SAMPLE, SIGNALS, get_signal
 from ..plant.simulation import write_sample
 from ..plant.state import STATE, Inputs, get_state, set_state, with_motion
@@ -105,12 +105,10 @@ def export_ship(ship: Ship, point: Equilibrium, path: Path, sea: Any = None) -> 
     code += [f"#define SHIP_SAMPLE {_SAMPLE}", f"#define SHIP_BEGIN {_BEGIN}"]
     code += [c_bytes(f"ship_{name}", record.tobytes()) for name, record in records.items()]
     code.append('#include "ship.c"')
-    with tempfile.TemporaryDirectory() as folder:
-        text = write_ship(ship, Path(folder) / "ship.toml").read_text(encoding="utf-8")
     model = Model(
         f"propulsion and motion of the ship {ship.name}", variables, ship.time_step_s, starts.tolist(),
         _INITIAL, _SAMPLE, "\n".join(code), {"ship.c": c_file("ship.c")}, _machine_code(),
-        {"ship.toml": text},
+        {"ship.toml": ship_text(ship)},
     )  # fmt: skip
     write_fmu(path, model)
     return variables

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..plant.keys import ShipParameter
 from ..plant.ship import Ship
 from .estimate import Tick, ignore_progress
 from .identification.free_parameters import AUTO, LEAST_CERTAIN, UnidentifiableError
 from .identification.parameters import Start, widen_tolerances
-from .identify import identify
+from .identify import Identification, identify
 from .recordings.joint import Recorded
 
 
@@ -33,14 +32,16 @@ def calibrate(
     def progress(stage: str, done: int, total: int) -> None:
         tick(f"calibrating, {stage}", done, total)
 
+    def estimate(nominal: Ship, free: Sequence[str]) -> Identification:
+        return identify(
+            nominal, *recordings, free=free, columns=columns, tolerance=tolerance, tick=progress
+        )
+
     left_out: dict[str, str] = {}
     wanted: list[str] = list(keys)
     while True:
         try:
-            found = identify(
-                ship, *recordings, free=wanted or AUTO, columns=columns, tolerance=tolerance,
-                tick=progress,
-            )  # fmt: skip
+            found = estimate(ship, wanted or AUTO)
         except UnidentifiableError as error:
             left_out |= error.worst
             wanted = error.rest
@@ -50,47 +51,27 @@ def calibrate(
                     "values of the ship file"
                 )
                 return Start(ship, ship, left_out=left_out, remarks=(remark,))
-            continue
-        left_out |= found.left_out
-        remarks = [f"calibration: {note}" for note in (*found.limits, *found.warnings)]
-        if keys:  # parameters that the user did not choose need no remark
-            remarks += [
-                f"calibration: {key} keeps the ship file's value: {why}"
-                for key, why in left_out.items()
-            ]
-        # A user who calibrates does not trust the ship file. A parameter that is not identifiable may be
-        # off by as much as the limit of identifiability, and would otherwise appear as missing physics.
-        own, estimated = found.identified, tuple(one.key for one in found.estimates)
-        fixed = [own.parameter(key) for key in left_out if own.has_key(key)]
-        start = _calibrate_jointly(own, estimated, fixed, recordings, columns, tolerance, progress)
-        if start is None:
-            start = widen_tolerances(found.joint or own, fixed, LEAST_CERTAIN)
-        return Start(ship, start, calibrated=estimated, left_out=left_out, remarks=tuple(remarks))
-
-
-def _calibrate_jointly(
-    ship: Ship,
-    estimated: tuple[str, ...],
-    fixed: Sequence[ShipParameter],
-    recordings: Sequence[Recorded],
-    columns: str | Path | None,
-    tolerance: float,
-    tick: Tick,
-) -> Ship | None:
-    """Return the ship calibrated again while the parameters that are not identifiable are uncertain.
-
-    A reference period may determine a combination of two parameters, such as resistance and thrust
-    deduction, far better than either. The correlation of their errors keeps this knowledge: without it,
-    one of them would be free to explain a later change. None without such parameters, or if the
-    estimates are then not identifiable.
-    """
-    if not fixed:
-        return None
-    wide = widen_tolerances(ship, fixed, LEAST_CERTAIN)
-    try:
-        again = identify(
-            wide, *recordings, free=estimated, columns=columns, tolerance=tolerance, tick=tick
-        )
-    except UnidentifiableError:
-        return None
-    return again.joint
+        else:
+            break
+    left_out |= found.left_out
+    remarks = [f"calibration: {note}" for note in (*found.limits, *found.warnings)]
+    if keys:  # parameters that the user did not choose need no remark
+        remarks += [
+            f"calibration: {key} keeps the ship file's value: {why}"
+            for key, why in left_out.items()
+        ]
+    # A user who calibrates does not trust the ship file. A parameter that is not identifiable may be off
+    # by as much as the limit of identifiability, and would otherwise appear as missing physics. The
+    # reference period may still determine its combination with another parameter far better than either,
+    # such as that of resistance and thrust deduction. The estimates are therefore repeated while it is
+    # uncertain: the correlation of the errors keeps one of both from explaining a later change.
+    own, start = found.identified, found.joint or found.identified
+    estimated = tuple(one.key for one in found.estimates)
+    fixed = [own.parameter(key) for key in left_out if own.has_key(key)]
+    if fixed:
+        try:
+            again = estimate(widen_tolerances(own, fixed, LEAST_CERTAIN), estimated)
+            start = again.joint or again.identified
+        except UnidentifiableError:
+            start = widen_tolerances(start, fixed, LEAST_CERTAIN)
+    return Start(ship, start, calibrated=estimated, left_out=left_out, remarks=tuple(remarks))

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from ..core.files import FileError, read_toml
 from .recording import RecordingError, read_table
 from .ship import Ship, ShipError, validate_tables
+from .surroundings import KNOT
 
-_KNOT = 1852.0 / 3600.0  # [m/s]
 TIMES = MappingProxyType({"time_s": 1.0, "time_min": 60.0, "time_h": 3600.0})
 SPEED_ORDERS = MappingProxyType(
-    {"speed_order_m_s": 1.0, "speed_order_kn": _KNOT, "speed_order_km_h": 1.0 / 3.6}
+    {"speed_order_m_s": 1.0, "speed_order_kn": KNOT, "speed_order_km_h": 1.0 / 3.6}
 )
 LEVERS = MappingProxyType({"lever": 1.0, "lever_percent": 0.01})
 _SHAFT_SPEEDS = MappingProxyType({"shaft_speed_rpm": 1.0, "shaft_speed_rad_s": 30.0 / math.pi})

@@ -105,8 +105,13 @@ def write_ship(ship: Ship, path: str | Path) -> Path:
     path = Path(path)
     if path.suffix != ".toml":
         raise ValueError(f"{path}: a ship file must have a name that ends in .toml")
-    write_text(path, tomli_w.dumps(ship.model_dump(exclude_unset=True, exclude_none=True)))
+    write_text(path, ship_text(ship))
     return path
+
+
+def ship_text(ship: Ship) -> str:
+    """Return the text of the file that :func:`write_ship` writes."""
+    return tomli_w.dumps(ship.model_dump(exclude_unset=True, exclude_none=True))
 
 
 def ship_keys() -> list[tuple[str, str, str, str, str]]:

@@ -16,6 +16,7 @@ from ..core.files import write_json, write_text
 from ..mismatch.example import COLUMN_MAP, CONCEALED, FOLDER, RECORDING, SHIP_FILE
 from ..plant import load_ship
 from ..plant.ship_files import write_ship
+from ..plant.surroundings import KNOT
 from .cases import draw_case
 from .recording import SimulatedCase, simulate_case
 
@@ -25,7 +26,7 @@ pitch actuator."""
 
 EVERY = 5  # rows; 0.5 s
 BEGINS = "2026-05-03 23:54:12.5"  # so that midnight falls into it
-_RPM, _KNOT = 30.0 / math.pi, 1852.0 / 3600.0
+_RPM = 30.0 / math.pi
 _HEAD = "Propulsion data log;;;;;;\nShip: example frigate;;;;;;\n"
 _NAMES = {
     "Time": ("hh:mm:ss", 1, "time_s"), "Fuel rack": ("%", 1, "fuel_rack_mm"),
@@ -48,7 +49,7 @@ def logger_file(simulated: SimulatedCase) -> str:
         "pitch_ratio": 100.0 / pitch * table["pitch_ratio"],
         "shaft_speed_rad_s": _RPM * table["shaft_speed_rad_s"],
         "shaft_torque_N_m": 1e-3 * table["shaft_torque_N_m"],
-        "ship_speed_m_s": table["ship_speed_m_s"] / _KNOT,
+        "ship_speed_m_s": table["ship_speed_m_s"] / KNOT,
     }
     columns = {"Time": [f"{t:%H:%M:%S}.{t.microsecond // 100000}" for t in stamps]} | {
         name: [f"{v:.{digits}f}" for v in values[column]]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ...plant.columns import BOUNDS, RUDDER, RUDDER_COMMAND, SHAFT_SPEED, YAW_RATE, drive_column
 from ...plant.ship import Ship
+from ...plant.surroundings import KNOT
 from .columns import PERCENT_OF_RANGE, PITCHES
 from .excitation import helm_column
 
@@ -119,7 +120,7 @@ def likely_unit_errors(column: str, ship: Ship) -> list[UnitError]:
         "rad": [_unit("deg", math.pi / 180.0), _unit("turn", 2.0 * math.pi)],
         "N m": [_unit("kN m", 1e3), _unit("MN m", 1e6), _unit("tf m", 9806.65),
                 _unit("kgf m", 9.80665)],
-        "m/s": [_unit("knot", 1852.0 / 3600.0), _unit("km/h", 1.0 / 3.6)],
+        "m/s": [_unit("knot", KNOT), _unit("km/h", 1.0 / 3.6)],
         "N": [_unit("kN", 1e3), _unit("MN", 1e6), _unit("tf", 9806.65), _unit("kgf", 9.80665)],
         "V": [_unit("mV", 1e-3), _unit("kV", 1e3)],
         "A": [_unit("mA", 1e-3)],

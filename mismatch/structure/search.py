@@ -118,12 +118,10 @@ class Base:
         self._scale = problem.likelihood.scale(white)
         flat = (columns * self._scale).reshape(len(columns), -1)
         precision = search.precision(search.start, False)
-        size = np.sqrt(np.where(np.diag(precision) > 0.0, np.diag(precision), 1.0))
-        root = np.linalg.cholesky(
-            precision / np.outer(size, size) + np.diag(np.diag(precision) == 0.0)
-        )
-        root[np.diag(precision) == 0.0] = 0.0  # values of effects have no prior
-        whole = np.hstack([flat, root * size[:, None]])
+        held = np.flatnonzero(np.diag(precision))  # values of effects have no prior
+        root = np.zeros_like(precision)
+        root[np.ix_(held, held)] = np.linalg.cholesky(precision[np.ix_(held, held)])
+        whole = np.hstack([flat, root])
         self._basis = np.linalg.qr(whole.T)[0]
         self._left = self._project(white)
 

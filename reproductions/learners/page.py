@@ -7,7 +7,7 @@ reference is kept in the folder ``--kept``. ``--page-only`` writes the page from
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -77,14 +77,22 @@ def bound_of(task: str, found: dict[str, Any]) -> Bound | None:
     )
 
 
+def trainings_of(
+    task: str, name: str, found: dict[str, Any]
+) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Yield control intervals and result of each training of a learner on a task."""
+    for key, cell in found.items():
+        if key.startswith(f"{name}_{task}_"):
+            yield int(key.rpartition("_")[-1]), cell
+
+
 def episodes_of(task: str, name: str, part: str, found: dict[str, Any]) -> NDArray[np.float64]:
     """Return episode returns of shape (trainings, episodes); no row without results."""
     if name in ALGORITHMS:
-        steps = INTERVALS[name]
         rows = [
-            v[part]["values"]
-            for k, v in found.items()
-            if k.startswith(f"{name}_{task}_") and k.endswith(f"_{steps}")
+            cell[part]["values"]
+            for steps, cell in trainings_of(task, name, found)
+            if steps == INTERVALS[name]
         ]
     else:
         key = f"reference_{task}_{name.replace(' ', '-')}"
@@ -128,6 +136,12 @@ def _wide(table: pd.DataFrame, names: list[str], part: str) -> pd.DataFrame:
     return pd.DataFrame(columns).fillna("–").rename_axis("controller").reset_index()
 
 
+def _gain_words(mean: float, low: float, high: float) -> tuple[str, str]:
+    """Return a gain over the combinator with its interval, and whether it is above zero."""
+    decided = "yes" if low > 0.0 else "no" if high < 0.0 else "not decided"
+    return f"{mean:+.0f} ({low:+.0f} to {high:+.0f})", decided
+
+
 def _targets(table: pd.DataFrame, names: list[str], learners: Iterable[str]) -> pd.DataFrame:
     """Return, for each learner and task, the gain over the combinator and the best untuned classic."""
     rows = []
@@ -139,8 +153,7 @@ def _targets(table: pd.DataFrame, names: list[str], learners: Iterable[str]) -> 
         classic = here.loc[[c for c in UNTUNED if c in here.index], "return"]
         rows.append(
             (task, name, int(one["trainings"]),
-             f"{one['gain']:+.0f} ({one['gain_low']:+.0f} to {one['gain_high']:+.0f})",
-             "yes" if one["gain_low"] > 0.0 else "no" if one["gain_high"] < 0.0 else "not decided",
+             *_gain_words(one["gain"], one["gain_low"], one["gain_high"]),
              f"{classic.idxmax()} {classic.max():.0f}",
              "yes" if one["return_low"] > classic.max() else "no")
         )  # fmt: skip
@@ -155,17 +168,14 @@ def shorter_trainings(names: list[str], found: dict[str, Any]) -> pd.DataFrame:
     """Return a row for each training with fewer control intervals than :data:`INTERVALS`."""
     rows = []
     for task, name in itertools.product(names, ALGORITHMS):
-        for key, cell in found.items():
-            steps = int(key.split("_")[-1]) if key.startswith(f"{name}_{task}_") else 0
-            if not 0 < steps < INTERVALS[name]:
+        for steps, cell in trainings_of(task, name, found):
+            if steps >= INTERVALS[name]:
                 continue
             values = np.array(cell[""]["values"])
             base = episodes_of(task, COMBINATOR, "", found)[0]
-            mean, low, high = mean_with_interval((values - base)[None])
-            decided = "yes" if low > 0.0 else "no" if high < 0.0 else "not decided"
             rows.append(
                 (task, name, steps, f"{cell['curve'][0][1]:.0f}", f"{values.mean():.0f}",
-                 f"{mean:+.0f} ({low:+.0f} to {high:+.0f})", decided)
+                 *_gain_words(*mean_with_interval((values - base)[None])))
             )  # fmt: skip
     return pd.DataFrame(
         rows,
@@ -197,7 +207,7 @@ def curves(names: list[str], found: dict[str, Any]) -> Figure:
             axis.set_visible(False)
             continue
         for k, name in enumerate(ALGORITHMS):
-            runs = [v["curve"] for key, v in found.items() if key.startswith(f"{name}_{task}_")]
+            runs = [cell["curve"] for _, cell in trainings_of(task, name, found)]
             for j, run in enumerate(runs):
                 x, y, _ = np.array(run).T
                 axis.plot(1e-3 * x, y, color=PALETTE[k], lw=0.9, label=name if not j else None)
@@ -219,9 +229,7 @@ def write(folder: Path, names: list[str], found: dict[str, Any]) -> Path:
     """Write page, table and figure."""
     names = [task for task in names if len(episodes_of(task, COMBINATOR, "", found))]
     table = table_of(names, found)
-    learned = [
-        task for task in names if any(len(episodes_of(task, a, "", found)) for a in ALGORITHMS)
-    ]
+    learned = [task for task in names if any([*trainings_of(task, a, found)] for a in ALGORITHMS)]
     save(curves(learned, found), folder / "figures" / "learners.png")
     budget = [name for name in ALGORITHMS if any(key.startswith(f"{name}_") for key in found)]
     steps = ", ".join(f"{name} {INTERVALS[name]:,}" for name in budget)

@@ -69,8 +69,9 @@ PLANS = dict(
 
 
 @pytest.fixture(autouse=True)
-def _two_planned_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
+def _small_budgets(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(page, "PLANNED", 2)
+    monkeypatch.setitem(page.INTERVALS, "ppo", 900)
 
 
 JUDGED = {"combinator": [[150.0, 160.0]], "tuned-controller": [[230.0, 250.0]]}
@@ -123,6 +124,17 @@ def test_the_page_says_who_beats_whom(tmp_path: Path) -> None:
     assert "| yes | va-pitch 204 | yes |" in text
     assert "Control intervals: ppo 900." in text
     assert (tmp_path / "figures" / "learners.png").stat().st_size > 10_000
+
+
+def test_shorter_trainings_are_listed_apart_and_do_not_count(tmp_path: Path) -> None:
+    classic = {"va-pitch": [[200.0, 210.0]], **JUDGED}
+    whole = found_of(TASK, PLANS, ppo=[[250.0, 260.0]], **classic)
+    short = {key.replace("_900", "_300"): cell for key, cell in whole.items()}
+    text = page.write(tmp_path, [TASK], short).read_text()
+    assert "## Shorter trainings" in text
+    assert "| flank | ppo | 300 | 1 | 255 | +100 (" in text
+    assert "| flank | ppo | 1 |" not in text  # no row among the trainings with the whole budget
+    assert "Shorter trainings" not in page.write(tmp_path, [TASK], whole).read_text()
 
 
 def test_every_task_and_seed_is_trained() -> None:

@@ -141,8 +141,12 @@ def test_a_draft_for_another_logger_works_as_it_is_written(
     (tmp_path / "part.toml").write_text(open_map, encoding="utf-8")
     more = shaftline(*ask, "--columns", tmp_path / "part.toml", "--draft", tmp_path / "more.toml")
     assert more.exit_code == 0, more.output
-    assert "lacks; copy its lines there" in " ".join(more.output.split())
-    assert '"speedWater" = { column = "ship_speed_m_s"' in (tmp_path / "more.toml").read_text()
+    assert "it contains the entries of" in " ".join(more.output.split())
+    whole = (tmp_path / "more.toml").read_text()
+    assert '"speedWater" = { column = "ship_speed_m_s"' in whole
+    assert '"propShaft.rpm" = { column = "shaft_speed_rad_s", unit = "rpm" }\n' in whole
+    complete = shaftline(*ask, "--columns", tmp_path / "more.toml")
+    assert complete.exit_code == 0, complete.output
 
 
 def test_rows_of_a_minute_are_usable_as_equilibria(shaftline: Command, tmp_path: Path) -> None:
