@@ -29,6 +29,9 @@ def equilibrium(
 ) -> Equilibrium:  # fmt: skip
     """Return the steady state at constant commands.
 
+    The torque limit of a diesel engine may hold it far below its idle speed as well. The steady state
+    above the idle speed is returned if there is one.
+
     Args:
         ship: the ship.
         drive: fuel rack [mm], voltage [V], torque [N m] or held speed [rad/s].
@@ -78,19 +81,26 @@ def equilibrium(
             return [shaft]
         return [shaft, rate.ship_speed * float(plant["mass"]) / max(outputs.resistance, 1.0)]
 
+    idle = float(plant["engine_speed_min"] / plant["gear_ratio"])
+    shaft_speed, ship_speed = 0.0, 0.0  # the fastest steady state so far
     for start in _starts(ship, drive):
         unknown = start if moving else start[:1]
         solution = scipy.optimize.root(residual, unknown, method="hybr", tol=1e-13)
-        if np.max(np.abs(residual(solution.x))) < 1e-9 and solution.x[0] > 1e-3:
-            turns = float(solution.x[0]) if ship.turns_freely else float(drive)
-            state = complete(turns, float(solution.x[1]) if moving else 0.0)
-            _, outputs = evaluate(plant, state, inputs, blade)
-            _check_rest(ship, plant, state, inputs, blade)
-            return Equilibrium(state, outputs, inputs)
-    raise ValueError(
-        f"{ship.name}: no steady state with the shaft turning ahead at drive {drive:g} "
-        f"{ship.prime_mover.demand.unit} and pitch ratio {pitch_ratio:g}"
+        if np.max(np.abs(residual(solution.x))) < 1e-9 and solution.x[0] > max(shaft_speed, 1e-3):
+            shaft_speed, ship_speed = float(solution.x[0]), float(solution.x[-1])
+            if shaft_speed >= idle:
+                break
+    if shaft_speed == 0.0:
+        raise ValueError(
+            f"{ship.name}: no steady state with the shaft turning ahead at drive {drive:g} "
+            f"{ship.prime_mover.demand.unit} and pitch ratio {pitch_ratio:g}"
+        )
+    state = complete(
+        shaft_speed if ship.turns_freely else float(drive), ship_speed if moving else 0.0
     )
+    _, outputs = evaluate(plant, state, inputs, blade)
+    _check_rest(ship, plant, state, inputs, blade)
+    return Equilibrium(state, outputs, inputs)
 
 
 def _check_rest(ship: Ship, plant: Any, state: State, inputs: Inputs, blade: float) -> None:

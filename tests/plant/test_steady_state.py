@@ -131,6 +131,19 @@ def test_frigate_has_steady_states_over_its_range(frigate: Ship, rack: float, pi
     assert_steady(frigate, equilibrium(frigate, rack, pitch))
 
 
+@pytest.mark.parametrize(
+    ("name", "rack", "pitch"),
+    [("frigate", 10.0, 0.8), ("ferry", 6.4, 0.982), ("frigate-at-sea", 12.0, 1.327)],
+)
+def test_engine_that_could_also_labour_below_idle_speed_runs(
+    name: str, rack: float, pitch: float
+) -> None:
+    ship = load_ship(name)
+    shaft_speed = equilibrium(ship, rack, pitch).state.shaft_speed
+    beside = [equilibrium(ship, rack, pitch + by).state.shaft_speed for by in (-0.05, 0.05)]
+    assert shaft_speed == pytest.approx(sum(beside) / 2.0, rel=0.02)
+
+
 def test_torque_source_finds_its_speed() -> None:
     tree = load_ship("tito-neri-sine").model_dump(exclude_unset=True)
     tree["prime_mover"] = {"type": "torque-command", "torque_max_N_m": 0.2}
