@@ -261,8 +261,8 @@ class Batch:
             self.arrays.plants[number.field][place] = number.value * factors
         raw = self.environments.view(np.uint8).reshape(self.n, records.ENVIRONMENT.itemsize)
         starts.start_episodes(
-            self.environments, raw, which, uniform[:, :draws], beginning.ranges, beginning.seas,
-            self._tables, self.ship.propeller.depth_m, self.dt,
+            self.environments, raw, which, np.ascontiguousarray(uniform[:, :draws]),
+            beginning.ranges, beginning.seas, self._tables, self.ship.propeller.depth_m, self.dt,
         )  # fmt: skip
 
     def observe(self, which: Ints) -> None:

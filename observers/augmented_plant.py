@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..core.compiled import Real, Record, compiled, compiled_apart
 from ..plant.columns import MEASURED
 from ..plant.derivatives import STEP, derivatives
-from ..plant.dynamics import evaluate
+from ..plant.dynamics import evaluate_apart
 from ..plant.expressions import external_at
 from ..plant.hull import episode_factor
 from ..plant.memory import (
@@ -174,7 +174,7 @@ def _slopes_of_measurements(model: Model, inputs: Inputs, memory: Record, h: Flo
         _perturb_parameter(model, i, STEP)
         along = _add_inflow(inputs, 1j * (STEP if i == len(model.slots) else 0.0))
         shifted = shift_state(now, get_state(model.units[i]), STEP * 1j)
-        _, outputs = evaluate(model.twin[0], shifted, along, memory.blade_pitch)
+        _, outputs = evaluate_apart(model.twin[0], shifted, along, memory.blade_pitch)
         for c in range(len(model.channels)):
             channel, helm = model.channels[c], inputs.rudder_command
             h[c, i] = _measure(model.twin[0], shifted, outputs, helm, channel).imag / STEP
@@ -211,7 +211,7 @@ def _correct_by_measurements(
     now, blade = get_state(model.state[0]), memory.blade_pitch
     met = _add_inflow(inputs, z[len(model.slots)])
     _slopes_of_measurements(model, met, memory, h)
-    _, outputs = evaluate(model.plant[0], now, met, blade)
+    _, outputs = evaluate_apart(model.plant[0], now, met, blade)
     before = z.copy()
     likelihood = 0.0
     for c in range(len(model.channels)):
@@ -272,7 +272,7 @@ def _predict(
     middle = _add_inflow(_inputs_at(recorded, plant, memory, shaft, step, 1), u * fades)
     end = _add_inflow(_inputs_at(recorded, plant, memory, shaft, step, 2), u * fades * fades)
     blade = memory.blade_pitch
-    rate, outputs = evaluate(plant, now, start, blade)
+    rate, outputs = evaluate_apart(plant, now, start, blade)
     _slopes_of_rates(model, shift_state(now, rate, 0.5 * dt), middle, memory, f)
     propagate(p, f, len(model.slots) + 1, model.process, dt, work)
     read_instruments(plant, memory, now.shaft_speed, outputs, dt)

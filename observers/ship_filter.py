@@ -225,7 +225,7 @@ def _model(
     units = np.zeros(len(states) + 1 + len(keys), STATE)
     for i, name in enumerate(states):
         units[name][i] = 1.0
-    start = np.array([parameter.value for parameter in parameters])
+    start = np.array([parameter.value for parameter in parameters], dtype=np.float64)
     ends = np.array([(parameter.info.low, parameter.info.high) for parameter in parameters]).T
     with np.errstate(invalid="ignore"):
         inside = ends + _BOUND_MARGIN * (start - ends)

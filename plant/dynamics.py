@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ..core.compiled import Real, Record, compiled
+from ..core.compiled import Real, Record, compiled, compiled_apart
 from .actuators import blade_pitch, pitch_rate
 from .drives import DriveOutput, DriveStates, drive_output, electric_power, holding_torque
 from .expressions import InputSignals, LoadSignals, sum_input_terms, sum_load_terms
@@ -227,7 +227,15 @@ def evaluate(
     )  # fmt: skip
 
 
-@compiled
+@compiled_apart
+def evaluate_apart(
+    plant: Record, state: State, inputs: Inputs, blade_before: float
+) -> tuple[State, Outputs]:
+    """Return what :func:`evaluate` returns; callers that are not called often compile faster with it."""
+    return evaluate(plant, state, inputs, blade_before)
+
+
+@compiled_apart
 def settle_lags(plant: Record, state: State, inputs: Inputs) -> State:
     """Return a state in which all lag states are at rest for the present speeds and inputs.
 
@@ -255,8 +263,8 @@ def settle_lags(plant: Record, state: State, inputs: Inputs) -> State:
 
 @compiled
 def _without_rates(plant: Record, state: State, inputs: Inputs, probe: State) -> State:
-    rate, _ = evaluate(plant, state, inputs, state.pitch_ratio)
-    beside, _ = evaluate(plant, shift_state(state, probe, 1.0), inputs, state.pitch_ratio)
+    rate, _ = evaluate_apart(plant, state, inputs, state.pitch_ratio)
+    beside, _ = evaluate_apart(plant, shift_state(state, probe, 1.0), inputs, state.pitch_ratio)
     return zero_lag_rates(state, rate, beside, probe)
 
 
@@ -267,7 +275,7 @@ def _distance_to_rest(plant: Record, state: State, inputs: Inputs, direction: St
     The search doubles its steps until the rate changes sign, then bisects: first in the direction in
     which the state moves, then in the opposite one.
     """
-    rate, _ = evaluate(plant, state, inputs, state.pitch_ratio)
+    rate, _ = evaluate_apart(plant, state, inputs, state.pitch_ratio)
     begins = directional_rate(rate, direction)
     if begins == 0.0:
         return 0.0
@@ -275,7 +283,9 @@ def _distance_to_rest(plant: Record, state: State, inputs: Inputs, direction: St
     for side in (1.0, -1.0):
         near, far = 0.0, math.copysign(1e-6, side * begins)
         for _ in range(80):
-            rate, _ = evaluate(plant, shift_state(state, direction, far), inputs, state.pitch_ratio)
+            rate, _ = evaluate_apart(
+                plant, shift_state(state, direction, far), inputs, state.pitch_ratio
+            )
             if directional_rate(rate, direction) * begins <= 0.0:
                 break
             near, far = far, 2.0 * far
@@ -286,7 +296,9 @@ def _distance_to_rest(plant: Record, state: State, inputs: Inputs, direction: St
         return 0.0
     for _ in range(60):
         middle = 0.5 * (near + far)
-        rate, _ = evaluate(plant, shift_state(state, direction, middle), inputs, state.pitch_ratio)
+        rate, _ = evaluate_apart(
+            plant, shift_state(state, direction, middle), inputs, state.pitch_ratio
+        )
         if directional_rate(rate, direction) * begins > 0.0:
             near = middle
         else:

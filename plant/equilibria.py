@@ -14,9 +14,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..core.compiled import Record, compiled
+from ..core.compiled import Record, compiled, compiled_apart
 from .columns import MEASURED, input_columns, simulated_columns
-from .dynamics import evaluate, settle_lags
+from .dynamics import evaluate_apart, settle_lags
 from .expressions import external_at
 from .hull import episode_factor
 from .memory import (
@@ -43,19 +43,19 @@ STALLED = 0.1  # share of the first row's shaft speed below which a row starts f
 LONGEST_STEP = 0.3  # largest step, as a share of the present shaft speed and ship speed
 
 
-@compiled
+@compiled_apart
 def _surplus(
     plant: Record, state: State, inputs: Inputs, settles: bool
 ) -> tuple[float, float, State, Outputs]:
     """Return the unbalanced torque [N m] and force [N] at a state, the state and its outputs."""
     if settles:
         state = settle_lags(plant, state, inputs)
-    rate, outputs = evaluate(plant, state, inputs, state.pitch_ratio)
+    rate, outputs = evaluate_apart(plant, state, inputs, state.pitch_ratio)
     torque = rate.shaft_speed * shaft_inertia(plant)
     return torque, rate.ship_speed * plant.mass, state, outputs
 
 
-@compiled
+@compiled_apart
 def equilibrium_near(
     plant: Record, state: State, inputs: Inputs, settles: bool, leads: bool
 ) -> tuple[State, Outputs]:
@@ -154,7 +154,7 @@ def fill_equilibria(
         shaft = command if leads else now.shaft_speed
         here = with_motion(now, blade, shaft, now.ship_speed)
         if plant.term_count > 0:  # A term on the actuator shifts the blades from the command.
-            rate, _ = evaluate(plant, here, inputs, blade)
+            rate, _ = evaluate_apart(plant, here, inputs, blade)
             blade += plant.pitch_time_constant * rate.pitch_ratio
             here = with_motion(now, blade, shaft, now.ship_speed)
         here, outputs = equilibrium_near(plant, here, inputs, settles, leads)

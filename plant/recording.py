@@ -43,7 +43,7 @@ class RecordedInputs:
         self.interval_s = float((time[-1] - time[0]) / (self.rows - 1))
         self.time_s = time - time[0]
         self.drive_rows = self._column(drive_column(ship))
-        self.command = np.full(self.rows, ship.propeller.pitch_ratio_max)
+        self.command = np.full(self.rows, float(ship.propeller.pitch_ratio_max))
         if ship.has_variable_pitch and "pitch_ratio_command" in table:
             self.command = self._column("pitch_ratio_command")
         self.elevation_rows = np.zeros(self.rows)
