@@ -214,14 +214,14 @@ def check_stability(
     Args:
         settings: cells, all different; their seas have no effect.
         make: function that returns the controller of a cell; other processes call it too.
-        folder: verdicts are kept in ``folder/stability`` as JSON.
+        folder: verdicts are kept in ``folder/cells/stability`` as JSON.
         spread: options of :func:`shaftline.core.sweep.sweep`.
     """
     cells = {
         f"{(own := replace(one, sea='calm')).name}_{version_of_cells(one.vessel, one.observer)}": own
         for one in settings
     }
-    found = sweep(functools.partial(_verdict, make), cells, folder / "stability", **spread)
+    found = sweep(functools.partial(_verdict, make), cells, folder / "cells" / "stability", **spread)
     return [Verdict(**kept) for kept in found.values()]
 
 

@@ -432,6 +432,8 @@ def detectable_effects(
         probe = min(probes, key=lambda p: abs(p - neutral))
         trial = (*fit.effects, SizedEffect(effect, (probe,)))
         change = fitter.predict(trial_ship.record(trial)) - base
+        if not np.isfinite(change).all():  # The simulation diverges.
+            continue
         information = fitter.likelihood.information(fit.weight, change[None])
         variance = float(np.linalg.pinv(information)[0, 0])
         if variance > 0.0 and information[0, 0] > 1e-9:

@@ -15,12 +15,18 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from shaftline.agents.evaluation.episodes import Setting, load_controller
 from shaftline.agents.evaluation.scores import bounds
+from shaftline.agents.evaluation.stability import COMMANDS, find_oscillation
 from shaftline.agents.evaluation.statistics import mean_with_interval
 from shaftline.agents.learning.imitation import make_plans
-from shaftline.agents.learning.recipe import read_recipe
+from shaftline.agents.learning.recipe import read_recipe, tuned_controller
 from shaftline.agents.policy.card import card
-from shaftline.agents.policy.policy import load_policy, packaged_policies_folder
+from shaftline.agents.policy.policy import (
+    load_policy,
+    packaged_policies,
+    packaged_policies_folder,
+)
 from shaftline.core.files import read_json, write_text
 from shaftline.core.sweep import SweepError, sweep
 from shaftline.envs import DEFAULTS, get_task, tasks
@@ -140,6 +146,25 @@ def figures(found: Mapping[str, Any]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def oscillations() -> pd.DataFrame:
+    """Return the lasting oscillations of each policy and its tuned controller in calm water."""
+    return pd.DataFrame(
+        {"task": name, "policy": _oscillation(name, f"policy:{name}"),
+         TUNED: _oscillation(name, tuned_controller(name))}
+        for name in packaged_policies()
+    )  # fmt: skip
+
+
+def _oscillation(name: str, controller: str) -> str:
+    task = get_task(name)
+    made = load_controller(controller, task.load_ship(), DEFAULTS.control_interval_s, task)
+    one = find_oscillation(Setting(controller, name, "task", DEFAULTS.observer, 1), made)
+    if one is None:
+        return "none"
+    about = f"{COMMANDS[one.command]}, {one.swing:.0%}, {one.period_s:.1f} s"
+    return f"{about} at {one.speed_order_m_s:.1f} m/s"
+
+
 def write(folder: Path, found: Mapping[str, Any]) -> Path:
     """Write page and table."""
     table = table_of(found)
@@ -152,7 +177,7 @@ def write(folder: Path, found: Mapping[str, Any]) -> Path:
     parts = {title: _shown(table, part) for part, title in titles.items()}
     return write_results(
         __file__, folder, TITLE, table, notes=NOTES, won=reached, wholly=wholly, parts=parts,
-        kpis=figures(found),
+        kpis=figures(found), oscillations=oscillations(),
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ import pytest
 from reproductions.policies import page
 from reproductions.policies.trainings import BLOCKS
 from shaftline.agents.evaluation.scores import Bound
+from shaftline.agents.policy.policy import packaged_policies
 
 KPIS = dict.fromkeys(page._FIGURES, 2.0)
 
@@ -71,8 +72,14 @@ def test_the_whole_interval_counts_where_it_is_asked_for(gain: float, expected: 
     assert page.won_wholly(table) == expected
 
 
-def test_the_page_stands_with_every_part(tmp_path: Path) -> None:
+def test_the_page_stands_with_every_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    here = packaged_policies()
+    monkeypatch.setattr(
+        page, "packaged_policies", lambda: {name: here[name] for name in ("flank", "rough-sea")}
+    )
     text = page.write(tmp_path, found(60.0)).read_text(encoding="utf-8")
+    assert "| flank | none | none |" in text
+    assert "| rough-sea | pitch, 25%, 1.0 s at 5.7 m/s | none |" in text
     for title in ("Training seas", "Training seas, second block of seeds", "Held-out seas"):
         assert f"## {title}" in text
     assert "Reached in: `storm`." in text

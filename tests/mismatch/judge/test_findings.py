@@ -222,3 +222,16 @@ def test_an_effect_without_room_for_a_probe_has_no_size() -> None:
     fit = Fitter(toy, bands())
     assert fit.trial_ship.probes(ENGINE_FRICTION.parameters[0]) == []
     assert detectable_effects(fit, lambda effect: 16.0, fit.null, [ENGINE_FRICTION]) == []
+
+
+def test_an_effect_whose_probe_diverges_has_no_size() -> None:
+    fit = fitter({})
+    predicted = fit.predict
+
+    def diverging(record: Any) -> Any:
+        fouled = fit.trial_ship.ship.parameter(FOULING).read(record) != 0.0
+        return predicted(record) * (np.nan if fouled else 1.0)
+
+    fit.predict = diverging  # type: ignore[method-assign]
+    (one,) = detectable_effects(fit, lambda effect: 16.0, fit.null, [HULL_FOULING, ENGINE_FRICTION])
+    assert one.effect == ENGINE_FRICTION
