@@ -7,9 +7,12 @@ from typing import Annotated
 
 import typer
 
+from ..mismatch import load_recording
 from ..performance.monitoring import analyse_performance, load_reference_ship, read_log
 from ..performance.monitoring_report import periods_table, save_performance
-from .console import check_folder, print_table, report_errors, say
+from ..performance.physical_cause import PhysicalCause, explain_periods
+from ..plant import load_ship
+from .console import check_folder, print_table, report_errors, say, stages
 
 
 def performance(
@@ -23,6 +26,20 @@ def performance(
         Path,
         typer.Option(help="TOML file with the reference curve of the ship.", show_default=False),
     ],
+    plant: Annotated[
+        str | None,
+        typer.Option(
+            help="Ship (preset or TOML file) whose propulsion plant explains the speed loss: each "
+            "period is diagnosed against the first.",
+            show_default=False,
+        ),
+    ] = None,
+    columns: Annotated[
+        Path | None,
+        typer.Option(
+            help="Column map of the log for --plant, as of `diagnose`.", show_default=False
+        ),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for tables, figure and report.")] = Path(
         "out/performance"
     ),
@@ -42,15 +59,32 @@ def performance(
     The ship file has `name`, `beam_m`, `draught_m`, the reference curve `speed_kn` and `power_kW`
     (lists) and, for the wind, the table `[air]` as in `shaftline trial`.
 
-    Written: `periods.csv`, `daily.csv`, `report.json`, `speed-loss.png`.
+    A speed loss does not say where it arises. With --plant, and a log that also has the fuel rack,
+    the pitch and the shaft speed, the plant is calibrated on the first period, and each later period
+    is diagnosed: hull, propeller, engine or instrument, with its size.
+
+    Written: `periods.csv`, `daily.csv`, `report.json`, `speed-loss.png`; with --plant also the
+    report of each diagnosis in `period-2`, `period-3`, ...
 
     Examples:
         shaftline performance log.csv --ship reference.toml --out out/performance
+
+        shaftline performance log.csv --ship reference.toml --plant ship.toml --columns map.toml
     """
     with report_errors():
         check_folder(out)
+        if plant is None and columns is not None:
+            raise ValueError(
+                "--columns: has an effect with --plant only; give --plant SHIP as well"
+            )
+        vessel = None if plant is None else load_ship(plant)
+        recording = None if vessel is None else load_recording(log, vessel, columns)
         report = analyse_performance(load_reference_ship(ship), read_log(log))
-        save_performance(report, out)
+        causes: list[PhysicalCause] = []
+        if vessel is not None and recording is not None:
+            with stages("diagnosing the periods") as tick:
+                causes = [*explain_periods(report, recording, vessel, tick)]
+        save_performance(report, out, causes)
         table = periods_table(report).rename(columns=_HEADS)
         print_table(table, f"{report.ship.name}: speed loss by period", 2)
         left = {reason: count for reason, count in report.rejected.items() if count}
@@ -58,6 +92,10 @@ def performance(
         say(f"{len(report.rows)} rows used" + (f"; left out: {reasons}" if left else ""))
         for remark in report.remarks:
             say(f"note: {remark}")
+        for cause in causes:
+            say(f"from {table['from'].iloc[cause.period]}: {cause.headline}")
+            if cause.diagnosis is not None:
+                say(f"  {cause.diagnosis.sentence}")
         say(f"\nPicture: {out / 'speed-loss.png'}   results: {out / 'report.json'}")
 
 

@@ -1,7 +1,8 @@
 """Speed trials and performance in service, by the standards of the trade.
 
 :func:`analyse_trial` corrects a speed trial to calm deep water by ISO 15016, :func:`analyse_performance`
-gives the speed loss of a ship in service by ISO 19030. :mod:`.corrections` has the formulas for wind,
+gives the speed loss of a ship in service by ISO 19030, and :func:`explain_periods` its physical cause.
+:mod:`.corrections` has the formulas for wind,
 waves, water and shallow water.
 """
 
@@ -14,6 +15,7 @@ from .monitoring import (
     load_reference_ship,
     read_log,
 )
+from .physical_cause import PhysicalCause, explain_periods
 from .speed_trial import (
     SpeedTrial,
     TrialError,
@@ -27,6 +29,7 @@ from .tables import TableError
 
 __all__ = [
     "PerformanceReport",
+    "PhysicalCause",
     "ReferenceShip",
     "SpeedTrial",
     "Superstructure",
@@ -37,6 +40,7 @@ __all__ = [
     "analyse_trial",
     "canonical_log",
     "canonical_runs",
+    "explain_periods",
     "load_reference_ship",
     "load_trial_ship",
     "read_log",

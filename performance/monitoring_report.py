@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from matplotlib.figure import Figure
 from ..core.files import write_json
 from ..display import figures, tables
 from .monitoring import DAY_S, YEAR_S, PerformanceReport, step_between
+from .physical_cause import PhysicalCause
 
 
 def periods_table(report: PerformanceReport) -> pd.DataFrame:
@@ -94,14 +96,24 @@ def speed_loss_figure(report: PerformanceReport) -> Figure:
     return figure
 
 
-def save_performance(report: PerformanceReport, folder: Path) -> dict[str, Any]:
+def save_performance(
+    report: PerformanceReport, folder: Path, causes: Sequence[PhysicalCause] = ()
+) -> dict[str, Any]:
     """Write ``periods.csv``, ``daily.csv``, ``report.json`` and ``speed-loss.png``; return the report.
 
     Args:
         report: analysed performance.
         folder: folder for the files.
+        causes: physical causes; the report of each diagnosis is written to ``period-N``, N from 2.
     """
     found = report_as_dict(report)
+    for cause in causes:
+        row = found["periods"][cause.period]
+        row["cause"] = cause.headline
+        if cause.diagnosis is not None:
+            place = folder / f"period-{cause.period + 1}"
+            cause.diagnosis.save(place)
+            row["diagnosis"] = f"{place.name}/report.json"
     tables.write_csv(folder, "periods", periods_table(report))
     tables.write_csv(folder, "daily", report.daily)
     figures.save(speed_loss_figure(report), folder / "speed-loss.png")

@@ -23,7 +23,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "fmi": {"core", "plant", "baselines"},
     "agents": {"core", "plant", "observers", "baselines", "envs", "display", "fmi"},
     "mismatch": {"core", "plant", "observers", "display"},
-    "performance": {"core", "plant", "display"},
+    "performance": {"core", "plant", "display", "mismatch"},
     "validation": {"core", "plant", "observers", "mismatch", "display"},
 }  # fmt: skip
 MAY_IMPORT["cli"] = {*MAY_IMPORT}

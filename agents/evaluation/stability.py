@@ -221,7 +221,9 @@ def check_stability(
         f"{(own := replace(one, sea='calm')).name}_{version_of_cells(one.vessel, one.observer)}": own
         for one in settings
     }
-    found = sweep(functools.partial(_verdict, make), cells, folder / "cells" / "stability", **spread)
+    found = sweep(
+        functools.partial(_verdict, make), cells, folder / "cells" / "stability", **spread
+    )
     return [Verdict(**kept) for kept in found.values()]
 
 

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from typer.testing import CliRunner, Result
 
 from shaftline.cli.main import app
+from shaftline.plant.surroundings import KNOT
+
+from ..performance.test_physical_cause import fouled_log
 
 SHIP = """\
 name = "tanker"
@@ -99,6 +104,47 @@ def test_performance_prints_periods_and_writes_its_files(files: Path) -> None:
     assert (out / "speed-loss.png").stat().st_size > 5000
 
 
+COLUMNS = """\
+[columns]
+"Date" = { column = "time_s", unit = "datetime" }
+"STW [kn]" = { column = "ship_speed_m_s", unit = "knot" }
+"rack" = "fuel_rack_mm"
+"pitch order" = "pitch_ratio_command"
+"pitch" = "pitch_ratio"
+"rpm" = { column = "shaft_speed_rad_s", unit = "rpm" }
+"torque" = "shaft_torque_N_m"
+"""
+
+
+def test_performance_names_the_cause_of_a_speed_loss(files: Path) -> None:
+    log = fouled_log()
+    power = 2e-3 * log["shaft_torque_N_m"] * log["shaft_speed_rad_s"]
+    stamps = pd.Timestamp("2025-03-01") + pd.to_timedelta(log["time_s"], unit="s")
+    pd.DataFrame(
+        {"Date": stamps.dt.strftime("%d.%m.%Y %H:%M:%S"), "STW [kn]": log["ship_speed_m_s"] / KNOT,
+         "Power [kW]": power, "rack": log["fuel_rack_mm"], "pitch order": log["pitch_ratio_command"],
+         "pitch": log["pitch_ratio"], "rpm": 30.0 / math.pi * log["shaft_speed_rad_s"],
+         "torque": log["shaft_torque_N_m"]}
+    ).to_csv(files / "ferry.csv", sep=";", decimal=",", index=False)  # fmt: skip
+    (files / "map.toml").write_text(COLUMNS)
+    (files / "ferry.toml").write_text(
+        'name = "ferry"\nbeam_m = 25\ndraught_m = 6\nspeed_kn = [2, 8, 16]\n'
+        "power_kW = [0.375, 24, 192]\n"
+    )
+    out = files / "out"
+    result = run(
+        "performance", files / "ferry.csv", "--ship", files / "ferry.toml", "--plant", "ferry",
+        "--columns", files / "map.toml", "--out", out,
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert "from 2025-03-21: Explained by hull fouling." in " ".join(result.output.split())
+    first, second = json.loads((out / "report.json").read_text())["periods"]
+    assert "cause" not in first
+    assert second["cause"] == "Explained by hull fouling."
+    diagnosis = json.loads((out / second["diagnosis"]).read_text())
+    assert diagnosis["effects"][0]["id"] == "hull-fouling"
+
+
 def test_a_ship_from_particulars_is_a_ship_file(files: Path) -> None:
     ship = files / "ferry.toml"
     assert (
@@ -126,6 +172,14 @@ def test_a_policy_is_exported(files: Path) -> None:
             "no column is read as speed_through_water",
         ),
         (("performance", "log.csv", "--ship", "ship.toml"), "beam_m is missing"),
+        (
+            ("performance", "log.csv", "--ship", "reference.toml", "--columns", "map.toml"),
+            "--columns: has an effect with --plant only; give --plant SHIP as well",
+        ),
+        (
+            ("performance", "log.csv", "--ship", "reference.toml", "--plant", "ferry"),
+            "fuel_rack_mm",
+        ),
         (("export", "storm", "--out", "storm.txt"), "must end in .c"),
         (("export", "calm", "--out", "calm.c"), "no such policy file"),
         (("new-ship",), "give either --template or --from-particulars"),
