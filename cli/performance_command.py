@@ -81,16 +81,20 @@ def performance(
         recording = None if vessel is None else load_recording(log, vessel, columns)
         report = analyse_performance(load_reference_ship(ship), read_log(log))
         causes: list[PhysicalCause] = []
+        lacking = ""
         if vessel is not None and recording is not None:
-            with stages("diagnosing the periods") as tick:
-                causes = [*explain_periods(report, recording, vessel, tick)]
+            try:
+                with stages("diagnosing the periods") as tick:
+                    causes = [*explain_periods(report, recording, vessel, tick)]
+            except ValueError as error:  # The speed loss is a result without its cause, too.
+                lacking = f"no physical cause: {error}"
         save_performance(report, out, causes)
         table = periods_table(report).rename(columns=_HEADS)
         print_table(table, f"{report.ship.name}: speed loss by period", 2)
         left = {reason: count for reason, count in report.rejected.items() if count}
         reasons = "; ".join(f"{reason}: {count}" for reason, count in left.items())
         say(f"{len(report.rows)} rows used" + (f"; left out: {reasons}" if left else ""))
-        for remark in report.remarks:
+        for remark in (*report.remarks, *([lacking] if lacking else [])):
             say(f"note: {remark}")
         for cause in causes:
             say(f"from {table['from'].iloc[cause.period]}: {cause.headline}")

@@ -116,8 +116,8 @@ COLUMNS = """\
 """
 
 
-def test_performance_names_the_cause_of_a_speed_loss(files: Path) -> None:
-    log = fouled_log()
+def explained(files: Path, log: pd.DataFrame) -> str:
+    """Return the output of ``performance`` with a plant for a log of the ferry."""
     power = 2e-3 * log["shaft_torque_N_m"] * log["shaft_speed_rad_s"]
     stamps = pd.Timestamp("2025-03-01") + pd.to_timedelta(log["time_s"], unit="s")
     pd.DataFrame(
@@ -131,18 +131,29 @@ def test_performance_names_the_cause_of_a_speed_loss(files: Path) -> None:
         'name = "ferry"\nbeam_m = 25\ndraught_m = 6\nspeed_kn = [2, 8, 16]\n'
         "power_kW = [0.375, 24, 192]\n"
     )
-    out = files / "out"
     result = run(
         "performance", files / "ferry.csv", "--ship", files / "ferry.toml", "--plant", "ferry",
-        "--columns", files / "map.toml", "--out", out,
+        "--columns", files / "map.toml", "--out", files / "out",
     )  # fmt: skip
     assert result.exit_code == 0, result.output
-    assert "from 2025-03-21: Explained by hull fouling." in " ".join(result.output.split())
+    return " ".join(result.output.split())
+
+
+def test_performance_names_the_cause_of_a_speed_loss(files: Path) -> None:
+    assert "from 2025-03-21: Explained by hull fouling." in explained(files, fouled_log())
+    out = files / "out"
     first, second = json.loads((out / "report.json").read_text())["periods"]
     assert "cause" not in first
     assert second["cause"] == "Explained by hull fouling."
     diagnosis = json.loads((out / second["diagnosis"]).read_text())
     assert diagnosis["effects"][0]["id"] == "hull-fouling"
+
+
+def test_a_log_without_an_event_keeps_its_speed_loss(files: Path) -> None:
+    output = explained(files, fouled_log().head(480))
+    assert "note: no physical cause: the log has one period without an event" in output
+    (only,) = json.loads((files / "out/report.json").read_text())["periods"]
+    assert "cause" not in only
 
 
 def test_a_ship_from_particulars_is_a_ship_file(files: Path) -> None:
