@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..mismatch import load_recording
-from ..performance.monitoring import analyse_performance, load_reference_ship, read_log
+from ..performance.monitoring import (
+    PerformanceReport,
+    analyse_performance,
+    load_reference_ship,
+    read_log,
+)
 from ..performance.monitoring_report import periods_table, save_performance
-from ..performance.physical_cause import PhysicalCause, explain_periods
-from ..plant import load_ship
+from ..plant import Ship, load_ship
 from .console import check_folder, print_table, report_errors, say, stages
+
+if TYPE_CHECKING:
+    from ..performance.physical_cause import PhysicalCause
 
 
 def performance(
@@ -78,29 +84,40 @@ def performance(
                 "--columns: has an effect with --plant only; give --plant SHIP as well"
             )
         vessel = None if plant is None else load_ship(plant)
-        recording = None if vessel is None else load_recording(log, vessel, columns)
         report = analyse_performance(load_reference_ship(ship), read_log(log))
         causes: list[PhysicalCause] = []
-        lacking = ""
-        if vessel is not None and recording is not None:
-            try:
-                with stages("diagnosing the periods") as tick:
-                    causes = [*explain_periods(report, recording, vessel, tick)]
-            except ValueError as error:  # The speed loss is a result without its cause, too.
-                lacking = f"no physical cause: {error}"
+        remarks = list(report.remarks)
+        if vessel is not None:
+            causes = _explain(report, log, vessel, columns, remarks)
         save_performance(report, out, causes)
         table = periods_table(report).rename(columns=_HEADS)
         print_table(table, f"{report.ship.name}: speed loss by period", 2)
         left = {reason: count for reason, count in report.rejected.items() if count}
         reasons = "; ".join(f"{reason}: {count}" for reason, count in left.items())
         say(f"{len(report.rows)} rows used" + (f"; left out: {reasons}" if left else ""))
-        for remark in (*report.remarks, *([lacking] if lacking else [])):
+        for remark in remarks:
             say(f"note: {remark}")
         for cause in causes:
             say(f"from {table['from'].iloc[cause.period]}: {cause.headline}")
             if cause.diagnosis is not None:
                 say(f"  {cause.diagnosis.sentence}")
         say(f"\nPicture: {out / 'speed-loss.png'}   results: {out / 'report.json'}")
+
+
+def _explain(
+    report: PerformanceReport, log: Path, ship: Ship, columns: Path | None, remarks: list[str]
+) -> list[PhysicalCause]:
+    """Return the physical causes; where there is none, the reason is added to the remarks."""
+    from ..mismatch import load_recording
+    from ..performance.physical_cause import explain_periods
+
+    recording = load_recording(log, ship, columns)
+    try:
+        with stages("diagnosing the periods") as tick:
+            return [*explain_periods(report, recording, ship, tick)]
+    except ValueError as error:  # The speed loss is a result without its cause, too.
+        remarks.append(f"no physical cause: {error}")
+        return []
 
 
 _HEADS = {

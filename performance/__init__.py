@@ -6,6 +6,8 @@ gives the speed loss of a ship in service by ISO 19030, and :func:`explain_perio
 waves, water and shallow water.
 """
 
+from typing import TYPE_CHECKING, Any
+
 from .corrections import Superstructure
 from .monitoring import (
     PerformanceReport,
@@ -15,7 +17,6 @@ from .monitoring import (
     load_reference_ship,
     read_log,
 )
-from .physical_cause import PhysicalCause, explain_periods
 from .speed_trial import (
     SpeedTrial,
     TrialError,
@@ -26,6 +27,9 @@ from .speed_trial import (
     read_runs,
 )
 from .tables import TableError
+
+if TYPE_CHECKING:
+    from .physical_cause import PhysicalCause, explain_periods
 
 __all__ = [
     "PerformanceReport",
@@ -46,3 +50,12 @@ __all__ = [
     "read_log",
     "read_runs",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Import the physical cause at its first use, because the diagnosis takes a second to import."""
+    if name not in ("PhysicalCause", "explain_periods"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from . import physical_cause
+
+    return getattr(physical_cause, name)

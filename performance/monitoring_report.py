@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -15,7 +15,9 @@ from matplotlib.figure import Figure
 from ..core.files import write_json
 from ..display import figures, tables
 from .monitoring import DAY_S, YEAR_S, PerformanceReport, step_between
-from .physical_cause import PhysicalCause
+
+if TYPE_CHECKING:
+    from .physical_cause import PhysicalCause
 
 
 def periods_table(report: PerformanceReport) -> pd.DataFrame:

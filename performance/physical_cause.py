@@ -73,14 +73,9 @@ def explain_periods(
 
 def rows_of(period: Period, report: PerformanceReport, recording: Recording) -> pd.DataFrame:
     """Return the rows of a recording in a period and within the reference conditions, at even times."""
-    time = recording.table[TIME].to_numpy()
-    accepted = report.rows["time"].to_numpy()
-    first, last = np.searchsorted(
-        accepted, [period.start_s - 0.5 * DAY_S, period.end_s + 0.5 * DAY_S]
-    )
-    accepted = accepted[first:last]
-    nearest = np.searchsorted(accepted, time - 0.5 * recording.interval_s)
-    inside = nearest < len(accepted)
-    inside[inside] = accepted[nearest[inside]] < time[inside] + 0.5 * recording.interval_s
-    table = recording.table[inside].reset_index(drop=True)
+    half = 0.5 * DAY_S
+    time = report.rows["time"]
+    accepted = time[time.between(period.start_s - half, period.end_s + half)]
+    kept = np.rint(accepted / recording.interval_s)
+    table = recording.table[np.isin(np.arange(len(recording)), kept)].reset_index(drop=True)
     return table.assign(**{TIME: recording.interval_s * np.arange(len(table))})

@@ -18,6 +18,7 @@ from shaftline.performance import (
     canonical_log,
     explain_periods,
 )
+from shaftline.performance.monitoring import DAY_S
 from shaftline.plant import Ship, equilibrium, load_ship
 from shaftline.plant.equilibria import simulate_steady
 from shaftline.plant.surroundings import KNOT
@@ -57,7 +58,7 @@ CAUSES = {
         "prime_mover.torque_per_rack_N_m_mm", -0.06, -0.02, ("engine-derating",)
     ),
     "torque meter": Cause("sensors.torque_gain", 0.02, 0.06, ("torque-sensor-gain",)),
-    "speed log": Cause("ship_speed_m_s", -0.04, -0.015, ("log-gain",)),
+    "speed log": Cause("ship_speed_m_s", -0.04, -0.015, ()),  # no effect of the catalogue
 }  # fmt: skip
 
 
@@ -109,20 +110,16 @@ def reference_ship(ship: Ship, pitch: float) -> ReferenceShip:
     return ReferenceShip(
         name=ship.name, beam_m=25.0, draught_m=6.0,
         speed_kn=tuple(one.state.ship_speed / KNOT for one in points),
-        power_kW=tuple(1e-3 * _power(ship, one.outputs.shaft_power) for one in points),
+        power_kW=tuple(1e-3 * ship.hull.propellers * one.outputs.shaft_power for one in points),
     )  # fmt: skip
-
-
-def _power(ship: Ship, of_one_shaft: float) -> float:
-    return ship.hull.propellers * of_one_shaft
 
 
 def explain(log: pd.DataFrame) -> tuple[float | None, list[PhysicalCause]]:
     """Return the speed loss of the last period [%], None without an event, and the results."""
     ship = load_ship(SHIP)
-    power = _power(ship, 1e-3) * log["shaft_torque_N_m"] * log["shaft_speed_rad_s"]
+    power = 1e-3 * ship.hull.propellers * log["shaft_torque_N_m"] * log["shaft_speed_rad_s"]
     table = pd.DataFrame(
-        {"time_d": log["time_s"] / 86400.0, "stw_kn": log["ship_speed_m_s"] / KNOT, "power_kW": power}
+        {"time_d": log["time_s"] / DAY_S, "stw_kn": log["ship_speed_m_s"] / KNOT, "power_kW": power}
     )  # fmt: skip
     reference = reference_ship(ship, float(log["pitch_ratio_command"].median()))
     report = analyse_performance(reference, canonical_log(table))

@@ -13,7 +13,7 @@ from typer.testing import CliRunner, Result
 from shaftline.cli.main import app
 from shaftline.plant.surroundings import KNOT
 
-from ..performance.test_physical_cause import fouled_log
+from ..mismatch.service_logs import fouled_log
 
 SHIP = """\
 name = "tanker"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -65,3 +66,14 @@ def _by_scipy(ship: Ship, table: pd.DataFrame) -> pd.DataFrame:
         shaft_torque_N_m=torque, ship_speed_m_s=[one.state.ship_speed for one in at],
         shaft_power_W=torque * turning,
     )  # fmt: skip
+
+
+@functools.cache
+def fouled_log() -> pd.DataFrame:
+    """Hourly rows: 20 days with a clean hull, 20 days with 12 % more resistance."""
+    clean, rows = 203.5, 480
+    parts = [service_log("ferry", rows=rows, seed=1)]
+    fouled = {"hull.resistance_coefficient_N_s2_m2": 1.12 * clean}
+    parts.append(service_log("ferry", fouled, rows=rows, seed=2))
+    log = pd.concat(parts, ignore_index=True)
+    return log.assign(time_s=HOUR_S * np.arange(2 * rows))

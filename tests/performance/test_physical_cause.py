@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import replace
 
 import numpy as np
@@ -23,23 +22,12 @@ from shaftline.performance.physical_cause import rows_of
 from shaftline.plant import load_ship
 from shaftline.plant.surroundings import KNOT
 
-from ..mismatch.service_logs import HOUR_S, service_log
+from ..mismatch.service_logs import HOUR_S, fouled_log, service_log
 
 ROWS = 480
 REFERENCE = ReferenceShip(
     name="ferry", beam_m=25, draught_m=6, speed_kn=(2, 8, 16), power_kW=(0.375, 24.0, 192.0)
 )
-
-
-@functools.cache
-def fouled_log() -> pd.DataFrame:
-    """Hourly rows: 20 days with a clean hull, 20 days with 12 % more resistance."""
-    clean = 203.5
-    parts = [service_log("ferry", rows=ROWS, seed=1)]
-    fouled = {"hull.resistance_coefficient_N_s2_m2": 1.12 * clean}
-    parts.append(service_log("ferry", fouled, rows=ROWS, seed=2))
-    log = pd.concat(parts, ignore_index=True)
-    return log.assign(time_s=HOUR_S * np.arange(2 * ROWS))
 
 
 def report_of(log: pd.DataFrame) -> PerformanceReport:
