@@ -7,7 +7,9 @@ from typing import Annotated
 
 import typer
 
+from ..performance.log_runs import find_runs
 from ..performance.speed_trial import analyse_trial, load_trial_ship, read_runs
+from ..performance.tables import read_table
 from ..performance.trial_report import runs_table, save_trial
 from .console import check_folder, print_table, report_errors, say
 
@@ -24,7 +26,8 @@ def trial(
     runs: Annotated[
         Path,
         typer.Argument(
-            help="Table of runs, one row each, in the order of time.", show_default=False
+            help="Table of runs, one row each, in the order of time; or a log, see --from-log.",
+            show_default=False,
         ),
     ],
     ship: Annotated[
@@ -40,6 +43,14 @@ def trial(
     speed: Annotated[
         list[float] | None,
         typer.Option(help="Speed [kn] at which the shaft power is wanted; repeatable."),
+    ] = None,
+    from_log: Annotated[
+        float | None,
+        typer.Option(
+            min=1.0,
+            help="RUNS is a log of the whole trial: find its steady stretches of at least this many "
+            "minutes (ISO 15016: 10) and average each.",
+        ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for tables, figure and report.")] = Path(
         "out/trial"
@@ -59,6 +70,10 @@ def trial(
     `water_density_kg/m3`. Short names and units in brackets are read too: `SOG [kn]`, `HDG (deg)`,
     `Power [MW]`.
 
+    A log of the whole trial has the same columns, with a `time` and a row every minute or more often:
+    `--from-log 10` finds the stretches of at least 10 minutes with steady heading, power and speed,
+    averages each, and leaves out those without a run on the reciprocal course.
+
     The ship file has `name`, `mcr_kW`, the table `[hull]` (`length_m`, `beam_m`, `draught_m`,
     `displacement_m3`, `midship_coefficient`, `waterplane_coefficient`, `lcb_percent`) and, for the wind,
     `[air]` (`frontal_area_m2` with `angle_deg` and `coefficient`, or the areas and heights of the
@@ -70,15 +85,26 @@ def trial(
         shaftline trial runs.csv --ship tanker.toml --out out/trial
 
         shaftline trial runs.csv --ship tanker.toml --power 18000 --speed 15.5
+
+        shaftline trial log.csv --ship tanker.toml --from-log 10
     """
     with report_errors():
         check_folder(out)
         particulars = load_trial_ship(ship)
         powers = power or ([0.75 * particulars.mcr_kW] if particulars.mcr_kW else [])
-        result = analyse_trial(particulars, read_runs(runs))
+        if from_log is None:
+            table = read_runs(runs)
+        else:
+            found = find_runs(read_table(runs), str(runs), 60.0 * from_log)
+            table = found.runs
+            for number, text in enumerate(found.texts, 1):
+                say(f"run {number}: {text}")
+            for text in found.left_out:
+                say(f"left out, no run on the reciprocal course at this power: {text}")
+        result = analyse_trial(particulars, table)
         report = save_trial(result, out, powers, speed or [])
-        table = runs_table(result)[list(_HEADS)].rename(columns=_HEADS)
-        print_table(table, f"{particulars.name}, current by {result.method}", 2)
+        shown = runs_table(result)[list(_HEADS)].rename(columns=_HEADS)
+        print_table(shown, f"{particulars.name}, current by {result.method}", 2)
         for row in report["speed_at_power"]:
             say(
                 f"{row['speed_kn']:.2f} kn{_interval(row['ci95_half_kn'], 'kn')} at "

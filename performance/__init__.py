@@ -2,13 +2,14 @@
 
 :func:`analyse_trial` corrects a speed trial to calm deep water by ISO 15016, :func:`analyse_performance`
 gives the speed loss of a ship in service by ISO 19030, and :func:`explain_periods` its physical cause.
-:mod:`.corrections` has the formulas for wind,
+:func:`find_runs` finds the runs of a trial in a log. :mod:`.corrections` has the formulas for wind,
 waves, water and shallow water.
 """
 
 from typing import TYPE_CHECKING, Any
 
 from .corrections import Superstructure
+from .log_runs import LogRuns, find_runs
 from .monitoring import (
     PerformanceReport,
     ReferenceShip,
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from .physical_cause import PhysicalCause, explain_periods
 
 __all__ = [
+    "LogRuns",
     "PerformanceReport",
     "PhysicalCause",
     "ReferenceShip",
@@ -45,6 +47,7 @@ __all__ = [
     "canonical_log",
     "canonical_runs",
     "explain_periods",
+    "find_runs",
     "load_reference_ship",
     "load_trial_ship",
     "read_log",

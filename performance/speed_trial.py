@@ -313,7 +313,17 @@ def analyse_trial(ship: TrialShip, runs: pd.DataFrame) -> SpeedTrial:
         TrialError: fewer than two runs, a run without its reciprocal, or corrections larger than the
             measured power.
     """
-    pairs = _double_runs(runs)
+    pairs = double_runs(runs)
+    for number in sorted(set(pairs)):
+        if pairs.count(number) < 2:
+            run, log = pairs.index(number), len(runs) > MOST_RUNS
+            raise TrialError(
+                f"run {run + 1} ({runs['shaft_power'].iloc[run] / 1e3:.0f} kW, heading "
+                f"{math.degrees(runs['heading'].iloc[run]):.0f} deg) has no run beside it in the table "
+                "at the same power (within 6 %) on the reciprocal course (within 30 deg); the current "
+                "cannot be removed"
+                + ("; a log of the whole trial needs --from-log 10 (find_runs)" if log else "")
+            )
     remarks = list(_remarks(ship, runs))
     result = runs.copy()
     result["pair"] = pairs
@@ -345,33 +355,26 @@ def analyse_trial(ship: TrialShip, runs: pd.DataFrame) -> SpeedTrial:
     return SpeedTrial(ship, result, curve, method, tuple(remarks))
 
 
-def _double_runs(runs: pd.DataFrame) -> list[int]:
+def double_runs(runs: pd.DataFrame) -> list[int]:
     """Return the number of the power setting of each run: runs on alternating courses at one power.
 
     Raises:
-        TrialError: a run without a reciprocal run.
+        TrialError: fewer than two runs.
     """
     if len(runs) < 2:
         raise TrialError(f"{len(runs)} run: a speed trial needs at least one run in each direction")
-    numbers, group = [0], 0
-    heading, power = runs["heading"].to_numpy(), runs["shaft_power"].to_numpy()
+    numbers = [0]
     for k in range(1, len(runs)):
-        turned = abs(math.remainder(heading[k] - heading[k - 1] - math.pi, 2 * math.pi))
-        same_power = abs(power[k] / power[k - 1] - 1.0) < 0.06
-        if not (same_power and turned < math.radians(30.0)):
-            group += 1
-        numbers.append(group)
-    for number in sorted(set(numbers)):
-        if numbers.count(number) < 2:
-            run = numbers.index(number) + 1
-            raise TrialError(
-                f"run {run} ({runs['shaft_power'].iloc[run - 1] / 1e3:.0f} kW, heading "
-                f"{math.degrees(heading[run - 1]):.0f} deg) has no run beside it in the table at the "
-                "same power (within 6 %) on the reciprocal course (within 30 deg); the current cannot "
-                "be "
-                "removed"
-            )
+        same = are_reciprocal(runs.iloc[k - 1], runs.iloc[k])
+        numbers.append(numbers[-1] + (0 if same else 1))
     return numbers
+
+
+def are_reciprocal(run: Any, other: Any) -> bool:
+    """Return whether two runs have one power (within 6 %) and opposite courses (within 30 deg)."""
+    turned = abs(math.remainder(other["heading"] - run["heading"] - math.pi, 2.0 * math.pi))
+    same_power = abs(other["shaft_power"] / run["shaft_power"] - 1.0) < 0.06
+    return bool(same_power and turned < math.radians(30.0))
 
 
 def _winds(ship: TrialShip, runs: pd.DataFrame, pairs: list[int]) -> list[Wind | None]:
@@ -436,6 +439,7 @@ TIDE_S = 44712.0
 """Period of the semi-diurnal tide [s]: 12 hours, 25 minutes, 12 seconds."""
 
 ROUNDS = 50
+MOST_RUNS = 60  # number of rows from which a table is taken for a log
 
 
 def _through_water(

@@ -92,6 +92,34 @@ def test_a_trial_prints_speeds_and_writes_its_files(files: Path) -> None:
     }  # fmt: skip
 
 
+def test_a_trial_from_a_log_names_the_runs_it_found(files: Path) -> None:
+    legs = [
+        (20, 15.1, 16000),
+        (110, 14.0, 15900),
+        (200, 14.2, 16100),
+        (20, 16.4, 22000),
+        (200, 15.7, 22100),
+    ]
+    rows = [row for row in legs for _ in range(15)]
+    clocks = pd.date_range("2026-05-01 08:00", periods=len(rows), freq="2min")
+    table = pd.DataFrame(rows, columns=["HDG (deg)", "SOG [kn]", "Power [kW]"])
+    table.insert(0, "time", clocks.strftime("%d.%m.%Y %H:%M"))
+    log = files / "trial.csv"
+    table.to_csv(log, index=False, sep=";", decimal=",")
+    line = ("trial", log, "--ship", files / "ship.toml", "--out", files / "out")
+    result = run(*line, "--from-log", 20)
+    assert result.exit_code == 0, result.output
+    assert "run 1: 2026-05-01 08:10 to 2026-05-01 08:30, heading 20 deg, 15.1 kn" in result.output
+    assert result.output.count("left out, no run on the reciprocal course") == 1
+    report = json.loads((files / "out/report.json").read_text())
+    assert [row["heading_deg"] for row in report["runs"]] == pytest.approx([20, 200, 20, 200])
+    powers = [row["shaft_power_kW"] for row in report["runs"]]
+    assert powers == pytest.approx([16000, 16100, 22000, 22100])
+    refused = run(*line)
+    assert refused.exit_code == 2
+    assert "a log of the whole trial needs --from-log 10" in " ".join(refused.output.split())
+
+
 def test_performance_prints_periods_and_writes_its_files(files: Path) -> None:
     out = files / "out"
     result = run("performance", files / "log.csv", "--ship", files / "reference.toml", "--out", out)
