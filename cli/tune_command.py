@@ -33,7 +33,8 @@ def tune(
     """Tune the constants of a classic controller for a task.
 
     CMA-ES draws constants within their ranges. All candidates are simulated in the same episodes of the
-    task's seas, and the mean reward decides. The result and the given controller are then evaluated in
+    task's seas, and the mean reward decides. A best candidate is refused if its commands oscillate in
+    calm water. The result and the given controller are then evaluated in
     as many unused episodes. A learned policy should be better than the result.
 
     Written: nothing; the result is printed as `NAME:option=number,...`, and as JSON with `--json`.
@@ -55,8 +56,7 @@ def tune(
                 episode_s=episode_s, seed=seed, observer=observer, ship=ship,
                 tick=lambda done, total, said: tick(said, done, total),
             )  # fmt: skip
-        results = found._asdict()
-        add_results(results | {"sailed": results.pop("candidates")})
+        add_results(found._asdict())
         say(f"{found.candidates} candidates on {seeds} episodes of {task}")
         say(f"reward on {seeds} unused episodes: {found.fresh:.5g}, untuned {found.untuned:.5g}")
         if found.fresh <= found.untuned:

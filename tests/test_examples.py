@@ -12,7 +12,10 @@ import numpy as np
 import pytest
 import yaml
 
+from shaftline.agents.evaluation.episodes import Setting, run_episodes
+from shaftline.baselines import make_controller
 from shaftline.envs import CLASSIC, FrigateVectorEnv, Sb3Frigates
+from shaftline.plant import load_ship
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
@@ -44,6 +47,17 @@ def test_ppo_in_one_file_learns(capsys: pytest.CaptureFixture[str]) -> None:
     assert last > 1.5 * first > 0.0, (first, last)
     assert module.evaluate(agent, s, episodes=8) > 1.5 * first
     assert "steps" in capsys.readouterr().out
+
+
+def test_defaults_of_stable_baselines3_are_compared_with_the_combinator() -> None:
+    """The combinator's return is that of ``evaluate`` in the same episodes."""
+    pytest.importorskip("stable_baselines3")
+    line = ["--seed", "1", "--steps", "2048", "--episodes", "1"]
+    learned, combinator = load_example("sb3_ppo").main(line)
+    assert 0.0 < learned < combinator
+    cell = Setting("combinator", "speed-keeping", "task", "none", seeds=1, first_seed=900_000)
+    controller = make_controller("combinator", load_ship("frigate"), 0.5)
+    assert combinator == pytest.approx(float(run_episodes(cell, controller)[0]["reward"][0]))
 
 
 def test_hyperparameters_for_rl_zoo_are_ppos() -> None:

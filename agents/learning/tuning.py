@@ -1,9 +1,10 @@
 """Tuning of the constants of a classic controller on a task, as the reference for learned policies.
 
 CMA-ES (Hansen 2016, arXiv:1604.00772) draws candidates. All of them are simulated in the same episodes
-of the seas of the task, and the mean reward decides. Held-out seas are never drawn. The search space is
-the product of the ranges that the controller declares (:attr:`shaftline.baselines.Controller.tunable`),
-each scaled to 0 to 1.
+of the seas of the task, and the mean reward decides. A candidate with the best reward so far is refused
+if its commands oscillate in calm water. Held-out seas are never drawn. The search space is the product
+of the ranges that the controller declares (:attr:`shaftline.baselines.Controller.tunable`), each scaled
+to 0 to 1.
 """
 
 from __future__ import annotations
@@ -15,10 +16,12 @@ import cma
 import numpy as np
 from numpy.typing import NDArray
 
+from ...baselines.controller import Predictor
 from ...baselines.registry import ControllerError, read_options, split_steering_name, tunable
 from ...envs.settings import DEFAULTS, EPISODE_S
 from ...envs.tasks import Task, controller_for, get_task
 from ..evaluation.episodes import Setting, run_episodes
+from ..evaluation.stability import find_oscillation
 
 FIRST_SEED = 700_000
 """First seed of the episodes of the search; training and evaluation use other seeds."""
@@ -96,7 +99,8 @@ def tune(
             best reward so far as text.
 
     Raises:
-        ControllerError: unknown name or option, or no constant that can be tuned.
+        ControllerError: unknown name or option, no constant that can be tuned, or all best candidates
+            oscillate in calm water.
         ValueError: an empty range, or a count below one.
     """
     model = get_task(task)
@@ -114,26 +118,40 @@ def tune(
     vessel = model.load_ship(ship)
     first = FIRST_SEED + 2 * seed * episodes
 
+    def make(text: str) -> Predictor:
+        return controller_for(model, text, vessel, DEFAULTS.control_interval_s, model.steered)
+
+    def cell(text: str, seed: int) -> Setting:
+        return Setting(text, task, "task", observer, episodes, ship, episode_s, first_seed=seed)
+
     def simulate(text: str, seed: int) -> float:
-        setting = Setting(text, task, "task", observer, episodes, ship, episode_s, first_seed=seed)
-        made = controller_for(model, text, vessel, DEFAULTS.control_interval_s, model.steered)
-        kpis, _ = run_episodes(setting, made, threads=threads)
+        kpis, _ = run_episodes(cell(text, seed), make(text), threads=threads)
         return float(kpis["reward"].mean())
+
+    def oscillates(text: str) -> bool:
+        return find_oscillation(cell(text, first), make(text)) is not None
 
     untuned = simulate(controller, first + episodes)  # This also checks the options.
     best, reward, count = _search(
-        parts, free, lambda text: simulate(text, first), rounds, seed, tick
+        parts, free, lambda text: simulate(text, first), oscillates, rounds, seed, tick
     )
+    if not best:
+        raise ControllerError(
+            f"{controller!r}: the best candidates of all {rounds} generations oscillate in calm water; "
+            "give ranges with smaller gains"
+        )
     return TuningResult(best, reward, simulate(best, first + episodes), untuned, count)
 
 
 def _search(
     parts: list[_Part], free: Mapping[tuple[int, str], tuple[float, float]],
-    simulate: Callable[[str], float], rounds: int, seed: int, tick: Callable[[int, int, str], None],
+    simulate: Callable[[str], float], oscillates: Callable[[str], bool], rounds: int, seed: int,
+    tick: Callable[[int, int, str], None],
 ) -> tuple[str, float, int]:  # fmt: skip
     """Return the best controller of a search, its reward, and the number of candidates.
 
-    ``free`` has the range of each free constant, by part and option.
+    The controller is an empty text if all best candidates oscillate. ``free`` has the range of each free
+    constant, by part and option.
     """
 
     def text_of(point: NDArray[np.float64]) -> str:
@@ -156,10 +174,15 @@ def _search(
         texts = [text_of(np.asarray(point)) for point in points]
         rewards = [simulate(text) for text in texts]
         candidates += len(texts)
+        lowest = min(rewards)
+        for leader in sorted(range(len(texts)), key=lambda k: -rewards[k]):
+            if rewards[leader] <= most:
+                break
+            if not oscillates(texts[leader]):
+                best, most = texts[leader], rewards[leader]
+                break
+            rewards[leader] = lowest  # The search leaves the region of unstable gains.
         search.tell(points, [-reward for reward in rewards])
-        leader = int(np.argmax(rewards))
-        if rewards[leader] > most:
-            best, most = texts[leader], rewards[leader]
         tick(k + 1, rounds, f"reward {most:.5g}")
         if search.stop():
             break

@@ -58,3 +58,14 @@ def test_what_a_search_cannot_do_is_refused() -> None:
         tune("speed-pilot:weight=1", "acceleration", ranges={"speed_gain": (1.0, 3.0)}, **QUICK)
     with pytest.raises(ControllerError, match="option 'weight' is unknown"):
         tune("speed-pilot", "acceleration", ranges={"weight": (1.0, 3.0)}, **QUICK)
+
+
+def test_a_candidate_that_oscillates_in_calm_water_is_refused() -> None:
+    """On this ship the loop of the speed pilot is stable up to a shaft gain of about 1.9."""
+    options: dict[str, Any] = {**QUICK, "rounds": 1}
+    with pytest.raises(
+        ControllerError, match=r"best candidates of all 1 generations oscillate in calm"
+    ):
+        tune("speed-pilot", "transit", ranges={"shaft_gain": (7.0, 9.0)}, **options)
+    found = tune("speed-pilot", "transit", ranges={"shaft_gain": (0.1, 3.0)}, **QUICK)
+    assert read_options(found.controller)[1]["shaft_gain"] < 1.9
