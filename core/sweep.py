@@ -20,10 +20,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
-import joblib
-from joblib.externals.loky import get_reusable_executor
-from joblib.externals.loky.process_executor import BrokenProcessPool
-
 from .files import read_json, write_text
 
 BACKENDS = ("processes", "dask")
@@ -72,7 +68,6 @@ def sweep(
     for _ in range(len(cells) - len(missing)):
         tick()
     failed = {}
-    jobs = min(jobs or joblib.cpu_count(), len(missing))
     finished = _cluster(work, missing, scheduler) if scheduler else _machine(work, missing, jobs)
     for name, result, error in finished if missing else ():
         note = folder / f"{name}.error.txt"
@@ -132,9 +127,14 @@ def check_backend(jobs: int | None, backend: str, scheduler: str | None) -> None
 
 
 def _machine(
-    work: Callable[[Cell], Any], cells: Mapping[str, Cell], jobs: int
+    work: Callable[[Cell], Any], cells: Mapping[str, Cell], jobs: int | None
 ) -> Iterator[CellResult]:
     """Yield the results of processes on this machine, in the order of their completion."""
+    import joblib  # Many commands import this module and distribute nothing.
+    from joblib.externals.loky import get_reusable_executor
+    from joblib.externals.loky.process_executor import BrokenProcessPool
+
+    jobs = min(jobs or joblib.cpu_count(), len(cells))
     # A batch size above 1 would hold finished cells back.
     parallel = joblib.Parallel(
         jobs, return_as="generator_unordered", batch_size=1, initializer=_watch_parent,

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,3 +71,23 @@ class Outcome:
         half = 0.5 * float(self.time_s[1] - self.time_s[0])
         inside = [(self.time_s > a - half) & (self.time_s < b - half) for a, b in self.held_out]
         return np.asarray(np.any(inside, axis=0))
+
+    @property
+    def interval_s(self) -> float:
+        """Sampling interval [s]."""
+        return float(self.time_s[-1] - self.time_s[0]) / (len(self.time_s) - 1)
+
+    @property
+    def rows_of_a_block(self) -> int:
+        """Number of rows over which residuals are averaged: 5 s, less in a short recording."""
+        return max(1, round(min(5.0, float(self.time_s[-1]) / 60.0) / self.interval_s))
+
+
+def block_statistics(values: Floats, size: int, take: Callable[..., Any] = np.mean) -> Floats:
+    """Return a statistic of each block of ``size`` rows.
+
+    >>> block_statistics(np.arange(6.0), 3)
+    array([1., 4.])
+    """
+    count = len(values) // size
+    return np.asarray(take(values[: count * size].reshape(count, size), axis=1))

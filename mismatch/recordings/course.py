@@ -16,8 +16,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, median_filter, uniform_filter1d
 
 from ...plant.columns import COURSE, HEADING, OVER_GROUND, RUDDER, SHIP_SPEED, YAW_RATE
 from .excitation import COURSE_CHANGE
@@ -89,17 +89,20 @@ def turning_rows(time: Array, columns: Mapping[str, Any]) -> NDArray[np.bool_]:
         turned = np.asarray(columns[YAW_RATE], dtype=np.float64)[1:] * steps
         heading = np.concatenate([[0.0], np.cumsum(turned)])
     if heading is not None and interval <= _SLOWEST_S:
-        smooth = uniform_filter1d(heading, max(1, round(_BRIEF_S / interval)), mode="nearest")
+        smooth = scipy.ndimage.uniform_filter1d(
+            heading, max(1, round(_BRIEF_S / interval)), mode="nearest"
+        )
         half = WINDOW_S / 2.0
         change = np.interp(time + half, time, smooth) - np.interp(time - half, time, smooth)
         turns |= np.abs(change) > TURN
     if RUDDER in columns:
         rudder = np.asarray(columns[RUDDER], dtype=np.float64)
         brief = 2 * max(0, round(_BRIEF_S / interval / 2.0)) + 1
-        hard = (
-            np.abs(median_filter(rudder - np.median(rudder), brief, mode="nearest")) > HARD_RUDDER
-        )
-        turns |= binary_dilation(hard, iterations=brief) if interval <= _SLOWEST_S else hard
+        middle = scipy.ndimage.median_filter(rudder - np.median(rudder), brief, mode="nearest")
+        hard = np.abs(middle) > HARD_RUDDER
+        if interval <= _SLOWEST_S:
+            hard = scipy.ndimage.binary_dilation(hard, iterations=brief)
+        turns |= hard
     return turns
 
 

@@ -16,8 +16,8 @@ from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from ...plant.columns import HEADING, MEASURED, SHAFT_ANGLE, TIME
 from ...plant.recording import RecordingError
@@ -68,7 +68,7 @@ def _slowed(ship: Ship, one: Recording, interval_s: float) -> Recording:
     def at(column: str) -> NDArray[np.float64]:
         values = one[column]
         if column not in commands and width > 1:
-            values = uniform_filter1d(values, width, mode="nearest")
+            values = scipy.ndimage.uniform_filter1d(values, width, mode="nearest")
         return np.asarray(np.interp(even, time, values))
 
     table = pd.DataFrame({c: even if c == TIME else at(str(c)) for c in one.table})

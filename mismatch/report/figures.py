@@ -10,7 +10,6 @@ from __future__ import annotations
 import functools
 import io
 import re
-from collections.abc import Callable
 from html import escape
 from typing import Any, Protocol
 
@@ -28,7 +27,7 @@ from ...plant.columns import drive_column
 from ...plant.ship import Ship
 from ...plant.surroundings import KNOT
 from ..estimate import HALF_95
-from ..outcome import Outcome
+from ..outcome import Outcome, block_statistics
 from ..search.catalogue import Window
 from .service import ENGINE_POWER, Service
 from .wording import axis_label, channel_name, number, scale_unit, superscript, time_unit
@@ -169,26 +168,6 @@ def thin(time: Array, values: Array) -> tuple[Array, Array]:
     return time[::step], values[::step]
 
 
-def block_rows(seconds: float, interval_s: float) -> int:
-    """Return the rows of a block over which residuals are averaged: 5 s, less in a short recording."""
-    return max(1, round(min(5.0, seconds / 60.0) / interval_s))
-
-
-def block_statistics(values: Array, size: int, take: Callable[..., Any] = np.mean) -> Array:
-    """Return a statistic of each block of ``size`` rows.
-
-    >>> block_statistics(np.arange(6.0), 3)
-    array([1., 4.])
-    """
-    count = len(values) // size
-    return np.asarray(take(values[: count * size].reshape(count, size), axis=1))
-
-
-def block_size(diagnosis: Outcome) -> int:
-    """Return the rows of a block of the residuals of a diagnosis."""
-    return block_rows(float(diagnosis.time_s[-1]), sampling_interval(diagnosis))
-
-
 def balances_to_show(diagnosis: Outcome) -> list[int]:
     """Return the rows of the balances with findings, else of the one with the largest slow variation."""
     if diagnosis.findings:
@@ -198,7 +177,7 @@ def balances_to_show(diagnosis: Outcome) -> list[int]:
         return [names.index(diagnosis.shape.balance)]
     if diagnosis.left_over is not None:
         return [diagnosis.left_over.balance]
-    size, before = block_size(diagnosis), diagnosis.residual_before
+    size, before = diagnosis.rows_of_a_block, diagnosis.residual_before
     slow = [float(np.std(block_statistics(r, size)) / (np.std(r) + 1e-300)) for r in before]
     return [int(np.argmax(slow))]
 
@@ -231,7 +210,7 @@ def bin_means(signal: Array, residual: Array, size: int) -> tuple[Array, Array, 
 def regime_panels(diagnosis: Outcome) -> list[Figure]:
     """Draw the residuals of the located balances over the operating regime, before and after."""
     drawn: list[Figure] = []
-    size, shape = block_size(diagnosis), diagnosis.shape
+    size, shape = diagnosis.rows_of_a_block, diagnosis.shape
     for row in balances_to_show(diagnosis)[:2]:
         name, unit = diagnosis.balances[row]
         lines = [(diagnosis.residual_before[row], BEFORE)]
@@ -274,7 +253,7 @@ def shape_panel(diagnosis: Outcome) -> list[Figure]:
     names = [name for name, _ in diagnosis.balances]
     signals = {"time": (diagnosis.time_s, "", ""), **signals_to_show(diagnosis)}
     if shape.signal in signals and shape.balance in names:
-        size = block_size(diagnosis)
+        size = diagnosis.rows_of_a_block
         residual = diagnosis.residual_before[names.index(shape.balance)]
         # The shape was fitted over the signal of the nominal simulation.
         nominal = {"shaft_speed": "shaft_speed_rad_s", "ship_speed": "ship_speed_m_s"}
@@ -314,12 +293,6 @@ def nominal_line(diagnosis: Comparison) -> dict[str, Any]:
     return BEFORE_LINE if is_corrected(diagnosis) else {**BEFORE_LINE, "linestyle": "-"}
 
 
-def sampling_interval(diagnosis: Outcome) -> float:
-    """Return the sampling interval [s]."""
-    time = diagnosis.time_s
-    return float(time[-1] - time[0]) / (len(time) - 1)
-
-
 def trace_panels(diagnosis: Comparison) -> list[Figure]:
     """Draw each channel measured and simulated: the whole recording, then the held-out data."""
     clock, seconds = time_unit(float(diagnosis.time_s[-1]))
@@ -351,7 +324,7 @@ def trace_panels(diagnosis: Comparison) -> list[Figure]:
 
 def residual_panels(diagnosis: Outcome) -> list[Figure]:
     """Draw the residual of each balance over time, before and after."""
-    time, size = diagnosis.time_s, block_size(diagnosis)
+    time, size = diagnosis.time_s, diagnosis.rows_of_a_block
     drawn: list[Figure] = []
     clock, seconds = time_unit(float(time[-1]))
     at = block_statistics(time, size) / clock
@@ -405,7 +378,7 @@ def _windows(diagnosis: Outcome, row: int) -> list[tuple[float, float]]:
 def spectrum_panels(diagnosis: Outcome) -> list[Figure]:
     """Draw the spectrum of the residual of each balance, before and after."""
     drawn = []
-    rate, quarter = 1.0 / sampling_interval(diagnosis), len(diagnosis.time_s) // 4
+    rate, quarter = 1.0 / diagnosis.interval_s, len(diagnosis.time_s) // 4
     length = max(min(quarter, LEAST_SPECTRUM), min(quarter, round(120.0 * rate)))
     for row, (name, unit) in enumerate(diagnosis.balances):
         lines = [(diagnosis.residual_before[row], nominal_line(diagnosis))]

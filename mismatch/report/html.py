@@ -212,7 +212,7 @@ def _rival(placed: SizedEffect, ship: Ship) -> str:
 
 def _facts(diagnosis: Outcome) -> list[tuple[str, str]]:
     time, held = diagnosis.time_s, diagnosis.held_out
-    duration, step = float(time[-1]), figures.sampling_interval(diagnosis)
+    duration, step = float(time[-1]), diagnosis.interval_s
     minutes = f" ({duration / 60.0:.0f} min)" if duration >= 120.0 else ""
     if time_unit(duration)[1] != "s":
         minutes = f" ({duration / DAY_S:.1f} days)"

@@ -20,8 +20,8 @@ from dataclasses import dataclass, field
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from ...plant.columns import drive_column
 from ...plant.fuel import fuel_rate
@@ -178,7 +178,7 @@ def _power_law(x: Floats, y: Floats, at: float) -> float:
     """Return y at a position, by a monotone cubic of the logarithms; NaN outside the points."""
     if not (x[0] <= at <= x[-1] and np.all(y > 0.0)):
         return math.nan
-    return float(np.exp(PchipInterpolator(np.log(x), np.log(y))(math.log(at))))
+    return float(np.exp(scipy.interpolate.PchipInterpolator(np.log(x), np.log(y))(math.log(at))))
 
 
 @functools.lru_cache(maxsize=64)

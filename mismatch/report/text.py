@@ -9,8 +9,7 @@ import numpy as np
 
 from ..judge.held_out import rms_errors
 from ..judge.verdict import EXPLAINED, NOTHING, PARTLY, UNEXPLAINED, BalanceVerdict, Finding
-from ..outcome import Outcome
-from .figures import block_size, block_statistics
+from ..outcome import Outcome, block_statistics
 from .wording import (
     biased_parameter_sentence,
     biased_parameters,
@@ -51,7 +50,7 @@ def remarks(diagnosis: Outcome) -> list[str]:
         )
     time = diagnosis.time_s
     inside = np.any([(time >= a) & (time < b) for a, b in diagnosis.held_out], axis=0)
-    size = block_size(diagnosis)
+    size = diagnosis.rows_of_a_block
     where = block_statistics(inside.astype(float), size) > 0.5
     for (name, _), residual in zip(diagnosis.balances, diagnosis.residual_after, strict=True):
         means = block_statistics(residual, size) - float(np.median(residual[~inside]))

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-import scipy.signal
+import scipy
 
 from ...plant.columns import SHAFT_SPEED
 from ..search.fitting import slower_than_waves_hertz

@@ -61,6 +61,7 @@ def test_check_leaves_out_no_column_that_a_diagnosis_uses(name: str, tmp_path: P
     """Every column that any ship may record, on every packaged ship, turning or not."""
     ship, file = load_ship(name), tmp_path / "r.csv"
     samples = get_case("rack_step").run(ship, seed=0)
+    samples = samples[:: max(1, len(samples) // 4000)]
     table = pd.DataFrame({c: samples[s] for c, s in signal_columns(ship).items()})
     drift = 0.1 * np.sin(0.05 * table["time_s"])
     turn = {column: drift for column in TURNING_SIGNALS.values() if column not in table}

@@ -239,6 +239,6 @@ def test_at_most_twelve_are_ranked_and_none_leaves_no_figure(drawn: Drawn) -> No
 
 
 def test_rows_are_evenly_spaced() -> None:
-    assert figures.sampling_interval(diagnosis_of("explained")) == pytest.approx(0.2)
+    assert diagnosis_of("explained").interval_s == pytest.approx(0.2)
     assert figures.is_corrected(diagnosis_of("explained"))
     assert not figures.is_corrected(diagnosis_of("nothing-missing"))

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from shaftline.mismatch import Effect, catalogue
+from shaftline.mismatch.outcome import block_statistics
 from shaftline.mismatch.report.figures import (
     HEIGHT,
     WIDTH,
-    block_rows,
-    block_statistics,
     equation,
     outline,
     panel,
@@ -20,6 +19,8 @@ from shaftline.mismatch.report.figures import (
     thin,
     with_label,
 )
+
+from ..diagnoses import diagnosis_of
 
 
 @pytest.mark.parametrize("effect", catalogue(), ids=lambda effect: effect.label)
@@ -31,10 +32,18 @@ def test_an_equation_that_cannot_be_set_is_told_in_plain_text() -> None:
     assert equation(r"\nonsense{", "a < b", "e") == "<code>a &lt; b</code>"
 
 
-def test_blocks_are_five_seconds_or_less_in_a_short_recording() -> None:
-    assert block_rows(1200.0, 0.1) == 50
-    assert block_rows(240.0, 0.2) == 20  # a sixtieth of it
-    assert block_rows(1200.0, 30.0) == 1
+@pytest.mark.parametrize(
+    ("duration_s", "interval_s", "rows"),
+    [(1200.0, 0.1, 50), (240.0, 0.2, 20), (1200.0, 30.0, 1)],  # 240 s: a sixtieth
+)
+def test_blocks_are_five_seconds_or_less_in_a_short_recording(
+    duration_s: float, interval_s: float, rows: int
+) -> None:
+    time = interval_s * np.arange(round(duration_s / interval_s) + 1)
+    assert diagnosis_of("explained", time_s=time).rows_of_a_block == rows
+
+
+def test_statistics_of_blocks_leave_the_incomplete_block_out() -> None:
     rows = np.arange(11.0)
     assert block_statistics(rows, 3) == pytest.approx([1.0, 4.0, 7.0])
     assert block_statistics(rows, 3, np.max) == pytest.approx([2.0, 5.0, 8.0])
