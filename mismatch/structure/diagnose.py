@@ -49,7 +49,7 @@ from ..simulate.joint_replay import Floats, JointReplay
 from .model import MOST_SKEW, Model, Prior, guessed_prior
 from .noise_model import MOST_ROWS, coarser, reason_to_skip
 from .output_error import OutputError
-from .search import Ranked, StructureSearch, choose, total
+from .search import Ranked, StructureSearch, choose, parameters_alone, total
 
 PLAUSIBLE = math.log(1.5)
 """Logarithm of the largest factor by which physics changes a parameter; beyond, the file is wrong."""
@@ -80,9 +80,6 @@ AS_CLOSE = 1.05
 """The same share for a model without effects where the first diagnosis does not explain the recording,
 and for any model where the first diagnosis uses a shape or a formula: parameters and effects that fit as
 well are preferred to a shape or formula."""
-
-BETTER = 0.95
-"""Largest held-out error with effects as a share of that with refitted parameters alone."""
 
 NO_CLOSER = "effects and parameters were also estimated together; the held-out data fit no better"
 """Remark where the first diagnosis stands."""
@@ -149,8 +146,7 @@ def diagnose_structure(
     best, alike = choose(ranked, problem.held_error(problem.file_model()), noise_limit(problem))
     if (pruned := search.prune(best)) is not best:
         best, alike = pruned, []
-    plain = next(one for one in ranked if not one.model.effects)
-    if best.model.effects and total(best.held, plain.held) > BETTER:
+    if (plain := parameters_alone(best, ranked)) is not None:
         best, alike = plain, []
     # Outliers of the held-out data may hide that a model is closer.
     clipped = total(best.compared, rms(residual, search.limit))

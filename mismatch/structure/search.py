@@ -18,7 +18,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -34,7 +34,8 @@ from .noise_model import OUTLIER, deviations
 from .output_error import OutputError
 
 TIED = 10.0
-"""2 log L below which the catalogue's order decides between models (Kass and Raftery 1995)."""
+"""2 log L below which the number of departures from the ship file, and then the order of the catalogue,
+decide between models (Kass and Raftery 1995)."""
 
 FINALISTS = 24
 """Number of models that are compared, the best first."""
@@ -44,6 +45,9 @@ VETO = 1.5
 
 NO_WORSE = 1.05
 """Largest held-out rms error as a multiple of the ship file's, or of the chosen model's."""
+
+BETTER = 0.95
+"""Largest held-out error with effects as a share of that with refitted parameters alone."""
 
 NEARLY = 0.95
 """Share of the best model's gain in 2 log L from which a model that is as close to the held-out data is
@@ -224,9 +228,9 @@ class StructureSearch:
         self.problem.likelihood.set_noise(self.problem.residual(richest))
         self.pool = self._pass(THOROUGH, "searching physics and parameters together")
         best = _best(self.pool, self.merit, POLISHED)
-        for model in best:
-            if self.merit(model) > self.merit(best[0]) - WITHIN:
-                self._polish(model)
+        best = [model for model in best if self.merit(model) > self.merit(best[0]) - WITHIN]
+        for model in self._counted("fitting the best models to convergence", best, set()):
+            self._polish(model)
         return [self.rank(model) for model in _best(self.pool, self.merit)]
 
     def rank(self, model: Model) -> Ranked:
@@ -238,7 +242,8 @@ class StructureSearch:
         order = {effect.label: k for k, effect in enumerate(self.effects)}
         place = sum(order[label] for label in model.labels)
         at_bound = any(parameter_at_bound(ship, sized) for sized in model.effects)
-        return Ranked(model, self.merit(model), *errors, gain, place, at_bound)
+        departures = len(model.effects) + len(self.problem.far_parameters(model))
+        return Ranked(model, self.merit(model), *errors, gain, departures, place, at_bound)
 
     def prune(self, best: Ranked) -> Ranked:
         """Return a model without the effects that do not pay after a fit of the others."""
@@ -292,20 +297,28 @@ class StructureSearch:
                 self.tick(now, done, len(trials))
                 self._keep(pool, problem.fit(effects, base.model, guessed, base.tangent))
             self.tick(now, len(trials), len(trials))
-            for model in _best(pool, worth, FITTED):
-                if model.labels not in whole:
-                    self._keep(pool, problem.fit(model.effects, model, guessed))
-                    whole.add(model.labels)
+            for model in self._counted(f"{now}, best models", _best(pool, worth, FITTED), whole):
+                self._keep(pool, problem.fit(model.effects, model, guessed))
             if not guessed:
-                for model in _best(pool, worth, FROM_FAR):
-                    if model.labels not in far:
-                        self._keep(pool, problem.fit_from_far(model))
-                        far.add(model.labels)
-                self._vary(pool, varied)
+                best = _best(pool, worth, FROM_FAR)
+                for model in self._counted(f"{now}, other parameters", best, far):
+                    self._keep(pool, problem.fit_from_far(model))
+                self._vary(pool, varied, f"{now}, other effects")
             beam = _best(pool, worth, effort.beam)
             if worth(beam[0]) <= before:
                 break
         return pool
+
+    def _counted(
+        self, stage: str, models: list[Model], finished: set[frozenset[str]]
+    ) -> Iterator[Model]:
+        """Yield the models whose labels are not among the finished ones, with progress; add them."""
+        missing = [model for model in models if model.labels not in finished]
+        for done, model in enumerate(missing):
+            self.tick(stage, done, len(missing))
+            finished.add(model.labels)
+            yield model
+        self.tick(stage, len(missing), len(missing))
 
     @staticmethod
     def _keep(pool: Pool, model: Model) -> None:
@@ -323,12 +336,10 @@ class StructureSearch:
                 break
         self.pool[model.labels] = model
 
-    def _vary(self, pool: Pool, varied: set[frozenset[str]]) -> None:
+    def _vary(self, pool: Pool, varied: set[frozenset[str]], stage: str) -> None:
         """Add the best models with one effect left out, in another form, or exchanged, to the pool."""
-        for model in _best(pool, self.merit, VARIED):
-            if model.labels in varied or not model.effects:
-                continue
-            varied.add(model.labels)
+        best = [model for model in _best(pool, self.merit, VARIED) if model.effects]
+        for model in self._counted(stage, best, varied):
             tangent = Base(self.problem, model).tangent
             for which in range(len(model.effects)):
                 rest = model.effects[:which] + model.effects[which + 1 :]
@@ -406,6 +417,7 @@ class Ranked:
     held: Floats  # rms error on the held-out data by channel, in the channels' units
     compared: Floats  # rms error on the held-out data with clipped outliers, likewise
     likelihood: float = 0.0  # 2 log L of the held-out data with the noise model
+    departures: int = 0  # number of its effects and of its parameters far from the ship file
     place: int = 0  # sum of the positions of its effects in the catalogue
     at_bound: bool = False  # whether a value of an effect is at the bound of its search
 
@@ -420,7 +432,8 @@ def choose(
 ) -> tuple[Ranked, list[Ranked]]:
     """Return the likeliest model whose effects all pay, and the models that are as good.
 
-    Models with a value at the bound of its search are chosen only if there are no others.
+    Of models that are as likely, that with the fewest effects and parameters far from the ship file is
+    chosen. Models with a value at the bound of its search are chosen only if there are no others.
 
     Args:
         ranked: models by merit, the best first.
@@ -442,7 +455,8 @@ def choose(
     limit = VETO * min(errors)
     held = [one for one, error in zip(runners, errors, strict=True) if error <= limit]
     top = max(one.evidence for one in held)
-    best = min((one for one in held if one.evidence > top - TIED), key=lambda one: one.place)
+    tied = (one for one in held if one.evidence > top - TIED)
+    best = min(tied, key=lambda one: (one.departures, one.place))
     vetoed = [one for one in runners if one not in held and one.evidence > top]
     leaves_more = bool(np.any(best.held > noise))
     plain = next((one.evidence for one in ranked if not one.model.labels), top)
@@ -455,6 +469,19 @@ def choose(
 
     others = [*(one for one in held if is_alternative(one)), *vetoed]
     return best, [o for o in others if o is not best and o.model.size <= best.model.size]
+
+
+def parameters_alone(best: Ranked, ranked: list[Ranked]) -> Ranked | None:
+    """Return the model without effects in place of the best one, if it is as good.
+
+    It is as good if the effects reduce the held-out error by less than :data:`BETTER`. It is not if more
+    of its parameters are far from the ship file than the best model has effects and far parameters.
+    """
+    plain = next(one for one in ranked if not one.model.labels)
+    more = plain.departures > best.departures
+    if not best.model.labels or more or total(best.held, plain.held) <= BETTER:
+        return None
+    return plain
 
 
 def _pays(one: Ranked, ranked: list[Ranked]) -> bool:

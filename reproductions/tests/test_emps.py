@@ -84,7 +84,8 @@ def test_the_published_numbers_carry_as_far_as_is_said(runs: Recordings) -> None
 
 
 @needs_recordings
-@pytest.mark.parametrize("every", [5, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("every", [5, 20])
 def test_identify_finds_the_published_numbers(runs: Recordings, every: int) -> None:
     kept, judged = (
         table.iloc[::every].reset_index(drop=True) for table in (runs.estimation, runs.validation)
@@ -97,7 +98,8 @@ def test_identify_finds_the_published_numbers(runs: Recordings, every: int) -> N
 
 
 @needs_recordings
-@pytest.mark.parametrize("every", [pytest.param(1, marks=pytest.mark.slow), 10])
+@pytest.mark.slow
+@pytest.mark.parametrize("every", [1, 10])
 def test_diagnose_names_friction_and_offset_at_any_rate(
     runs: Recordings, monkeypatch: pytest.MonkeyPatch, every: int
 ) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from shaftline.mismatch.judge.verdict import FORM_SHARE
 from shaftline.mismatch.structure.model import Model
-from shaftline.mismatch.structure.search import Ranked, choose, total
+from shaftline.mismatch.structure.search import Ranked, choose, parameters_alone, total
 
 BEFORE = np.array([10.0])
 
@@ -26,7 +26,7 @@ def _ranked(
         size=sum(1 + letter.isupper() for letter in labels),
     )
     errors = np.atleast_1d(np.array(held, np.float64))
-    return Ranked(cast(Model, model), merit, errors, errors, 0.0, place)
+    return Ranked(cast(Model, model), merit, errors, errors, place=place)
 
 
 def test_the_likeliest_model_is_chosen_on_fitted_and_held_out_data_together() -> None:
@@ -41,6 +41,15 @@ def test_of_equals_the_first_in_the_catalogue_is_reported_and_the_other_beside_i
     one, other = _ranked("a", 1.0, 9.0, place=5), _ranked("b", 1.0, 0.0, place=3)
     assert choose([one, other, plain], BEFORE) == (other, [one])
     assert choose([replace(one, merit=11.0), other, plain], BEFORE)[0].place == 5
+
+
+def test_of_equals_the_one_with_the_fewest_departures_from_the_ship_file_is_reported() -> None:
+    """A parameter far from the file counts like an effect, before the order of the catalogue."""
+    plain = _ranked("", 3.0, -500.0)
+    few = replace(_ranked("a", 1.0, 0.0, place=5), departures=2)
+    many = replace(_ranked("b", 1.0, 3.0, place=3), departures=5)
+    assert choose([many, few, plain], BEFORE) == (few, [many])
+    assert choose([replace(many, merit=11.0), few, plain], BEFORE)[0].departures == 5
 
 
 def test_what_the_form_of_an_effect_has_wrong_is_no_evidence_of_a_further_one() -> None:
@@ -100,3 +109,11 @@ def test_a_model_that_is_nearly_as_likely_and_as_close_is_an_alternative() -> No
     assert choose([best, near, plain], BEFORE, 1.1) == (best, [])  # log L holds: noise is left
     assert choose([best, weaker, plain], BEFORE, 0.9) == (best, [])
     assert choose([best, farther, plain], BEFORE, 0.9) == (best, [])
+
+
+def test_parameters_alone_are_preferred_unless_more_of_them_leave_the_ship_file() -> None:
+    plain = replace(_ranked("", 1.0), departures=2)
+    for held, departures, chosen in ((0.96, 2, plain), (0.94, 2, None), (0.96, 1, None)):
+        best = replace(_ranked("a", held), departures=departures)
+        assert parameters_alone(best, [best, plain]) is chosen
+    assert parameters_alone(plain, [plain]) is None

@@ -1,0 +1,119 @@
+"""Diagnose fouling beside a gauge error, a turn and slow inflow; write ``concealed-turn.md``.
+
+Each diagnosis takes some minutes; finished ones are kept in the folder ``--kept``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from shaftline.core.files import read_json
+from shaftline.core.sweep import sweep
+from shaftline.mismatch import diagnose
+from shaftline.plant import Schedule, equilibrium, load_ship, simulate
+from shaftline.plant.columns import RUDDER_COMMAND
+
+from .pages import make_parser, print_dot, write_page
+from .writing import interval
+
+TITLE = "Fouling beside a gauge error, a turn and slow inflow"
+SHIP = "frigate-turning"
+TRUTH = {"hull-fouling": 0.09, "torque-sensor-gain": 1.03}
+"""Concealed effects of the catalogue with their values."""
+
+DURATION_S, INTERVAL_S = 1800.0, 0.5
+INFLOW_M_S, INFLOW_S = 0.12, 120.0  # rms of the slow inflow, and its correlation time
+TURN_S, RUDDER_DEG = 50.0, 15.0
+NOISE = {
+    "pitch_ratio": 0.002,
+    "shaft_speed_rad_s": 0.01,
+    "shaft_torque_N_m": 600.0,
+    "ship_speed_m_s": 0.02,
+    "rudder_rad": 0.002,
+    "heading_rad": 0.003,
+}
+"""Standard deviation of the noise of each channel."""
+
+
+def _steps(generator: np.random.Generator, time: Any, low: float, high: float, count: int) -> Any:
+    """Return a command that moves to another value ``count`` times, within 8 s each time."""
+    begins = np.sort(generator.uniform(60.0, DURATION_S - 60.0, count))
+    values = generator.uniform(low, high, count + 1)
+    corners = np.repeat(begins, 2) + np.tile([0.0, 8.0], count)
+    return np.interp(time, np.concatenate([[0.0], corners, [DURATION_S]]), np.repeat(values, 2))
+
+
+def make_recording(seed: int) -> pd.DataFrame:
+    """Return a recording of half an hour with the effects of :data:`TRUTH`."""
+    generator, ship = np.random.default_rng(seed), load_ship(SHIP)
+    time = np.arange(0.0, DURATION_S, INTERVAL_S)
+    rack = _steps(generator, time, 14.0, 24.0, 9)
+    pitch = _steps(generator, time, 0.95, 1.3, 7)
+    begin, side = generator.uniform(500.0, 1300.0), generator.choice([-1.0, 1.0])
+    turning = (time > begin) & (time < begin + TURN_S)
+    rudder = np.where(turning, side * np.radians(RUDDER_DEG), 0.0)
+    inflow, memory = np.zeros_like(time), np.exp(-INTERVAL_S / INFLOW_S)
+    shocks = np.sqrt(1.0 - memory**2) * generator.standard_normal(len(time))
+    for k in range(1, len(time)):
+        inflow[k] = memory * inflow[k - 1] + shocks[k]
+    inflow *= INFLOW_M_S / inflow.std()
+    commands = {"drive": rack, "pitch_command": pitch, "rudder_command": rudder, "inflow": inflow}
+    schedule = Schedule(
+        resistance_factor=1.0 + TRUTH["hull-fouling"],
+        **{name: lambda t, values=values: np.interp(t, time, values)
+           for name, values in commands.items()},
+    )  # fmt: skip
+    start = equilibrium(
+        ship, rack[0], pitch[0], resistance_factor=1.0 + TRUTH["hull-fouling"]
+    ).state
+    samples = simulate(ship, schedule, DURATION_S, initial=start)
+    samples = samples[:: round(INTERVAL_S / ship.time_step_s)][: len(time)]
+    torque = TRUTH["torque-sensor-gain"] * samples["shaft_torque"]
+    table = pd.DataFrame(
+        {"time_s": time, "fuel_rack_mm": rack, "pitch_ratio_command": pitch, RUDDER_COMMAND: rudder,
+         "pitch_ratio": samples["pitch_ratio"], "shaft_speed_rad_s": samples["shaft_speed"],
+         "shaft_torque_N_m": torque, "ship_speed_m_s": samples["ship_speed"],
+         "rudder_rad": samples["rudder_angle"], "heading_rad": samples["heading"]}
+    )  # fmt: skip
+    for column, deviation in NOISE.items():
+        table[column] += deviation * generator.standard_normal(len(time))
+    return table.drop(columns=RUDDER_COMMAND)  # as loggers do that record the measured angle only
+
+
+def diagnose_seed(seed: int) -> dict[str, Any]:
+    """Return the result of the diagnosis of a recording, as JSON allows."""
+    found = diagnose(load_ship(SHIP), make_recording(seed))
+    named = {finding.effect.id: finding.estimates[0] for finding in found.findings}
+    return {
+        "seed": seed, "verdict": found.verdict,
+        **{name: interval(named[name]) if name in named else "–" for name in TRUTH},
+        "others named": ", ".join(name for name in named if name not in TRUTH) or "–",
+        "inside": all(
+            name in named and named[name].ci95[0] <= value <= named[name].ci95[1]
+            for name, value in TRUTH.items()
+        ),
+    }  # fmt: skip
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Compute the missing diagnoses, and write the page."""
+    folder = "out/concealed-turn"
+    parser = make_parser("concealed_turn", __doc__, f"{folder}/page", kept=folder)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[21, 22, 23], help="recordings")
+    options = parser.parse_args(arguments)
+    cells = {f"seed_{seed}": seed for seed in options.seeds}
+    sweep(diagnose_seed, cells, options.kept, jobs=1, tick=print_dot)
+    table = pd.DataFrame(read_json(options.kept / f"{name}.json") for name in cells)
+    shown = table.assign(inside=table["inside"].map({True: "yes", False: "no"})).rename(
+        columns={"inside": "both truths inside"}
+    )
+    command = f"concealed_turn --seeds {' '.join(map(str, options.seeds))}"
+    write_page(
+        options.out, "concealed-turn", TITLE, command, table, Path(__file__).with_suffix(".md"),
+        shown=shown, right=int(table["inside"].sum()), count=len(table),
+    )  # fmt: skip
+    print(options.out / "concealed-turn.md")
