@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import itertools
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from shaftline.display.tables import write_table
 from shaftline.performance import ReferenceShip, analyse_performance
 from shaftline.performance.monitoring import COLUMNS, DAY_S, step_between
 from shaftline.performance.tables import canonical
 from shaftline.plant.surroundings import KNOT
 
-from .pages import fill_template, make_parser
+from .pages import make_parser
+from .writing import write_results
 
 TITLE = "Speed loss of generated logs with concealed cleanings"
 
@@ -155,7 +154,5 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=7000, help="seed of the first log")
     options = parser.parse_args(arguments)
     table = score(options.logs, options.seed)
-    command = f"python -m reproductions speed_loss --logs {options.logs} --seed {options.seed}"
-    body = fill_template(Path(__file__).with_suffix(".md"), table=table)
-    write_table(options.out, "speed-loss", TITLE, command, table, body)
-    print(options.out / "speed-loss.md")
+    command = f"--logs {options.logs} --seed {options.seed}"
+    write_results(__file__, options.out, TITLE, table, {}, command, table=table)

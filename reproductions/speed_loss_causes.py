@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +22,8 @@ from shaftline.plant import Ship, equilibrium, load_ship
 from shaftline.plant.equilibria import simulate_steady
 from shaftline.plant.surroundings import KNOT
 
-from .pages import make_parser, print_dot, write_page
+from .pages import make_parser, print_dot
+from .writing import write_results
 
 TITLE = "Physical causes of a speed loss in generated logs"
 SHIP = "ferry"
@@ -158,9 +158,7 @@ def main(arguments: list[str] | None = None) -> None:
         loss=table["loss"].map("{:+.2f}".format, na_action="ignore").fillna("–"),
         right=table["right"].map({True: "yes", False: "no"}),
     ).rename(columns={"size": "concealed size", "loss": "speed loss [%]"})  # fmt: skip
-    command = f"speed_loss_causes --logs {options.logs} --seed {options.seed}"
-    write_page(
-        options.out, "speed-loss-causes", TITLE, command, table, Path(__file__).with_suffix(".md"),
+    write_results(
+        __file__, options.out, TITLE, table, {}, f"--logs {options.logs} --seed {options.seed}",
         shown=shown, right=", ".join(f"{c} {r['sum']} of {r['size']}" for c, r in right.iterrows()),
     )  # fmt: skip
-    print(options.out / "speed-loss-causes.md")
