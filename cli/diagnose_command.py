@@ -180,13 +180,8 @@ def diagnose(
                 raise ValueError(
                     f"{folders[0]}: give a folder alone, without other recordings and without --hold-out"
                 )
-            if pdf:
-                raise ValueError(
-                    f"{folders[0]}: --pdf is for recordings, not for a folder; diagnose the recordings "
-                    "that you want to print alone, or print their report.html"
-                )
             check_backend(jobs, backend, scheduler)
-            _folder(folders[0], vessel, out, options, jobs, backend, scheduler)
+            _folder(folders[0], vessel, out, options, pdf, jobs, backend, scheduler)
             return
         if jobs is not None or scheduler is not None or backend is not console.Backend.PROCESSES:
             raise ValueError(
@@ -208,12 +203,20 @@ def diagnose(
 
 
 def _folder(
-    folder: Path, ship: Ship, out: Path, options: Options, jobs: int | None, backend: str,
-    scheduler: str | None,
+    folder: Path, ship: Ship, out: Path, options: Options, pdf: bool, jobs: int | None,
+    backend: str, scheduler: str | None,
 ) -> None:  # fmt: skip
     with progress("diagnosing", len(find_recordings(folder))) as tick:
         index = mismatch.diagnose_folder(
-            folder, ship, out, options, jobs=jobs, backend=backend, scheduler=scheduler, tick=tick
+            folder,
+            ship,
+            out,
+            options,
+            pdf=pdf,
+            jobs=jobs,
+            backend=backend,
+            scheduler=scheduler,
+            tick=tick,
         )
     say(index.summary())
     say(f"\nindex: {out / INDEX_PAGE}   table: {out / INDEX_TABLE}")

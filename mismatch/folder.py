@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import functools
 import hashlib
 import json
@@ -13,7 +14,7 @@ from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
 
-from ..core.files import read_json, write_text
+from ..core.files import read_json, write_atomically, write_text
 from ..core.sweep import source_digest, sweep
 from ..plant.recording import PARQUET, SHEETS, read_table
 from ..plant.ship import Ship
@@ -23,7 +24,7 @@ from .options import Options
 from .pipeline import begin, diagnose
 from .recordings.columns import load_map
 from .recordings.time_base import first_day
-from .report.index import PAGE, REPORT, DiagnosisIndex, index_row
+from .report.index import PAGE, PDF, REPORT, DiagnosisIndex, index_row
 
 ENDINGS = (".csv", ".tsv", *PARQUET, *SHEETS)
 
@@ -62,6 +63,7 @@ def diagnose_folder(
     out: str | Path,
     options: Options = Options(),  # noqa: B008 (immutable)
     *,
+    pdf: bool = False,
     jobs: int | None = None,
     backend: str = "processes",
     scheduler: str | None = None,
@@ -79,6 +81,7 @@ def diagnose_folder(
         out: folder for the results: one folder for each recording, ``index.html`` and ``index.csv``.
         options: column map, excluded effects, tolerances, free parameters, and a reference period on
             which the ship is calibrated once.
+        pdf: whether to write ``report.pdf`` for each recording as well.
         jobs: number of processes (:func:`shaftline.core.sweep.sweep`).
         backend: ``processes`` or ``dask``.
         scheduler: address of a dask scheduler.
@@ -103,7 +106,7 @@ def diagnose_folder(
         load_map(options.columns)
     files, kept = find_recordings(folder), out / "cells"
     start = begin(ship, options)
-    waiting = {place: _cell_name(place, path, start, options) for place, path in files.items()}
+    waiting = {place: _cell_name(place, path, start, options, pdf) for place, path in files.items()}
     travels = backend == "dask"
     cells = {waiting[place]: _make_cell(path, options, travels) for place, path in files.items()}
     rows: dict[str, dict[str, Any]] = {}
@@ -118,7 +121,7 @@ def diagnose_folder(
         write_finished()
         tick()
 
-    work = functools.partial(_diagnose_cell, start, replace(options, calibrate=()))
+    work = functools.partial(_diagnose_cell, start, replace(options, calibrate=()), pdf)
     try:
         sweep(work, cells, kept, jobs=jobs, backend=backend, scheduler=scheduler, tick=progress)
     finally:
@@ -133,10 +136,10 @@ def diagnose_folder(
     return index
 
 
-def _cell_name(place: str, path: Path, start: Start, options: Options) -> str:
+def _cell_name(place: str, path: Path, start: Start, options: Options, pdf: bool) -> str:
     """Return the file name of a result, which depends on recording, ship, options and package."""
     digest = hashlib.sha256(path.read_bytes())
-    used = (start, sorted(options.exclude), options.tolerance, options.steady)
+    used = (start, sorted(options.exclude), options.tolerance, options.steady, options.quick, pdf)
     files = [*([options.columns] if options.columns else []), *options.effects]
     texts = [Path(file).read_text(encoding="utf-8") for file in files]
     for text in (*map(repr, used), *texts, source_digest("core", "plant", "mismatch")):
@@ -153,8 +156,11 @@ def _make_cell(path: Path, options: Options, travels: bool) -> _Cell:
     return _Cell(path, path.read_bytes(), columns, effects)
 
 
-def _diagnose_cell(start: Ship | Start, options: Options, cell: _Cell) -> dict[str, Any]:
-    """Return the files of a diagnosis as text, or the error of a recording that cannot be used."""
+def _diagnose_cell(start: Ship | Start, options: Options, pdf: bool, cell: _Cell) -> dict[str, Any]:
+    """Return the files of a diagnosis as text, or the error of a recording that cannot be used.
+
+    The bytes of the PDF are encoded in base 64.
+    """
     with tempfile.TemporaryDirectory() as name:
         place, path = Path(name), cell.path
         if cell.content is not None:
@@ -172,11 +178,13 @@ def _diagnose_cell(start: Ship | Start, options: Options, cell: _Cell) -> dict[s
             diagnosis = diagnose(start, path, options=options)
         except (ValueError, OSError) as error:  # errors with a message for the user
             return {"error": str(error).replace(str(path), path.name)}
-        diagnosis.save(place / "results")
+        results = diagnosis.save(place / "results", pdf=pdf)
+        content = {file.name: file.read_bytes() for file in results.iterdir()}
+        printed = {"pdf": base64.b64encode(content.pop(PDF)).decode()} if pdf else {}
         return {
             "date": _first_date(path, options),
-            "files": {f.name: f.read_text("utf-8") for f in (place / "results").iterdir()},
-        }
+            "files": {name: text.decode() for name, text in content.items()},
+        } | printed
 
 
 def _write_recording(
@@ -185,11 +193,14 @@ def _write_recording(
     """Write the result files of a recording into its folder, and return its row of the index."""
     day = _recording_date(path, result.get("date"))
     if "error" in result:
-        for name in (REPORT, PAGE, SHIP):  # results of an earlier content of the recording
+        for name in (REPORT, PAGE, PDF, SHIP):  # results of an earlier content of the recording
             (out / place / name).unlink(missing_ok=True)
         return index_row(path.name, day, error=result["error"])
     for name, text in result["files"].items():
         write_text(out / place / name, text)
+    if "pdf" in result:
+        content = base64.b64decode(result["pdf"])
+        write_atomically(out / place / PDF, lambda file: file.write_bytes(content))
     report = json.loads(result["files"][REPORT])
     return index_row(path.name, day, report, link=f"{place}/{PAGE}")
 

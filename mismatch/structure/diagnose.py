@@ -230,7 +230,8 @@ def _update_diagnosis(
 ) -> Diagnosis:
     """Return the first diagnosis with the results of the best model of a structure search.
 
-    The models ``alike`` are those that the recordings cannot distinguish from it.
+    The models ``alike`` are those that the recordings cannot distinguish from it. If the residual is
+    more than noise, effects that are not significant on the fitted rows are left out.
     """
     problem, model, replay = search.problem, best.model, setting.balances.replay
     ship = _with_parameters(first.ship, problem, model)
@@ -240,13 +241,15 @@ def _update_diagnosis(
     fitter = Fitter(balances, bands, problem.tolerance)
     fit = fitter.evaluate(model.effects)
     whiteness = Whiteness(fitter, replay.noise_rms, replay.quantisation)
+    colour = whiteness.colour(fit)
+    if colour is not None and (rest := search.without_weakest(model)) is not None:
+        return _update_diagnosis(first, search, setting, together, search.rank(rest), [], ranked)
     corrected = fitter.trial_ship.corrected(fit.effects)
     judge = HeldOut(setting.fitter, setting.held)
     gain = float(judge(corrected.record()) - judge(first.ship.record()))
     verdict, why = verdict_on(best, problem, whiteness, fit, gain)
     if verdict == NOTHING and is_undecidable(replay.excited, together.limits):
         verdict = UNEXPLAINED
-    colour = whiteness.colour(fit)
     shape = None
     if verdict == UNEXPLAINED and colour is not None:
         shape = shape_to_show(best_shapes(fitter, fit), balances, colour)

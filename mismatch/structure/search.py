@@ -253,6 +253,23 @@ class StructureSearch:
         part = max(map(self.rank, fits), key=lambda one: one.evidence, default=best)
         return self.prune(part) if part.evidence > best.evidence else best
 
+    def without_weakest(self, model: Model) -> Model | None:
+        """Return a model without its weakest effect, fitted again; None if each effect is significant.
+
+        An effect is significant if its gain on the fitted rows reaches its threshold. The gain on the
+        held-out rows does not count, because a slow disturbance in them may look like an effect.
+        """
+        effects = model.effects
+        rests = [
+            self.problem.fit(effects[:k] + effects[k + 1 :], model) for k in range(len(effects))
+        ]
+        shares = [
+            (model.score - rest.score) / self.threshold(sized.effect)
+            for sized, rest in zip(effects, rests, strict=True)
+        ]
+        weakest = min(range(len(effects)), key=shares.__getitem__, default=None)
+        return rests[weakest] if weakest is not None and shares[weakest] < 1.0 else None
+
     def quick_pass(self) -> list[Model]:
         """Return the models of the quick pass, which searches the richest model; it is run once."""
         if not self._quick:

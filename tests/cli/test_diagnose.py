@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -93,7 +94,7 @@ def test_a_foreign_recording_is_explained(shaftline: Command, tmp_path: Path) ->
         assert words in said, said
 
 
-def test_a_pdf_is_written_on_request_and_not_for_a_folder(
+def test_a_pdf_is_written_on_request_for_each_recording(
     shaftline: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pages = SimpleNamespace(report_pdf=lambda diagnosis: diagnosis.verdict.encode())
@@ -101,9 +102,11 @@ def test_a_pdf_is_written_on_request_and_not_for_a_folder(
     (tmp_path / "logs").mkdir()
     trial(60.0).to_csv(tmp_path / "logs" / "log.csv", index=False)
     given = "--ship", "frigate", "--out", tmp_path / "out", "--quick", "--pdf"
-    result = shaftline("diagnose", tmp_path / "logs", *given)
-    refused(result, "--pdf is for recordings, not for a folder", "report.html")
-    assert not (tmp_path / "out").exists()
+    result = shaftline("diagnose", tmp_path / "logs", *given, "--jobs", 1)
+    assert result.exit_code == 0, result.output
+    one = json.loads((tmp_path / "out" / "log" / REPORT).read_text())
+    assert (tmp_path / "out" / "log" / PDF).read_text() == one["verdict"]
+    shutil.rmtree(tmp_path / "out")
     result = shaftline("diagnose", tmp_path / "logs" / "log.csv", *given)
     assert result.exit_code == 0, result.output
     assert {file.name for file in (tmp_path / "out").iterdir()} == {*WRITTEN, PDF}

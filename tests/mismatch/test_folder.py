@@ -13,7 +13,7 @@ from shaftline.core.sweep import SweepError
 from shaftline.mismatch import Options, diagnose_folder, folder
 from shaftline.mismatch.diagnosis import SHIP
 from shaftline.mismatch.identification.parameters import Start
-from shaftline.mismatch.report.index import PAGE, REPORT
+from shaftline.mismatch.report.index import PAGE, PDF, REPORT
 from shaftline.plant import Ship
 
 from .diagnoses import diagnosis_of
@@ -34,15 +34,17 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> Asked:
         if "broken" in text:
             raise RuntimeError("the tool itself")
         diagnosis = diagnosis_of("explained" if "fouled" in text else "nothing-missing")
-        monkeypatch.setattr(
-            type(diagnosis), "save",
-            lambda self, place, page=True: (
-                place.mkdir(parents=True),
-                (place / REPORT).write_text(json.dumps(self.to_dict())),
-                (place / PAGE).write_text(text),
-                (place / SHIP).write_text("ship"),
-            ),
-        )  # fmt: skip
+
+        def save(self: Any, place: Path, pdf: bool = False) -> Path:
+            place.mkdir(parents=True)
+            (place / REPORT).write_text(json.dumps(self.to_dict()))
+            (place / PAGE).write_text(text)
+            (place / SHIP).write_text("ship")
+            if pdf:
+                (place / PDF).write_bytes(b"%PDF\xff" + text.encode())
+            return place
+
+        monkeypatch.setattr(type(diagnosis), "save", save)
         return diagnosis
 
     monkeypatch.setattr(folder, "diagnose", diagnose)
@@ -193,6 +195,25 @@ def test_the_date_is_the_first_stamp_s_else_the_name_s_else_the_file_s(
     assert dates["b 2024-06-01.csv"] == "2023-01-04"
 
 
+def test_reports_for_print_are_written_beside_the_pages(
+    asked: Asked, runs: Path, frigate: Ship
+) -> None:
+    run(runs, frigate, pdf=True)
+    out = runs.parent / "out"
+    assert (out / "a_20240503" / PDF).read_bytes() == b"%PDF\xfffouled"
+    assert (out / "b 2024-06-01" / PDF).read_bytes() == b"%PDF\xffcalm"
+    run(runs, frigate, pdf=True)
+    assert len(asked) == 3  # nothing is diagnosed again
+
+
+def test_a_full_diagnosis_does_not_take_the_results_of_a_quick_one(
+    asked: Asked, runs: Path, frigate: Ship
+) -> None:
+    run(runs, frigate, Options(quick=True))
+    run(runs, frigate, Options())
+    assert [options.quick for _, _, options in asked] == 3 * [True] + 3 * [False]
+
+
 def test_where_no_disk_is_shared_content_and_map_travel(
     asked: Asked, runs: Path, frigate: Ship, tmp_path: Path
 ) -> None:
@@ -201,7 +222,7 @@ def test_where_no_disk_is_shared_content_and_map_travel(
     cell = folder._make_cell(runs / "a_20240503.csv", options, True)
     (runs / "a_20240503.csv").unlink()
     (tmp_path / "map.toml").unlink()
-    found = folder._diagnose_cell(frigate, options, cell)
+    found = folder._diagnose_cell(frigate, options, False, cell)
     assert set(found["files"]) == {REPORT, PAGE, SHIP}
     ((name, text, used),) = asked
     assert (name, text, used.tolerance) == ("a_20240503.csv", "fouled", 3.0)

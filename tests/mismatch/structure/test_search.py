@@ -71,3 +71,19 @@ def test_effects_cost_more_the_more_there_are() -> None:
         search.threshold(one[0].effect) + 2.0 * np.log(kinds), rel=1e-12
     )
     assert np.all(np.diff(prices) > 15.0)
+
+
+def test_the_weakest_effect_is_left_out_until_each_is_significant() -> None:
+    """Friction is in the recordings, quadratic drag is not."""
+    own = problem(motor(), run({COULOMB: 0.02}, 1), run({COULOMB: 0.02}, 2))
+    search = StructureSearch(own, effects(motor()))
+    ids = ("coulomb-friction", "quadratic-drag")
+    both = [next(e for e in search.effects if e.id == name) for name in ids]
+    trials = tuple(next(own.trial_ship.trials(effect, [])) for effect in both)
+    model = own.fit(trials, own.file_model())
+    rest = search.without_weakest(model)
+    assert rest is not None
+    assert [sized.effect.id for sized in rest.effects] == ["coulomb-friction"]
+    assert model.score - rest.score < search.threshold(both[1])
+    assert search.without_weakest(rest) is None
+    assert search.without_weakest(own.fit((), rest)) is None
