@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..core.files import check_size
 from ..plant.surroundings import KNOT
 from .speed_trial import COLUMNS, TrialError, are_reciprocal, double_runs
 from .tables import canonical
@@ -61,6 +62,7 @@ def find_runs(log: pd.DataFrame, source: str = "log", least_s: float = LEAST_S) 
     Raises:
         TableError: a column is missing or has a value outside its range.
         TrialError: the times do not ascend, the rows are too far apart, or there are no reciprocal runs.
+        SizeError: the times span too long for the memory.
 
     Examples:
         >>> heading = np.repeat([20.0, 110.0, 200.0], [120, 20, 120])
@@ -92,10 +94,13 @@ def _steady_spans(table: pd.DataFrame, source: str, least_s: float) -> list[tupl
     time = table["time"].to_numpy()
     if not np.isfinite(time).all():
         raise TrialError(f"{source}: a log needs the time of every row (column 'time')")
-    if len(time) < 2 or not (np.diff(time) > 0.0).all():
-        row = 2 + int(np.argmax(np.diff(time) <= 0.0)) if len(time) > 1 else 1
-        raise TrialError(f"{source}: the times must ascend; row {row} does not")
-    interval = float(np.median(np.diff(time)))
+    steps = np.diff(time)
+    if (steps < 0.0).any():
+        row = 2 + int(np.argmax(steps < 0.0))
+        raise TrialError(f"{source}: the times must ascend; row {row} is before row {row - 1}")
+    if not (steps > 0.0).any():
+        raise TrialError(f"{source}: a log has at least two times, not {len(time)} rows at one")
+    interval = float(np.median(steps[steps > 0.0]))
     if interval > least_s / _PARTS:
         raise TrialError(
             f"{source}: a row every {interval:g} s is too few for runs of {least_s / 60.0:g} min; at "
@@ -103,11 +108,13 @@ def _steady_spans(table: pd.DataFrame, source: str, least_s: float) -> list[tupl
         )
     width = max(least_s / _BINS, interval)
     bins, parts = round(least_s / width), max(round(least_s / width / _PARTS), 1)
+    check_size((time[-1] - time[0]) / width, 200.0, f"parts of {width:g} s in {source}")
     place = ((time - time[0]) / width).astype(np.int64)
     values = table[["heading", "shaft_power", "speed_over_ground"]].copy()
     known = values["heading"].notna()
     values.loc[known, "heading"] = np.unwrap(values.loc[known, "heading"])
     grid = values.groupby(place).mean().reindex(range(place[-1] + 1))
+    grid = grid.interpolate(limit=1, limit_area="inside")  # clocks of loggers are not even
     smooth = grid.rolling(parts, min_periods=parts).mean()
     over = smooth.rolling(bins - parts + 1, min_periods=bins - parts + 1)
     ranges, mean = over.max() - over.min(), grid.rolling(bins, min_periods=bins).mean()

@@ -70,6 +70,19 @@ def test_the_interval_of_the_log_changes_no_run() -> None:
     assert fine["time"].to_numpy() == pytest.approx(coarse["time"].to_numpy(), abs=90.0)
 
 
+def test_an_uneven_clock_and_stamps_of_whole_minutes_change_no_run() -> None:
+    log = trial_log(interval=60.0, waves=0.0)
+    even = find_runs(log).runs
+    late = np.random.default_rng(3).uniform(0.0, 40.0, len(log))
+    uneven = find_runs(log.assign(time_s=log["time_s"] + late)).runs
+    fine = trial_log(interval=20.0, waves=0.0)
+    minutes = find_runs(fine.assign(time_s=60.0 * (fine["time_s"] // 60.0))).runs
+    for found in (uneven, minutes):
+        assert found["speed_over_ground"].to_numpy() == pytest.approx(
+            even["speed_over_ground"].to_numpy(), abs=0.03
+        )
+
+
 def test_a_heading_across_north_is_steady_and_averaged_as_a_direction() -> None:
     runs = find_runs(trial_log([(359.5, 12e3), (179.5, 12e3)])).runs
     assert math.remainder(runs["heading"][0] - math.radians(359.5), 2 * math.pi) == pytest.approx(
@@ -120,8 +133,13 @@ def test_a_log_that_cannot_be_used_is_refused_with_the_reason() -> None:
     log = trial_log()
     with pytest.raises(TrialError, match="a log needs the time of every row"):
         find_runs(log.drop(columns="time_s"))
-    with pytest.raises(TrialError, match="times must ascend; row 6 does not"):
-        find_runs(log.iloc[[0, 1, 2, 3, 4, 4, 5]])
+    with pytest.raises(TrialError, match="times must ascend; row 6 is before row 5"):
+        find_runs(log.iloc[[0, 1, 2, 3, 4, 2, 5]])
+    with pytest.raises(TrialError, match="at least two times, not 2 rows at one"):
+        find_runs(log.iloc[[3, 3]])
+    far = log.assign(time_s=np.where(log["time_s"] > 100.0, 1e10, log["time_s"]))
+    with pytest.raises(ValueError, match="parts of 10 s in log"):
+        find_runs(far)
     with pytest.raises(TrialError, match="a row every 300 s is too few for runs of 10 min"):
         find_runs(trial_log(interval=300.0, steady=60.0))
     with pytest.raises(TrialError, match=r"rack\.csv: no runs.*heading 20 deg"):
