@@ -165,15 +165,17 @@ def controller_for(
     Raises:
         ControllerError: unknown name or option, or a controller that needs signals which the task lacks.
     """
-    if not steered:
+    if steered:
+        name = text if "+" in text else f"{task.helmsman}+{text}"
+        made: Predictor = make_steering(name, ship, interval_s)
+    else:
         made = make_controller(text, ship, interval_s)
-        if getattr(made, "preview", False) and not task.preview:
-            raise ControllerError(
-                f"{text!r}: this controller needs the waves ahead, which only a task with preview = "
-                "true provides, such as wave-preview"
-            )
-        return made
-    return make_steering(text if "+" in text else f"{task.helmsman}+{text}", ship, interval_s)
+    if getattr(getattr(made, "propulsion", made), "preview", False) and not task.preview:
+        raise ControllerError(
+            f"{text!r}: this controller needs the waves ahead, which only a task with preview = true "
+            "provides, such as wave-preview"
+        )
+    return made
 
 
 HELD_OUT = "held-out"  # suffix of a task: seas and disturbances that training never draws

@@ -138,5 +138,10 @@ def test_a_task_without_a_preview_refuses_a_controller_that_needs_it() -> None:
     task = get_task("rough-sea")
     with pytest.raises(ControllerError, match=r"'va-pitch-preview': .* needs the waves ahead"):
         controller_for(task, "va-pitch-preview", task.load_ship(), 0.5, False)
+    steered = get_task("course-keeping")
+    for name in ("va-pitch-preview", "autopilot+va-pitch-preview"):
+        with pytest.raises(ControllerError, match="needs the waves ahead"):
+            controller_for(steered, name, steered.load_ship(), 0.5, True)
+    assert controller_for(steered, "va-pitch", steered.load_ship(), 0.5, True)
     task = get_task("wave-preview")
     assert controller_for(task, "va-pitch-preview", task.load_ship(), 0.5, False)
