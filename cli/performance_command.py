@@ -14,6 +14,7 @@ from ..performance.monitoring import (
     read_log,
 )
 from ..performance.monitoring_report import periods_table, save_performance
+from ..performance.tables import read_table
 from ..plant import Ship, load_ship
 from .console import check_folder, print_table, report_errors, say, stages
 
@@ -25,7 +26,9 @@ def performance(
     log: Annotated[
         Path,
         typer.Argument(
-            help="Log of the ship: hours, noon reports or faster rows.", show_default=False
+            help="Log of the ship: hours, noon reports or faster rows; or a folder of logs, such as one "
+            "for each month.",
+            show_default=False,
         ),
     ],
     ship: Annotated[
@@ -75,6 +78,8 @@ def performance(
     Examples:
         shaftline performance log.csv --ship reference.toml --out out/performance
 
+        shaftline performance logs/2026 --ship reference.toml
+
         shaftline performance log.csv --ship reference.toml --plant ship.toml --columns map.toml
     """
     with report_errors():
@@ -111,7 +116,7 @@ def _explain(
     from ..mismatch import load_recording
     from ..performance.physical_cause import explain_periods
 
-    recording = load_recording(log, ship, columns)
+    recording = load_recording(read_table(log) if log.is_dir() else log, ship, columns)
     try:
         with stages("diagnosing the periods") as tick:
             return [*explain_periods(report, recording, ship, tick)]

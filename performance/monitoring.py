@@ -120,7 +120,8 @@ def read_log(path: str | Path) -> pd.DataFrame:
     """Read the log of a ship; its columns are those of :data:`COLUMNS`.
 
     Args:
-        path: CSV or similar text table, one row for each record: seconds, hours or noon reports.
+        path: CSV or similar text table, one row for each record: seconds, hours or noon reports; or a
+            folder of such tables.
 
     Returns:
         Table in SI units, ordered by time; ``time`` is in seconds since the first row, ``stamp`` the

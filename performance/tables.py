@@ -44,17 +44,40 @@ SPEEDS = {
 POWERS = {"kW": 1e3, "MW": 1e6, "W": 1.0, "hp": 745.6999}
 
 
+TEXT_ENDINGS = (".csv", ".tsv", ".txt")
+"""Endings of the tables of a folder."""
+
+
 def read_table(path: str | Path) -> pd.DataFrame:
     """Read a text table with its names and units as they stand.
 
     Args:
-        path: CSV or similar text table; separator, decimal sign and unit rows are recognised.
+        path: CSV or similar text table; separator, decimal sign and unit rows are recognised. The tables
+            of a folder, such as monthly logs, become one table in the order of the file names. A row
+            that several of them have counts once.
 
     Raises:
-        TableError: the file cannot be read.
+        TableError: a file cannot be read, or the files of a folder have different columns.
     """
+    path = Path(path)
+    if not path.is_dir():
+        return _read_file(path)
+    files = sorted(file for file in path.iterdir() if file.suffix.lower() in TEXT_ENDINGS)
+    if not files:
+        raise TableError(f"{path}: no table in this folder; expected {', '.join(TEXT_ENDINGS)}")
+    tables = [_read_file(file) for file in files]
+    for file, table in zip(files, tables, strict=True):
+        if other := sorted(set(map(str, table.columns)) ^ set(map(str, tables[0].columns))):
+            raise TableError(
+                f"{file}: other columns than {files[0].name}: {', '.join(other)}; a folder needs tables "
+                "with the same columns"
+            )
+    return pd.concat(tables, ignore_index=True).drop_duplicates(ignore_index=True)
+
+
+def _read_file(path: Path) -> pd.DataFrame:
     try:
-        return read_text_table(Path(path))
+        return read_text_table(path)
     except (LayoutError, FileError, OSError) as error:
         raise TableError(f"{path}: {error}") from None
 

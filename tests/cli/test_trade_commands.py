@@ -144,23 +144,28 @@ COLUMNS = """\
 """
 
 
-def explained(files: Path, log: pd.DataFrame) -> str:
-    """Return the output of ``performance`` with a plant for a log of the ferry."""
+def explained(files: Path, log: pd.DataFrame, parts: int = 1) -> str:
+    """Return the output of ``performance`` with a plant for a log of the ferry, in several files."""
     power = 2e-3 * log["shaft_torque_N_m"] * log["shaft_speed_rad_s"]
     stamps = pd.Timestamp("2025-03-01") + pd.to_timedelta(log["time_s"], unit="s")
-    pd.DataFrame(
+    table = pd.DataFrame(
         {"Date": stamps.dt.strftime("%d.%m.%Y %H:%M:%S"), "STW [kn]": log["ship_speed_m_s"] / KNOT,
          "Power [kW]": power, "rack": log["fuel_rack_mm"], "pitch order": log["pitch_ratio_command"],
          "pitch": log["pitch_ratio"], "rpm": 30.0 / math.pi * log["shaft_speed_rad_s"],
          "torque": log["shaft_torque_N_m"]}
-    ).to_csv(files / "ferry.csv", sep=";", decimal=",", index=False)  # fmt: skip
+    )  # fmt: skip
+    (files / "logs").mkdir()
+    for k in range(parts):
+        own = table[k * len(table) // parts : (k + 1) * len(table) // parts]
+        own.to_csv(files / f"logs/{k}.csv", sep=";", decimal=",", index=False)
     (files / "map.toml").write_text(COLUMNS)
     (files / "ferry.toml").write_text(
         'name = "ferry"\nbeam_m = 25\ndraught_m = 6\nspeed_kn = [2, 8, 16]\n'
         "power_kW = [0.375, 24, 192]\n"
     )
     result = run(
-        "performance", files / "ferry.csv", "--ship", files / "ferry.toml", "--plant", "ferry",
+        "performance", files / ("logs/0.csv" if parts == 1 else "logs"), "--ship",
+        files / "ferry.toml", "--plant", "ferry",
         "--columns", files / "map.toml", "--out", files / "out",
     )  # fmt: skip
     assert result.exit_code == 0, result.output
@@ -168,7 +173,7 @@ def explained(files: Path, log: pd.DataFrame) -> str:
 
 
 def test_performance_names_the_cause_of_a_speed_loss(files: Path) -> None:
-    assert "from 2025-03-21: Explained by hull fouling." in explained(files, fouled_log())
+    assert "from 2025-03-21: Explained by hull fouling." in explained(files, fouled_log(), parts=2)
     out = files / "out"
     first, second = json.loads((out / "report.json").read_text())["periods"]
     assert "cause" not in first

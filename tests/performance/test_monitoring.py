@@ -199,3 +199,24 @@ def test_the_files_of_a_report(tmp_path: Path) -> None:
     }  # fmt: skip
     assert found["periods"][0]["step_percent"] is None
     assert periods_table(report)["from"].tolist()[0] == "2024-02-03"
+
+
+def test_monthly_logs_in_a_folder_are_one_log(tmp_path: Path) -> None:
+    """With another separator, in another order of the columns, and with a row that both have."""
+    days = pd.date_range("2026-01-20", periods=24, freq="D").strftime("%d.%m.%Y")
+    speed = np.linspace(11.0, 12.0, 24)
+    whole = pd.DataFrame({"Date": days, "STW [kn]": speed, "Power [kW]": 6000.0})
+    whole.to_csv(tmp_path / "whole.csv", index=False)
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    whole[:13].to_csv(folder / "2026-01.csv", index=False)
+    turned = whole[12:][["Power [kW]", "Date", "STW [kn]"]]
+    turned.to_csv(folder / "2026-02.txt", index=False, sep=";", decimal=",")
+    (folder / "readme.md").write_text("no table")
+    pd.testing.assert_frame_equal(read_log(folder), read_log(tmp_path / "whole.csv"))
+    turned.drop(columns="Power [kW]").to_csv(folder / "2026-03.csv", index=False)
+    with pytest.raises(TableError, match=r"2026-03\.csv: other columns than 2026-01\.csv: Power"):
+        read_log(folder)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(TableError, match=r"no table in this folder; expected \.csv"):
+        read_log(tmp_path / "empty")
