@@ -70,7 +70,7 @@ def trial(
     `water_density_kg/m3`. Short names and units in brackets are read too: `SOG [kn]`, `HDG (deg)`,
     `Power [MW]`.
 
-    A log of the whole trial has the same columns, with a `time` and a row every minute or more often:
+    A log of the whole trial has the same columns, with a `time` and a row every two minutes or more often:
     `--from-log 10` finds the stretches of at least 10 minutes with steady heading, power and speed,
     averages each, and leaves out those without a run on the reciprocal course.
 
