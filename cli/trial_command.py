@@ -70,9 +70,9 @@ def trial(
     `water_density_kg/m3`. Short names and units in brackets are read too: `SOG [kn]`, `HDG (deg)`,
     `Power [MW]`.
 
-    A log of the whole trial has the same columns, with a `time` and a row every two minutes or more often:
-    `--from-log 10` finds the stretches of at least 10 minutes with steady heading, power and speed,
-    averages each, and leaves out those without a run on the reciprocal course.
+    A log of the whole trial has the same columns, with a `time` and a row every two minutes or more
+    often. `--from-log 10` finds the stretches of at least 10 minutes with steady heading, power and
+    speed, averages each, and leaves out those without a run on the reciprocal course.
 
     The ship file has `name`, `mcr_kW`, the table `[hull]` (`length_m`, `beam_m`, `draught_m`,
     `displacement_m3`, `midship_coefficient`, `waterplane_coefficient`, `lcb_percent`) and, for the wind,
