@@ -242,7 +242,8 @@ def _update_diagnosis(
     fit = fitter.evaluate(model.effects)
     whiteness = Whiteness(fitter, replay.noise_rms, replay.quantisation)
     colour = whiteness.colour(fit)
-    if colour is not None and (rest := search.without_weakest(model)) is not None:
+    rests = search.without_each(model)
+    if colour is not None and (rest := search.without_weakest(model, rests)) is not None:
         return _update_diagnosis(first, search, setting, together, search.rank(rest), [], ranked)
     corrected = fitter.trial_ship.corrected(fit.effects)
     judge = HeldOut(setting.fitter, setting.held)
@@ -253,7 +254,7 @@ def _update_diagnosis(
     shape = None
     if verdict == UNEXPLAINED and colour is not None:
         shape = shape_to_show(best_shapes(fitter, fit), balances, colour)
-    selection = _selection(fitter, fit, best, alike, ranked, search)
+    selection = _selection(fitter, fit, best, rests, alike, ranked, search)
     findings = findings_of(fitter, selection, balances.residuals_against(balances.nominal))
     pairs = zip(findings, effect_estimates(problem, model, fitter), strict=True)
     after = dict(zip(problem.names, problem.simulate(model), strict=True))
@@ -306,11 +307,15 @@ def _selection(
     fitter: Fitter,
     fit: Fit,
     best: Ranked,
+    rests: list[Model],
     alike: list[Ranked],
     ranked: list[Ranked],
     search: StructureSearch,
 ) -> Selection:
-    """Return a model as a selection of the first search: gain, threshold and rivals of each effect."""
+    """Return a model as a selection of the first search: gain, threshold and rivals of each effect.
+
+    ``rests`` has the model without each of its effects.
+    """
 
     def candidate(sized: SizedEffect, one: Ranked) -> Candidate:
         """Return an effect of another model with that model's merit."""
@@ -318,9 +323,8 @@ def _selection(
 
     labels, effects = best.model.labels, best.model.effects
     gains, rivals = [], []
-    for sized in effects:
-        rest = tuple(other for other in effects if other is not sized)
-        gains.append(best.model.score - search.problem.fit(rest, best.model).score)
+    for sized, rest in zip(effects, rests, strict=True):
+        gains.append(best.model.score - rest.score)
         own = []
         for one in alike:
             others = [other for other in one.model.effects if other.effect.label not in labels]

@@ -253,22 +253,28 @@ class StructureSearch:
         part = max(map(self.rank, fits), key=lambda one: one.evidence, default=best)
         return self.prune(part) if part.evidence > best.evidence else best
 
-    def without_weakest(self, model: Model) -> Model | None:
-        """Return a model without its weakest effect, fitted again; None if each effect is significant.
+    def without_each(self, model: Model) -> list[Model]:
+        """Return a model without each of its effects, fitted again."""
+        effects = model.effects
+        rests = [effects[:k] + effects[k + 1 :] for k in range(len(effects))]
+        return [self.problem.fit(rest, model) for rest in rests]
+
+    def without_weakest(self, model: Model, rests: list[Model]) -> Model | None:
+        """Return the model without its weakest effect; None if each effect is significant.
 
         An effect is significant if its gain on the fitted rows reaches its threshold. The gain on the
         held-out rows does not count, because a slow disturbance in them may look like an effect.
+
+        Args:
+            model: fitted model.
+            rests: results of :meth:`without_each`.
         """
-        effects = model.effects
-        rests = [
-            self.problem.fit(effects[:k] + effects[k + 1 :], model) for k in range(len(effects))
-        ]
         shares = [
             (model.score - rest.score) / self.threshold(sized.effect)
-            for sized, rest in zip(effects, rests, strict=True)
+            for sized, rest in zip(model.effects, rests, strict=True)
         ]
-        weakest = min(range(len(effects)), key=shares.__getitem__, default=None)
-        return rests[weakest] if weakest is not None and shares[weakest] < 1.0 else None
+        least = min(shares, default=math.inf)
+        return rests[shares.index(least)] if least < 1.0 else None
 
     def quick_pass(self) -> list[Model]:
         """Return the models of the quick pass, which searches the richest model; it is run once."""

@@ -81,9 +81,9 @@ def test_the_weakest_effect_is_left_out_until_each_is_significant() -> None:
     both = [next(e for e in search.effects if e.id == name) for name in ids]
     trials = tuple(next(own.trial_ship.trials(effect, [])) for effect in both)
     model = own.fit(trials, own.file_model())
-    rest = search.without_weakest(model)
+    rest = search.without_weakest(model, search.without_each(model))
     assert rest is not None
     assert [sized.effect.id for sized in rest.effects] == ["coulomb-friction"]
     assert model.score - rest.score < search.threshold(both[1])
-    assert search.without_weakest(rest) is None
-    assert search.without_weakest(own.fit((), rest)) is None
+    assert search.without_weakest(rest, search.without_each(rest)) is None
+    assert search.without_weakest(own.fit((), rest), []) is None
