@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.files import check_size
 from ..plant.surroundings import KNOT
+from .corrections import Wind, mean_wind
 from .speed_trial import COLUMNS, TrialError, are_reciprocal, double_runs
 from .tables import canonical
 
@@ -31,7 +32,6 @@ _HEADING = math.radians(6.0)  # largest range of the means within a run
 _POWER, _SPEED = 0.05, 0.03  # largest range of the means over their mean
 _TREND = 0.015  # largest change of the speed from the first third to the last
 _SETTLING = 0.5  # most of a longer stretch's beginning that is left out, over a shortest run
-_ANGLES = ("heading", "wind_angle", "wave_angle", "swell_angle")
 
 
 class LogRuns(NamedTuple):
@@ -142,12 +142,13 @@ def _average(table: pd.DataFrame, begin: float, end: float) -> pd.Series:
     """Return the means of a stretch; directions by their vectors."""
     rows = table[(table["time"] >= begin) & (table["time"] < end)]
     mean = rows[list(COLUMNS)].mean()
-    for name in _ANGLES:
-        speed = rows["wind_speed"] if name == "wind_angle" else 1.0
-        east, north = ((speed * f(rows[name])).mean() for f in (np.sin, np.cos))
-        mean[name] = math.atan2(east, north) % (2.0 * math.pi)
-        if name == "wind_angle":
-            mean["wind_speed"] = math.hypot(east, north)
+    for name in ("heading", "wave_angle", "swell_angle"):
+        across, along = (f(rows[name]).mean() for f in (np.sin, np.cos))
+        mean[name] = math.atan2(across, along) % (2.0 * math.pi)
+    winds = rows[["wind_speed", "wind_angle"]].dropna()
+    if len(winds):
+        wind = mean_wind([Wind(*pair) for pair in winds.itertuples(index=False)])
+        mean["wind_speed"], mean["wind_angle"] = wind.speed, wind.angle % (2.0 * math.pi)
     mean["time"] = 0.5 * (begin + end)
     mean["duration"] = end - begin
     return mean

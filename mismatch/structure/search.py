@@ -247,9 +247,7 @@ class StructureSearch:
 
     def prune(self, best: Ranked) -> Ranked:
         """Return a model without the effects that do not pay after a fit of the others."""
-        effects, problem = best.model.effects, self.problem
-        rests = [effects[:k] + effects[k + 1 :] for k in range(len(effects))]
-        fits = [problem.fit_from_far(problem.fit(rest, best.model)) for rest in rests]
+        fits = map(self.problem.fit_from_far, self.without_each(best.model))
         part = max(map(self.rank, fits), key=lambda one: one.evidence, default=best)
         return self.prune(part) if part.evidence > best.evidence else best
 

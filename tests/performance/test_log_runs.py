@@ -1,4 +1,4 @@
-"""Runs of a speed trial that are found in a log: means, what is left out, refusals."""
+"""Runs of a speed trial that are found in a log: means, excluded stretches, refusals."""
 
 from __future__ import annotations
 
