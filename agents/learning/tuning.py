@@ -10,7 +10,7 @@ to 0 to 1.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cma
 import numpy as np
@@ -76,7 +76,8 @@ def _free(
 
 
 def tune(
-    controller: str, task: str, *, ranges: Mapping[str, tuple[float, float]] | None = None,
+    controller: str, task: str | Task | dict[str, Any], *,
+    ranges: Mapping[str, tuple[float, float]] | None = None,
     rounds: int = 40, episodes: int = 24, episode_s: float = EPISODE_S, seed: int = 0,
     observer: str = DEFAULTS.observer, ship: str | None = None, threads: int | None = None,
     tick: Callable[[int, int, str], None] = lambda done, total, said: None,
@@ -86,7 +87,7 @@ def tune(
     Args:
         controller: ``NAME`` or ``NAME:option=number,...``; the given options are fixed. For a task with
             the rudder as an action ``HELMSMAN+NAME``; by default the helmsman of the task is tuned too.
-        task: name of the task, on whose training seas the candidates are simulated.
+        task: name, or the task itself, on whose training seas the candidates are simulated.
         ranges: lowest and highest value of each constant; by default those that the controller declares.
         rounds: number of generations.
         episodes: number of episodes for each candidate.
@@ -122,7 +123,10 @@ def tune(
         return controller_for(model, text, vessel, DEFAULTS.control_interval_s, model.steered)
 
     def cell(text: str, seed: int) -> Setting:
-        return Setting(text, task, "task", observer, episodes, ship, episode_s, first_seed=seed)
+        return Setting(
+            text, task if isinstance(task, str) else "own task", "task", observer, episodes, ship,
+            episode_s, task_model=model, first_seed=seed,
+        )  # fmt: skip
 
     def simulate(text: str, seed: int) -> float:
         kpis, _ = run_episodes(cell(text, seed), make(text), threads=threads)

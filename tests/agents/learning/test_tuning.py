@@ -9,6 +9,7 @@ import pytest
 from shaftline.agents.learning.tuning import tune
 from shaftline.baselines import ControllerError
 from shaftline.baselines.registry import read_options
+from shaftline.envs import get_task
 
 pytest.importorskip("cma")
 QUICK: dict[str, Any] = {"rounds": 3, "episodes": 3, "episode_s": 60.0, "threads": 1}
@@ -25,6 +26,18 @@ def test_a_search_gains_and_repeats() -> None:
     assert options["speed_gain"] > 2.0
     assert set(options) == {"torque_gain", "pitch_gain", "speed_gain"}
     assert tune(text, "acceleration", ranges={"speed_gain": (0.5, 16.0)}, **QUICK) == found
+
+
+def test_a_task_that_is_not_in_the_package_decides_by_its_own_goals() -> None:
+    """A goal of a rack that rests asks for a small gain, where the speed asks for a large one."""
+    ranges = {"speed_gain": (0.5, 16.0)}
+    own = get_task("acceleration").model_dump(exclude_none=True)
+    own["goals"] = {"rack_travel_mm": {"within": 0.0, "margin": 1.0}}
+    gains = [
+        read_options(tune("speed-pilot", task, ranges=ranges, **QUICK).controller)[1]["speed_gain"]
+        for task in (own, get_task("acceleration"))
+    ]
+    assert gains[0] < gains[1]
 
 
 def test_what_a_variant_sets_is_not_searched_for() -> None:
