@@ -26,6 +26,7 @@ from ..plant.memory import (
     end_step,
     measured_current_of,
     measured_pitch_of,
+    measured_ship_speed_of,
     measured_speed_of,
     measured_thrust_of,
     measured_torque_of,
@@ -94,7 +95,7 @@ def _measure(plant: Record, state: State, outputs: Outputs, helm: float, channel
     if channel == _TORQUE:
         return measured_torque_of(plant, outputs.shaft_torque)
     if channel == _LOG:
-        return state.ship_speed
+        return measured_ship_speed_of(plant, state.ship_speed)
     if channel == _THRUST:
         return measured_thrust_of(plant, outputs.thrust)
     if channel == _CURRENT:

@@ -23,6 +23,7 @@ from .memory import (
     MEMORY,
     measured_current_of,
     measured_pitch_of,
+    measured_ship_speed_of,
     measured_speed_of,
     measured_thrust_of,
     measured_torque_of,
@@ -164,8 +165,9 @@ def fill_equilibria(
         memory.thrust = measured_thrust_of(plant, outputs.thrust)
         memory.motor_current = measured_current_of(plant, outputs.motor_current)
         write_sample(
-            plant, samples[k], time, command, pitch[k], 0.0, here, memory, here.ship_speed, outputs
-        )
+            plant, samples[k], time, command, pitch[k], 0.0, here, memory,
+            measured_ship_speed_of(plant, here.ship_speed), outputs,
+        )  # fmt: skip
         if math.isfinite(here.shaft_speed) and math.isfinite(here.ship_speed):
             now = here
 

@@ -51,6 +51,8 @@ class Sensors(Section):
         record="current_sensor_lag", needs="has_voltage", ge=0, le=60)
     power_lag_s: float = effect(0.0, "first-order lag of the electric power signal", "s",
         record="power_sensor_lag", needs="has_voltage", ge=0, le=60)
+    speed_log_gain: float = effect(1.0, "measured ship speed / ship speed", record="speed_log_gain",
+        needs="moves", gt=0, le=3)
     speed_log_lag_s: float = effect(0.0, "first-order lag of the speed log", "s", record="speed_log_lag",
         needs="moves", ge=0, le=600)
     # fmt: on
@@ -160,6 +162,12 @@ def measured_thrust_of(plant: Record, thrust: Real) -> Real:
 
 
 @compiled
+def measured_ship_speed_of(plant: Record, ship_speed: Real) -> Real:
+    """Return the ship speed [m/s] that the speed log measures, without its lag."""
+    return plant.speed_log_gain * ship_speed
+
+
+@compiled
 def measured_current_of(plant: Record, current: Real) -> Real:
     """Return the motor current [A] that the sensor measures, without its lag."""
     return plant.current_sensor_gain * current + plant.current_sensor_bias
@@ -201,11 +209,12 @@ def end_step(plant: Record, memory: Record, ship_speed: float, dt: float) -> Non
     memory.cursor += 1
     for k in range(5):
         memory.true[k, 1], memory.lagged[k, 1] = memory.true[k, 0], memory.lagged[k, 0]
+    log = measured_ship_speed_of(plant, ship_speed)
     if plant.speed_log_lag > 0.0:
         share = 1.0 - math.exp(-dt / plant.speed_log_lag)
-        memory.speed_log += share * (ship_speed - memory.speed_log)
+        memory.speed_log += share * (log - memory.speed_log)
     else:
-        memory.speed_log = ship_speed
+        memory.speed_log = log
 
 
 @compiled
@@ -224,5 +233,5 @@ def settle_memory(
     ):  # fmt: skip
         for now in range(2):
             memory.true[k, now] = memory.lagged[k, now] = value
-    memory.speed_log = state.ship_speed
+    memory.speed_log = measured_ship_speed_of(plant, state.ship_speed)
     read_instruments(plant, memory, state.shaft_speed, outputs, dt)

@@ -19,6 +19,7 @@ from .columns import (
     RUDDER_COMMAND,
     SHAFT_ANGLE,
     SHAFT_SPEED,
+    SHIP_SPEED,
     TURNING_COLUMNS,
     input_columns,
     signal_columns,
@@ -192,13 +193,15 @@ class Replay(RecordedInputs):
     def first_state(self, start: tuple[float, ...] | None = None, plant: Any = None) -> State:
         """Return the state at the first row, with lags not yet settled.
 
-        ``start`` holds the measured values (``self.start`` by default). The gain of the ship record's
-        speed sensor is removed from a measured shaft speed.
+        ``start`` holds the measured values (``self.start`` by default). The gains of the ship record's
+        instruments are removed from a measured shaft speed and ship speed.
         """
         pitch, shaft, speed, *turning = map(float, self.start if start is None else start)
         shifts = dict(zip(PLANAR_STATES, turning, strict=False))
         if plant is not None and SHAFT_SPEED in self.channels:
             shaft /= float(plant["speed_sensor_gain"])
+        if plant is not None and SHIP_SPEED in self.channels:
+            speed /= float(plant["speed_log_gain"])
         beside = {name: value + shifts.get(name, 0.0) for name, value in self._beside.items()}
         return State(pitch, shaft, speed)._replace(**beside)
 

@@ -40,7 +40,7 @@ NOISE = {
 class Cause(NamedTuple):
     """What changes between the two periods of a log."""
 
-    key: str  # parameter of the ship file, or the column with a gain error
+    key: str  # parameter of the ship file
     low: float  # smallest and largest size
     high: float
     effects: tuple[str, ...]  # effects of the catalogue that name it
@@ -58,7 +58,7 @@ CAUSES = {
         "prime_mover.torque_per_rack_N_m_mm", -0.06, -0.02, ("engine-derating",)
     ),
     "torque meter": Cause("sensors.torque_gain", 0.02, 0.06, ("torque-sensor-gain",)),
-    "speed log": Cause("ship_speed_m_s", -0.04, -0.015, ()),  # no effect of the catalogue
+    "speed log": Cause("sensors.speed_log_gain", -0.04, -0.015, ("speed-log-gain",)),
 }  # fmt: skip
 
 
@@ -69,14 +69,8 @@ def make_log(cause: Cause, seed: int) -> tuple[pd.DataFrame, float]:
     """
     generator, ship = np.random.default_rng(seed), load_ship(SHIP)
     size = float(generator.uniform(cause.low, cause.high))
-    changed, gain = ship, 1.0
-    if cause.key in NOISE:
-        gain = 1.0 + size
-    else:
-        own = float(ship.parameter(cause.key).value)
-        changed = ship.with_values(
-            {cause.key: own * (1.0 + size) if cause.relative else own + size}
-        )
+    own = float(ship.parameter(cause.key).value)
+    changed = ship.with_values({cause.key: own * (1.0 + size) if cause.relative else own + size})
     top, pitch = 26.0, ship.propeller.pitch_ratio_max
     orders = pd.DataFrame(
         {
@@ -89,7 +83,6 @@ def make_log(cause: Cause, seed: int) -> tuple[pd.DataFrame, float]:
         rows = orders.iloc[first : first + HOURS].reset_index(drop=True)
         rows.insert(0, "time_s", 3600.0 * np.arange(HOURS))
         parts.append(simulate_steady(model, rows.assign(**dict.fromkeys(NOISE, 1.0))))
-    parts[1]["ship_speed_m_s"] *= gain
     log = pd.concat(parts, ignore_index=True)
     log["time_s"] = 3600.0 * np.arange(2 * HOURS)
     for column, share in NOISE.items():

@@ -67,6 +67,12 @@ def _torque_gain(n: Parameters, table: pd.DataFrame) -> float:
     return 1.0 + n["torque_scale"] * float(np.sum(bow * true**2) / np.sum(true**2))
 
 
+def _log_gain(n: Parameters, table: pd.DataFrame) -> float:
+    speed = table["ship_speed_m_s"].to_numpy() / (1.0 + n["log_scale"])
+    bow = 1.0 + n["log_scale_bow"] * (speed / 7.0 - 1.0)
+    return 1.0 + n["log_scale"] * float(np.sum(bow * speed**2) / np.sum(speed**2))
+
+
 def _simple_pitch(command: Floats, n: Parameters, step: float, name: str, value: float) -> Floats:
     """Return the blade pitch of a first-order mechanism with one imperfection of the catalogue."""
     goal = np.clip(command, n["pitch_low"], n["pitch_high"])
@@ -166,6 +172,7 @@ _FORMS: dict[str, tuple[tuple[str, ...], Form]] = {
     "torque-sensor-bias/sensor": (("torque_bias_N_m", "bias_N_m"), _drift),
     "torque-sensor-gain/sensor": (("torque_gain", "gain"), _torque_gain),
     "torque-sensor-delay/sensor": (("torque_delay_s", "delay_s"), lambda n, _: n["torque_delay"]),
+    "speed-log-gain/sensor": (("speed_log_gain", "gain"), _log_gain),
     "speed-log-lag/sensor": (("speed_log_lag_s", "lag_s"), lambda n, _: 0.5 * n["log_window"]),
     "command-dead-zone/motor": (("dead_zone_V", "command_dead_zone_V"),
         lambda n, _: n["command_gap"]),
@@ -204,6 +211,9 @@ def equivalent(effect: TrueEffect, numbers: Parameters, measurements: pd.DataFra
         return None
     names, form = _FORMS[effect.key]
     # The ship file of the thruster has some friction.
-    absent = {"torque-sensor-gain/sensor": 1.0, "coulomb-friction/motor": numbers["rub"]}
+    absent = {
+        "torque-sensor-gain/sensor": 1.0, "speed-log-gain/sensor": 1.0,
+        "coulomb-friction/motor": numbers["rub"],
+    }  # fmt: skip
     neutral = absent.get(effect.key, 0.0)
     return {"names": list(names), "value": float(form(numbers, measurements)), "neutral": neutral}

@@ -76,7 +76,8 @@ ADVICE = (
     Advice("sensor", ("sensors.pitch",), "pitch sensor",
            "Compare the pitch indicator with the mark on the hub, and set its zero again."),
     Advice("sensor", ("sensors.speed_log",), "speed log",
-           "Check the filter setting of the speed log."),
+           "Compare the speed log with the speed over ground on opposite courses, and check its "
+           "filter setting."),
     Advice("sensor", ("sensors.speed",), "shaft speed sensor",
            "Compare the shaft speed sensor with a second tachometer; check pulses per turn and filter."),
     Advice("sensor", ("sensors.current",), "current sensor",

@@ -49,6 +49,7 @@ from ...plant.columns import (
     SHAFT_ANGLE,
     SHAFT_POWER,
     SHAFT_SPEED,
+    SHIP_SPEED,
     SWAY_SPEED,
     YAW_RATE,
 )
@@ -235,7 +236,9 @@ class Balances:
         states = np.zeros(self.replay.rows, STATE)
         offset = float(self.plant["pitch_sensor_offset"])
         states["pitch_ratio"] = channels.get("pitch_ratio", self._pitch) - offset
-        states["ship_speed"] = channels.get("ship_speed_m_s", self._speed)
+        states["ship_speed"] = self._speed
+        if SHIP_SPEED in channels:
+            states["ship_speed"] = channels[SHIP_SPEED] / float(self.plant["speed_log_gain"])
         states["shaft_speed"] = omega
         if self.turning:
             nominal = self.nominal_samples

@@ -144,6 +144,7 @@ def _row(ship: Ship, runs: Recordings) -> dict[str, float]:
 DIAGNOSED_EVERY = (1, 5, 10, 20)
 """One row in so many is kept for the diagnosis: 1000, 200, 100 and 50 Hz."""
 
+KINDS = ("raw", "filtered")
 CUT_OFF = 0.4
 MOST_HZ = 40.0
 """Cut-off over the kept rate, and its largest value; zero-phase Butterworth filter of fourth order."""
@@ -160,7 +161,7 @@ def diagnose_all(runs: Recordings) -> pd.DataFrame:
     A row has verdict, effects, and the errors of the corrected ship on the second recording at 1 kHz.
     """
     rows = []
-    for file, every, kind in itertools.product(FILES, DIAGNOSED_EVERY, ("raw", "filtered")):
+    for file, every, kind in itertools.product(FILES, DIAGNOSED_EVERY, KINDS):
         print(f"diagnosing: {file}, {1000 // every} Hz, {kind}", flush=True)
         ship = rig().with_values({**PUBLISHED, **FILES[file]})
         estimation, validation = (_logged(table, every, kind == "filtered") for table in runs)

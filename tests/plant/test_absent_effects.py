@@ -150,6 +150,7 @@ SENSOR_EFFECTS = [
     effect("torque-sensor-delay", "sensors.torque_delay_s", 0.4),
     effect("speed-sensor-delay", "sensors.speed_delay_s", 0.4),
     effect("speed-sensor-lag", "sensors.speed_lag_s", 0.4),
+    effect("speed-log-gain", "sensors.speed_log_gain", 1.05, 1.0),
     effect("speed-log-lag", "sensors.speed_log_lag_s", 10.0),
     effect("torque-sensor-lag", "sensors.torque_lag_s", 0.4),
     effect("speed-sensor-gain", "sensors.speed_gain", 1.02, 1.0),

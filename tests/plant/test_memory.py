@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.signal import lsim
 
@@ -19,6 +20,7 @@ from shaftline.plant.memory import (
     read_instruments,
     settle_memory,
 )
+from shaftline.plant.replay import simulate_recording
 from shaftline.plant.state import Outputs, State
 
 DT = 0.05
@@ -275,6 +277,30 @@ def test_dead_time_between_steps_interpolates(frigate: Ship, design_point: Equil
     torque = simulate(ship, step, 10.0, initial=design_point.state)["brake_torque"]
     share = (torque[110] - torque[109]) / (5.0 * 1428.6)  # 0.48 s after the step's own sample
     assert share == pytest.approx(0.6, abs=0.01)
+
+
+def test_the_gain_of_the_speed_log_applies_before_its_lag(plant: Any, memory: Any) -> None:
+    plant["speed_log_gain"], plant["speed_log_lag"], memory["speed_log"] = 1.1, 2.0, 1.0
+    end_step(plant, memory, 5.0, 2.0)
+    assert memory["speed_log"] == pytest.approx(5.5 - 4.5 * math.exp(-1.0), rel=1e-12)
+    plant["speed_log_lag"] = 0.0
+    end_step(plant, memory, 5.0, 2.0)
+    assert memory["speed_log"] == pytest.approx(5.5, rel=1e-12)
+
+
+def test_a_replay_starts_at_the_speed_that_the_log_would_show(
+    frigate: Ship, design_point: Equilibrium
+) -> None:
+    ship = frigate.with_values({"sensors.speed_log_gain": 1.05})
+    truth = simulate(frigate, Schedule(25.0, 1.2), 60.0, initial=design_point.state)
+    table = pd.DataFrame(
+        {"time_s": truth["time"], "fuel_rack_mm": 25.0, "pitch_ratio_command": 1.2,
+         "pitch_ratio": truth["pitch_ratio"], "shaft_speed_rad_s": truth["shaft_speed"],
+         "ship_speed_m_s": 1.05 * truth["ship_speed"]}
+    )[:: round(1.0 / (truth["time"][1] - truth["time"][0]))].reset_index(drop=True)  # fmt: skip
+    again = simulate_recording(ship, table)
+    np.testing.assert_allclose(again["ship_speed_m_s"], table["ship_speed_m_s"], rtol=1e-4)
+    np.testing.assert_allclose(again["shaft_speed_rad_s"], table["shaft_speed_rad_s"], rtol=1e-4)
 
 
 def test_speed_log_lags_on_a_voyage(frigate: Ship, design_point: Equilibrium) -> None:

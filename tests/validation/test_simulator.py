@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from shaftline.mismatch import catalogue
 from shaftline.plant import load_ship
 from shaftline.plant.replay import simulate_recording
 from shaftline.validation import cases
@@ -117,6 +118,7 @@ OWN_READING = {
     "torque-sensor-bias": "shaft_torque_N_m",
     "torque-sensor-gain": "shaft_torque_N_m",
     "torque-sensor-delay": "shaft_torque_N_m",
+    "speed-log-gain": "ship_speed_m_s",
     "speed-log-lag": "ship_speed_m_s",
 }
 MOVED = {
@@ -157,11 +159,13 @@ def test_an_effect_moves_the_thruster(effect: effects.TrueEffect) -> None:
     assert not change["motor_voltage_V"].any()
 
 
-def test_every_effect_has_a_neutral_number_and_every_id_a_form() -> None:
+def test_every_effect_has_a_neutral_number_and_a_form_of_the_catalogue_unless_unknown() -> None:
     for effect in (*effects.EFFECTS, *effects.UNKNOWN):
         assert NEUTRAL[effect.size] == 0.0
         assert set(effect.shape) <= set(NEUTRAL)
-    assert len({effect.id for effect in effects.EFFECTS}) == 29
+    named = {effect.id for effect in catalogue()}
+    assert {effect.id for effect in effects.EFFECTS} <= named
+    assert not {effect.id for effect in effects.UNKNOWN} & named
     assert set(effects.CONFOUNDED) <= set(effects.BY_KEY)
 
 

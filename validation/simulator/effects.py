@@ -100,6 +100,8 @@ EFFECTS: tuple[TrueEffect, ...] = (
            {"torque_scale_bow": (-0.15, 0.15)}, signs=True, family="gauge"),
     TrueEffect("torque-sensor-delay", "sensor", "torque_delay", 0.5, 5.0, {"torque_filter": (0.2, 0.5)},
            programmes=("steps", "sweep", "harbour"), family="gauge"),
+    TrueEffect("speed-log-gain", "sensor", "log_scale", 0.02, 0.3, {"log_scale_bow": (-0.3, 0.3)},
+           signs=True, programmes=MOVING, family="resistance"),
     TrueEffect("speed-log-lag", "sensor", "log_window", 20.0, 240.0, programmes=("steps", "harbour"),
            family="log"),
     TrueEffect("command-dead-zone", "motor", "command_gap", 0.1, 4.0, {"command_gap_round": (0.1, 0.25)},

@@ -142,6 +142,10 @@ def add_instruments(
         wave = np.sin(2.0 * math.pi * table["time_s"].to_numpy() / 1500.0)
         drift = 1.0 + numbers["torque_zero_drift"] * wave
         table["shaft_torque_N_m"] = torque + numbers["torque_zero"] * drift
+    if "ship_speed_m_s" in table:
+        speed = table["ship_speed_m_s"]
+        bow = 1.0 + numbers["log_scale_bow"] * (speed / 7.0 - 1.0)
+        table["ship_speed_m_s"] = speed * (1.0 + numbers["log_scale"] * bow)
     if "ship_speed_m_s" in table and numbers["log_window"] > 0.0:
         speed, wide = table["ship_speed_m_s"], max(round(numbers["log_window"] / period), 1)
         table["ship_speed_m_s"] = scipy.ndimage.uniform_filter1d(  # the trailing mean

@@ -54,7 +54,7 @@ NEUTRAL: Parameters = {
     # instruments
     "pitch_reading": 0.0, "pitch_reading_slope": 0.0, "torque_zero": 0.0, "torque_zero_drift": 0.0,
     "torque_scale": 0.0, "torque_scale_bow": 0.0, "torque_delay": 0.0, "torque_filter": 0.3,
-    "log_window": 0.0,
+    "log_scale": 0.0, "log_scale_bow": 0.0, "log_window": 0.0,
     "encoder_noise": 0.0, "gauge_noise": 0.0, "pitch_noise": 0.0, "log_noise": 0.0,
     "current_noise": 0.0, "depth_noise": 0.05, "thrust_noise": 0.01, "rounding": 0.0,
     # bench

@@ -74,6 +74,7 @@ ON_THE_FRIGATE: list[tuple[str, str, dict[str, Any]]] = [
     ("torque-sensor-gain", "sensor", {"sensors.torque_gain": 0.93}),
     ("torque-sensor-delay", "sensor", {"sensors.torque_delay_s": 0.8}),
     ("speed-sensor-delay", "sensor", {"sensors.speed_delay_s": 0.6}),
+    ("speed-log-gain", "sensor", {"sensors.speed_log_gain": 1.04}),
     ("speed-log-lag", "sensor", {"sensors.speed_log_lag_s": 15.0}),
 ]
 
