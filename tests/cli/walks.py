@@ -23,7 +23,7 @@ LEVELS = (1.0, 1.15, 0.9, 1.05)
 """Of a staircase, as shares of its mean."""
 
 ROWS_A_LEVEL = 150
-TIME_CONSTANTS_A_LEVEL = 24.0
+TIME_CONSTANTS_A_LEVEL = 10.0
 LONGEST_INTERVAL_S = 4.5
 """A recording has at least a row every 5 s."""
 

@@ -37,12 +37,16 @@ def _run(folder: Path) -> tuple[float, int]:
     return float(value), int(hits)
 
 
-@pytest.mark.parametrize("ending", ["nbi", "nbc"])
-def test_a_damaged_file_is_made_again(ending: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("ending", "damages"), [("nbi", ("cut", "flipped")), ("nbc", ("empty", "junk"))]
+)
+def test_a_damaged_file_is_made_again(
+    ending: str, damages: tuple[str, ...], tmp_path: Path
+) -> None:
     (tmp_path / "kernel.py").write_text(PROGRAM)
     assert _run(tmp_path) == (6.0, 0)
     assert _run(tmp_path) == (6.0, 1)
-    for damage in ("cut", "empty", "flipped", "junk"):
+    for damage in damages:
         (file,) = (tmp_path / "kept").rglob(f"*triple*.{ending}")
         good = file.read_bytes()
         middle = len(good) // 2

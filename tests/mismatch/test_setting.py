@@ -48,8 +48,11 @@ def seen(ship: Ship, table: pd.DataFrame, every: int, filtered: bool = False) ->
     return diagnose(quick(ship), table.iloc[::every].reset_index(drop=True))
 
 
-@pytest.mark.parametrize("every", [1, 2, 5])
-@pytest.mark.parametrize("filtered", [False, True])
+@pytest.mark.parametrize(
+    ("filtered", "every"),
+    [(False, 1), (False, 5), (True, 1), (True, 5)]
+    + [pytest.param(filtered, 2, marks=pytest.mark.slow) for filtered in (False, True)],
+)
 def test_a_verdict_follows_neither_rate_nor_filter(servo: Ship, every: int, filtered: bool) -> None:
     found = seen(servo, rubbing(servo), every, filtered)
     assert found.verdict == "explained"

@@ -129,7 +129,7 @@ def swung(servo: Ship, every: int) -> tuple[Ship, pd.DataFrame]:
             "prime_mover.torque_offset_N_m": 3.0,
         }
     )
-    time = 0.001 * np.arange(20_001)
+    time = 0.001 * np.arange(12_001)
     torque = 60.0 * np.sin(2.0 * time) + 40.0 * np.sin(0.8 * time**1.5)
     table = pd.DataFrame({"time_s": time, "motor_torque_N_m": torque, "shaft_speed_rad_s": 0.0})
     noise = 1e-4 * np.random.default_rng(2).standard_normal(len(time))
