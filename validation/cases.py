@@ -154,16 +154,23 @@ def _programme(kind: str, ship: str, effects: list[TrueEffect], rng: Generator) 
     return str(rng.choice(allowed))
 
 
-def draw_case(seed: int, index: int, variant: str = PLAIN) -> Case:
-    """Draw a case; the same seed, index and variant always give the same case."""
-    case = _plain(seed, index)
+def draw_case(
+    seed: int, index: int, variant: str = PLAIN, keys: tuple[str, ...] | None = None
+) -> Case:
+    """Draw a case; the same arguments always give the same case.
+
+    ``keys`` are the keys of the concealed effects in place of drawn ones, which depend on the table of
+    effects.
+    """
+    case = _plain(seed, index, keys)
     return case if variant == PLAIN else vary_case(case, variant)
 
 
-def _plain(seed: int, index: int) -> Case:
+def _plain(seed: int, index: int, keys: tuple[str, ...] | None) -> Case:
     kind, number = case_kind(seed, index)
     rng = np.random.default_rng([seed, index, 20])
-    effects = _effects(seed, kind, number)
+    drawn = _effects(seed, kind, number)
+    effects = drawn if keys is None else [BY_KEY[key] for key in keys]
     bench_null = kind in ("null-calm", "null-wrong-number") and number % 5 == 2
     ship = effects[0].ship if effects else (BENCH if bench_null else FRIGATE)
     strengths: tuple[str, ...] = tuple(STRENGTHS)

@@ -21,8 +21,8 @@ from .cases import draw_case
 from .recording import SimulatedCase, simulate_case
 
 SEED, INDEX = 7, 2
-"""Seed and index of the case: a harbour programme in a small sea with a fouled hull and an offset of the
-pitch actuator."""
+EFFECTS = "pitch-actuator-offset/pitch-actuator", "hull-fouling/hull"
+"""Seed, index and concealed effects of the case: a harbour programme in a small sea."""
 
 EVERY = 5  # rows; 0.5 s
 BEGINS = "2026-05-03 23:54:12.5"  # so that midnight falls into it
@@ -84,7 +84,7 @@ def concealed_sizes(simulated: SimulatedCase) -> dict[str, float]:
 
 def main(folder: Path = FOLDER) -> None:
     """Write the example's files."""
-    simulated = simulate_case(draw_case(SEED, INDEX))
+    simulated = simulate_case(draw_case(SEED, INDEX, keys=EFFECTS))
     write_text(folder / RECORDING, logger_file(simulated))
     write_json(folder / CONCEALED, concealed_sizes(simulated))
     write_text(folder / COLUMN_MAP, column_map())
