@@ -198,6 +198,8 @@ def diagnose(
         say(
             f"\nreport: {out / PAGE}{printed}   data: {out / REPORT}   corrected ship: {out / SHIP}"
         )
+        if diagnosis.alternatives:
+            say(f"to decide between the alternatives: shaftline plan-trial {out / REPORT}")
         if example:
             say(f"concealed effect: {concealed()}; the diagnosis did not know it")
 

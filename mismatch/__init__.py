@@ -13,6 +13,7 @@ from .recordings import Recording, fetch, load_recording
 from .recordings.survey import Survey, survey
 from .report.index import DiagnosisIndex
 from .search.catalogue import Effect, Parameter, catalogue
+from .trial_plan import Limits, Noise, TrialPlan, plan_trial
 
 __all__ = [
     "Diagnosis",
@@ -21,10 +22,13 @@ __all__ = [
     "Estimate",
     "Finding",
     "Identification",
+    "Limits",
+    "Noise",
     "Options",
     "Parameter",
     "Recording",
     "Survey",
+    "TrialPlan",
     "catalogue",
     "copy_example",
     "diagnose",
@@ -33,5 +37,6 @@ __all__ = [
     "fit_percent",
     "identify",
     "load_recording",
+    "plan_trial",
     "survey",
 ]

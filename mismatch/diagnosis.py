@@ -8,7 +8,7 @@ from typing import Any
 from ..core.files import write_atomically
 from ..plant.ship import Ship
 from .outcome import Outcome
-from .report.data import diagnosis_as_dict
+from .report.data import ALTERNATIVES, alternative_file, diagnosis_as_dict
 from .report.index import PDF, Result
 from .report.text import headline, sentence, summary
 
@@ -20,7 +20,8 @@ class Diagnosis(Outcome, Result):
     """Diagnosis of recordings: verdict, missing physics, corrected ship, and reports.
 
     The fields are those of :class:`~shaftline.mismatch.outcome.Outcome`. ``save`` writes
-    ``report.json``, ``report.html``, ``corrected_ship.toml`` and, if wanted, ``report.pdf``.
+    ``report.json``, ``report.html``, ``corrected_ship.toml``, the ships of models that the recordings
+    cannot distinguish from it (``alternatives/``) and, if wanted, ``report.pdf``.
     """
 
     @property
@@ -59,12 +60,18 @@ class Diagnosis(Outcome, Result):
         """
         content = self._pdf() if pdf else None
         folder = super().save(folder, page=page)
+        written = {folder / name for name in self._ships()}
+        for file in (folder / ALTERNATIVES).glob("*.toml"):  # of an earlier diagnosis
+            if file not in written:
+                file.unlink()
         if content is not None:
             write_atomically(folder / PDF, lambda file: file.write_bytes(content))
         return folder
 
     def _ships(self) -> dict[str, Ship]:
-        return {SHIP: self.corrected}
+        return {SHIP: self.corrected} | {
+            alternative_file(name): ship for name, ship in self.alternatives.items()
+        }
 
     def _page(self) -> str:
         from .report.html import report_html

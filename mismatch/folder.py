@@ -179,7 +179,11 @@ def _diagnose_cell(start: Ship | Start, options: Options, pdf: bool, cell: _Cell
         except (ValueError, OSError) as error:  # errors with a message for the user
             return {"error": str(error).replace(str(path), path.name)}
         results = diagnosis.save(place / "results", pdf=pdf)
-        content = {file.name: file.read_bytes() for file in results.iterdir()}
+        content = {
+            file.relative_to(results).as_posix(): file.read_bytes()
+            for file in results.rglob("*")
+            if file.is_file()
+        }
         printed = {"pdf": base64.b64encode(content.pop(PDF)).decode()} if pdf else {}
         return {
             "date": _first_date(path, options),

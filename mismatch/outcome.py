@@ -64,6 +64,7 @@ class Outcome:
     balance_verdicts: tuple[BalanceVerdict, ...] = ()  # verdict on each balance
     formula: Formula | None = None  # formula of the residual that the held-out data confirm
     inputs: dict[str, Floats] = field(default_factory=dict)  # other recorded inputs, (rows,)
+    alternatives: dict[str, Ship] = field(default_factory=dict)  # ships of other models, by effect
 
     @property
     def held_rows(self) -> NDArray[np.bool_]:
@@ -71,6 +72,24 @@ class Outcome:
         half = 0.5 * float(self.time_s[1] - self.time_s[0])
         inside = [(self.time_s > a - half) & (self.time_s < b - half) for a, b in self.held_out]
         return np.asarray(np.any(inside, axis=0))
+
+    @property
+    def noise(self) -> dict[str, tuple[float, float]]:
+        """Residual of each channel on the held-out data: standard deviation and correlation time [s].
+
+        The correlation time is that of a Gauss-Markov process with the same correlation of neighbouring
+        rows.
+        """
+        found, rows = {}, self.held_rows
+        for column, measured in self.measured.items():
+            residual = (measured - self.after[column])[rows]
+            deviation, near = float(np.std(residual)), 0.0
+            if deviation > 0.0:
+                centred = residual - residual.mean()
+                near = float(np.mean(centred[1:] * centred[:-1])) / deviation**2
+            near = min(near, 0.9999)
+            found[column] = deviation, -self.interval_s / math.log(near) if near > 0.0 else 0.0
+        return found
 
     @property
     def interval_s(self) -> float:

@@ -41,11 +41,13 @@ from .judge.held_out import HeldOut, Segments, fit_percents
 from .judge.shapes import Shape, best_shapes, shape_to_show, signals_of, term_from_shape
 from .judge.verdict import (
     EXPLAINED,
+    NOTHING,
     PARTLY,
     SURE_GAIN,
     UNEXPLAINED,
     Verdict,
     active_windows,
+    alternative_ships,
     balance_rows,
     detectable_effects,
     explained_shares,
@@ -402,4 +404,7 @@ def _report(
             "pitch_ratio_command": replay.command, "inflow": replay.inflow_rows, **replay.outside,
         },
         biased=find_biased_parameters(fitter, selection) if conclusion.is_named else [],
+        alternatives={} if name == NOTHING else alternative_ships(
+            fitter, selection, selector.threshold, bool(findings)
+        ),
     )  # fmt: skip

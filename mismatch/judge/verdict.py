@@ -7,6 +7,7 @@ operating regime.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from ...plant.ship import Ship, ShipError
 from ..estimate import Estimate
 from ..search.catalogue import Effect, SizedEffect, Window
 from ..search.fitting import Colour, Fit, Fitter, Whiteness
@@ -117,6 +119,46 @@ def judge_selection(
         name = UNEXPLAINED if remains else NOTHING
     reported = fit if name in (EXPLAINED, PARTLY) else null
     return Verdict(name, explained, colour, left_over, balance_verdicts(whiteness, reported))
+
+
+MOST_ALTERNATIVES = 3
+"""Largest number of other models of which ships are kept."""
+
+NEARLY = 0.5
+"""Share of its threshold from which an effect that is not identified counts as an alternative."""
+
+
+def alternative_ships(
+    fitter: Fitter, selection: Selection, threshold: Callable[[Effect], float], named: bool
+) -> dict[str, Ship]:
+    """Return ships of the models that the recordings cannot distinguish from the reported one.
+
+    Each has a rival in place of an identified effect. Where no effect is identified, each has an effect
+    that is nearly significant, in addition to the nominal ship.
+
+    Args:
+        fitter: fitter of the recordings.
+        selection: chosen effects with their rivals.
+        threshold: function from an effect to the gain that it must exceed.
+        named: whether the chosen effects are reported.
+    """
+    effects = selection.fit.effects
+    models: dict[str, tuple[SizedEffect, ...]] = {}
+    if named:
+        for i, rivals in enumerate(selection.rivals):
+            rest = tuple(one for k, one in enumerate(effects) if k != i)
+            models |= {c.effect.label: (*rest, c.sized_effect) for c in rivals}
+    else:
+        models = {
+            c.effect.label: (c.sized_effect,)
+            for c in selection.ranking
+            if c.gain >= NEARLY * threshold(c.effect)
+        }
+    ships = {}
+    for label, model in list(models.items())[:MOST_ALTERNATIVES]:
+        with contextlib.suppress(ShipError):  # values that the time step does not resolve
+            ships[label] = fitter.trial_ship.corrected(model)
+    return ships
 
 
 def limit_verdict(name: str, undecidable: bool, biased: bool) -> str:

@@ -14,6 +14,19 @@ from .first_page import first_page
 from .text import finding_sentence, headline, sentence
 from .wording import biased_parameters, formula_as_dict, parameters_as_dict
 
+ALTERNATIVES = "alternatives"
+"""Folder of the ships of alternative models, in the folder of results."""
+
+
+def alternative_file(name: str) -> str:
+    """Return the file of an alternative model's ship in the folder of results.
+
+    >>> alternative_file("hull-fouling (hull)")
+    'alternatives/hull-fouling-hull.toml'
+    """
+    letters = "".join(c if c.isalnum() else "-" for c in name)
+    return f"{ALTERNATIVES}/{'-'.join(filter(None, letters.split('-')))}.toml"
+
 
 def _location(diagnosis: Outcome) -> dict[str, Any]:
     balances: list[str] = []
@@ -128,6 +141,11 @@ def diagnosis_as_dict(diagnosis: Outcome) -> dict[str, Any]:
                 "rms_after": rms_errors(measured, diagnosis.after, held),
                 "gain_2logL": diagnosis.held_out_gain,
             }
+        },
+        "alternatives": {name: alternative_file(name) for name in diagnosis.alternatives},
+        "noise": {
+            column: {"sd": sd, "correlation_s": time_s}
+            for column, (sd, time_s) in diagnosis.noise.items()
         },
         "formula": formula_as_dict(diagnosis.formula),
         "explained_power": diagnosis.explained,

@@ -32,6 +32,7 @@ from ..judge.verdict import (
     PARTLY,
     UNEXPLAINED,
     Finding,
+    alternative_ships,
     balance_verdicts,
     detectable_effects,
     doubts,
@@ -273,6 +274,9 @@ def _update_diagnosis(
         fit_after=fit_percents(first.measured, after, problem.held_rows), held_out_gain=gain,
         warnings=[*together.warnings, *said],
         parameters=parameter_estimates(first.ship, problem, model, corrected),
+        alternatives={} if verdict == NOTHING else alternative_ships(
+            fitter, selection, search.threshold, bool(findings)
+        ),
     )  # fmt: skip
 
 

@@ -1,0 +1,122 @@
+"""Write the programme of a planned trial: table, figure and data."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from ...core.files import read_json, write_atomically, write_json
+from ...display.figures import PALETTE, new_figure, save
+from ...plant.columns import RUDDER_COMMAND, TIME
+from ...plant.ship import Ship
+from ...plant.ship_files import load_ship
+from ..trial_plan import DECIDED, INTERVAL_S, Noise, PlanError, TrialPlan
+from .data import replace_non_finite
+
+TABLE, DATA, FIGURE = "plan.csv", "plan.json", "plan.png"
+"""File names of the commands, the expected evidence and the picture."""
+
+CORRECTED = "corrected ship"
+"""Name of the model that a diagnosis reports."""
+
+
+def read_models(report: str | Path) -> tuple[dict[str, Ship], dict[str, Noise]]:
+    """Return the models of a diagnosis by name, and the noise of its channels.
+
+    Args:
+        report: ``report.json`` in the folder of the results.
+
+    Raises:
+        PlanError: the file is no report of a diagnosis, or the diagnosis has no alternative.
+    """
+    report = Path(report)
+    content = read_json(report)
+    if not isinstance(content, dict) or not {"alternatives", "noise"} <= set(content):
+        raise PlanError(
+            f"{report}: is no report.json of `shaftline diagnose` of this version; diagnose again"
+        )
+    if not content["alternatives"]:
+        raise PlanError(
+            f"{report}: the diagnosis has no alternatives (verdict {content.get('verdict')}), so no "
+            "trial is needed to decide between models"
+        )
+    files = {CORRECTED: "corrected_ship.toml", **content["alternatives"]}
+    models = {name: load_ship(report.parent / file) for name, file in files.items()}
+    noise = {
+        column: Noise(float(one["sd"]), float(one["correlation_s"]))
+        for column, one in content["noise"].items()
+        if one["sd"]
+    }
+    return models, noise
+
+
+def plan_as_dict(plan: TrialPlan) -> dict[str, Any]:
+    """Return the steps, the pairs of models and the noise as JSON allows."""
+    noise = zip(plan.channels, plan.noise, strict=True)
+    found: dict[str, Any] = replace_non_finite(
+        {
+            "minutes": len(plan.table) * INTERVAL_S / 60.0,
+            "decided_at_2logL": DECIDED,
+            "steps": plan.steps.to_dict("records"),
+            "pairs": plan.pairs.to_dict("records"),
+            "noise": {c: {"sd": one.sd, "correlation_s": one.time_s} for c, one in noise},
+        }
+    )
+    return found
+
+
+def plan_figure(plan: TrialPlan) -> Figure:
+    """Draw the commands and what each model predicts."""
+    commands = [c for c in plan.table if c != TIME]
+    minutes = plan.table[TIME] / 60.0
+    count = len(commands) + len(plan.channels)
+    figure, axes = new_figure(count, 1, (8.0, 1.5 * count + 0.6))
+    for axis, column in zip(axes.flat, commands, strict=False):
+        values = plan.table[column]
+        scale, name = (1.0, column) if column != RUDDER_COMMAND else (180.0 / math.pi, "rudder_deg")
+        axis.plot(minutes, scale * values, color="black", drawstyle="steps-post")
+        axis.set_ylabel(name, fontsize=7)
+    for k, (axis, column) in enumerate(zip(axes.flat[len(commands) :], plan.channels, strict=True)):
+        for color, (name, own) in zip(PALETTE, plan.predicted.items(), strict=False):
+            axis.plot(minutes, own[k], color=color, label=name, linewidth=1.0)
+        axis.set_ylabel(column, fontsize=7)
+    axes.flat[len(commands)].legend(fontsize=7, frameon=False, ncols=2)
+    axes.flat[-1].set_xlabel("time [min]")
+    return figure
+
+
+def save_plan(plan: TrialPlan, folder: str | Path) -> Path:
+    """Write the commands, the data and the figure of a plan into a folder, and return it."""
+    folder = Path(folder)
+    rounded: pd.DataFrame = plan.table.round(6)
+    write_atomically(folder / TABLE, lambda file: rounded.to_csv(file, index=False))
+    write_json(folder / DATA, plan_as_dict(plan))
+    save(plan_figure(plan), folder / FIGURE)
+    return folder
+
+
+def pairs_in_words(plan: TrialPlan) -> list[str]:
+    """Return a sentence for each pair of models."""
+    said = []
+    for row in plan.pairs.to_dict("records"):
+        both = f"{row['model']} or {row['rival']}"
+        if math.isnan(row["minutes"]):
+            text = f"{both}: not decided (expected 2 log L {row['expected_2logL']:.1f})"
+        else:
+            text = f"{both}: decided after {row['minutes']:.1f} min"
+        sensors = {
+            str(name).removeprefix("minutes_with_"): value
+            for name, value in row.items()
+            if str(name).startswith("minutes_with_") and np.isfinite(value)
+        }
+        if sensors:
+            best = min(sensors, key=lambda name: sensors[name])
+            if not sensors[best] >= row["minutes"]:
+                text += f"; with {best} after {sensors[best]:.1f} min"
+        said.append(text)
+    return said

@@ -1,0 +1,724 @@
+"""Plan the manoeuvres that decide between models which a recording cannot distinguish.
+
+A diagnosis may end with alternatives: several models that the recording supports alike. Each model
+predicts the measurements of a manoeuvre. The expected evidence against model j if model i is true is
+
+    lambda_ij = min over x of |W (y_i - y_j(x))|^2 + |x|^2,
+
+with W the whitening by the noise of the instruments and x the changes of the parameters of model j, in
+prior standard deviations: a rival may fit its own parameters to the new recording. It is the expected
+difference in 2 log L (T-optimality, Atkinson and Fedorov 1975, Biometrika 62(1); Box and Hill 1967,
+Technometrics 9(1)). The predictions are linear in x here, so that the evidence is a sum over manoeuvres:
+
+    lambda = a - b' (C + I)^-1 b,   a = |W d|^2, b = (W J)' W d, C = (W J)' W J
+
+where d = y_i - y_j and J the derivatives of y_j by x. The programme grows by one manoeuvre at a time. Of
+random ones that begin where the last one has ended, the one is taken that makes the least lambda over
+all pairs of models largest, for the worse case of which one is true.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from pydantic import Field, ValidationError, model_validator
+
+from ..core.files import read_toml
+from ..core.models import FileModel, explain
+from ..plant.columns import (
+    ALWAYS_SIMULATED,
+    MEASURED,
+    RUDDER,
+    RUDDER_COMMAND,
+    SHAFT_SPEED,
+    TIME,
+    TURNING_COLUMNS,
+    absent_columns,
+    drive_column,
+    simulated_columns,
+)
+from ..plant.drives.diesel import torque_limit
+from ..plant.recording import RecordingError
+from ..plant.ship import Ship, ShipError
+from .estimate import Tick, ignore_progress
+from .simulate.balances import tolerance_perturbations
+from .simulate.joint_replay import NO_SHIFT, JointReplay
+
+Floats = NDArray[np.float64]
+
+DECIDED = 6.0
+"""Difference in 2 log L from which a pair of models counts as decided: one is 20 times as probable."""
+
+INTERVAL_S = 1.0
+"""Interval of the rows of a programme."""
+
+TIME_STEP_S = 0.25
+"""Time step of the predictions, where the ship allows it [s]."""
+
+MANOEUVRE_S = 300.0
+"""Usual length of a manoeuvre."""
+
+POOL = 24
+"""Number of random manoeuvres from which each one of a programme is chosen."""
+
+RANDOM = 6
+"""Number of random programmes to which the result is compared."""
+
+STEP = 0.02
+"""Step of the derivatives, in prior standard deviations."""
+
+INSTRUMENTS = ("shaft_torque_N_m", "thrust_N", "ship_speed_m_s", "pitch_ratio", SHAFT_SPEED,
+               "motor_current_A")  # fmt: skip
+"""Channels that a further instrument may measure."""
+
+SENSOR_NOISE = 0.01
+"""Assumed noise of an instrument that the recording did not have, over the rms of its channel."""
+
+
+class PlanError(ValueError):
+    """A trial cannot be planned; the message says why and what can be done."""
+
+
+class Noise(NamedTuple):
+    """Difference between measurement and simulation of a channel that no model explains."""
+
+    sd: float
+    """Standard deviation, in the unit of the channel."""
+    time_s: float = 0.0
+    """Correlation time [s]; 0 for white noise."""
+
+
+class Limits(FileModel):
+    """Limits of a trial, with the keys of a limits file.
+
+    Examples:
+        >>> Limits(drive=(10.0, 24.0), rudder_deg=10.0).rudder_deg
+        10.0
+    """
+
+    drive: tuple[float, float] | None = Field(
+        default=None,
+        description="command of the prime mover, in the unit of the ship's demand column",
+    )
+    pitch_ratio: tuple[float, float] | None = Field(default=None, description="commanded P/D")
+    rudder_deg: float = Field(
+        default=0.0, ge=0.0, le=40.0, description="largest rudder angle; 0: none"
+    )
+    shaft_speed_rad_s: tuple[float, float] | None = Field(
+        default=None, description="shaft speed reached"
+    )
+    ship_speed_m_s: tuple[float, float] | None = Field(
+        default=None, description="ship speed reached"
+    )
+    shortest_hold_s: float = Field(
+        default=20.0, gt=0.0, description="shortest time between two orders"
+    )
+
+    @model_validator(mode="after")
+    def _rising(self) -> Limits:
+        for name in ("drive", "pitch_ratio", "shaft_speed_rad_s", "ship_speed_m_s"):
+            ends = getattr(self, name)
+            if ends is not None and not ends[0] < ends[1]:
+                raise ValueError(f"{name} = {list(ends)}: the lower end must come first")
+        return self
+
+
+def read_limits(path: str | Path) -> Limits:
+    """Read the limits of a trial from a TOML file.
+
+    Raises:
+        PlanError: names the file, the key and the range.
+    """
+    try:
+        return Limits.model_validate(read_toml(Path(path)))
+    except ValidationError as error:
+        raise PlanError(
+            f"{path}: {explain(error)}; known keys: {', '.join(Limits.model_fields)}"
+        ) from None
+
+
+class Manoeuvre(NamedTuple):
+    """Commands of one manoeuvre, each of shape (rows,)."""
+
+    text: str
+    drive: Floats
+    pitch: Floats
+    rudder: Floats
+
+
+def _levels(
+    generator: np.random.Generator, rows: int, hold: int, low: float, high: float
+) -> Floats:
+    """Return a staircase of random levels, each held for the same time of at least ``hold`` rows."""
+    count = int(generator.integers(2, max(3, min(8, rows // hold) + 1)))
+    steps = generator.uniform(low, high, count)
+    return np.asarray(steps[np.minimum(np.arange(rows) * count // rows, count - 1)])
+
+
+def _switching(
+    generator: np.random.Generator, rows: int, hold: int, low: float, high: float
+) -> Floats:
+    """Return a pseudo-random binary signal between two levels."""
+    ends = np.sort(generator.uniform(low, high, 2))
+    bits = generator.integers(0, 2, -(-rows // hold))
+    return ends[np.repeat(bits, hold)[:rows]]
+
+
+def random_manoeuvre(
+    ship: Ship, limits: Limits, rows: int, generator: np.random.Generator
+) -> Manoeuvre:
+    """Return a random manoeuvre of one of the usual kinds within the limits."""
+    drive, pitch, helm = _ranges(ship, limits)
+    hold = max(1, round(limits.shortest_hold_s / INTERVAL_S))
+    kinds = [
+        "steps of the drive",
+        "ramp of the drive",
+        "drive at random between two levels",
+        "coast-down",
+    ]
+    if pitch[0] < pitch[1]:
+        kinds += ["steps of the pitch at constant drive", "steps of drive and pitch"]
+    if helm > 0.0:
+        kinds += ["zig-zag"]
+    kind = str(generator.choice(kinds))
+    flat = np.ones(rows)
+    level, blades = generator.uniform(*drive) * flat, generator.uniform(*pitch) * flat
+    rudder = 0.0 * flat
+    if kind in ("steps of the drive", "steps of drive and pitch"):
+        level = _levels(generator, rows, hold, *drive)
+    if kind in ("steps of the pitch at constant drive", "steps of drive and pitch"):
+        blades = _levels(generator, rows, hold, *pitch)
+    if kind == "ramp of the drive":
+        begin, end = generator.uniform(*drive, 2)
+        level = np.linspace(begin, end, rows)
+    if kind == "drive at random between two levels":
+        level = _switching(generator, rows, hold, *drive)
+    if kind == "coast-down":
+        level = np.where(np.arange(rows) < rows // 4, drive[1], drive[0])
+    if kind == "zig-zag":
+        half = int(generator.integers(hold, max(hold + 1, rows // 4)))
+        sign = np.where(np.arange(rows) // half % 2, -1.0, 1.0)
+        rudder = sign * generator.uniform(0.3, 1.0) * helm
+        rudder[: rows // 8] = 0.0
+    return Manoeuvre(kind, level, blades, rudder)
+
+
+def _ranges(ship: Ship, limits: Limits) -> tuple[tuple[float, float], tuple[float, float], float]:
+    """Return the ranges of drive command and pitch, and the largest rudder angle [rad].
+
+    Raises:
+        PlanError: a limit lies outside what the ship can do.
+    """
+    plant, column = ship.record(), drive_column(ship)
+    own = float(plant["drive_min"]), float(plant["drive_max"])
+    drive = limits.drive or (own[0] + 0.3 * (own[1] - own[0]), own[0] + 0.8 * (own[1] - own[0]))
+    pitch = (ship.propeller.pitch_ratio_max,) * 2
+    if ship.has_variable_pitch:
+        most = float(ship.propeller.pitch_ratio_max)
+        pitch = limits.pitch_ratio or (0.6 * most, most)
+    for name, ends, (low, high) in (
+        ("drive", drive, own),
+        ("pitch_ratio", pitch, (float(plant["pitch_ratio_min"]), float(plant["pitch_ratio_max"]))),
+    ):
+        if ends[0] < low - 1e-9 or ends[1] > high + 1e-9:
+            raise PlanError(
+                f"limits: {name} = {list(ends)} leaves what {ship.name} can do, {low:g} to {high:g}"
+                + (f" ({column})" if name == "drive" else "")
+            )
+    if limits.rudder_deg > 0.0 and not ship.turns:
+        raise PlanError(
+            f"limits: rudder_deg = {limits.rudder_deg:g}, but {ship.name} has no rudder"
+        )
+    return drive, pitch, math.radians(limits.rudder_deg)
+
+
+def table_of(ship: Ship, manoeuvres: Sequence[Manoeuvre]) -> pd.DataFrame:
+    """Return manoeuvres one after the other as a table that ``shaftline simulate --inputs`` takes."""
+    parts = [np.concatenate(column) for column in zip(*(m[1:] for m in manoeuvres), strict=True)]
+    table = pd.DataFrame(
+        {TIME: INTERVAL_S * np.arange(len(parts[0])), drive_column(ship): parts[0]}
+    )
+    if ship.has_variable_pitch:
+        table["pitch_ratio_command"] = parts[1]
+    if ship.turns:
+        table[RUDDER_COMMAND] = parts[2]
+    return table
+
+
+def _leaves(tree: Any, at: str = "") -> Iterator[tuple[str, float]]:
+    """Yield key and value of each parameter in the tables of a ship file, terms included."""
+    for name, item in tree.items():
+        key = f"{at}{name}"
+        if name == "term":
+            for term in item:
+                for own, declared in term["parameters"].items():
+                    yield f"term.{term['id']}.{own}", float(declared["value"])
+        elif isinstance(item, dict) and name not in ("signals", "tolerances"):
+            yield from _leaves(item, f"{key}.")
+        elif isinstance(item, int | float) and not isinstance(item, bool):
+            yield key, float(item)
+
+
+def own_effects(models: Mapping[str, Ship]) -> dict[str, dict[str, float]]:
+    """Return the parameters of the effects in which each model differs from others, with their sizes.
+
+    The size is the distance from the value that switches the effect off, or that of a term's parameter
+    from 0. A rival may fit these parameters to the new recording. Effects that all models share are not
+    among them.
+    """
+    values = {name: dict(_leaves(ship.model_dump())) for name, ship in models.items()}
+    found: dict[str, dict[str, float]] = {}
+    for name, own in values.items():
+        sizes = {}
+        for key, value in own.items():
+            if all(other.get(key) == value for other in values.values()):
+                continue
+            with contextlib.suppress(ShipError):  # a key without influence on this ship
+                neutral = models[name].parameter(key).info.neutral
+                if neutral is None and key.startswith("term."):
+                    neutral = 0.0
+                if neutral is not None and value != neutral and math.isfinite(value):
+                    sizes[key] = abs(value - neutral) if math.isfinite(neutral) else abs(value)
+        found[name] = sizes
+    return found
+
+
+class _Predictor:
+    """Predictions of one model, and their derivatives by what the model may change.
+
+    A model may change the parameters of its own effects (``sizes``: prior standard deviation by key),
+    all parameters within the tolerances of the ship file, and the first state.
+    """
+
+    def __init__(self, ship: Ship, sizes: Mapping[str, float], channels: Sequence[str]) -> None:
+        self.ship, self.sizes, self.channels = ship, sizes, channels
+        self.record = ship.record()
+        self._changed: list[tuple[Any, tuple[float, ...], float]] | None = None
+
+    def _changes(self, replay: JointReplay) -> list[tuple[Any, tuple[float, ...], float]]:
+        """Return changed ship records, shifts of the first state, and changes in standard deviations."""
+        if self._changed is None:
+            self._changed = list(self._effects())
+            for one in tolerance_perturbations(replay, free=self.sizes):
+                self._changed.append((one.record, one.start, one.share))
+        return self._changed
+
+    def _effects(self) -> Iterator[tuple[Any, tuple[float, ...], float]]:
+        for key, sd in self.sizes.items():
+            with contextlib.suppress(ShipError):  # a key without influence on this ship
+                number = self.ship.parameter(key)
+                low, high = number.search_range
+                for step in (STEP, -STEP):
+                    if low <= number.value + step * sd <= high:
+                        record = self.ship.record()
+                        number.write(record, number.value + step * sd)
+                        yield record, NO_SHIFT, step
+                        break
+
+    def measured(self, samples: Any) -> Floats:
+        """Return the measured channels of samples, shape (channels, rows)."""
+        return np.array([samples[MEASURED[c]] for c in self.channels])
+
+    def __call__(self, table: pd.DataFrame) -> Prediction:
+        """Return what the model predicts for a table of commands."""
+        replay = JointReplay(self.ship, table)
+        samples = replay.simulate(self.record)
+        own = self.measured(samples)
+        changes = self._changes(replay)
+        slopes = [
+            (self.measured(replay.simulate(record, shift)) - own) / share
+            for record, shift, share in changes
+        ]
+        starts = np.array([any(shift) for _, shift, _ in changes], dtype=bool)
+        return Prediction(own, np.reshape(slopes, (-1, *own.shape)), starts)
+
+
+class Prediction(NamedTuple):
+    """Prediction of a model, and its derivatives by unknowns of unit prior variance."""
+
+    own: Floats
+    """Measured channels, shape (channels, rows)."""
+    slopes: Floats
+    """Derivatives, shape (unknowns, channels, rows)."""
+    starts: NDArray[np.bool_]
+    """Whether each unknown is a shift of the first state, which every manoeuvre has anew."""
+
+
+def _whiten(values: Floats, noise: Sequence[Noise]) -> Floats:
+    """Return values (..., channels, rows) whitened by the noise of each channel, shape (..., n)."""
+    parts = []
+    for k, one in enumerate(noise):
+        channel = values[..., k, :]
+        keeps = math.exp(-INTERVAL_S / one.time_s) if one.time_s > 0.0 else 0.0
+        white = (channel[..., 1:] - keeps * channel[..., :-1]) / (
+            one.sd * math.sqrt(1.0 - keeps**2)
+        )
+        parts.append(white)
+    return np.stack(parts, axis=-2)
+
+
+class _Evidence(NamedTuple):
+    """Sums of one pair of models over rows: |W d|^2, (W J)' W d and (W J)' W J."""
+
+    a: Any
+    b: Any
+    c: Any
+
+    def plus(self, other: _Evidence) -> _Evidence:
+        """Return the sums of two manoeuvres."""
+        return _Evidence(self.a + other.a, self.b + other.b, self.c + other.c)
+
+    def without(self, own: NDArray[np.bool_]) -> _Evidence:
+        """Return the sums after the rival has fitted some unknowns, which are left out."""
+        rest = ~own
+        inner = self.c[np.ix_(own, own)] + np.eye(int(own.sum()))
+        cross = self.c[np.ix_(rest, own)]
+        fitted = np.linalg.solve(inner, np.column_stack([self.b[own], cross.T]))
+        return _Evidence(
+            self.a - self.b[own] @ fitted[:, 0], self.b[rest] - cross @ fitted[:, 0],
+            self.c[np.ix_(rest, rest)] - cross @ fitted[:, 1:],
+        )  # fmt: skip
+
+    def value(self) -> float:
+        """Return lambda; all unknowns have unit prior variance."""
+        return float(self.without(np.ones(len(self.b), dtype=bool)).a)
+
+
+Pair = tuple[str, str]
+Evidence = dict[Pair, _Evidence]
+
+
+def evidence_of(
+    predictions: Mapping[str, Prediction],
+    noise: Sequence[Noise],
+    rows: int | None = None,
+) -> Evidence:
+    """Return the sums of every ordered pair (true model, rival) over the first rows."""
+    found = {}
+    for true, rival in itertools.permutations(predictions, 2):
+        own, (other, slopes, starts) = predictions[true].own, predictions[rival]
+        difference = _whiten(own - other, noise)[..., :rows].ravel()
+        derivatives = _whiten(slopes, noise)[..., :rows].reshape(len(slopes), -1)
+        sums = _Evidence(
+            difference @ difference, derivatives @ difference, derivatives @ derivatives.T
+        )
+        found[true, rival] = sums.without(starts)
+    return found
+
+
+def _pairs(models: Sequence[str]) -> list[Pair]:
+    return list(itertools.combinations(models, 2))
+
+
+def worst_of(evidence: Evidence) -> dict[Pair, float]:
+    """Return lambda of each pair of models, the smaller one of the two that may be true."""
+    names = list(dict.fromkeys(name for pair in evidence for name in pair))
+    return {(i, j): min(evidence[i, j].value(), evidence[j, i].value()) for i, j in _pairs(names)}
+
+
+@dataclass(frozen=True)
+class TrialPlan:
+    """Programme of a trial, and what it is expected to decide.
+
+    Args:
+        table: commands at every second, as ``shaftline simulate --inputs`` takes them.
+        steps: a row for each manoeuvre: start and end [min], what it is.
+        pairs: a row for each pair of models: expected difference in 2 log L at the end, minutes until
+            it is :data:`DECIDED` (NaN where it is not reached), the mean of random programmes of equal
+            length, and the minutes with each instrument that the recording did not have.
+        predicted: predictions by model, arrays of shape (channels, rows).
+        channels: measured channels.
+        noise: noise of each channel.
+    """
+
+    table: pd.DataFrame
+    steps: pd.DataFrame
+    pairs: pd.DataFrame
+    predicted: Mapping[str, Floats]
+    channels: tuple[str, ...]
+    noise: tuple[Noise, ...]
+
+    @property
+    def least(self) -> float:
+        """Expected difference in 2 log L of the pair that is hardest to decide."""
+        return float(self.pairs["expected_2logL"].min())
+
+
+def plan_trial(
+    models: Mapping[str, Ship],
+    noise: Mapping[str, Noise],
+    minutes: float = 30.0,
+    limits: Limits = Limits(),  # noqa: B008 (immutable)
+    *,
+    seed: int = 0,
+    pool: int = POOL,
+    tick: Tick = ignore_progress,
+) -> TrialPlan:
+    """Plan a trial that decides between models.
+
+    Args:
+        models: ships by the names of the models, two at least, such as the corrected ship of a diagnosis
+            and its alternatives.
+        noise: noise of each measured channel, by canonical column.
+        minutes: length of the trial [min].
+        limits: limits of commands, shaft speed, ship speed and rudder.
+        seed: of the random manoeuvres.
+        pool: number of random manoeuvres from which the programme is chosen.
+        tick: progress callback ``tick(stage, done, total)``.
+
+    Raises:
+        PlanError: fewer than two models, models that do not differ or drive different shafts, an unknown
+            channel, limits outside what the ship can do, or no manoeuvre within the limits.
+
+    Examples:
+        >>> from shaftline.plant import load_ship
+        >>> clean = load_ship("frigate")
+        >>> models = {
+        ...     "fouled": clean.with_values({"hull.fouling_fraction": 0.1}),
+        ...     "current": clean.with_values({"hull.current_m_s": -0.3}),
+        ... }
+        >>> noise = {"ship_speed_m_s": Noise(0.05), "shaft_speed_rad_s": Noise(0.02)}
+        >>> plan = plan_trial(models, noise, minutes=10.0, pool=6)
+        >>> len(plan.table), len(plan.steps), plan.least > DECIDED
+        (600, 2, True)
+    """
+    models = {name: _coarse(one) for name, one in models.items()}
+    ship, sizes, channels = _check(models, noise, minutes), own_effects(models), tuple(noise)
+    predictors = {name: _Predictor(one, sizes[name], channels) for name, one in models.items()}
+    slots = max(1, round(60.0 * minutes / MANOEUVRE_S))
+    search = _Search(
+        ship, predictors, tuple(noise.values()), limits, round(60.0 * minutes / INTERVAL_S) // slots
+    )
+    generator = np.random.default_rng(seed)
+    best = search.programme(slots, pool, generator, tick)
+    others = []
+    for k in range(RANDOM):
+        tick("comparing with random programmes", k, RANDOM)
+        others.append(search.judge(search.programme(slots, 1, generator)))
+    whole = table_of(ship, best)
+    return TrialPlan(
+        table=whole, steps=_steps(ship, best),
+        pairs=_table_of_pairs(search, whole, noise, others),
+        predicted={name: one.own for name, one in search.predict(whole).items()},
+        channels=channels, noise=search.noise,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Search:
+    """Search of a programme of manoeuvres of equal length."""
+
+    ship: Ship
+    predictors: Mapping[str, _Predictor]
+    noise: tuple[Noise, ...]
+    limits: Limits
+    rows: int
+
+    def programme(
+        self, slots: int, pool: int, generator: np.random.Generator, tick: Tick = ignore_progress
+    ) -> list[Manoeuvre]:
+        """Return manoeuvres, each the best of a pool of random ones after those before it.
+
+        Raises:
+            PlanError: no manoeuvre stays within the limits.
+        """
+        chosen: list[Manoeuvre] = []
+        total: Evidence | None = None
+        begin: dict[str, float] = {}
+        for slot in range(slots):
+            options: list[tuple[float, int, Manoeuvre, Evidence]] = []
+            tries = 0
+            while len(options) < pool and tries < 20 * max(pool, 5):
+                tries += 1
+                manoeuvre = random_manoeuvre(self.ship, self.limits, self.rows, generator)
+                table = table_of(self.ship, [manoeuvre]).assign(**begin)
+                if not self.is_allowed(table):
+                    continue
+                found = evidence_of(self.predict(table), self.noise)
+                if total is not None:
+                    found = {pair: total[pair].plus(one) for pair, one in found.items()}
+                values = worst_of(found).values()
+                # The mean decides between equal minima, as where no manoeuvre decides one pair.
+                score = min(values) + 1e-3 * sum(values) / len(values)
+                options.append((score, -len(options), manoeuvre, found))
+                tick("simulating manoeuvres", slot * pool + len(options), slots * pool)
+            if not options:
+                raise PlanError(
+                    f"none of {tries} random manoeuvres of {self.rows * INTERVAL_S:g} s stays within "
+                    "the limits; widen drive, pitch_ratio, shaft_speed_rad_s or ship_speed_m_s"
+                )
+            _, _, manoeuvre, total = max(options, key=lambda option: option[:2])
+            chosen.append(manoeuvre)
+            begin = self.state_after(table_of(self.ship, chosen))
+        return chosen
+
+    def predict(self, table: pd.DataFrame) -> dict[str, Prediction]:
+        """Return what every model predicts for a table of commands."""
+        return {name: predictor(table) for name, predictor in self.predictors.items()}
+
+    def judge(self, programme: Sequence[Manoeuvre]) -> dict[Pair, float]:
+        """Return lambda of each pair of models after a whole programme."""
+        return worst_of(evidence_of(self.predict(table_of(self.ship, programme)), self.noise))
+
+    def is_allowed(self, table: pd.DataFrame) -> bool:
+        """Return whether every model stays within the limits and the engine's envelope."""
+        for one in self.predictors.values():
+            try:
+                samples = JointReplay(one.ship, table).simulate(one.record)
+            except (RecordingError, ShipError, ValueError):  # no equilibrium at the first commands
+                return False
+            if not _is_inside(one.ship, samples, self.limits):
+                return False
+        return True
+
+    def state_after(self, table: pd.DataFrame) -> dict[str, float]:
+        """Return the measurements at the end of a programme by the first model, by column."""
+        first = next(iter(self.predictors.values()))
+        last = JointReplay(first.ship, table).simulate(first.record)[-1]
+        state = (*ALWAYS_SIMULATED, *TURNING_COLUMNS)
+        known = set(_channels(first.ship)) & set(state) - {"shaft_torque_N_m", RUDDER}
+        return {column: float(last[MEASURED[column]]) for column in sorted(known)}
+
+
+def _channels(ship: Ship) -> list[str]:
+    """Return the measured columns that a ship can have."""
+    return [c for c in simulated_columns(ship) if c not in absent_columns(ship)]
+
+
+def _coarse(ship: Ship) -> Ship:
+    """Return the ship with a longer time step, if it resolves the time constants of the ship."""
+    with contextlib.suppress(ShipError):
+        if ship.time_step_s < TIME_STEP_S:
+            return ship.with_values({"integration.time_step_s": TIME_STEP_S})
+    return ship
+
+
+def _check(models: Mapping[str, Ship], noise: Mapping[str, Noise], minutes: float) -> Ship:
+    """Refuse what cannot be planned; return the ship of the first model."""
+    if len(models) < 2:
+        raise PlanError(
+            f"{len(models)} model given: at least two are needed to decide between; a diagnosis without "
+            "alternatives needs no further trial"
+        )
+    ship = next(iter(models.values()))
+    for name, other in models.items():
+        if drive_column(other) != drive_column(ship) or other.turns != ship.turns:
+            raise PlanError(f"{name}: is not the same kind of ship as {next(iter(models))}")
+    known = _channels(ship)
+    if unknown := [c for c in noise if c not in known]:
+        raise PlanError(
+            f"{unknown[0]}: no channel that {ship.name} simulates; known: {', '.join(known)}"
+        )
+    if not noise:
+        raise PlanError("no measured channel is given")
+    for channel, one in noise.items():
+        if not (math.isfinite(one.sd) and one.sd > 0.0 and one.time_s >= 0.0):
+            raise PlanError(
+                f"{channel}: noise {one.sd:g} with correlation time {one.time_s:g} s; must be above 0"
+            )
+    if not 1.0 <= minutes <= 24.0 * 60.0:
+        raise PlanError(f"minutes = {minutes:g}: must be 1 to 1440")
+    if all(one == ship for one in models.values()):
+        raise PlanError("the models do not differ in any parameter")
+    return ship
+
+
+def _is_inside(ship: Ship, samples: Any, limits: Limits) -> bool:
+    """Return whether a simulation stays finite, within the limits and within the engine's envelope."""
+    for signal, ends in (
+        ("shaft_speed", limits.shaft_speed_rad_s),
+        ("ship_speed", limits.ship_speed_m_s),
+    ):
+        values = samples[signal]
+        if not np.isfinite(values).all():
+            return False
+        if ends is not None and not (ends[0] <= values.min() and values.max() <= ends[1]):
+            return False
+    if not ship.has_diesel:
+        return True
+    plant = ship.record()
+    speeds = float(plant["gear_ratio"]) * samples["shaft_speed"]
+    if speeds.max() > float(plant["engine_speed_max"]):
+        return False
+    most = np.array([torque_limit(plant, speed) for speed in speeds])
+    return bool((samples["brake_torque"] <= 1.001 * most).all())
+
+
+def _steps(ship: Ship, chosen: Sequence[Manoeuvre]) -> pd.DataFrame:
+    """Return a row for each manoeuvre in words."""
+    rows, start = [], 0.0
+    for m in chosen:
+        end = start + len(m.drive) * INTERVAL_S / 60.0
+        row = {"from_min": start, "to_min": end, "manoeuvre": m.text,
+               drive_column(ship): _span(m.drive)}  # fmt: skip
+        if ship.has_variable_pitch:
+            row["pitch_ratio_command"] = _span(m.pitch)
+        if ship.turns:
+            row["rudder_deg"] = _span(np.degrees(m.rudder))
+        rows.append(row)
+        start = end
+    return pd.DataFrame(rows)
+
+
+def _span(values: Floats) -> str:
+    low, high = float(values.min()), float(values.max())
+    return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
+
+
+def _minutes_until(
+    predictions: Mapping[str, Prediction], noise: Sequence[Noise], pair: Pair
+) -> float:
+    """Return the minutes until a pair is decided, to 10 s; NaN where it never is."""
+    both = {name: predictions[name] for name in pair}
+    rows = both[pair[0]].own.shape[1]
+    step = max(1, round(10.0 / INTERVAL_S))
+
+    def is_decided(count: int) -> bool:
+        return worst_of(evidence_of(both, noise, count))[pair] >= DECIDED
+
+    if not is_decided(rows):
+        return math.nan
+    low, high = 0, -(-rows // step)
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if is_decided(middle * step) else (middle, high)
+    return float(min(high * step, rows)) * INTERVAL_S / 60.0
+
+
+def _table_of_pairs(
+    search: _Search, table: pd.DataFrame, noise: Mapping[str, Noise],
+    others: Sequence[Mapping[Pair, float]],
+) -> pd.DataFrame:  # fmt: skip
+    """Return the table of pairs, with the minutes that each further instrument would need."""
+    predictions = search.predict(table)
+    value = worst_of(evidence_of(predictions, search.noise))
+    columns: dict[Pair, dict[str, float]] = {
+        pair: {
+            "expected_2logL": value[pair],
+            "minutes": _minutes_until(predictions, search.noise, pair),
+            "random_2logL": float(np.mean([one[pair] for one in others])),
+        }
+        for pair in value
+    }
+    for channel in INSTRUMENTS:
+        if channel in noise or channel not in _channels(search.ship):
+            continue
+        wider = {
+            name: _Predictor(one.ship, one.sizes, (*one.channels, channel))(table)
+            for name, one in search.predictors.items()
+        }
+        size = float(np.sqrt(np.mean([one.own[-1] ** 2 for one in wider.values()])))
+        if size > 0.0:
+            more = (*search.noise, Noise(SENSOR_NOISE * size))
+            for pair in value:
+                columns[pair][f"minutes_with_{channel}"] = _minutes_until(wider, more, pair)
+    return pd.DataFrame([{"model": i, "rival": j} | columns[i, j] for i, j in columns])
