@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from ..core.files import read_toml
 from ..core.models import FileModel, explain
@@ -122,6 +122,14 @@ class Limits(FileModel):
     shortest_hold_s: float = Field(
         default=20.0, gt=0.0, description="shortest time between two orders"
     )
+
+    @field_validator("drive", "pitch_ratio", "shaft_speed_rad_s", "ship_speed_m_s", mode="before")
+    @classmethod
+    def _two_ends(cls, ends: Any) -> Any:
+        pair = isinstance(ends, list | tuple) and len(ends) == 2
+        if ends is not None and not (pair and all(type(end) in (int, float) for end in ends)):
+            raise ValueError(f"{ends!r}: must be a pair [lowest, highest]")
+        return ends
 
     @model_validator(mode="after")
     def _rising(self) -> Limits:

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from ...core.files import read_json, write_atomically, write_json
+from ...core.files import FileError, read_json, write_atomically, write_json
 from ...display.figures import PALETTE, new_figure, save
 from ...plant.columns import RUDDER_COMMAND, TIME
 from ...plant.ship import Ship
@@ -35,7 +35,10 @@ def read_models(report: str | Path) -> tuple[dict[str, Ship], dict[str, Noise]]:
         PlanError: the file is no report of a diagnosis, or the diagnosis has no alternative.
     """
     report = Path(report)
-    content = read_json(report)
+    try:
+        content = read_json(report)
+    except FileError as error:
+        raise PlanError(f"{report}: is no report.json of `shaftline diagnose` ({error})") from None
     if not isinstance(content, dict) or not {"alternatives", "noise"} <= set(content):
         raise PlanError(
             f"{report}: is no report.json of `shaftline diagnose` of this version; diagnose again"

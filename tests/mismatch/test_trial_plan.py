@@ -184,6 +184,7 @@ def test_what_cannot_be_planned_is_refused(models: dict[str, Ship], tmp_path: Pa
     file = tmp_path / "limits.toml"
     for text, words in (
         ("drive = [20, 10]", "the lower end must come first"),
+        ("drive = 5", r"drive.*5: must be a pair \[lowest, highest\]"),
         ("rudder = 5", r"rudder is not a known key; known keys: drive"),
     ):
         file.write_text(text)
@@ -195,6 +196,9 @@ def test_a_report_without_alternatives_needs_no_trial(tmp_path: Path) -> None:
     report = tmp_path / "report.json"
     report.write_text('{"verdict": "explained", "alternatives": {}, "noise": {}}')
     with pytest.raises(PlanError, match=r"has no alternatives \(verdict explained\)"):
+        read_models(report)
+    report.write_text("no json")
+    with pytest.raises(PlanError, match=r"is no report.json of `shaftline diagnose`"):
         read_models(report)
     report.write_text('{"verdict": "explained"}')
     with pytest.raises(PlanError, match="diagnose again"):
