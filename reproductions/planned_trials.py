@@ -16,9 +16,10 @@ import pandas as pd
 from shaftline.core.sweep import sweep
 from shaftline.mismatch import Diagnosis, Limits, Noise, diagnose, plan_trial
 from shaftline.plant import load_ship
-from shaftline.validation.cases import CONFOUNDED, Case, case_kind, draw_case
+from shaftline.validation.cases import Case, case_kind, draw_case
 from shaftline.validation.recording import Scenario, simulate_case, with_effect
 from shaftline.validation.scoring import wilson
+from shaftline.validation.simulator.effects import CONFOUNDED
 
 from .pages import make_parser, print_dot
 from .writing import write_results
@@ -40,13 +41,13 @@ class Cell(NamedTuple):
     """One case."""
 
     seed: int
-    index: int
+    number: int
     key: str
 
     @property
     def name(self) -> str:
         """File name of the result."""
-        return f"{self.seed}_{self.index}_{self.key.replace('/', '-')}"
+        return f"{self.seed}_{self.number}_{self.key.replace('/', '-')}"
 
 
 def cells_of(seed: int, count: int) -> list[Cell]:
@@ -96,7 +97,7 @@ def second_recording(case: Case, sizes: dict[str, float], table: pd.DataFrame) -
 
 def decide(cell: Cell) -> dict[str, Any]:
     """Diagnose, plan, record and diagnose again, with a planned and with a random programme."""
-    case = draw_case(cell.seed, cell.index, keys=(cell.key,))
+    case = draw_case(cell.seed, cell.number, keys=(cell.key,))
     simulated, ship = simulate_case(case), load_ship(case.ship)
     true = cell.key.split("/")[0]
     recording = simulated.recording
@@ -108,7 +109,7 @@ def decide(cell: Cell) -> dict[str, Any]:
     models = {"corrected ship": first.corrected, **first.alternatives}
     noise = {column: Noise(*one) for column, one in first.noise.items() if one[0] > 0.0}
     for name, pool in POOLS.items():
-        plan = plan_trial(models, noise, MINUTES, LIMITS, seed=cell.index, pool=pool)
+        plan = plan_trial(models, noise, MINUTES, LIMITS, seed=cell.number, pool=pool)
         again = second_recording(case, simulated.truth["sizes"], plan.table)
         both = diagnose(ship, recording, again[[c for c in again if c in recording]])
         result[name] = outcome_of(both, true)
