@@ -443,6 +443,7 @@ class TrialPlan:
         pairs: a row for each pair of models: expected difference in 2 log L at the end, minutes until
             it is :data:`DECIDED` (NaN where it is not reached), the mean of random programmes of equal
             length, and the minutes with each instrument that the recording did not have.
+        history: expected difference in 2 log L of each pair (columns) over the minutes (index).
         predicted: predictions by model, arrays of shape (channels, rows).
         channels: measured channels.
         noise: noise of each channel.
@@ -451,6 +452,7 @@ class TrialPlan:
     table: pd.DataFrame
     steps: pd.DataFrame
     pairs: pd.DataFrame
+    history: pd.DataFrame
     predicted: Mapping[str, Floats]
     channels: tuple[str, ...]
     noise: tuple[Noise, ...]
@@ -513,10 +515,12 @@ def plan_trial(
         tick("comparing with random programmes", k, RANDOM)
         others.append(search.judge(search.programme(slots, 1, generator)))
     whole = table_of(ship, best)
+    predictions = search.predict(whole)
     return TrialPlan(
         table=whole, steps=_steps(ship, best),
-        pairs=_table_of_pairs(search, whole, noise, others),
-        predicted={name: one.own for name, one in search.predict(whole).items()},
+        pairs=_table_of_pairs(search, predictions, whole, noise, others),
+        history=_history(predictions, search.noise),
+        predicted={name: one.own for name, one in predictions.items()},
         channels=channels, noise=search.noise,
     )  # fmt: skip
 
@@ -702,12 +706,22 @@ def _minutes_until(
     return float(min(high * step, rows)) * INTERVAL_S / 60.0
 
 
+def _history(predictions: Mapping[str, Prediction], noise: Sequence[Noise]) -> pd.DataFrame:
+    """Return lambda of each pair at every half minute."""
+    rows = next(iter(predictions.values())).own.shape[1]
+    counts = np.arange(1, int(rows * INTERVAL_S // 30.0) + 1) * round(30.0 / INTERVAL_S)
+    values = [worst_of(evidence_of(predictions, noise, int(n))) for n in counts]
+    return pd.DataFrame(
+        [{f"{i} or {j}": value for (i, j), value in one.items()} for one in values],
+        index=pd.Index(counts * INTERVAL_S / 60.0, name="minutes"),
+    )
+
+
 def _table_of_pairs(
-    search: _Search, table: pd.DataFrame, noise: Mapping[str, Noise],
-    others: Sequence[Mapping[Pair, float]],
+    search: _Search, predictions: Mapping[str, Prediction], table: pd.DataFrame,
+    noise: Mapping[str, Noise], others: Sequence[Mapping[Pair, float]],
 ) -> pd.DataFrame:  # fmt: skip
     """Return the table of pairs, with the minutes that each further instrument would need."""
-    predictions = search.predict(table)
     value = worst_of(evidence_of(predictions, search.noise))
     columns: dict[Pair, dict[str, float]] = {
         pair: {

@@ -74,22 +74,33 @@ def plan_as_dict(plan: TrialPlan) -> dict[str, Any]:
 
 
 def plan_figure(plan: TrialPlan) -> Figure:
-    """Draw the commands and what each model predicts."""
+    """Draw the commands, what each model predicts, and the expected evidence."""
     commands = [c for c in plan.table if c != TIME]
     minutes = plan.table[TIME] / 60.0
-    count = len(commands) + len(plan.channels)
+    count = len(commands) + len(plan.channels) + 1
     figure, axes = new_figure(count, 1, (8.0, 1.5 * count + 0.6))
     for axis, column in zip(axes.flat, commands, strict=False):
         values = plan.table[column]
         scale, name = (1.0, column) if column != RUDDER_COMMAND else (180.0 / math.pi, "rudder_deg")
         axis.plot(minutes, scale * values, color="black", drawstyle="steps-post")
         axis.set_ylabel(name, fontsize=7)
-    for k, (axis, column) in enumerate(zip(axes.flat[len(commands) :], plan.channels, strict=True)):
+    drawn = axes.flat[len(commands) : -1]
+    for k, (axis, column) in enumerate(zip(drawn, plan.channels, strict=True)):
         for color, (name, own) in zip(PALETTE, plan.predicted.items(), strict=False):
             axis.plot(minutes, own[k], color=color, label=name, linewidth=1.0)
         axis.set_ylabel(column, fontsize=7)
-    axes.flat[len(commands)].legend(fontsize=7, frameon=False, ncols=2)
-    axes.flat[-1].set_xlabel("time [min]")
+    figure.legend(
+        *drawn[0].get_legend_handles_labels(), loc="outside upper center", fontsize=7, ncols=2
+    )
+    last = axes.flat[-1]
+    for color, (pair, values) in zip(PALETTE[::-1], plan.history.items(), strict=False):
+        last.plot(plan.history.index, np.maximum(values, 0.01), color=color, label=pair)
+    last.axhline(DECIDED, color="black", linestyle=":", linewidth=0.8)
+    last.set(yscale="log", xlabel="time [min]")
+    last.set_ylabel("expected 2 log L", fontsize=7)
+    last.legend(fontsize=6, frameon=False)
+    for axis in axes.flat:
+        axis.set_xlim(0.0, len(plan.table) * INTERVAL_S / 60.0)
     return figure
 
 

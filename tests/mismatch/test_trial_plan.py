@@ -107,6 +107,10 @@ def test_a_programme_beats_random_ones_and_can_be_simulated(
     assert 0.0 < row["minutes"] <= 15.0
     assert row["minutes_with_shaft_torque_N_m"] <= row["minutes"]
     assert len(plan.table) == 900
+    history = plan.history["fouled or log"]
+    assert history.index.tolist() == [0.5 * k for k in range(1, 31)]
+    assert history.iloc[-1] == pytest.approx(row["expected_2logL"])
+    assert (history[history.index < row["minutes"] - 0.5] < DECIDED).all()
     assert plan.table["fuel_rack_mm"].between(14.0, 26.0).all()
     assert plan.table["pitch_ratio_command"].between(1.0, 1.35).all()
     for ship in models.values():
