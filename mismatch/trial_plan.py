@@ -64,6 +64,9 @@ INTERVAL_S = 1.0
 TIME_STEP_S = 0.25
 """Time step of the predictions, where the ship allows it [s]."""
 
+LEAST_STEP_S = 0.02
+"""Shortest time step of a ship for which a trial can be planned [s]."""
+
 MANOEUVRE_S = 300.0
 """Usual length of a manoeuvre."""
 
@@ -228,7 +231,7 @@ def _ranges(ship: Ship, limits: Limits) -> tuple[tuple[float, float], tuple[floa
     """
     plant, column = ship.record(), drive_column(ship)
     own = float(plant["drive_min"]), float(plant["drive_max"])
-    drive = limits.drive or (own[0] + 0.3 * (own[1] - own[0]), own[0] + 0.8 * (own[1] - own[0]))
+    drive = limits.drive or (0.3 * own[1], 0.8 * own[1])
     pitch = (ship.propeller.pitch_ratio_max,) * 2
     if ship.has_variable_pitch:
         most = float(ship.propeller.pitch_ratio_max)
@@ -625,6 +628,16 @@ def _check(models: Mapping[str, Ship], noise: Mapping[str, Noise], minutes: floa
     for name, other in models.items():
         if drive_column(other) != drive_column(ship) or other.turns != ship.turns:
             raise PlanError(f"{name}: is not the same kind of ship as {next(iter(models))}")
+        if other.time_step_s < LEAST_STEP_S:
+            raise PlanError(
+                f"{name}: its time step of {other.time_step_s:g} s is that of a test rig, too fast for "
+                f"programmes with a row every {INTERVAL_S:g} s"
+            )
+        if other.external_signals:
+            raise PlanError(
+                f"{name}: uses {', '.join(other.external_signals)} from the recording, which a plan "
+                "cannot predict; leave this model out"
+            )
     known = _channels(ship)
     if unknown := [c for c in noise if c not in known]:
         raise PlanError(

@@ -29,6 +29,8 @@ from shaftline.plant.replay import simulate_recording
 
 WHITE = (Noise(0.5), Noise(2.0))
 LOG = {"ship_speed_m_s": Noise(0.05)}
+SPEED = "shaft_speed_rad_s"
+FRICTION = {"transmission.coulomb_friction_engine_side_N_m": 0.01}
 
 
 def prediction(seed: int, unknowns: int = 3, rows: int = 40) -> Prediction:
@@ -170,6 +172,9 @@ def test_every_kind_of_manoeuvre_stays_within_the_limits() -> None:
 
 def test_what_cannot_be_planned_is_refused(models: dict[str, Ship], tmp_path: Path) -> None:
     one = {"fouled": models["fouled"]}
+    rig = load_ship("tito-neri-sine")
+    term = {"id": "wind", "acts_on": "resistance", "expression": "50.0 * head_wind"}
+    windy = models["fouled"].with_values({"signals": {"head_wind": "m/s"}, "term": [term]})
     for given, noise, limits, words in (
         (one, LOG, Limits(), "at least two are needed"),
         ({**one, "same": models["fouled"]}, LOG, Limits(), "do not differ"),
@@ -179,7 +184,14 @@ def test_what_cannot_be_planned_is_refused(models: dict[str, Ship], tmp_path: Pa
         (models, LOG, Limits(drive=(5.0, 500.0)), r"drive = .* leaves what frigate can do"),
         (models, LOG, Limits(rudder_deg=5.0), "frigate has no rudder"),
         (models, LOG, Limits(ship_speed_m_s=(30.0, 31.0)), "stays within the limits; widen"),
+        ({**one, "windy": windy}, LOG, Limits(), "windy: uses head_wind from the recording"),
         ({**one, "rig": load_ship("towing-tank")}, LOG, Limits(), "rig: is not the same kind"),
+        (
+            {"a": rig, "b": rig.with_values(FRICTION)},
+            {SPEED: Noise(1.0)},
+            Limits(),
+            "a: its time step",
+        ),
     ):
         with pytest.raises(PlanError, match=words):
             plan_trial(given, noise, 5.0, limits, pool=1)
