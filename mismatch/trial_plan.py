@@ -166,21 +166,17 @@ class Manoeuvre(NamedTuple):
     rudder: Floats
 
 
-def _levels(
-    generator: np.random.Generator, rows: int, hold: int, low: float, high: float
-) -> Floats:
+def _levels(rng: np.random.Generator, rows: int, hold: int, low: float, high: float) -> Floats:
     """Return a staircase of random levels, each held for the same time of at least ``hold`` rows."""
-    count = int(generator.integers(2, max(3, min(8, rows // hold) + 1)))
-    steps = generator.uniform(low, high, count)
+    count = int(rng.integers(2, max(3, min(8, rows // hold) + 1)))
+    steps = rng.uniform(low, high, count)
     return np.asarray(steps[np.minimum(np.arange(rows) * count // rows, count - 1)])
 
 
-def _switching(
-    generator: np.random.Generator, rows: int, hold: int, low: float, high: float
-) -> Floats:
+def _switching(rng: np.random.Generator, rows: int, hold: int, low: float, high: float) -> Floats:
     """Return a pseudo-random binary signal between two levels."""
-    ends = np.sort(generator.uniform(low, high, 2))
-    bits = generator.integers(0, 2, -(-rows // hold))
+    ends = np.sort(rng.uniform(low, high, 2))
+    bits = rng.integers(0, 2, -(-rows // hold))
     return ends[np.repeat(bits, hold)[:rows]]
 
 
@@ -190,12 +186,8 @@ def random_manoeuvre(
     """Return a random manoeuvre of one of the usual kinds within the limits."""
     drive, pitch, helm = _ranges(ship, limits)
     hold = max(1, round(limits.shortest_hold_s / INTERVAL_S))
-    kinds = [
-        "steps of the drive",
-        "ramp of the drive",
-        "drive at random between two levels",
-        "coast-down",
-    ]
+    kinds = ["steps of the drive", "ramp of the drive", "drive at random between two levels"]
+    kinds += ["coast-down"]
     if pitch[0] < pitch[1]:
         kinds += ["steps of the pitch at constant drive", "steps of drive and pitch"]
     if helm > 0.0:
@@ -246,9 +238,7 @@ def _ranges(ship: Ship, limits: Limits) -> tuple[tuple[float, float], tuple[floa
                 + (f" ({column})" if name == "drive" else "")
             )
     if limits.rudder_deg > 0.0 and not ship.turns:
-        raise PlanError(
-            f"limits: rudder_deg = {limits.rudder_deg:g}, but {ship.name} has no rudder"
-        )
+        raise PlanError(f"limits: rudder_deg is above 0, but {ship.name} has no rudder")
     return drive, pitch, math.radians(limits.rudder_deg)
 
 
