@@ -41,7 +41,6 @@ from .judge.held_out import HeldOut, Segments, fit_percents
 from .judge.shapes import Shape, best_shapes, shape_to_show, signals_of, term_from_shape
 from .judge.verdict import (
     EXPLAINED,
-    NOTHING,
     PARTLY,
     SURE_GAIN,
     UNEXPLAINED,
@@ -404,7 +403,7 @@ def _report(
             "pitch_ratio_command": replay.command, "inflow": replay.inflow_rows, **replay.outside,
         },
         biased=find_biased_parameters(fitter, selection) if conclusion.is_named else [],
-        alternatives={} if name == NOTHING else alternative_ships(
-            fitter, selection, selector.threshold, bool(findings)
+        alternatives=alternative_ships(
+            fitter, selection, selector.threshold, name, bool(findings)
         ),
     )  # fmt: skip

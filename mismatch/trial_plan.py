@@ -50,12 +50,13 @@ from ..plant.drives.diesel import torque_limit
 from ..plant.recording import RecordingError
 from ..plant.ship import Ship, ShipError
 from .estimate import Tick, ignore_progress
+from .search.selection import INDISTINGUISHABLE
 from .simulate.balances import tolerance_perturbations
 from .simulate.joint_replay import NO_SHIFT, JointReplay
 
 Floats = NDArray[np.float64]
 
-DECIDED = 6.0
+DECIDED = INDISTINGUISHABLE
 """Difference in 2 log L from which a pair of models counts as decided: one is 20 times as probable."""
 
 INTERVAL_S = 1.0

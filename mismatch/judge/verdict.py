@@ -129,19 +129,23 @@ NEARLY = 0.5
 
 
 def alternative_ships(
-    fitter: Fitter, selection: Selection, threshold: Callable[[Effect], float], named: bool
-) -> dict[str, Ship]:
+    fitter: Fitter, selection: Selection, threshold: Callable[[Effect], float], verdict: str,
+    named: bool,
+) -> dict[str, Ship]:  # fmt: skip
     """Return ships of the models that the recordings cannot distinguish from the reported one.
 
     Each has a rival in place of an identified effect. Where no effect is identified, each has an effect
-    that is nearly significant, in addition to the nominal ship.
+    that is nearly significant, in addition to the nominal ship. Where nothing is missing, there is none.
 
     Args:
         fitter: fitter of the recordings.
         selection: chosen effects with their rivals.
         threshold: function from an effect to the gain that it must exceed.
+        verdict: name of the verdict.
         named: whether the chosen effects are reported.
     """
+    if verdict == NOTHING:
+        return {}
     effects = selection.fit.effects
     models: dict[str, tuple[SizedEffect, ...]] = {}
     if named:

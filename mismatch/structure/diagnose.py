@@ -274,8 +274,8 @@ def _update_diagnosis(
         fit_after=fit_percents(first.measured, after, problem.held_rows), held_out_gain=gain,
         warnings=[*together.warnings, *said],
         parameters=parameter_estimates(first.ship, problem, model, corrected),
-        alternatives={} if verdict == NOTHING else alternative_ships(
-            fitter, selection, search.threshold, bool(findings)
+        alternatives=alternative_ships(
+            fitter, selection, search.threshold, verdict, bool(findings)
         ),
     )  # fmt: skip
 
