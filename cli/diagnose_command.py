@@ -10,10 +10,9 @@ import typer
 from .. import mismatch
 from ..core.sweep import check_backend
 from ..mismatch import Options
-from ..mismatch.diagnosis import SHIP
 from ..mismatch.example import concealed, copy_example
 from ..mismatch.folder import find_recordings
-from ..mismatch.report.index import INDEX_PAGE, INDEX_TABLE, PAGE, PDF, REPORT
+from ..mismatch.report.index import INDEX_PAGE, INDEX_TABLE, PAGE, PDF, REPORT, SHIP
 from ..plant import Ship, load_ship
 from . import console
 from .console import check_folder, progress, report_errors, say, stages

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from ..core.models import read_model
 from ..mismatch.report.plan import (
     DATA,
     FIGURE,
@@ -16,7 +17,8 @@ from ..mismatch.report.plan import (
     read_models,
     save_plan,
 )
-from ..mismatch.trial_plan import Limits, plan_trial, read_limits
+from ..mismatch.trial_manoeuvres import Limits, PlanError
+from ..mismatch.trial_plan import plan_trial
 from .console import check_folder, print_table, report_errors, say, stages
 from .machine import add_results
 
@@ -66,7 +68,7 @@ def plan(
     with report_errors():
         check_folder(out)
         models, noise = read_models(report)
-        allowed = Limits() if limits is None else read_limits(limits)
+        allowed = Limits() if limits is None else read_model(Limits, limits, PlanError)
         with stages("planning") as tick:
             found = plan_trial(models, noise, minutes, allowed, seed=seed, tick=tick)
         save_plan(found, out)

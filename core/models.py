@@ -6,9 +6,28 @@ from pathlib import Path
 from types import NoneType
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, field_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+)
 
 from .files import FileError, read_toml
+
+
+def _rising(ends: tuple[float, float]) -> tuple[float, float]:
+    if ends[0] > ends[1]:
+        raise ValueError(f"{list(ends)}: the lower value must come first")
+    return ends
+
+
+Number = Annotated[float, Field(strict=True)]
+Range = Annotated[tuple[Number, Number], AfterValidator(_rising)]
+"""Lowest and highest value, as a list of two numbers."""
 
 
 class FileModel(BaseModel):
@@ -57,6 +76,8 @@ def explain(error: ValidationError) -> str:
             sentences.append(f"{key} is missing")
         elif item["type"] == "extra_forbidden":
             sentences.append(f"{key} is not a known key")
+        elif item["type"] == "tuple_type":
+            sentences.append(f"{key} = {item['input']!r}: a list is required")
         elif item["type"] == "value_error":
             sentences.append(": ".join(part for part in (key, str(item["ctx"]["error"])) if part))
         else:
@@ -83,7 +104,10 @@ def read_model(model: type[Model], path: str | Path, error: type[ValueError]) ->
     except FileError as refused:
         raise error(str(refused)) from None
     except ValidationError as refused:
-        raise error(f"{path}: {explain(refused)}") from None
+        text = explain(refused)
+        if any(item["type"] == "extra_forbidden" for item in refused.errors()):
+            text += f"; known keys of the file: {', '.join(model.model_fields)}"
+        raise error(f"{path}: {text}") from None
 
 
 def refuse_non_numbers(value: Any, kinds: tuple[type, ...] = (bool,)) -> None:

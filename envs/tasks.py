@@ -6,26 +6,15 @@ import functools
 import tomllib
 from collections.abc import Mapping
 from importlib import resources
-from typing import Annotated, Any
+from typing import Any
 
-from pydantic import AfterValidator, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from ..baselines.controller import Predictor
 from ..baselines.registry import ControllerError, make_controller, make_steering
-from ..core.models import FileModel, explain
+from ..core.models import FileModel, Number, Range, explain
 from ..plant import Ship, load_ship
 from .rewards import Goals
-
-
-def _rising(ends: tuple[float, float]) -> tuple[float, float]:
-    if ends[0] > ends[1]:
-        raise ValueError(f"{list(ends)}: the lower value must come first")
-    return ends
-
-
-_Number = Annotated[float, Field(strict=True)]
-Range = Annotated[tuple[_Number, _Number], AfterValidator(_rising)]  # lowest and highest
-
 
 LIMITS = {
     "speed_order_m_s": (0.0, 40.0, "m/s"),
@@ -56,7 +45,7 @@ def _within_limits(task: Any) -> Any:
     return task
 
 
-TaskSea = str | dict[str, _Number | Range]  # preset, or parameters; a range is drawn
+TaskSea = str | dict[str, Number | Range]  # preset, or parameters; a range is drawn
 
 
 class HeldOut(FileModel):

@@ -9,11 +9,8 @@ from ..core.files import write_atomically
 from ..plant.ship import Ship
 from .outcome import Outcome
 from .report.data import ALTERNATIVES, alternative_file, diagnosis_as_dict
-from .report.index import PDF, Result
+from .report.index import PDF, SHIP, Result
 from .report.text import headline, sentence, summary
-
-SHIP = "corrected_ship.toml"
-"""File name of the corrected ship."""
 
 
 class Diagnosis(Outcome, Result):

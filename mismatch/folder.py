@@ -18,13 +18,12 @@ from ..core.files import read_json, write_atomically, write_text
 from ..core.sweep import source_digest, sweep
 from ..plant.recording import PARQUET, SHEETS, read_table
 from ..plant.ship import Ship
-from .diagnosis import SHIP
 from .identification.parameters import Start
 from .options import Options
 from .pipeline import begin, diagnose
 from .recordings.columns import load_map
 from .recordings.time_base import first_day
-from .report.index import PAGE, PDF, REPORT, DiagnosisIndex, index_row
+from .report.index import PAGE, PDF, REPORT, SHIP, DiagnosisIndex, index_row
 
 ENDINGS = (".csv", ".tsv", *PARQUET, *SHEETS)
 

@@ -22,6 +22,9 @@ from .text import align_columns
 REPORT, PAGE, PDF = "report.json", "report.html", "report.pdf"
 """File names of the report as data, as a page and for print."""
 
+SHIP = "corrected_ship.toml"
+"""File name of the corrected ship."""
+
 
 class Result(ABC):
     """Result of a diagnosis or an identification, which can be written to a folder."""

@@ -36,6 +36,7 @@ from .figures import (
 )
 from .first_page import FirstPage, Tile
 from .html import report_fields, report_panels
+from .index import SHIP
 from .wording import unbroken
 
 PAGE_WIDTH, PAGE_HEIGHT = 8.27, 11.69  # A4 [inch]
@@ -413,9 +414,9 @@ def _write_technical_part(
     _write_detectable(document, fields)
     document.heading("Corrected ship")
     if not fields["keys"]:
-        document.paragraph("No key was changed: corrected_ship.toml is the nominal ship.")
+        document.paragraph(f"No key was changed: {SHIP} is the nominal ship.")
         return
-    document.paragraph("These keys of the ship file differ in corrected_ship.toml.")
+    document.paragraph(f"These keys of the ship file differ in {SHIP}.")
     rows = [list(map(_plain, row)) for row in fields["keys"]]
     document.table(["Key", "Nominal", "Corrected"], rows)
 

@@ -15,8 +15,10 @@ from ...display.figures import PALETTE, new_figure, save
 from ...plant.columns import RUDDER_COMMAND, TIME
 from ...plant.ship import Ship
 from ...plant.ship_files import load_ship
-from ..trial_plan import DECIDED, INTERVAL_S, Noise, PlanError, TrialPlan
+from ..trial_manoeuvres import INTERVAL_S, PlanError
+from ..trial_plan import DECIDED, Noise, TrialPlan
 from .data import replace_non_finite
+from .index import SHIP
 
 TABLE, DATA, FIGURE = "plan.csv", "plan.json", "plan.png"
 """File names of the commands, the expected evidence and the picture."""
@@ -48,7 +50,7 @@ def read_models(report: str | Path) -> tuple[dict[str, Ship], dict[str, Noise]]:
             f"{report}: the diagnosis has no alternatives (verdict {content.get('verdict')}), so no "
             "trial is needed to decide between models"
         )
-    files = {CORRECTED: "corrected_ship.toml", **content["alternatives"]}
+    files = {CORRECTED: SHIP, **content["alternatives"]}
     models = {name: load_ship(report.parent / file) for name, file in files.items()}
     noise = {
         column: Noise(float(one["sd"]), float(one["correlation_s"]))

@@ -14,8 +14,7 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import Options, diagnose
-from shaftline.mismatch.diagnosis import SHIP
-from shaftline.mismatch.report.index import PAGE, PDF, REPORT
+from shaftline.mismatch.report.index import PAGE, PDF, REPORT, SHIP
 from shaftline.plant import equilibrium, load_ship
 from shaftline.plant.replay import simulate_recording
 

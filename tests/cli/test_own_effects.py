@@ -13,9 +13,8 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import catalogue
-from shaftline.mismatch.diagnosis import SHIP
 from shaftline.mismatch.identify import SHIP as IDENTIFIED
-from shaftline.mismatch.report.index import REPORT
+from shaftline.mismatch.report.index import REPORT, SHIP
 from shaftline.plant import Ship, load_ship, simulate_recording, write_ship
 from shaftline.plant.terms import Term
 

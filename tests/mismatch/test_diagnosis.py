@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from shaftline.mismatch.diagnosis import SHIP
 from shaftline.mismatch.report.html import report_html
-from shaftline.mismatch.report.index import PAGE, REPORT
+from shaftline.mismatch.report.index import PAGE, REPORT, SHIP
 from shaftline.plant import load_ship
 
 from .diagnoses import diagnosis_of

@@ -11,9 +11,8 @@ import pytest
 
 from shaftline.core.sweep import SweepError
 from shaftline.mismatch import Options, diagnose_folder, folder
-from shaftline.mismatch.diagnosis import SHIP
 from shaftline.mismatch.identification.parameters import Start
-from shaftline.mismatch.report.index import PAGE, PDF, REPORT
+from shaftline.mismatch.report.index import PAGE, PDF, REPORT, SHIP
 from shaftline.plant import Ship
 
 from .diagnoses import diagnosis_of

@@ -10,18 +10,16 @@ import numpy as np
 import pytest
 import scipy
 
+from shaftline.core.models import read_model
 from shaftline.mismatch import Limits, Noise, plan_trial
 from shaftline.mismatch.report.plan import pairs_in_words, read_models, save_plan
+from shaftline.mismatch.trial_manoeuvres import PlanError, random_manoeuvre, table_of
 from shaftline.mismatch.trial_plan import (
     DECIDED,
-    PlanError,
     Prediction,
     _whiten,
     evidence_of,
     own_effects,
-    random_manoeuvre,
-    read_limits,
-    table_of,
     worst_of,
 )
 from shaftline.plant import Ship, load_ship
@@ -199,13 +197,13 @@ def test_what_cannot_be_planned_is_refused(models: dict[str, Ship], tmp_path: Pa
         plan_trial(models, LOG, 0.0)
     file = tmp_path / "limits.toml"
     for text, words in (
-        ("drive = [20, 10]", "the lower end must come first"),
-        ("drive = 5", r"drive.*5: must be a pair \[lowest, highest\]"),
-        ("rudder = 5", r"rudder is not a known key; known keys: drive"),
+        ("drive = [20, 10]", "the lower value must come first"),
+        ("drive = 5", r"drive = 5: a list is required"),
+        ("rudder = 5", r"rudder is not a known key; known keys of the file: drive"),
     ):
         file.write_text(text)
         with pytest.raises(PlanError, match=words):
-            read_limits(file)
+            read_model(Limits, file, PlanError)
 
 
 def test_a_report_without_alternatives_needs_no_trial(tmp_path: Path) -> None:
