@@ -92,6 +92,9 @@ def _error_line(model: type[BaseModel], item: dict[str, Any]) -> str:
         return f"{key}.type {what} (allowed: {', '.join(sorted(tags))})"
     if kind == "missing":
         return f"{key} is missing{allowed}"
+    if kind == "extra_forbidden" and "." in path[-1]:
+        table, _, name = path[-1].rpartition(".")
+        return f'"{path[-1]}" is in quotes and thus one name; write {name} under [{table}]'
     if kind == "extra_forbidden":
         return f"{key} is not a known key{_suggestion(model, key)}"
     if kind == "value_error":
@@ -112,6 +115,8 @@ def _suggestion(model: type[BaseModel], key: str) -> str:
     section, _, name = key.rpartition(".")
     kinds = _kinds(model, section) or (model,)
     known = [k for kind in kinds for k in getattr(kind, "model_fields", {})]
+    if name in known:
+        return f"; it belongs to another type of {section}"
     similar = difflib.get_close_matches(name, known, n=1)
     if similar:
         return f"; did you mean {key.removesuffix(name)}{similar[0]}?"

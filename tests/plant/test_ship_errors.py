@@ -42,6 +42,7 @@ def edited(tmp_path: Path) -> Edit:
         ("blades = 5", "", ["propeller", "blades is missing", "propeller.model = 'b-series'"]),
         ('model = "b-series"', 'model = "bollard"', ["torque_coefficient is missing", "bollard"]),
         ("[water]", "[waters]", ["waters is not a known key"]),
+        ("mass_kg = 3.3e6", '"hull.mass_kg" = 3.3e6', ["in quotes", "write mass_kg under [hull]"]),
         ("density_kg_m3 = 1025.0", "", ["water.density_kg_m3 is missing", "with a propeller"]),
         ("diameter_m = 4.2", 'diameter_m = "4.2"', ["propeller.diameter_m", "'4.2'", "unit m;"]),
         ("diameter_m = 4.2", "diameter_m = true", ["propeller.diameter_m", "True", "number"]),
