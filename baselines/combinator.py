@@ -145,6 +145,9 @@ def _tabled_curve(ship: Ship) -> Curve:
     table = ship.combinator
     rows = np.array(getattr(table, table.key))
     grid = np.union1d(rows, np.linspace(rows[0], rows[-1], _POINTS))
+    grid = grid[
+        np.append(True, np.diff(grid) > 1e-9)
+    ]  # 0.3 is also 12 of 40 steps, but for rounding
     speed = np.clip(
         np.interp(grid, rows, table.shaft_speed_rpm) * math.pi / 30.0, *ship.shaft_speeds
     )

@@ -228,7 +228,11 @@ def controller_loop(controller: Controller, speed_m_s: float, command: str = "dr
         ShipError: the ship does not reach the speed.
         ValueError: as of :func:`settle_controller`, or an unknown command.
     """
-    rest = settle_controller(controller, speed_m_s)
+    return loop_at_rest(controller, settle_controller(controller, speed_m_s), command)
+
+
+def loop_at_rest(controller: Controller, rest: RestPoint, command: str = "drive") -> Loop:
+    """Return the loop of :func:`controller_loop` at a steady state of the controller."""
     law = linearise_controller(controller, rest)
     plant = linear_plant(controller.ship, rest.point)
     return loop_at_command(plant, law, command, "speed_order", "ship_speed")

@@ -47,6 +47,7 @@ _LONGEST_INTERVAL_S = 60.0
 _MOST_SEAS = 12  # seas, and seeds of one sea, that are listed one by one
 _SEA_COLUMNS = {
     "hs_m": "Hs [m]", "tp_s": "Tp [s]", "gamma": "gamma [-]", "heading_deg": "heading [deg]",
+    "wind_m_s": "wind [m/s]",
 }  # fmt: skip
 _SHOWN = (
     "reward", "fuel_kg_nmi", "speed_error_rms_m_s", "torque_sd_kN_m", "rack_travel_mm_min",
@@ -60,7 +61,7 @@ def evaluate(
         help=f"NAME, NAME:option=number or policy:FILE; repeatable. {known_controllers()}.")],
     task: TaskName = "transit",
     sea: Annotated[list[str] | None, typer.Option(
-        help="Sea: a preset; hs=3.2,tp=9.1 with optional gamma= and heading=; or `task` for the "
+        help="Sea: a preset; hs=3.2,tp=9.1 with optional gamma=, heading= and wind=; or `task` for the "
         "seas of the task; repeatable.", show_default="task")] = None,
     hs: console.OwnHeight = None,
     tp: console.OwnPeriod = None,
@@ -189,7 +190,7 @@ def evaluate(
         scored = ["score"] if "score" in shown else []
         marks = ["stability"] if unstable else []
         print_table(shown[[*(varied or ["controller"]), *marks, *scored, *figures]], title)
-        for sentence in _sentences(unstable):
+        for sentence in (*_failures(shown), *_sentences(unstable)):
             say(sentence)
         waves = _print_seas(cells)
         if zero:
@@ -281,6 +282,17 @@ def _load(
         )
         found[label(text) + mark] = made
     return found
+
+
+def _failures(rows: pd.DataFrame) -> list[str]:
+    """Return a sentence for each row with failed episodes: how many, and why."""
+    return [
+        f"FAILED: {row['controller']} ({row['sea']}): {row['failed']:.0%} of the episodes; the engine "
+        f"tripped on overspeed in {row['tripped']:.0%} and stalled in "
+        f"{row['failed'] - row['tripped']:.0%}. The other figures hold until then\n"
+        for row in rows.to_dict("records")
+        if row["failed"] > 0.0
+    ]
 
 
 def _sentences(unstable: Mapping[tuple[str, str], Verdict]) -> list[str]:

@@ -45,7 +45,7 @@ def export(
         show_default="that of the ship file")] = None,
     sea: Annotated[str, typer.Option(
         help="Sea in the FMU: a preset (see `shaftline list`), calm, or hs=3.2,tp=9.1 with optional "
-        "gamma= and heading=.")] = "calm",
+        "gamma=, heading= and wind=.")] = "calm",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the sea.")] = 0,
 ) -> None:  # fmt: skip
     """Write a ship as an FMU for co-simulation, or a policy as an FMU or one C99 file.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -12,10 +13,11 @@ import typer
 from .. import display
 from ..baselines import ControllerError, helmsman_names, make_controller, make_helmsman
 from ..baselines.controller import Controller
-from ..baselines.loops import controller_loop, helmsman_loop, linear_plant
+from ..baselines.loops import helmsman_loop, linear_plant, loop_at_rest, settle_controller
 from ..core.files import check_writable, write_json
 from ..core.lazy import control
 from ..plant import Ship, approach, load_ship
+from ..plant.columns import drive_column
 from ..plant.loops import Loop
 from ..plant.order_tables import with_combinator_table
 from .console import PresetShip, check_folder, check_pitch, print_table, report_errors, say
@@ -141,7 +143,14 @@ def _loop(
             f"{name}: the analysis needs the methods initial_state and act; derive the class from "
             "shaftline.baselines.Controller"
         )
-    return controller_loop(made, speed, command), f"{what}, opened at {command}"
+    rest = settle_controller(made, speed)
+    state, inputs = rest.point.state, rest.point.inputs
+    at = (
+        f"{state.shaft_speed * 30.0 / math.pi:.1f} rpm, P/D {state.pitch_ratio:.3f}, "
+        f"{drive_column(ship)} {inputs.drive:.4g}"
+    )
+    about = f"{what}, opened at {command}; working point {at}; the step is one of the ordered ship speed"
+    return loop_at_rest(made, rest, command), about
 
 
 def _law(text: str) -> control.TransferFunction:

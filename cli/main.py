@@ -25,12 +25,13 @@ from .machine import add_json_option
 COMMANDS = (
     "tour", "new-ship", "simulate", "manoeuvre", "linearise", "loop", "reproduce", "train", "tune",
     "tune-recipe", "evaluate", "dataset", "export", "video", "check", "identify", "diagnose",
-    "plan-trial", "trial", "performance", "validate", "list",
+    "monitor", "plan-trial", "trial", "performance", "validate", "list",
 )  # fmt: skip
 """Sub-commands in the order of ``--help``; ``new-ship`` is ``new_ship`` in ``new_ship_command.py``."""
 
 HERE = Path(__file__).parent
-FUNCTION_NAMES = {"list": "list_names", "linearise": "linearise_ship", "plan-trial": "plan"}
+FUNCTION_NAMES = {"list": "list_names", "linearise": "linearise_ship", "plan-trial": "plan",
+                  "monitor": "condition"}  # fmt: skip
 """Functions whose name differs from that of the command."""
 
 

@@ -66,7 +66,7 @@ def performance(
     `water_temperature_C`, `rudder_deg`. Short names and units in brackets are read too: `STW [kn]`.
 
     The ship file has `name`, `beam_m`, `draught_m`, the reference curve `speed_kn` and `power_kW`
-    (lists) and, for the wind, the table `[air]` as in `shaftline trial`.
+    (lists) and, for the wind, the table `[superstructure]` as in `shaftline trial`.
 
     A speed loss does not say where it arises. With --plant, and a log that also has the fuel rack,
     the pitch and the shaft speed, the plant is calibrated on the first period, and each later period

@@ -29,8 +29,8 @@ def simulate(
     case: Annotated[str | None, typer.Option(
         help=f"Load case in place of a recording: {', '.join(CASES)}.")] = None,
     sea: Annotated[str | None, typer.Option(
-        help="Sea: a preset (see `shaftline list`), calm, or hs=3.2,tp=9.1 with optional gamma= and "
-        "heading=.", show_default="that of the load case, or calm")] = None,
+        help="Sea: a preset (see `shaftline list`), calm, or hs=3.2,tp=9.1 with optional gamma=, "
+        "heading= and wind=.", show_default="that of the load case, or calm")] = None,
     hs: OwnHeight = None,
     tp: OwnPeriod = None,
     observer: Annotated[str | None, typer.Option(

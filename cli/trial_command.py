@@ -76,8 +76,8 @@ def trial(
 
     The ship file has `name`, `mcr_kW`, the table `[hull]` (`length_m`, `beam_m`, `draught_m`,
     `displacement_m3`, `midship_coefficient`, `waterplane_coefficient`, `lcb_percent`) and, for the wind,
-    `[air]` (`frontal_area_m2` with `angle_deg` and `coefficient`, or the areas and heights of the
-    regression).
+    `[superstructure]` (`frontal_area_m2` with `angle_deg` and `coefficient`, or the areas and heights of
+    the regression).
 
     Written: `runs.csv`, `curve.csv`, `report.json`, `speed-power.png`.
 

@@ -10,6 +10,7 @@ from ..baselines import controller_names
 from ..envs import DEFAULTS, get_task
 from ..envs.settings import EPISODE_S
 from ..observers import get_observer
+from ..plant import get_sea
 from .console import MOST_SEEDS, report_errors, require_extra, say, stages
 from .machine import add_results
 from .train_command import EpisodeLength, ObserverName, TaskName, TaskShip
@@ -29,13 +30,16 @@ def tune(
     seed: Annotated[int, typer.Option(min=0, help="Seed; equal seeds give equal constants.")] = 0,
     observer: ObserverName = DEFAULTS.observer,
     ship: TaskShip = None,
+    sea: Annotated[str, typer.Option(
+        help="Sea: a preset; hs=3.2,tp=9.1 with optional gamma=, heading= and wind=; or `task` for the "
+        "seas of the task.")] = "task",
 ) -> None:  # fmt: skip
     """Tune the constants of a classic controller for a task.
 
     CMA-ES draws constants within their ranges. All candidates are simulated in the same episodes of the
-    task's seas, and the mean reward decides. A best candidate is refused if its commands oscillate in
-    calm water. The result and the given controller are then evaluated in
-    as many unused episodes. A learned policy should be better than the result.
+    task's seas or of `--sea`, and the mean reward decides. A best candidate is refused if its commands
+    oscillate in calm water. The result and the given controller are then evaluated in as many unused
+    episodes. A learned policy should be better than the result.
 
     Written: nothing; the result is printed as `NAME:option=number,...`, and as JSON with `--json`.
 
@@ -47,24 +51,28 @@ def tune(
     with report_errors():
         get_task(task).load_ship(ship)
         get_observer(observer)
+        if sea != "task":
+            get_sea(sea)
         ranges = dict(map(_range, vary)) if vary else None
         with require_extra("train", "tuning"):
             from ..agents.learning.tuning import tune as search
         with stages("tuning") as tick:
             found = search(
                 controller, task, ranges=ranges, rounds=rounds, episodes=seeds,
-                episode_s=episode_s, seed=seed, observer=observer, ship=ship,
+                episode_s=episode_s, seed=seed, observer=observer, ship=ship, sea=sea,
                 tick=lambda done, total, said: tick(said, done, total),
             )  # fmt: skip
         add_results(found._asdict())
         say(f"{found.candidates} candidates on {seeds} episodes of {task}")
         say(f"reward on {seeds} unused episodes: {found.fresh:.5g}, untuned {found.untuned:.5g}")
         if found.fresh <= found.untuned:
-            say("the tuned constants are not better: keep the given ones")
-        say("evaluate the result on the held-out seas:")
+            say(f"the tuned constants {found.controller} are not better: keep the given ones")
+            return
+        say("evaluate the result " + ("on the held-out seas:" if sea == "task" else "in this sea:"))
+        where = f"{task}:held-out" if sea == "task" else f"{task} --sea {sea}"
         say(
             f"  shaftline evaluate --controller {found.controller} --controller {controller} "
-            f"--task {task}:held-out" + (f" --ship {ship}" if ship else "")
+            f"--task {where}" + (f" --ship {ship}" if ship else "")
         )
 
 

@@ -15,6 +15,7 @@ from pydantic import (
     ValidationInfo,
     field_validator,
 )
+from pydantic.fields import FieldInfo
 
 from .files import FileError, read_toml
 
@@ -67,8 +68,21 @@ def _leaves(annotation: Any) -> set[Any]:
     return set().union(*(_leaves(part) for part in parts if part is not Ellipsis))
 
 
-def explain(error: ValidationError) -> str:
-    """Return a pydantic error as text: key, value and reason for each error."""
+def allowed_range(info: FieldInfo) -> str:
+    """Return the allowed range of a parameter, or the names that a key accepts, as text."""
+    if get_origin(info.annotation) is Literal:
+        return ", ".join(map(str, get_args(info.annotation)))
+    bounds = [
+        f"{sign} {getattr(m, name):g}"
+        for m in info.metadata
+        for name, sign in (("ge", ">="), ("gt", ">"), ("le", "<="), ("lt", "<"))
+        if getattr(m, name, None) is not None
+    ]
+    return " and ".join(bounds) or "any number"
+
+
+def explain(error: ValidationError, model: type[BaseModel] | None = None) -> str:
+    """Return a pydantic error as text: key, value and reason, with the model also the allowed range."""
     sentences = []
     for item in error.errors():
         key = ".".join(map(str, item["loc"]))
@@ -81,7 +95,9 @@ def explain(error: ValidationError) -> str:
         elif item["type"] == "value_error":
             sentences.append(": ".join(part for part in (key, str(item["ctx"]["error"])) if part))
         else:
-            sentences.append(f"{key} = {item['input']!r}: {item['msg'].lower()}")
+            field = model.model_fields.get(key) if model else None
+            allowed = f" (allowed: {allowed_range(field)})" if field else ""
+            sentences.append(f"{key} = {item['input']!r}: {item['msg'].lower()}{allowed}")
     return "; ".join(sentences)
 
 
@@ -104,7 +120,7 @@ def read_model(model: type[Model], path: str | Path, error: type[ValueError]) ->
     except FileError as refused:
         raise error(str(refused)) from None
     except ValidationError as refused:
-        text = explain(refused)
+        text = explain(refused, model)
         if any(item["type"] == "extra_forbidden" for item in refused.errors()):
             text += f"; known keys of the file: {', '.join(model.model_fields)}"
         raise error(f"{path}: {text}") from None

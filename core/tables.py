@@ -47,7 +47,7 @@ _UNITS = frozenset((
 """Units of loggers in small letters; quotients and products of them are units as well."""
 _LETTERS = frozenset("shmgtdlrLNWVAKCFU%°º")
 """Units of a single letter; other letters, such as n and P, are names."""
-_DATE_FORMAT = re.compile(
+DATE_FORMAT = re.compile(
     r"(?=.*[./:-])[dmyjhstfza\s.,:/_-]{5,}|%[a-z].*|date\s*time|datetime|utc", re.I
 )
 """Date format in a row of units, such as ``dd.mm.yyyy hh:mm:ss``."""
@@ -223,7 +223,7 @@ def _are_units(cells: list[str]) -> bool:
 
 def _is_unit(cell: str) -> bool:
     """Return whether a cell is a unit, such as ``kN m`` or ``U/min``, or the format of a date."""
-    if _DATE_FORMAT.fullmatch(cell):
+    if DATE_FORMAT.fullmatch(cell):
         return True
     parts = [re.sub(r"(\^|\*\*)?[-+]?[\d⁻¹²³]+$", "", p) for p in re.split(r"[\s/*·.⋅]+", cell)]
     known = [

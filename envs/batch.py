@@ -21,6 +21,7 @@ from ..observers import get_observer
 from ..observers.records import Floats
 from ..plant import Ship
 from ..plant.helm import require_steering
+from ..plant.ship import refuse_wind
 from ..plant.terms import Term
 from . import records, starts
 from .kernel import control_interval, first_observation
@@ -29,7 +30,7 @@ from .orders import profile_columns
 from .ranges import observed_ranges
 from .residual import BaseController
 from .rewards import goals_record
-from .settings import Settings, check_randomise, noise_record, read_seas
+from .settings import SeaRange, Settings, check_randomise, noise_record, read_seas
 from .tasks import controller_for, get_task
 
 _BYTES_EACH = 1e5  # memory of one environment with its sea, measured
@@ -123,7 +124,7 @@ class Batch:
         self.dt = self.ship.time_step_s
         self.steps = settings.steps(self.dt)
         self.interval_s = self.steps * self.dt
-        self.seas_to_draw = read_seas(settings.sea, self.task)
+        self.seas_to_draw = self._felt(read_seas(settings.sea, self.task))
         randomise = self.task.randomise if settings.randomise is None else settings.randomise
         check_randomise(self.ship, randomise)
         self._varied = [(self.ship.parameter(key), width) for key, width in randomise.items()]
@@ -240,10 +241,16 @@ class Batch:
         speeds = (float(known[0]), float(known[-1]))
         return self._beginning(ResetOptions.of(options, self.task, speeds, self.steered))
 
+    def _felt(self, seas: list[SeaRange | None]) -> list[SeaRange | None]:
+        """Return seas, and refuse a wind that does not act on the ship."""
+        for sea in seas:
+            refuse_wind(self.ship, sea[1].wind_m_s if sea else 0.0)
+        return seas
+
     def _beginning(self, begin: ResetOptions) -> StartDistribution:
         if self.profile is not None:
             begin = replace(begin, orders=np.full(records.MAX_ORDERS, self.profile[1][0]))
-        seas = self.seas_to_draw if begin.seas is None else begin.seas
+        seas = self.seas_to_draw if begin.seas is None else self._felt(begin.seas)
         return StartDistribution(starts.episode_ranges(begin, self.task), starts.sea_bounds(seas))
 
     def reset(

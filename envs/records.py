@@ -21,7 +21,7 @@ EPISODE = np.dtype(
         ("elapsed", np.int64),  # control intervals since reset
         ("orders", np.float64, (MAX_ORDERS,)),  # ordered ship speeds [m/s], one an order interval
         ("order_interval", np.float64),  # [s]
-        ("sea", np.float64, (4,)),  # Hs [m], Tp [s], gamma [-], heading [deg]; 0 in calm water
+        ("sea", np.float64, (5,)),  # Hs [m], Tp [s], gamma [-], heading [deg], wind [m/s]
         ("heading_orders", np.float64, (MAX_ORDERS,)),  # ordered headings [rad]
         ("track_orders", np.float64, (MAX_ORDERS,)),  # ordered cross-track positions [m]
         ("drift_force", np.float64),  # mean of the slow side force, to starboard [N]

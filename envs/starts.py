@@ -23,9 +23,10 @@ from ..plant.drives.diesel import rack_torque, torque_limit
 from ..plant.dynamics import settle_lags
 from ..plant.expressions import NO_SIGNALS
 from ..plant.hull import resistance, water_speed, wave_resistance
-from ..plant.state import Inputs, get_state, set_state
+from ..plant.state import get_state, inputs_without_sea, set_state
 from ..plant.stepping import Disturbance, prepare
 from ..plant.waves import COMPONENTS, fill_sea
+from ..plant.wind import wind_resistance
 from .options import ResetOptions
 from .records import ENVIRONMENT, MAX_ORDERS
 from .rewards import total_fuel_flow
@@ -100,6 +101,7 @@ def steady_tables(ship: Ship) -> SteadyTables:
 
 
 _PARAMETERS = len(Sea.model_fields)
+_WIND = _PARAMETERS - 1  # the last one is drawn with the phases of the waves
 
 EPISODE_RANGES = np.dtype(
     [
@@ -119,7 +121,7 @@ EPISODE_RANGES = np.dtype(
 """Ranges from which an episode draws; both ends are equal where a value is given."""
 
 _SEA_CHOICE, _WAVE_SEED, _NOISE_SEED, _SEA = range(4)
-_RISE, _FREQUENCY, _PHASE, _INITIAL, _ORDERS = range(_SEA + _PARAMETERS, _SEA + _PARAMETERS + 5)
+_RISE, _FREQUENCY, _PHASE, _INITIAL, _ORDERS = range(_SEA + _WIND, _SEA + _WIND + 5)
 _HEADINGS = _ORDERS + MAX_ORDERS
 _TRACKS = _HEADINGS + MAX_ORDERS
 _CURRENT, _DRIFT = _TRACKS + MAX_ORDERS, _TRACKS + MAX_ORDERS + 1
@@ -131,7 +133,7 @@ _CLEARED = np.array([(start, start + kind.itemsize) for kind, start in _ZERO])
 
 
 def sea_bounds(seas: Sequence[SeaRange | None]) -> Floats:
-    """Return lowest and highest Hs, Tp, gamma and heading of seas, (m, 2, 4); zeros for calm water."""
+    """Return lowest and highest Hs, Tp, gamma, heading and wind of seas, (m, 2, 5); zeros if calm."""
     calm = [[0.0] * _PARAMETERS] * 2
     drawn = [sea and [list(end.model_dump().values()) for end in sea] for sea in seas]
     return np.array([ends or calm for ends in drawn])
@@ -188,7 +190,10 @@ def _load(
     ``factor`` is the mean resistance of the episode without waves, relative to that in calm water [-].
     """
     ahead = water_speed(plant, max(speed, tables.slowest))
-    load = factor + wave_resistance(plant, sea.head_sea, ahead) / resistance(plant, ahead, 1.0)
+    added = wave_resistance(plant, sea.head_sea, ahead)
+    if plant.wind_area > 0.0:
+        added += wind_resistance(plant, sea.wind, sea.along, sea.across, ahead, 0.0, 0.0)
+    load = factor + added / resistance(plant, ahead, 1.0)
     lower = 0
     while lower < len(tables.loads) - 2 and load > tables.loads[lower + 1]:
         lower += 1
@@ -199,11 +204,11 @@ def _load(
 def _draw(env: Record, sea: Floats, ranges: Record, u: Floats) -> None:
     """Set the episode of an environment from :data:`DRAWS` or :data:`DRAWS_STEERED` numbers in [0, 1).
 
-    ``sea`` has the lowest and highest Hs, Tp, gamma and heading as its two rows, shape (2, 4). On return
-    its first row has the drawn values.
+    ``sea`` has the lowest and highest Hs, Tp, gamma, heading and wind as its two rows, shape (2, 5). On
+    return its first row has the drawn values, except the wind.
     """
     episode = env.episode
-    for j in range(_PARAMETERS):
+    for j in range(_WIND):
         sea[0, j] = _between(sea[:, j], u[_SEA + j])
     episode.random = np.uint64(u[_NOISE_SEED] * 9007199254740992.0)
     episode.order_interval = ranges.order_interval
@@ -279,7 +284,7 @@ def start_episodes(
         depth: depth of the propeller centre [m], at which the waves act.
         dt: plant step [s].
     """
-    shares = np.empty(2 * COMPONENTS)
+    shares = np.empty(2 * COMPONENTS + 1)
     drawn = np.empty((2, _PARAMETERS))
     for k in range(len(which)):
         u = uniform[k]
@@ -290,11 +295,12 @@ def start_episodes(
         chosen = min(int(u[_SEA_CHOICE] * len(seas)), len(seas) - 1)
         drawn[:] = seas[chosen]
         _draw(env, drawn, ranges[0], u)
-        episode.sea[:] = drawn[0]
-        hs, tp, gamma, heading = drawn[0, 0], drawn[0, 1], drawn[0, 2], drawn[0, 3]
-        if hs > 0.0:
+        if drawn[0, 0] > 0.0 or drawn[1, _WIND] > 0.0:
             fill_uniform(int(u[_WAVE_SEED] * 2147483648.0), shares)
-            fill_sea(sea, hs, tp, gamma, heading, depth, shares)
+            drawn[0, _WIND] = _between(drawn[:, _WIND], shares[2 * COMPONENTS])
+            hs, tp, gamma, heading = drawn[0, 0], drawn[0, 1], drawn[0, 2], drawn[0, 3]
+            fill_sea(sea, hs, tp, gamma, heading, drawn[0, _WIND], depth, shares)
+        episode.sea[:] = drawn[0]
         speed = _between(ranges[0].initial_speed, u[_INITIAL])
         if ranges[0].begins_at_order != 0:
             speed = episode.orders[0]
@@ -316,9 +322,8 @@ def start_episodes(
         episode.rack_command, episode.shaft_speed_command = rack, state.shaft_speed
         if plant.turns != 0:  # The ship drifts with the water.
             state.sway_speed = plant.cross_current
-        inputs = Inputs(
-            rack, episode.pitch_command, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, load, 0.0, 0.0, 0.0, 0.0,
-            0.0, NO_SIGNALS,
-        )  # fmt: skip
+        inputs = inputs_without_sea(
+            rack, episode.pitch_command, 0.0, 0.0, load, 0.0, 0.0, 0.0, NO_SIGNALS
+        )
         set_state(state, settle_lags(plant, get_state(state), inputs))
         prepare(plant, state, env.memory, sea, rack, Disturbance(0.0, 0.0, factor, NO_SIGNALS), dt)

@@ -23,11 +23,11 @@ from ..plant.dynamics import settle_lags
 from ..plant.expressions import MAX_SIGNALS
 from ..plant.memory import MEMORY
 from ..plant.record import PLANT
-from ..plant.ship import refuse_waves
+from ..plant.ship import refuse_sea
 from ..plant.ship_files import ship_text
 from ..plant.signals import SAMPLE, SIGNALS, get_signal
 from ..plant.simulation import write_sample
-from ..plant.state import STATE, Inputs, get_state, set_state, with_motion
+from ..plant.state import STATE, get_state, inputs_without_sea, set_state, with_motion
 from ..plant.stepping import LIMITS, Disturbance, observe, prepare, step
 from ..plant.waves import SEA, calm_sea
 from .archive import Model, c_bytes, c_file, write_fmu
@@ -56,9 +56,9 @@ def _run(
     if steps < 0:
         state.rudder_angle = rudder
         first = with_motion(get_state(state), x[_INITIAL], x[_INITIAL + 1], x[_INITIAL + 2])
-        inputs = Inputs(
-            drive, pitch, acting.inflow, 0.0, 0.0, 0.0, 0.0, acting.elevation,
-            acting.resistance_factor, 0.0, 0.0, 0.0, rudder, 0.0, outside,
+        inputs = inputs_without_sea(
+            drive, pitch, acting.inflow, acting.elevation, acting.resistance_factor, 0.0, 0.0, rudder,
+            outside,
         )  # fmt: skip
         set_state(state, settle_lags(plant, first, inputs))
         prepare(plant, state, memory, sea, drive, acting, dt)
@@ -88,7 +88,7 @@ def export_ship(ship: Ship, point: Equilibrium, path: Path, sea: Any = None) -> 
         FmuError: the name of the file is wrong, or no C compiler works here.
         ValueError: there are waves in a gas.
     """
-    refuse_waves(ship, sea)
+    refuse_sea(ship, sea)
     starts = np.zeros(_SLOTS)
     starts[[_DRIVE, _PITCH, _RESISTANCE]] = point.inputs.drive, point.inputs.pitch_command, 1.0
     starts[_INITIAL:_SAMPLE] = point.state[:3]

@@ -7,6 +7,7 @@ from .folder import diagnose_folder
 from .identify import Identification, identify
 from .judge.held_out import fit_percent
 from .judge.verdict import Finding
+from .monitor import Monitoring, monitor
 from .options import Options
 from .pipeline import diagnose
 from .recordings import Recording, fetch, load_recording
@@ -23,6 +24,7 @@ __all__ = [
     "Finding",
     "Identification",
     "Limits",
+    "Monitoring",
     "Noise",
     "Options",
     "Parameter",
@@ -37,6 +39,7 @@ __all__ = [
     "fit_percent",
     "identify",
     "load_recording",
+    "monitor",
     "plan_trial",
     "survey",
 ]

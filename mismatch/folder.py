@@ -8,7 +8,7 @@ import hashlib
 import json
 import re
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
 from pathlib import Path
@@ -128,7 +128,7 @@ def diagnose_folder(
         for place, name in waiting.items():
             note, path = kept / f"{name}.error.txt", files[place]
             why = f"internal error, see cells/{note.name}" if note.is_file() else "not finished"
-            rows[place] = index_row(path.name, _recording_date(path, None), error=why)
+            rows[place] = index_row(path.name, recording_date(path, None), error=why)
         index = DiagnosisIndex.of(rows.values())
         if kept.is_dir():
             index.save(out)
@@ -137,11 +137,16 @@ def diagnose_folder(
 
 def _cell_name(place: str, path: Path, start: Start, options: Options, pdf: bool) -> str:
     """Return the file name of a result, which depends on recording, ship, options and package."""
-    digest = hashlib.sha256(path.read_bytes())
     used = (start, sorted(options.exclude), options.tolerance, options.steady, options.quick, pdf)
     files = [*([options.columns] if options.columns else []), *options.effects]
     texts = [Path(file).read_text(encoding="utf-8") for file in files]
-    for text in (*map(repr, used), *texts, source_digest("core", "plant", "mismatch")):
+    return cell_name(place, path, (*map(repr, used), *texts))
+
+
+def cell_name(place: str, path: Path, texts: Iterable[str]) -> str:
+    """Return the file name of a result that depends on a recording, on texts and on this package."""
+    digest = hashlib.sha256(path.read_bytes())
+    for text in (*texts, source_digest("core", "plant", "mismatch")):
         digest.update(text.encode() + b"\0")
     plain = "".join(c if c.isalnum() or c in "-._" else "-" for c in place)
     return f"{plain}_{digest.hexdigest()[:12]}"
@@ -185,7 +190,7 @@ def _diagnose_cell(start: Ship | Start, options: Options, pdf: bool, cell: _Cell
         }
         printed = {"pdf": base64.b64encode(content.pop(PDF)).decode()} if pdf else {}
         return {
-            "date": _first_date(path, options),
+            "date": first_date(path, options.columns),
             "files": {name: text.decode() for name, text in content.items()},
         } | printed
 
@@ -194,7 +199,7 @@ def _write_recording(
     place: str, path: Path, result: Mapping[str, Any], out: Path
 ) -> dict[str, Any]:
     """Write the result files of a recording into its folder, and return its row of the index."""
-    day = _recording_date(path, result.get("date"))
+    day = recording_date(path, result.get("date"))
     if "error" in result:
         for name in (REPORT, PAGE, PDF, SHIP):  # results of an earlier content of the recording
             (out / place / name).unlink(missing_ok=True)
@@ -208,11 +213,11 @@ def _write_recording(
     return index_row(path.name, day, report, link=f"{place}/{PAGE}")
 
 
-def _first_date(path: Path, options: Options) -> str | None:
+def first_date(path: Path, columns: str | Path | None) -> str | None:
     """Return the date of the first time stamp; None where the recording has no dates."""
-    if options.columns is None:
+    if columns is None:
         return None
-    given = load_map(options.columns)
+    given = load_map(columns)
     for name, source in given.columns.items():
         if (form := source.stamps) is not None:
             table = read_table(path, given.file.model_dump(exclude_none=True))
@@ -220,7 +225,7 @@ def _first_date(path: Path, options: Options) -> str | None:
     return None
 
 
-def _recording_date(path: Path, stamped: str | None) -> str:
+def recording_date(path: Path, stamped: str | None) -> str:
     """Return the date of a recording: of its first time stamp, its file name, or the file itself."""
     if stamped is not None:
         return stamped

@@ -33,7 +33,15 @@ from ..plant.memory import (
     read_instruments,
 )
 from ..plant.rudder import rudder_angle
-from ..plant.state import Inputs, Outputs, State, get_state, set_state, shift_state
+from ..plant.state import (
+    Inputs,
+    Outputs,
+    State,
+    get_state,
+    inputs_without_sea,
+    set_state,
+    shift_state,
+)
 from ..plant.stepping import runge_kutta
 from .augmented import correct, propagate
 from .records import Floats
@@ -147,7 +155,7 @@ def _add_inflow(inputs: Inputs, more: Real) -> Inputs:
         inputs.drive, inputs.pitch_command, inputs.inflow + more, inputs.inflow_slope,
         inputs.inflow_place, inputs.wave_along, inputs.wave_across, inputs.elevation,
         inputs.resistance_factor, inputs.time, inputs.drive_rate, inputs.head_sea,
-        inputs.rudder_command, inputs.elevation_slope, inputs.outside,
+        inputs.rudder_command, inputs.elevation_slope, inputs.wind, inputs.outside,
     )  # fmt: skip
 
 
@@ -252,9 +260,9 @@ def _inputs_at(
     if plant.speed_held != 0:
         rate = (memory.rack - shaft) / dt
         drive = shaft + 0.5 * edge * (memory.rack - shaft)
-    return Inputs(
-        drive, command, inflow, 0.0, 0.0, 0.0, 0.0, elevation, factor,
-        (memory.cursor + 0.5 * edge) * dt, rate, 0.0, helm, 0.0, external_at(recorded.signals, at),
+    return inputs_without_sea(
+        drive, command, inflow, elevation, factor, (memory.cursor + 0.5 * edge) * dt, rate, helm,
+        external_at(recorded.signals, at),
     )  # fmt: skip
 
 

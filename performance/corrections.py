@@ -12,144 +12,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from pydantic import Field, model_validator
 from scipy.special import i1, k1
 
-from ..core.models import FileModel
 from ..plant.holtrop import HullForm, friction_coefficient
 from ..plant.surroundings import GRAVITY
-
-AIR_DENSITY = 1.225
-"""Density of air at 15 degrees Celsius and 1013 hPa [kg/m3]."""
+from ..plant.wind import AIR_DENSITY, Superstructure
 
 SEA_WATER = 1026.0
 """Density of the sea water at 15 degrees Celsius to which a trial is corrected [kg/m3] (ISO 15016)."""
-
-
-class Superstructure(FileModel):
-    """Ship above the water line, for the wind resistance.
-
-    The coefficient is that of a wind tunnel test (``angle_deg`` and ``coefficient``), or follows from
-    the regression of Fujiwara et al. (2005) on the areas and heights.
-    """
-
-    frontal_area_m2: float = Field(
-        gt=0, description="transverse projected area A_XV, superstructure included"
-    )
-    length_overall_m: float | None = Field(
-        default=None, gt=0, le=500, description="length overall L_OA"
-    )
-    beam_m: float | None = Field(default=None, gt=0, le=100, description="beam B")
-    lateral_area_m2: float | None = Field(
-        default=None, gt=0, description="lateral projected area A_YV"
-    )
-    deck_area_m2: float | None = Field(
-        default=None, ge=0, description="lateral projected area of superstructures on deck, A_OD"
-    )
-    lateral_centre_m: float = Field(
-        default=0.0, description="centre of the lateral area forward of midships, C_MC"
-    )
-    lateral_centre_height_m: float | None = Field(
-        default=None, gt=0, description="height of that centre above the water line, h_C"
-    )
-    bridge_height_m: float | None = Field(
-        default=None, gt=0, description="height of the top of the superstructure, h_BR"
-    )
-    angle_deg: tuple[float, ...] = Field(
-        default=(), description="relative wind angles of a test, rising from 0 (ahead) to 180"
-    )
-    coefficient: tuple[float, ...] = Field(
-        default=(), description="wind resistance coefficient at these angles, positive from ahead"
-    )
-    anemometer_height_m: float = Field(
-        default=10.0, gt=0, le=100, description="above the water line"
-    )
-    reference_height_m: float = Field(
-        default=10.0, gt=0, le=100, description="height at which the coefficients hold"
-    )
-
-    @model_validator(mode="after")
-    def _complete(self) -> Superstructure:
-        if len(self.angle_deg) != len(self.coefficient):
-            raise ValueError(
-                f"angle_deg has {len(self.angle_deg)} values and coefficient {len(self.coefficient)}"
-            )
-        if self.angle_deg:
-            steps = np.diff(self.angle_deg)
-            if self.angle_deg[0] != 0.0 or self.angle_deg[-1] != 180.0 or not np.all(steps > 0.0):
-                raise ValueError("angle_deg must rise from 0 to 180")
-            return self
-        needed = (
-            "length_overall_m", "beam_m", "lateral_area_m2", "deck_area_m2", "lateral_centre_height_m",
-            "bridge_height_m",
-        )  # fmt: skip
-        lacking = [key for key in needed if getattr(self, key) is None]
-        if lacking:
-            raise ValueError(
-                f"{', '.join(lacking)} missing: the regression of the wind coefficient needs them; or "
-                "give angle_deg and coefficient of a wind tunnel test"
-            )
-        return self
-
-    def wind_coefficient(self, angle_rad: float) -> float:
-        """Return the wind resistance coefficient C_AA at a relative wind angle; 0 is wind from ahead.
-
-        Example:
-            >>> ship = Superstructure(
-            ...     frontal_area_m2=1200, length_overall_m=180, beam_m=28, lateral_area_m2=2800,
-            ...     deck_area_m2=850, lateral_centre_m=5, lateral_centre_height_m=15, bridge_height_m=45,
-            ... )
-            >>> round(ship.wind_coefficient(0.0), 3), round(ship.wind_coefficient(math.pi), 3)
-            (0.608, -0.511)
-
-        Args:
-            angle_rad: relative wind angle [rad]; the ship is symmetric.
-        """
-        angle = abs(math.remainder(angle_rad, 2.0 * math.pi))
-        if self.angle_deg:
-            return float(np.interp(math.degrees(angle), self.angle_deg, self.coefficient))
-        half = math.pi / 2.0
-        if abs(angle - half) < SMOOTHED:
-            low, high = self._regression(half - SMOOTHED), self._regression(half + SMOOTHED)
-            return low + (angle - half + SMOOTHED) / (2.0 * SMOOTHED) * (high - low)
-        return self._regression(angle)
-
-    def _regression(self, angle: float) -> float:
-        """Return the coefficient of Fujiwara et al. (2005), ISO 15016:2015, Annex C."""
-        frontal = self.frontal_area_m2
-        length, beam, lateral, deck, centre, bridge = (  # none is missing: see _complete
-            value or 0.0
-            for value in (
-                self.length_overall_m, self.beam_m, self.lateral_area_m2, self.deck_area_m2,
-                self.lateral_centre_height_m, self.bridge_height_m,
-            )
-        )  # fmt: skip
-        if angle < math.pi / 2.0:
-            along = (
-                0.922 - 0.507 * lateral / (length * beam) - 1.162 * self.lateral_centre_m / length
-            )
-            lift = -0.458 - 3.245 * lateral / (length * bridge) + 2.313 * frontal / (beam * bridge)
-            induced = 0.585 + 0.906 * deck / lateral - 3.239 * beam / length
-        else:
-            along = (
-                -0.018 + 5.091 * beam / length - 10.367 * centre / length + 3.011 * deck / length**2
-                + 0.341 * frontal / beam**2
-            )  # fmt: skip
-            lift = (
-                1.901 - 12.727 * lateral / (length * bridge) - 24.407 * frontal / lateral
-                + 40.310 * beam / length + 5.481 * frontal / (beam * bridge)
-            )  # fmt: skip
-            induced = 0.314 + 1.117 * deck / lateral
-        sine, cosine = math.sin(angle), math.cos(angle)
-        return (
-            along * cosine
-            + lift * (sine - 0.5 * sine * cosine**2) * sine * cosine
-            + induced * sine * cosine**3
-        )
-
-
-SMOOTHED = math.radians(10.0)
-"""Angle about a beam wind over which both ranges of the regression are joined (ISO 15016, Annex C)."""
 
 
 class Wind(NamedTuple):

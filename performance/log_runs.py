@@ -86,6 +86,7 @@ def find_runs(log: pd.DataFrame, source: str = "log", least_s: float = LEAST_S) 
             "shorter runs"
         )
     runs = pd.DataFrame([steady[k] for k in paired]).reset_index(drop=True)
+    runs.attrs = table.attrs
     return LogRuns(runs, tuple(texts[k] for k in paired), left_out)
 
 

@@ -23,7 +23,17 @@ from scipy.stats import t as student
 from ..core.models import FileModel, read_model
 from ..plant.surroundings import GRAVITY, KNOT
 from .corrections import AIR_DENSITY, Superstructure, Wind, true_wind, wind_resistance
-from .tables import DEGREES, METRES, POWERS, SPEEDS, Column, TableError, canonical, read_table
+from .tables import (
+    DEGREES,
+    METRES,
+    POWERS,
+    SPEEDS,
+    WIND_ANGLES,
+    Column,
+    TableError,
+    canonical,
+    read_table,
+)
 
 Floats = NDArray[np.float64]
 
@@ -32,20 +42,24 @@ YEAR_S = 365.25 * DAY_S
 
 COLUMNS: dict[str, Column] = {
     "time": Column(
-        ("time", "date", "timestamp", "start"), {"h": 3600.0, "s": 1.0, "d": DAY_S}, None, -1e10, 1e11
+        ("time", "date", "timestamp", "start", "date_time", "datetime"),
+        {"h": 3600.0, "s": 1.0, "d": DAY_S}, None, -1e10, 1e11,
     ),
     "speed_through_water": Column(("speed_through_water", "stw", "log_speed"), SPEEDS, None, 0.0, 40.0),
     "shaft_power": Column(("shaft_power", "power", "ps"), POWERS, None, 0.0, 2e8),
     "speed_over_ground": Column(("speed_over_ground", "sog"), SPEEDS, math.nan, -5.0, 40.0),
     "heading": Column(("heading", "hdg", "course", "cog"), DEGREES, math.nan, -7.0, 7.0),
     "wind_speed": Column(
-        ("wind_speed", "relative_wind_speed", "apparent_wind_speed"), SPEEDS, math.nan, 0.0, 80.0
+        ("wind_speed", "relative_wind_speed", "apparent_wind_speed", "rel_wind_speed", "aws"),
+        {"m/s": 1.0} | SPEEDS, math.nan, 0.0, 80.0
     ),
     "wind_angle": Column(
-        ("wind_angle", "relative_wind_angle", "apparent_wind_angle", "wind_direction"), DEGREES,
-        math.nan, -7.0, 7.0,
+        WIND_ANGLES, DEGREES, math.nan, -7.0, 7.0,
     ),
-    "draught": Column(("draught", "mean_draught", "draft"), METRES, math.nan, 0.1, 40.0),
+    "draught": Column(
+        ("draught", "mean_draught", "draft", "mean_draft", "draught_mean", "draft_mean"), METRES,
+        math.nan, 0.1, 40.0,
+    ),
     "depth": Column(("depth", "water_depth"), METRES, math.nan, 0.5, 12000.0),
     "water_temperature": Column(
         ("water_temperature", "temperature", "sea_temperature"), {"C": 1.0, "°C": 1.0}, math.nan, -3.0,
@@ -67,7 +81,7 @@ class ReferenceShip(FileModel):
     )
     speed_kn: tuple[float, ...] = Field(min_length=2, description="speeds of the reference curve")
     power_kW: tuple[float, ...] = Field(min_length=2, description="shaft power at these speeds")
-    air: Superstructure | None = None
+    superstructure: Superstructure | None = None
     propulsive_efficiency: float = Field(
         default=0.7, gt=0.2, le=1, description="for the wind correction"
     )
@@ -146,7 +160,9 @@ def canonical_log(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _ordered(log: pd.DataFrame) -> pd.DataFrame:
-    return log.sort_values("time", ignore_index=True)
+    ordered = log.sort_values("time", ignore_index=True)
+    ordered.attrs = log.attrs
+    return ordered
 
 
 STRONG_WIND = 7.9
@@ -199,17 +215,17 @@ def still_air_power(ship: ReferenceShip, log: pd.DataFrame) -> Floats:
     """Return the shaft power without the wind [W] (ISO 19030-2, Annex G).
 
     Args:
-        ship: ship; without ``air`` the power is not corrected.
+        ship: ship; without ``superstructure`` the power is not corrected.
         log: table of :func:`read_log`; rows without wind are not corrected.
     """
     power: Floats = log["shaft_power"].to_numpy(copy=True)
-    if ship.air is None:
+    if ship.superstructure is None:
         return power
     for row, (speed, wind, angle) in enumerate(
         zip(log["speed_through_water"], log["wind_speed"], log["wind_angle"], strict=True)
     ):
         if math.isfinite(wind) and math.isfinite(angle) and math.isfinite(speed):
-            added = wind_resistance(ship.air, Wind(wind, angle), speed, AIR_DENSITY)
+            added = wind_resistance(ship.superstructure, Wind(wind, angle), speed, AIR_DENSITY)
             power[row] -= added * speed / ship.propulsive_efficiency
     return power
 
@@ -429,12 +445,14 @@ def fit_period(daily: pd.DataFrame) -> Period:
 
 
 def _remarks(ship: ReferenceShip, log: pd.DataFrame) -> list[str]:
-    """Return sentences on conditions that could not be checked."""
-    said = []
+    """Return sentences on assumed units and on conditions that could not be checked."""
+    said = list(log.attrs.get("remarks", ()))
     if log["wind_speed"].isna().all() or log["wind_angle"].isna().all():
         said.append("no wind in the log: neither filtered nor corrected")
-    elif ship.air is None:
-        said.append("no [air] in the ship file: strong wind is filtered, weaker wind not corrected")
+    elif ship.superstructure is None:
+        said.append(
+            "no [superstructure] in the ship file: strong wind is filtered, weaker wind not corrected"
+        )
     for column, what in (
         ("draught", "draught"), ("depth", "water depth"), ("water_temperature", "water temperature"),
         ("rudder", "rudder angle"),

@@ -41,7 +41,17 @@ from .corrections import (
     wind_at_height,
     wind_resistance,
 )
-from .tables import DEGREES, METRES, POWERS, SPEEDS, Column, TableError, canonical, read_table
+from .tables import (
+    DEGREES,
+    METRES,
+    POWERS,
+    SPEEDS,
+    WIND_ANGLES,
+    Column,
+    TableError,
+    canonical,
+    read_table,
+)
 
 Floats = NDArray[np.float64]
 
@@ -55,7 +65,7 @@ class TrialShip(FileModel):
 
     name: str = Field(min_length=1, max_length=100)
     hull: HullForm
-    air: Superstructure | None = Field(
+    superstructure: Superstructure | None = Field(
         default=None, description="above the water; without it, no wind correction"
     )
     shaft_efficiency: float = Field(
@@ -114,11 +124,11 @@ COLUMNS: dict[str, Column] = {
         ("time", "start", "start_time"), {"h": 3600.0, "min": 60.0, "s": 1.0}, math.nan, -1e9, 1e10
     ),
     "wind_speed": Column(
-        ("wind_speed", "relative_wind_speed", "apparent_wind_speed"),
+        ("wind_speed", "relative_wind_speed", "apparent_wind_speed", "rel_wind_speed", "aws"),
         {"m/s": 1.0} | SPEEDS, math.nan, 0, 60,
     ),
     "wind_angle": Column(
-        ("wind_angle", "relative_wind_angle", "wind_direction", "apparent_wind_angle"),
+        WIND_ANGLES,
         DEGREES, math.nan, -7, 7,
     ),
     "wave_height": Column(("wave_height", "hs"), METRES, 0.0, 0, 15),
@@ -379,9 +389,9 @@ def are_reciprocal(run: Any, other: Any) -> bool:
 
 def _winds(ship: TrialShip, runs: pd.DataFrame, pairs: list[int]) -> list[Wind | None]:
     """Return the relative wind of each run at the reference height, by the mean wind of its setting."""
-    if ship.air is None or runs[["wind_speed", "wind_angle"]].isna().to_numpy().any():
+    if ship.superstructure is None or runs[["wind_speed", "wind_angle"]].isna().to_numpy().any():
         return [None] * len(runs)
-    air = ship.air
+    air = ship.superstructure
     true = [
         true_wind(Wind(row.wind_speed, row.wind_angle), row.speed_over_ground, row.heading)
         for row in runs.itertuples()
@@ -415,8 +425,8 @@ def _corrected_run(
     calm = resistance(hull, speed, SEA_WATER).total
     water = water_resistance(hull, speed, calm, run["water_temperature"], run["water_density"])
     blow = 0.0
-    if wind is not None and ship.air is not None:
-        blow = wind_resistance(ship.air, wind, speed, run["air_density"])
+    if wind is not None and ship.superstructure is not None:
+        blow = wind_resistance(ship.superstructure, wind, speed, run["air_density"])
     added, delivered = blow + seas + water, run["shaft_power"] * ship.shaft_efficiency
     efficiency = ship.propulsive_efficiency
     if efficiency is None:
@@ -488,15 +498,17 @@ def _iterative(
 
 def _remarks(ship: TrialShip, runs: pd.DataFrame) -> list[str]:
     """Return sentences on what is assumed or outside the range of a formula."""
-    said = []
-    if ship.air is None:
-        said.append("no wind correction: the ship file has no table [air]")
+    said = list(runs.attrs.get("remarks", ()))
+    if ship.superstructure is None:
+        said.append("no wind correction: the ship file has no table [superstructure]")
     elif runs[["wind_speed", "wind_angle"]].isna().to_numpy().any():
         said.append("no wind correction: the runs have no wind_speed and wind_angle")
     waves = runs["wave_height"] + runs["swell_height"]
     if not waves.any():
         said.append("no wave correction: the runs have no wave_height")
-    elif not all(in_wave_range(ship.hull, v) for v in runs["speed_over_ground"]):
+    elif "wave_angle" in runs.attrs.get("absent", ()):
+        said.append("no wave_angle in the runs: the waves are taken from ahead")
+    if waves.any() and not all(in_wave_range(ship.hull, v) for v in runs["speed_over_ground"]):
         said.append(f"STAWAVE-2 is used outside its range ({WAVE_RANGE})")
     if ship.propulsive_efficiency is None:
         said.append("propulsive efficiency estimated from the resistance by Holtrop and Mennen")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -12,7 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.files import FileError
-from ..core.tables import LayoutError, read_text_table
+from ..core.tables import DATE_FORMAT, LayoutError, read_text_table
 from ..plant.surroundings import KNOT
 
 
@@ -44,6 +45,14 @@ SPEEDS = {
 POWERS = {"kW": 1e3, "MW": 1e6, "W": 1.0, "hp": 745.6999}
 
 
+WIND_ANGLES = (
+    "wind_angle", "relative_wind_angle", "apparent_wind_angle", "wind_direction",
+    "relative_wind_direction", "apparent_wind_direction", "rel_wind_angle", "rel_wind_dir",
+    "rel_wind_direction", "awa", "awd",
+)  # fmt: skip
+"""Names of the angle from the bow from which the relative wind comes."""
+
+
 TEXT_ENDINGS = (".csv", ".tsv", ".txt")
 """Endings of the tables of a folder."""
 
@@ -72,7 +81,13 @@ def read_table(path: str | Path) -> pd.DataFrame:
                 f"{file}: other columns than {files[0].name}: {', '.join(other)}; a folder needs tables "
                 "with the same columns"
             )
-    return pd.concat(tables, ignore_index=True).drop_duplicates(ignore_index=True)
+    whole = pd.concat(tables, ignore_index=True).drop_duplicates(ignore_index=True)
+    stated = [table.attrs.get("units", {}) for table in tables]
+    for file, units in zip(files, stated, strict=True):
+        if units != stated[0]:
+            raise TableError(f"{file}: another row of units than {files[0].name}")
+    whole.attrs["units"] = stated[0]
+    return whole
 
 
 def _read_file(path: Path) -> pd.DataFrame:
@@ -88,9 +103,11 @@ def canonical(
     """Return a table in SI units with one column for each quantity.
 
     A column ``time`` of dates becomes seconds since the first row, and the dates stand in ``stamp``.
+    ``attrs["remarks"]`` has sentences on assumed units and on columns that are not used.
 
     Args:
-        table: table with names such as ``SOG [kn]`` or ``shaft_power_kW``; other columns are ignored.
+        table: table with names such as ``SOG [kn]`` or ``shaft_power_kW``, or with a row of units
+            (``attrs["units"]``); other columns are not used.
         columns: known columns by quantity.
         source: name of the table in messages.
         gaps: whether a cell may be empty or no number, and then becomes nan.
@@ -99,11 +116,17 @@ def canonical(
         TableError: a column is missing, read twice, or has a value outside its range.
     """
     known: dict[str, tuple[str, float]] = {}
+    units, unused, unitless = table.attrs.get("units", {}), [], []
     for name in map(str, table.columns):
-        match = _quantity(name, columns)
+        match = _quantity(name, columns, units.get(name, ""))
         if match is None:
+            unused.append(name)
             continue
         quantity, factor = match
+        if factor is None:
+            unit, factor = next(iter(columns[quantity].units.items()))
+            if quantity != "time":
+                unitless.append(f"{name} as {unit}")
         if quantity in known:
             raise TableError(
                 f"{source}: columns {known[quantity][0]!r} and {name!r} are both read as {quantity}; "
@@ -127,11 +150,15 @@ def canonical(
         else:
             raise TableError(
                 f"{source}: no column is read as {quantity}; name it {' or '.join(column.names)} with "
-                f"its "
-                f"unit ({', '.join(column.units)}), such as {quantity}_{next(iter(column.units))}. The "
-                f"file "
-                f"has: {', '.join(map(str, table.columns))}"
+                f"its unit ({', '.join(column.units)}), such as {quantity}_{next(iter(column.units))}. "
+                f"The file has: {', '.join(map(str, table.columns))}"
             )
+    remarks = []
+    if unitless:
+        remarks.append(f"no unit is stated, taken: {', '.join(unitless)}")
+    if unused:
+        remarks.append(f"columns that are not understood or not used: {', '.join(unused)}")
+    result.attrs |= {"remarks": remarks, "absent": [q for q in columns if q not in known]}
     return result
 
 
@@ -169,8 +196,22 @@ def _values(
     return values
 
 
-def _quantity(name: str, columns: Mapping[str, Column]) -> tuple[str, float] | None:
-    """Return quantity and factor to SI of a column name; None for a name that is no quantity."""
+def _quantity(
+    name: str, columns: Mapping[str, Column], stated: str
+) -> tuple[str, float | None] | None:
+    """Return quantity and factor to SI of a column; None for a name that is no quantity.
+
+    Args:
+        name: name of the column, with or without its unit.
+        columns: known columns by quantity.
+        stated: unit in the row of units; empty without one.
+
+    Returns:
+        The factor is None where neither the name nor the row states a unit.
+
+    Raises:
+        TableError: an unknown unit, or another one in the name than in the row of units.
+    """
     text = name.strip()
     if text.endswith((")", "]")):
         start = max(text.rfind("("), text.rfind("["))
@@ -179,19 +220,29 @@ def _quantity(name: str, columns: Mapping[str, Column]) -> tuple[str, float] | N
         stem, _, unit = text.rpartition("_")
         if not any(_is_unit(unit, one) for column in columns.values() for one in column.units):
             stem, unit = text, ""
-    plain = "_".join(stem.lower().replace("-", " ").replace("_", " ").split())
+    plain = "_".join(re.sub(r"[^a-z0-9]+", " ", stem.lower()).split())
     for quantity, column in columns.items():
         if plain not in column.names:
             continue
-        if not unit:
-            return quantity, next(iter(column.units.values()))
-        for known, factor in column.units.items():
-            if _is_unit(unit, known):
-                return quantity, factor
-        raise TableError(
-            f"column {name!r}: unit {unit!r} of {quantity} is not known; use {', '.join(column.units)}"
-        )
+        factors = [_factor(name, quantity, column, one) for one in (unit, stated) if one]
+        if len(set(factors) - {None}) > 1:
+            raise TableError(
+                f"column {name!r}: its name has the unit {unit!r} and the row of units {stated!r}"
+            )
+        return quantity, next((factor for factor in factors if factor is not None), None)
     return None
+
+
+def _factor(name: str, quantity: str, column: Column, unit: str) -> float | None:
+    """Return the factor of a unit to SI; None for a dash or the form of a date."""
+    for known, factor in column.units.items():
+        if _is_unit(unit, known):
+            return factor
+    if unit == "-" or (quantity == "time" and DATE_FORMAT.fullmatch(unit)):
+        return None
+    raise TableError(
+        f"column {name!r}: unit {unit!r} of {quantity} is not known; use {', '.join(column.units)}"
+    )
 
 
 def _is_unit(unit: str, known: str) -> bool:

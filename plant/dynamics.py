@@ -46,6 +46,7 @@ from .state import (
     zero_lag_rates,
 )
 from .ventilation import can_ventilate, relative_submergence, suction_head, ventilation_rate
+from .wind import wind_resistance
 
 
 class Loads(NamedTuple):
@@ -130,6 +131,11 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
     drag = resistance(plant, speed, inputs.resistance_factor)
     if plant.wave_drag_length.real > 0.0:
         drag = drag + wave_resistance(plant, inputs.head_sea, speed)
+    if plant.wind_area.real > 0.0 and inputs.wind.real != 0.0:
+        drag = drag + wind_resistance(
+            plant, inputs.wind, inputs.wave_along, inputs.wave_across, state.ship_speed,
+            state.sway_speed, state.heading,
+        )  # fmt: skip
     thrust = load.thrust
     surge_force = side_force = yaw_moment = 0.0
     if plant.turns != 0:

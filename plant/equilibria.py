@@ -34,7 +34,16 @@ from .shaft import shaft_inertia
 from .ship import Ship
 from .signals import SAMPLE
 from .simulation import write_sample
-from .state import STATE, Inputs, Outputs, State, get_state, with_motion, without_lags
+from .state import (
+    STATE,
+    Inputs,
+    Outputs,
+    State,
+    get_state,
+    inputs_without_sea,
+    with_motion,
+    without_lags,
+)
 from .ventilation import can_ventilate
 
 MOST_STEPS = 200  # to one equilibrium
@@ -146,9 +155,8 @@ def fill_equilibria(
         blade += plant.pitch_actuator_offset
         time = k * interval
         factor = episode_factor(plant, time - 0.5 * interval, interval)
-        inputs = Inputs(
-            command, pitch[k], inflow[k], 0.0, 0.0, 0.0, 0.0, elevation[k], factor, time, 0.0, 0.0,
-            0.0, 0.0, external_at(signals, k),
+        inputs = inputs_without_sea(
+            command, pitch[k], inflow[k], elevation[k], factor, time, 0.0, 0.0, external_at(signals, k)
         )  # fmt: skip
         if abs(now.shaft_speed) < STALLED * abs(first.shaft_speed):
             now = first

@@ -7,11 +7,12 @@ neutral value if it is an optional effect, and the name of its field in the kern
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias, get_args, get_origin
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from pydantic.fields import FieldInfo
 
+from ..core.models import allowed_range
 from .validity import Validity
 
 INF = math.inf
@@ -213,19 +214,6 @@ def info_of(info: FieldInfo) -> KeyInfo:
     neutral = float(info.default) if declared(info, "effect") else None
     bounds = float(low), float(high)
     return KeyInfo(unit_of(info), *bounds, neutral, low in ends["gt"], high in ends["lt"])
-
-
-def allowed_range(info: FieldInfo) -> str:
-    """Return the allowed range of a parameter, or the names that a key accepts, as text."""
-    if get_origin(info.annotation) is Literal:
-        return ", ".join(map(str, get_args(info.annotation)))
-    bounds = [
-        f"{sign} {getattr(m, name):g}"
-        for m in info.metadata
-        for name, sign in (("ge", ">="), ("gt", ">"), ("le", "<="), ("lt", "<"))
-        if getattr(m, name, None) is not None
-    ]
-    return " and ".join(bounds) or "any number"
 
 
 def unit_and_range(info: FieldInfo) -> str:

@@ -29,6 +29,10 @@ WATER = 1025.0
 """Density of sea water [kg/m3]."""
 
 
+LEAST_BLOCK = 0.3
+"""Lowest block coefficient of a displacement ship."""
+
+
 class Particulars(FileModel):
     """Main particulars of a ship. Form coefficients that are not given are estimated.
 
@@ -62,11 +66,16 @@ class Particulars(FileModel):
 
     @model_validator(mode="after")
     def _fits(self) -> Particulars:
+        block = self.displacement_t * 1e3 / WATER / (self.length_m * self.beam_m * self.draught_m)
+        if block < LEAST_BLOCK:
+            raise ValueError(
+                f"displacement_t = {self.displacement_t:g} t with these length_m, beam_m and draught_m "
+                f"is a block coefficient of {block:.2f} (ships: {LEAST_BLOCK:g} or more); check units"
+            )
         if self.propeller_diameter_m > 0.95 * self.draught_m:
             raise ValueError(
                 f"propeller_diameter_m = {self.propeller_diameter_m:g} does not fit under the water "
-                f"line "
-                f"with draught_m = {self.draught_m:g}"
+                f"line with draught_m = {self.draught_m:g}"
             )
         if self.shaft_speed_rpm > 1.001 * self.engine_speed_rpm:
             raise ValueError(
@@ -165,9 +174,7 @@ def design_point(given: Particulars, hull: HullForm) -> DesignPoint:
     rated = given.shaft_speed_rpm / 60.0
     drag = resistance(hull, speed, WATER).total / given.shafts
     area, pitch = given.expanded_area_ratio or 0.6, given.pitch_ratio or 1.0
-    for _ in range(
-        20
-    ):  # wake, blade area and pitch depend on each other; it settles in a few rounds
+    for _ in range(20):  # wake, blade area and pitch depend on each other: a few rounds settle them
         flow = interaction(hull, diameter, speed, given.shafts, area, pitch)
         thrust = drag / (1.0 - flow.thrust_deduction)
         before = area, pitch
@@ -242,8 +249,7 @@ def _match(
         if screw.excess(pitch, low) * screw.excess(pitch, high) > 0.0:
             raise ShipError(
                 f"{given.name}: with pitch_ratio = {pitch:g} no shaft speed up to twice the rated one "
-                f"gives "
-                f"{wanted}; check propeller_diameter_m, shaft_speed_rpm and design_speed_kn"
+                f"gives {wanted}; check propeller_diameter_m, shaft_speed_rpm and design_speed_kn"
             )
         revolutions = float(brentq(lambda n: screw.excess(pitch, n), low, high))
         return pitch, revolutions, screw.power(pitch, revolutions)
@@ -257,10 +263,8 @@ def _match(
     if not tried:
         raise ShipError(
             f"{given.name}: no B-series propeller of {given.propeller_diameter_m:g} m at {SLOWEST:.0%} "
-            f"to "
-            f"{FASTEST:.0%} of {given.shaft_speed_rpm:g} rpm gives {wanted}; check "
-            f"propeller_diameter_m, "
-            "shaft_speed_rpm and design_speed_kn"
+            f"to {FASTEST:.0%} of {given.shaft_speed_rpm:g} rpm gives {wanted}; check "
+            "propeller_diameter_m, shaft_speed_rpm and design_speed_kn"
         )
     return min(tried)[1:]
 
@@ -284,10 +288,8 @@ def estimate_sections(given: Particulars) -> Sections:
     if point.shaft_power > 1.02 * power:
         raise ShipError(
             f"{given.name}: {given.design_speed_kn:g} kn needs {point.shaft_power / 1e3:.0f} kW of "
-            f"each engine "
-            f"by Holtrop and Mennen, more than mcr_kW = {given.mcr_kW:g}; lower design_speed_kn or "
-            f"check "
-            "displacement and dimensions"
+            f"each engine by Holtrop and Mennen, more than mcr_kW = {given.mcr_kW:g}; lower "
+            "design_speed_kn or check displacement and dimensions"
         )
     return {
         "water": {"density_kg_m3": Estimate(WATER, "sea water of 15 degrees Celsius")},
@@ -314,8 +316,11 @@ _TOLERANCES = {
 
 def _hull(given: Particulars, hull: HullForm, point: DesignPoint) -> dict[str, Estimate]:
     speed = given.design_speed_kn * KNOT
-    low, high = (resistance(hull, f * speed, WATER).total for f in (0.85, 1.0))
-    exponent = float(np.clip(math.log(high / low) / math.log(1.0 / 0.85), 1.5, 6.0))
+    shares = np.linspace(0.5, 1.0, 11)
+    forces = np.array([resistance(hull, f * speed, WATER).total for f in shares])
+    high = float(forces[-1])
+    slope = np.log(shares) @ np.log(forces / high) / (np.log(shares) @ np.log(shares))
+    exponent = float(np.clip(slope, 1.5, 6.0))
     surge = 2.7 * WATER * hull.displacement_m3 ** (5.0 / 3.0) / given.length_m**2
     by_holtrop = "Holtrop and Mennen at the design speed"
     return {
@@ -324,7 +329,7 @@ def _hull(given: Particulars, hull: HullForm, point: DesignPoint) -> dict[str, E
         ),
         "resistance_coefficient_N_s2_m2": Estimate(high / speed**2, by_holtrop),
         "resistance_exponent": Estimate(
-            exponent, "Holtrop and Mennen, 85 to 100 % of the design speed"
+            exponent, "Holtrop and Mennen, 50 to 100 % of the design speed"
         ),
         "resistance_reference_speed_m_s": Estimate(speed, "design speed"),
         "thrust_deduction": Estimate(point.flow.thrust_deduction, by_holtrop),
@@ -392,7 +397,7 @@ INERTIA_CONSTANT_S = 1.5
 
 
 def _transmission(given: Particulars, point: DesignPoint) -> dict[str, Estimate]:
-    rated = given.engine_speed_rpm * math.pi / 30.0
+    rated = given.shaft_speed_rpm * math.pi / 30.0  # the inertia holds at the propeller shaft
     inertia = 2.0 * INERTIA_CONSTANT_S * given.mcr_kW * 1e3 / rated**2
     area, power = point.expanded_area_ratio, given.propeller_diameter_m**5
     # blades of the B-series: mean thickness 0.0102 D over the expanded area, radius of gyration 0.275 D
@@ -402,7 +407,7 @@ def _transmission(given: Particulars, point: DesignPoint) -> dict[str, Estimate]
         "gear_ratio": Estimate(given.engine_speed_rpm / given.shaft_speed_rpm, "given"),
         "efficiency": Estimate(gear_efficiency(given), "assumed"),
         "inertia_engine_side_kg_m2": Estimate(
-            inertia, f"assumed: {INERTIA_CONSTANT_S:g} s of the rated power"
+            inertia, f"assumed: {INERTIA_CONSTANT_S:g} s of the rated power, at the propeller shaft"
         ),
         "inertia_propeller_side_kg_m2": Estimate(
             blades + water, "blades of the B-series, and water by Schwanecke (1963)"

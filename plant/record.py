@@ -20,10 +20,11 @@ from .shaft import Transmission
 from .surroundings import Integration, Water
 from .terms import RECORD_FIELDS, Term, add_term
 from .ventilation import Ventilation
+from .wind import Superstructure
 
 SECTIONS: tuple[type[Section], ...] = (
-    Water, Hull, Manoeuvring, Rudder, Propeller, Ventilation, CavitationBucket, *DRIVES, Transmission,
-    PitchActuator, Sensors, Integration,
+    Water, Hull, Superstructure, Manoeuvring, Rudder, Propeller, Ventilation, CavitationBucket, *DRIVES,
+    Transmission, PitchActuator, Sensors, Integration,
 )  # fmt: skip
 """All sections whose parameters the kernels use."""
 

@@ -29,7 +29,7 @@ from .dynamics import settle_lags
 from .expressions import external_at
 from .memory import MEMORY
 from .recording import WATER, RecordedInputs, RecordingError
-from .ship import Ship, refuse_waves
+from .ship import Ship, refuse_sea
 from .signals import SAMPLE
 from .simulation import trajectory
 from .state import STATE, Inputs, State
@@ -283,7 +283,7 @@ def simulate_recording(
     >>> simulate_recording(ship, recording)["shaft_speed_rad_s"].round(2).tolist()
     [11.49, 11.49, 11.97]
     """
-    refuse_waves(ship, sea)
+    refuse_sea(ship, sea)
     replay = Replay(ship, recording)
     samples = replay.simulate(ship.record(), sea=sea)
     refuse_divergence(ship, samples)

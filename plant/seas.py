@@ -22,7 +22,8 @@ class Sea(BaseModel):
     """A JONSWAP sea.
 
     ``heading_deg`` is the angle between the ship's initial course and the direction of wave travel: 180
-    is head seas, 0 following seas, 90 beam seas that travel to starboard.
+    is head seas, 0 following seas, 90 beam seas that travel to starboard. The wind travels in the same
+    direction and acts on ships with a ``[superstructure]``.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
@@ -32,6 +33,9 @@ class Sea(BaseModel):
     gamma: float = Field(default=3.3, ge=1.0, le=10.0, description="peak enhancement [-]")
     heading_deg: float = Field(
         default=180.0, ge=-360.0, le=360.0, description="direction of wave travel [deg]"
+    )
+    wind_m_s: float = Field(
+        default=0.0, ge=0.0, le=60.0, description="true wind, which travels with the waves [m/s]"
     )
 
     @model_validator(mode="after")
@@ -72,14 +76,16 @@ def presets() -> dict[str, Sea]:
     return {name: Sea(**values) for name, values in tomllib.loads(text).items()}
 
 
-_TEXT_KEYS = {"hs": "hs_m", "tp": "tp_s", "gamma": "gamma", "heading": "heading_deg"}
+_TEXT_KEYS = {"hs": "hs_m", "tp": "tp_s", "gamma": "gamma", "heading": "heading_deg",
+              "wind": "wind_m_s"}  # fmt: skip
 
 
 def get_sea(text: str) -> Sea | None:
     """Return a sea by preset name or by its parameters, ``hs=3.2,tp=9.1``; None for ``calm``.
 
     Args:
-        text: name, or ``hs`` [m] and ``tp`` [s], optionally with ``gamma`` [-] and ``heading`` [deg].
+        text: name, or ``hs`` [m] and ``tp`` [s], optionally with ``gamma`` [-], ``heading`` [deg] and
+            ``wind`` [m/s].
 
     Raises:
         ValueError: unknown name (the message lists the known ones), or a parameter that is missing,
@@ -87,7 +93,7 @@ def get_sea(text: str) -> Sea | None:
 
     >>> from shaftline.plant import get_sea
     >>> get_sea("hs=3.2,tp=9.1")
-    Sea(hs_m=3.2, tp_s=9.1, gamma=3.3, heading_deg=180.0)
+    Sea(hs_m=3.2, tp_s=9.1, gamma=3.3, heading_deg=180.0, wind_m_s=0.0)
     >>> get_sea("calm") is None
     True
     """

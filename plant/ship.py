@@ -49,6 +49,7 @@ from .terms import TERM_SIGNALS, TURNING_SIGNALS, Name, Term
 from .time_constants import check_time_constants, resolved_range, resolved_term_range
 from .tolerances import Tolerances
 from .ventilation import Ventilation
+from .wind import Superstructure
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -173,12 +174,24 @@ def check_fluid(ship: Ship) -> None:
         )
 
 
-def refuse_waves(ship: Ship, sea: Any) -> None:
-    """Refuse waves (a SEA record; None is calm water) around a ship in a gas, with a ValueError."""
-    if sea is not None and not ship.in_liquid:
+def refuse_sea(ship: Ship, sea: Any) -> None:
+    """Refuse a sea (a SEA record; None is calm water) that cannot act on a ship, with a ValueError."""
+    if sea is None:
+        return
+    refuse_wind(ship, float(sea["wind"]))
+    if not ship.in_liquid:
         raise ValueError(
             f"{ship.name}: waves require a liquid, but water.density_kg_m3 = "
             f"{ship.water.density_kg_m3:g} kg/m3 is a gas: simulate without a sea"
+        )
+
+
+def refuse_wind(ship: Ship, wind_m_s: float) -> None:
+    """Refuse a wind [m/s] that does not act on a ship, with a ValueError."""
+    if wind_m_s > 0.0 and not ship.superstructure.present:
+        raise ValueError(
+            f"{ship.name}: a wind of {wind_m_s:g} m/s has no effect on a ship without a "
+            "[superstructure]; add this table to the ship file, or leave the wind out"
         )
 
 
@@ -245,6 +258,7 @@ class Ship(Section):
     description: Line = ""
     water: Water = Water()
     hull: Hull
+    superstructure: Superstructure = Superstructure()
     manoeuvring: Manoeuvring = Manoeuvring()
     rudder: Rudder = Rudder()
     propeller: Propeller

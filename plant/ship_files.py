@@ -17,9 +17,9 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from ..core.files import FileError, parse_toml, read_text, write_text
+from ..core.models import allowed_range
 from .keys import (
     Section,
-    allowed_range,
     declared,
     default_of,
     info_of,

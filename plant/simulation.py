@@ -15,7 +15,7 @@ from ..core.files import check_size
 from .expressions import external_at
 from .memory import MEMORY
 from .rudder import rudder_angle
-from .ship import Ship, refuse_waves
+from .ship import Ship, refuse_sea
 from .signals import SAMPLE
 from .state import STATE, Outputs, State, get_state
 from .stepping import Disturbance, observe, prepare, refuse_divergence, step
@@ -192,7 +192,7 @@ def simulate(
     >>> samples["shaft_speed"][[0, -1]].round(2).tolist()  # [rad/s]
     [11.49, 12.18]
     """
-    refuse_waves(ship, sea)
+    refuse_sea(ship, sea)
     if dt is not None and dt != ship.time_step_s:
         ship = ship.with_values({"integration.time_step_s": dt})
     dt = ship.time_step_s

@@ -181,15 +181,19 @@ class Inputs(NamedTuple):
     head_sea: Real = 0.0  # significant height squared of waves from ahead [m2]
     rudder_command: Real = 0.0  # [rad]
     elevation_slope: float = 0.0  # slope of the elevation along the wave travel [-]
+    wind: Real = 0.0  # true wind along the wave travel [m/s]
     outside: tuple[Real, ...] = NO_SIGNALS  # external signals of terms
 
 
 @compiled
-def steady_inputs(drive: Real, pitch_command: Real, inflow: Real, elevation: Real) -> Inputs:
-    """Return inputs without waves or sway. Kernels cannot use the defaults of a tuple."""
+def inputs_without_sea(
+    drive: Real, pitch_command: Real, inflow: Real, elevation: Real, resistance_factor: Real,
+    time: Real, drive_rate: Real, rudder_command: Real, outside: tuple[Real, ...],
+) -> Inputs:  # fmt: skip
+    """Return inputs without waves and wind. Kernels cannot use the defaults of a tuple."""
     return Inputs(
-        drive, pitch_command, inflow, 0.0, 0.0, 0.0, 0.0, elevation, 1.0, 0.0, 0.0, 0.0, 0.0,
-        0.0, NO_SIGNALS,
+        drive, pitch_command, inflow, 0.0, 0.0, 0.0, 0.0, elevation, resistance_factor, time,
+        drive_rate, 0.0, rudder_command, 0.0, 0.0, outside,
     )  # fmt: skip
 
 

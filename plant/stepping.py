@@ -76,7 +76,7 @@ def _inputs(
         drive, pitch_command, disturbance.inflow + wave.inflow, wave.inflow_slope, wave.place,
         sea.along, sea.across, disturbance.elevation + wave.elevation,
         disturbance.resistance_factor * episode, time, drive_rate, wave.head_sea, rudder_command,
-        wave.elevation_slope, disturbance.outside,
+        wave.elevation_slope, sea.wind, disturbance.outside,
     )  # fmt: skip
 
 

@@ -51,6 +51,7 @@ SEA = np.dtype(
         ("along", np.float64),  # cosine of the angle between wave travel and heading 0
         ("across", np.float64),  # sine of that angle
         ("height_squared", np.float64),  # Hs^2 [m2]
+        ("wind", np.float64),  # true wind along the wave travel [m/s]
         # At the last synchronisation: share of the velocity that is inflow, and waves from ahead.
         ("met", np.float64),
         ("head_sea", np.float64),  # significant height squared [m2]
@@ -105,21 +106,24 @@ def realise(sea: Sea, depth_m: float, seed: int) -> Any:
         raise ValueError(f"depth_m = {depth_m} must be finite and at least 0 m below the surface")
     record = calm_sea()
     shares = np.random.default_rng(seed).random(2 * COMPONENTS)
-    fill_sea(record, sea.hs_m, sea.tp_s, sea.gamma, sea.heading_deg, depth_m, shares)
+    fill_sea(record, sea.hs_m, sea.tp_s, sea.gamma, sea.heading_deg, sea.wind_m_s, depth_m, shares)
     return record
 
 
 @compiled
 def fill_sea(
-    sea: Record, hs_m: float, tp_s: float, gamma: float, heading_deg: float, depth_m: float,
-    shares: NDArray[np.float64],
+    sea: Record, hs_m: float, tp_s: float, gamma: float, heading_deg: float, wind_m_s: float,
+    depth_m: float, shares: NDArray[np.float64],
 ) -> None:  # fmt: skip
-    """Fill a calm sea record with one realisation of a JONSWAP sea; a height of 0 leaves it calm.
+    """Fill a calm sea record with one realisation of a JONSWAP sea; a height of 0 adds no waves.
 
     The arguments are those of :func:`realise`, with the heading relative to the initial course [deg].
     ``shares`` are random numbers uniform in [0, 1), shape (128,): the components' positions within their
     frequency bands, then their phases in turns.
     """
+    sea.wind = wind_m_s
+    sea.along = math.cos(math.radians(heading_deg))
+    sea.across = math.sin(math.radians(heading_deg))
     if hs_m == 0.0:
         return
     peak, energy = 2.0 * math.pi / tp_s, 0.0
@@ -140,8 +144,6 @@ def fill_sea(
         sea.tilt[k] = sea.amplitude[k] * wavenumber
         sea.phase[k] = 2.0 * math.pi * shares[COMPONENTS + k]
     sea.present = 1
-    sea.along = math.cos(math.radians(heading_deg))
-    sea.across = math.sin(math.radians(heading_deg))
     sea.height_squared = hs_m**2
     _set_heading(sea, 0.0)
 

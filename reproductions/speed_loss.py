@@ -25,7 +25,7 @@ SHIP = ReferenceShip.model_validate(
     {
         "name": "bulk carrier", "beam_m": 32.0, "draught_m": 10.0, "speed_kn": SPEEDS.tolist(),
         "power_kW": (6000.0 * (SPEEDS / 12.0) ** EXPONENT).tolist(),
-        "air": {"frontal_area_m2": 600.0, "angle_deg": ANGLES, "coefficient": DRAG},
+        "superstructure": {"frontal_area_m2": 600.0, "angle_deg": ANGLES, "coefficient": DRAG},
     }
 )  # fmt: skip
 

@@ -188,14 +188,14 @@ def run_episodes(
 
 
 def drawn_seas(setting: Setting) -> pd.DataFrame:
-    """Return the sea of each episode: seed, Hs [m], Tp [s], gamma [-] and heading [deg].
+    """Return the sea of each episode: seed, Hs [m], Tp [s], gamma [-], heading [deg] and wind [m/s].
 
-    In calm water Hs is 0 and the others are nan.
+    In calm water Hs is 0, and period, gamma and heading are nan.
 
     Examples:
         >>> cell = Setting("combinator", "transit", "state-5", "none", seeds=1)
         >>> drawn_seas(cell).to_dict("records")
-        [{'seed': 0, 'hs_m': 3.25, 'tp_s': 9.7, 'gamma': 3.3, 'heading_deg': 180.0}]
+        [{'seed': 0, 'hs_m': 3.25, 'tp_s': 9.7, 'gamma': 3.3, 'heading_deg': 180.0, 'wind_m_s': 0.0}]
     """
     env = environment_classes(setting.model.steered).vector(
         setting.seeds, threads=1, **setting.environment(object())

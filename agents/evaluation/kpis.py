@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...envs.kernel import ENDINGS, TRIPPED
 from ...envs.rewards import MEAN_S, NEAR_LIMIT
 
 _NAUTICAL_MILE = 1852.0
@@ -40,7 +41,7 @@ class EpisodeSums:
         self.total: dict[str, NDArray[np.float64]] = defaultdict(lambda: np.zeros(n))
         self.highest: dict[str, NDArray[np.float64]] = defaultdict(lambda: np.zeros(n))
         self.distance = np.zeros(n)
-        self.failed = np.zeros(n, dtype=bool)
+        self.failed, self.tripped = np.zeros((2, n), dtype=bool)
         self.pitch = np.full(n, np.nan)
         # Angles of attack by interval; nan after the end of an episode.
         self.attack: list[NDArray[np.float64]] = []
@@ -95,7 +96,10 @@ class EpisodeSums:
             most = self.highest[name]
             self.highest[name] = np.where(alive, np.maximum(most, value), most)
         self.distance = np.where(alive, info["position"], self.distance)
-        self.failed |= np.logical_and(alive, info.get("_ended", False))
+        failing = np.logical_and(alive, info.get("_ended", False))
+        self.failed |= failing
+        if failing.any():
+            self.tripped |= failing & (info["ended"] == ENDINGS[TRIPPED])
         self.attack.append(np.where(alive, info["angle_of_attack"], np.nan))
         fluctuating = np.array([torque, brake, power, info["angle_of_attack"]])
         if self.mean is None:
@@ -203,6 +207,8 @@ _DECLARED: dict[str, tuple[str, Callable[[EpisodeSums], Any]]] = {
     "rudder_travel_deg_min": ("travel of the rudder [deg/min]", _per_minute("rudder")),
     "failed": ("share of episodes in which the engine stalled or tripped [-]",
         lambda s: s.failed.astype(np.float64)),
+    "tripped": ("share of episodes in which the engine tripped on overspeed [-]",
+        lambda s: s.tripped.astype(np.float64)),
     "reward": ("sum of the rewards of the task, 0 where the episode failed; higher is better",
         lambda s: np.where(s.failed, 0.0, s.total["reward"])),
 }  # fmt: skip

@@ -79,7 +79,8 @@ def tune(
     controller: str, task: str | Task | dict[str, Any], *,
     ranges: Mapping[str, tuple[float, float]] | None = None,
     rounds: int = 40, episodes: int = 24, episode_s: float = EPISODE_S, seed: int = 0,
-    observer: str = DEFAULTS.observer, ship: str | None = None, threads: int | None = None,
+    observer: str = DEFAULTS.observer, ship: str | None = None, sea: str = "task",
+    threads: int | None = None,
     tick: Callable[[int, int, str], None] = lambda done, total, said: None,
 ) -> TuningResult:  # fmt: skip
     """Tune the constants of a controller on a task.
@@ -87,7 +88,7 @@ def tune(
     Args:
         controller: ``NAME`` or ``NAME:option=number,...``; the given options are fixed. For a task with
             the rudder as an action ``HELMSMAN+NAME``; by default the helmsman of the task is tuned too.
-        task: name, or the task itself, on whose training seas the candidates are simulated.
+        task: name, or the task itself.
         ranges: lowest and highest value of each constant; by default those that the controller declares.
         rounds: number of generations.
         episodes: number of episodes for each candidate.
@@ -95,6 +96,8 @@ def tune(
         seed: seed of the search and of its episodes.
         observer: name of the observer.
         ship: preset or path; by default the ship of the task.
+        sea: preset or parameters of the sea in which candidates are simulated; ``task``: the seas of the
+            task.
         threads: number of threads that step the episodes; one for each core by default.
         tick: function called after each generation with its number, the number of generations, and the
             best reward so far as text.
@@ -124,7 +127,7 @@ def tune(
 
     def cell(text: str, seed: int) -> Setting:
         return Setting(
-            text, task if isinstance(task, str) else "own task", "task", observer, episodes, ship,
+            text, task if isinstance(task, str) else "own task", sea, observer, episodes, ship,
             episode_s, task_model=model, first_seed=seed,
         )  # fmt: skip
 

@@ -137,7 +137,15 @@ def c_source(policy: Policy, name: str) -> str:
 
 def action_names(batch: Batch) -> tuple[str, ...]:
     """Return what each action of a policy commands, from an environment for which it is made."""
-    return ("pitch ratio", f"drive: {batch.command}", "rudder")[: batch.actions]
+    return ("pitch ratio", _DRIVES[batch.command], "rudder angle [rad]")[: batch.actions]
+
+
+_DRIVES = {
+    "shaft-speed": "set-point of the shaft speed governor [rad/s]",
+    "limited-rack": "fuel rack [mm], which idle speed, torque limit and highest speed limit",
+    "fuel-rack": "fuel rack [mm], without limits",
+}
+"""What the second action commands, by the keyword ``command`` of the environment."""
 
 
 def action_meaning(batch: Batch) -> str:

@@ -59,7 +59,7 @@ from ...plant.expressions import NO_SIGNALS
 from ...plant.manoeuvring import planar_acceleration, planar_inertia
 from ...plant.shaft import inertia_behind_meter
 from ...plant.ship import Ship
-from ...plant.state import STATE, Inputs, get_state, without_lags
+from ...plant.state import STATE, get_state, inputs_without_sea, without_lags
 from ...plant.tolerances import TOLERANCE_OF_KEY
 from .joint_replay import NO_SHIFT as NO_SHIFT
 from .joint_replay import Floats, JointReplay
@@ -304,9 +304,8 @@ def _loads_at(
     for k in range(len(demand)):
         rack = min(max(demand[k], plant.drive_min), plant.drive_max)
         state = get_state(states[k])
-        acts = Inputs(
-            rack, state.pitch_ratio, inflow[k], 0.0, 0.0, 0.0, 0.0, elevation[k], 1.0, 0.0, 0.0, 0.0,
-            rudder[k], 0.0, NO_SIGNALS,
+        acts = inputs_without_sea(
+            rack, state.pitch_ratio, inflow[k], elevation[k], 1.0, 0.0, 0.0, rudder[k], NO_SIGNALS
         )  # fmt: skip
         acting = loads(plant, state, acts, state.pitch_ratio)
         found[k].drive = acting.drive_torque

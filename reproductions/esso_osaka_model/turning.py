@@ -20,7 +20,7 @@ from shaftline.plant.dynamics import loads
 from shaftline.plant.expressions import external_at
 from shaftline.plant.manoeuvring import planar_acceleration
 from shaftline.plant.replay import Replay, simulate_recording
-from shaftline.plant.state import STATE, Inputs, get_state
+from shaftline.plant.state import STATE, get_state, inputs_without_sea
 
 from .. import nomoto
 from ..writing import Panel, draw, rms
@@ -64,9 +64,9 @@ def _surge(
         for part in range(2):  # Heun's rule, from row to row
             at = k + part
             state = get_state(states[at])
-            acts = Inputs(
-                drive[at], plant.pitch_ratio_max, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0,
-                rudder[at], 0.0, external_at(signals, at),
+            acts = inputs_without_sea(
+                drive[at], plant.pitch_ratio_max, 0.0, 0.0, 1.0, 0.0, 0.0, rudder[at],
+                external_at(signals, at),
             )  # fmt: skip
             acting = loads(plant, state, acts, plant.pitch_ratio_max)
             push = acting.push - acting.resistance + acting.surge_force

@@ -23,9 +23,10 @@ from shaftline.mismatch.identify import Identification
 from shaftline.plant import RecordingError, Ship
 from shaftline.plant.columns import SHAFT_SPEED, TIME
 from shaftline.plant.dynamics import loads
+from shaftline.plant.expressions import NO_SIGNALS
 from shaftline.plant.recording import convert_numbers, read_recording, read_table
 from shaftline.plant.ship import validate_tables
-from shaftline.plant.state import motion_state, steady_inputs
+from shaftline.plant.state import inputs_without_sea, motion_state
 
 from ..writing import refusal, rms
 
@@ -161,7 +162,9 @@ def _fill_loads(
     """Fill thrust [N] and torque [N m] behind the ship at each row."""
     for k in range(len(ship_speed)):
         state = motion_state(plant.pitch_ratio_max, shaft_speed[k], ship_speed[k])
-        acts = steady_inputs(shaft_speed[k], plant.pitch_ratio_max, 0.0, 0.0)
+        acts = inputs_without_sea(
+            shaft_speed[k], plant.pitch_ratio_max, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, NO_SIGNALS
+        )
         acting = loads(plant, state, acts, plant.pitch_ratio_max)
         thrust[k] = acting.thrust
         torque[k] = acting.load_torque

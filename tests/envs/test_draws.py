@@ -18,6 +18,23 @@ from shaftline.plant.waves import SEA
 from .by_hand import STILL
 
 
+def test_a_wind_is_drawn_beside_the_waves_and_changes_no_other_draw() -> None:
+    calm = {"hs_m": (1.0, 3.0), "tp_s": 9.0, "heading_deg": (90.0, 180.0)}
+    env = FrigateVectorEnv(40, ship="frigate-at-sea", sea=calm)
+    windy = FrigateVectorEnv(40, ship="frigate-at-sea", sea=calm | {"wind_m_s": (5.0, 15.0)})
+    env.reset(seed=3)
+    windy.reset(seed=3)
+    before, after = (one.batch.arrays.episodes for one in (env, windy))
+    assert np.array_equal(before["sea"][:, :4], after["sea"][:, :4])
+    assert np.array_equal(before["orders"], after["orders"])
+    assert np.array_equal(before["random"], after["random"])
+    wind = after["sea"][:, 4]
+    assert 5.0 <= wind.min() < 7.0 < 13.0 < wind.max() <= 15.0
+    assert np.array_equal(windy.batch.arrays.seas["wind"], wind)
+    with pytest.raises(ValueError, match="frigate: a wind of 9 m/s has no effect"):
+        FrigateVectorEnv(1, ship="frigate", sea="hs=2,tp=9,wind=9")
+
+
 def test_a_seed_decides_every_draw() -> None:
     """The order of the random numbers decides which episode belongs to a seed: published results rest
     on it.

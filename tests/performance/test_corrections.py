@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from shaftline.performance.corrections import (
     SEA_WATER,
@@ -32,11 +30,6 @@ TANKER = HullForm(
     waterplane_coefficient=0.9, lcb_percent=3.5,
 )  # fmt: skip
 KNOT = 1852.0 / 3600.0
-AREAS = {
-    "frontal_area_m2": 1200.0, "length_overall_m": 180.0, "beam_m": 28.0, "lateral_area_m2": 2800.0,
-    "deck_area_m2": 850.0, "lateral_centre_m": 5.0, "lateral_centre_height_m": 15.0,
-    "bridge_height_m": 45.0,
-}  # fmt: skip
 TESTED = {"frontal_area_m2": 1161.0, "angle_deg": [0, 90, 180], "coefficient": [0.9, 0.1, -0.6]}
 
 
@@ -73,52 +66,6 @@ def test_only_waves_within_45_degrees_of_the_bow_count(degrees: float, counts: b
 def test_the_range_of_stawave_2_is_known() -> None:
     assert in_wave_range(TANKER, 8.0)
     assert not in_wave_range(TANKER, 20.0)
-
-
-@pytest.mark.parametrize(
-    ("degrees", "coefficient"),
-    # calculated by hand from the printed regression coefficients of Fujiwara et al. (2005)
-    [
-        (0.0, 0.922 - 0.507 * 2800 / (180 * 28) - 1.162 * 5 / 180),
-        (
-            180.0,
-            0.018 - 5.091 * 28 / 180 + 10.367 * 15 / 180 - 3.011 * 850 / 180**2 - 0.341 * 1200 / 28**2,
-        ),
-    ],
-)  # fmt: skip
-def test_the_wind_coefficient_ahead_and_astern_is_the_term_along_the_ship(
-    degrees: float, coefficient: float
-) -> None:
-    ship = Superstructure.model_validate(AREAS)
-    assert ship.wind_coefficient(math.radians(degrees)) == pytest.approx(coefficient)
-
-
-def test_the_wind_coefficient_is_symmetric_and_continuous() -> None:
-    ship = Superstructure.model_validate(AREAS)
-    angles = np.radians(np.arange(0.0, 180.1, 0.25))
-    values = np.array([ship.wind_coefficient(float(a)) for a in angles])
-    assert np.max(np.abs(np.diff(values))) < 0.02
-    assert [ship.wind_coefficient(-float(a)) for a in angles] == pytest.approx(values.tolist())
-
-
-def test_a_wind_tunnel_test_replaces_the_regression() -> None:
-    ship = Superstructure.model_validate(TESTED)
-    assert ship.wind_coefficient(math.radians(45.0)) == pytest.approx(0.5)
-    assert ship.wind_coefficient(math.radians(-135.0)) == pytest.approx(-0.25)
-
-
-@pytest.mark.parametrize(
-    ("keys", "reason"),
-    [
-        ({"frontal_area_m2": 9.0}, "length_overall_m, beam_m, lateral_area_m2, deck_area_m2, "),
-        (TESTED | {"coefficient": [0.9]}, "angle_deg has 3 values and coefficient 1"),
-        (TESTED | {"angle_deg": [0, 90, 170]}, "angle_deg must rise from 0 to 180"),
-        (TESTED | {"angle_deg": [0, 0, 180]}, "angle_deg must rise from 0 to 180"),
-    ],
-)
-def test_an_incomplete_superstructure_is_refused(keys: dict[str, object], reason: str) -> None:
-    with pytest.raises(ValidationError, match=reason):
-        Superstructure.model_validate(keys)
 
 
 def test_true_and_relative_wind_are_inverse() -> None:

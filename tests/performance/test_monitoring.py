@@ -36,7 +36,7 @@ AIR = {
 }  # fmt: skip
 SHIP: dict[str, Any] = {
     "name": "bulk carrier", "beam_m": 32.0, "draught_m": 10.0, "speed_kn": SPEEDS.tolist(),
-    "power_kW": (6000.0 * (SPEEDS / 12.0) ** EXPONENT).tolist(), "air": AIR,
+    "power_kW": (6000.0 * (SPEEDS / 12.0) ** EXPONENT).tolist(), "superstructure": AIR,
 }  # fmt: skip
 KNOT = 1852.0 / 3600.0
 
@@ -108,11 +108,11 @@ def test_the_wind_is_taken_out(tmp_path: Path) -> None:
     expected = -100.0 * (1.0 - (1.0 + 0.08 * 30 / 365.25) ** (-1.0 / EXPONENT))
     assert with_wind.periods[0].mean == pytest.approx(expected, abs=0.03)
     scatter = with_wind.rows["speed_loss_percent"].std()
-    calm = SHIP | {"air": None}
+    calm = SHIP | {"superstructure": None}
     ship = ReferenceShip.model_validate(calm)
     without = analyse_performance(ship, read_log(tmp_path / "log.csv"))
     assert without.rows["speed_loss_percent"].std() > 2.0 * scatter
-    assert "no [air] in the ship file" in without.remarks[0]
+    assert "no [superstructure] in the ship file" in without.remarks[0]
 
 
 def test_each_condition_of_the_standard_leaves_its_rows_out(tmp_path: Path) -> None:
@@ -184,7 +184,7 @@ def test_a_log_off_the_reference_curve_is_refused_with_the_reasons(tmp_path: Pat
 def test_a_ship_file_that_is_wrong_is_refused(
     keys: dict[str, Any], reason: str, tmp_path: Path
 ) -> None:
-    tree = {key: value for key, value in (SHIP | keys).items() if key != "air"}
+    tree = {key: value for key, value in (SHIP | keys).items() if key != "superstructure"}
     file = tmp_path / "ship.toml"
     file.write_text("".join(f"{key} = {value!r}\n" for key, value in tree.items()))
     with pytest.raises(TableError, match=reason):

@@ -123,7 +123,7 @@ def test_wind_waves_and_current_equal_another_implementation(tmp_path: Path) -> 
             "water_density_kg/m3": 1025,
         }
     )
-    trial = analyse_trial(ship(air=AIR), write(tmp_path, table))
+    trial = analyse_trial(ship(superstructure=AIR), write(tmp_path, table))
     assert trial.runs["power_W"].to_numpy() / 1e3 == pytest.approx(powers, rel=4e-3)
     assert trial.runs["speed_m_s"].to_numpy() / KNOT == pytest.approx(speeds, abs=0.08)
 
@@ -132,7 +132,7 @@ def test_head_wind_and_waves_take_power_and_a_following_wind_gives_it(tmp_path: 
     table, _ = still_runs()
     table["wind_speed_m/s"] = [16.0, 2.0] * 4
     table["wind_angle_deg"] = [0.0, 0.0] * 4
-    runs = analyse_trial(ship(air=AIR), write(tmp_path, table)).runs
+    runs = analyse_trial(ship(superstructure=AIR), write(tmp_path, table)).runs
     assert (runs["wind_resistance_N"].to_numpy()[::2] > 0.0).all()
     assert (runs["wind_resistance_N"].to_numpy()[1::2] < 0.0).all()
     delivered = runs["delivered_power_W"]
@@ -222,7 +222,7 @@ def test_a_power_that_the_curve_does_not_reach_is_refused(tmp_path: Path) -> Non
 
 def test_what_is_left_out_is_said(tmp_path: Path) -> None:
     remarks = analyse_trial(ship(), write(tmp_path, still_runs()[0])).remarks
-    assert remarks[0] == "no wind correction: the ship file has no table [air]"
+    assert remarks[0] == "no wind correction: the ship file has no table [superstructure]"
     assert "no water depth: deep water is assumed" in remarks
 
 

@@ -103,6 +103,14 @@ def test_bad_tables(changes: dict[str, tuple[float, ...]], words: str) -> None:
         FRIGATE.with_values({"combinator": TABLE | changes})
 
 
+def test_a_lever_position_near_a_point_of_the_grid_is_one_point() -> None:
+    """0.3 is 12 of 40 steps of the curve, but 0.30000000000000004 as a float."""
+    table = TABLE | {"lever": (0.0, 0.3, 1.0)}
+    lever = combinator_curve(FRIGATE.with_values({"combinator": table})).lever
+    assert np.sum(np.abs(lever - 0.3) < 1e-6) == 1
+    assert np.diff(lever).min() > 1e-3
+
+
 def test_a_table_needs_a_diesel() -> None:
     with pytest.raises(ShipError, match="needs a ship with a diesel and a propeller"):
         load_ship("tito-neri-sine").with_values({"combinator": TABLE})

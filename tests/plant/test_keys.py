@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from pydantic import BaseModel, Field, TypeAdapter
 
+from shaftline.core.models import allowed_range
 from shaftline.plant import load_ship, ship_names
 from shaftline.plant.keys import (
     KeyInfo,
     MissingKeyError,
     Section,
     ShipParameter,
-    allowed_range,
     effect,
     info_of,
     parameter,

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from shaftline.plant import Ship, ShipError, approach, load_ship
+from shaftline.plant.holtrop import resistance
 from shaftline.plant.particulars import (
     Particulars,
     design_point,
@@ -86,6 +87,27 @@ def test_the_engine_delivers_its_rating_at_its_rated_speed() -> None:
     assert full > engine.torque_limit_N_m  # the limit is reached before the end stop of the rack
 
 
+def test_the_engine_has_its_inertia_at_the_propeller_shaft() -> None:
+    """The kinetic energy at the rated shaft speed is 1.5 s of the rated power, whatever the gears."""
+    ship = ship_from_particulars(Particulars(**FERRY))
+    speed = FERRY["shaft_speed_rpm"] * math.pi / 30.0
+    energy = 0.5 * ship.transmission.inertia_engine_side_kg_m2 * speed**2
+    assert energy == pytest.approx(1.5 * FERRY["mcr_kW"] * 1e3)
+    assert ship.transmission.gear_ratio > 3.0
+
+
+def test_the_resistance_is_near_holtrop_at_lower_speeds() -> None:
+    given = Particulars(**FERRY)
+    hull = ship_from_particulars(given).hull
+    for share in (0.5, 0.75, 1.0):
+        speed = share * given.design_speed_kn * 1852.0 / 3600.0
+        expected = resistance(hull_form(given), speed, 1025.0).total
+        found = (
+            hull.resistance_coefficient_N_s2_m2 * speed**2 * share ** (hull.resistance_exponent - 2)
+        )
+        assert found == pytest.approx(expected, rel=0.12)
+
+
 def test_a_given_pitch_is_kept() -> None:
     given = Particulars(**TANKER | {"pitch_ratio": 0.7})
     assert design_point(given, hull_form(given)).pitch_ratio == 0.7
@@ -113,6 +135,7 @@ def test_machinery_and_hulls_that_do_not_fit_are_refused(
         ("propeller_diameter_m = 14.9\ndraught_m = 15.0", "does not fit under the water line"),
         ("shaft_speed_rpm = 200.0", "shaft_speed_rpm = 200 is above engine_speed_rpm = 76"),
         ("design_speed_kn = 60.0\nlength_m = 50.0", "is a Froude number of 1.39"),
+        ("displacement_t = 31262.2", r"displacement_t = 31262.2 t .* block coefficient of 0\.08"),
         ("depth = 3", "depth is not a known key"),
     ],
 )

@@ -1,0 +1,372 @@
+"""Condition monitoring: which parameters of a ship have changed since its reference recordings.
+
+The same parameters are identified in every recording by itself. The reference recordings give the
+normal value m of a parameter and the scatter tau between recordings that its standard errors do not
+explain (moment estimator of DerSimonian and Laird 1986, Controlled Clinical Trials 7(3)). The change
+y - m of a later estimate y with standard error s has the variance
+
+    s^2 + tau^2 + var(m),
+
+with one degree of freedom less than there are references (as the prediction interval of Higgins,
+Thompson and Spiegelhalter 2009, J. R. Stat. Soc. A 172(1)). This is exact where the scatter exceeds the
+standard errors; where it is smaller, there are fewer false alarms than stated. An alarm is a change
+beyond Student's t at the false-alarm risk of one recording, which is divided by the number of
+parameters. The detection limit is the change that raises an alarm in 90 % of the recordings.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import scipy
+
+from ..core.sweep import sweep
+from ..plant.ship import Ship
+from .estimate import half_95
+from .folder import cell_name, find_recordings, first_date, recording_date
+from .identification.free_parameters import AUTO
+from .identify import DEFAULT, METHODS, identify
+
+RISK = 0.01
+"""Default probability that a recording without a change raises an alarm."""
+
+DETECTED = 0.9
+"""Share of the recordings in which a change of the detection limit raises an alarm."""
+
+LEAST_TREND = 3
+"""Number of later recordings from which a trend is fitted."""
+
+
+class MonitorError(ValueError):
+    """Recordings that cannot be monitored; the message names the file and the reason."""
+
+
+class Reading(NamedTuple):
+    """Estimate of a parameter from one recording."""
+
+    value: float
+    """In the unit of the key."""
+    standard_error: float
+    freedom: float = math.inf
+    """Degrees of freedom of the standard error [-]."""
+
+
+class Baseline(NamedTuple):
+    """Normal value of a parameter, from the reference recordings."""
+
+    value: float
+    """Weighted mean, in the unit of the key."""
+    standard_error: float
+    """Standard error of the mean."""
+    scatter: float
+    """Standard deviation between recordings that their standard errors do not explain."""
+    freedom: float
+    """Degrees of freedom of mean and scatter [-]."""
+
+
+class Change(NamedTuple):
+    """Change of a parameter in one recording."""
+
+    change: float
+    """Estimate less the normal value, in the unit of the key."""
+    half_95: float
+    """Half-width of its 95 % interval."""
+    threshold: float
+    """Change from which an alarm is raised."""
+    detection_limit: float
+    """Change that raises an alarm in 90 % of the recordings."""
+
+    @property
+    def alarm(self) -> bool:
+        """Whether the change exceeds the threshold."""
+        return abs(self.change) > self.threshold
+
+
+def baseline_of(readings: Sequence[Reading]) -> Baseline:
+    """Return the normal value of a parameter from its estimates in the reference recordings.
+
+    With one reference the scatter between recordings is unknown and taken as 0.
+
+    Examples:
+        >>> normal = baseline_of([Reading(10.2, 0.1), Reading(9.8, 0.1), Reading(10.0, 0.1)])
+        >>> round(normal.value, 3), round(normal.scatter, 3), normal.freedom
+        (10.0, 0.173, 2.0)
+    """
+    if len(readings) == 1:
+        (only,) = readings
+        return Baseline(only.value, only.standard_error, 0.0, only.freedom)
+    values = np.array([reading.value for reading in readings])
+    variances = np.array([reading.standard_error**2 for reading in readings])
+    weights = 1.0 / variances
+    mean = float(weights @ values / weights.sum())
+    excess = float(weights @ (values - mean) ** 2) - (len(readings) - 1)
+    between = max(excess / float(weights.sum() - weights @ weights / weights.sum()), 0.0)
+    weights = 1.0 / (variances + between)
+    mean = float(weights @ values / weights.sum())
+    error = float(weights.sum()) ** -0.5
+    return Baseline(mean, error, math.sqrt(between), len(readings) - 1.0)
+
+
+def change_of(normal: Baseline, reading: Reading, risk: float) -> Change:
+    """Return the change of an estimate from its normal value.
+
+    Args:
+        normal: from :func:`baseline_of`.
+        reading: estimate from a later recording.
+        risk: probability of an alarm without a change, for this parameter.
+    """
+    sd = math.hypot(reading.standard_error, normal.standard_error, normal.scatter)
+    freedom = max(min(normal.freedom, reading.freedom, 1e9), 1.0)
+    threshold = float(scipy.special.stdtrit(freedom, 1.0 - 0.5 * risk)) * sd
+    return Change(
+        reading.value - normal.value, half_95(freedom) * sd, threshold,
+        threshold + float(scipy.special.stdtrit(freedom, DETECTED)) * sd,
+    )  # fmt: skip
+
+
+class Trend(NamedTuple):
+    """Straight line through the estimates of the later recordings over time."""
+
+    slope: float
+    """In the unit of the key for each day, or for each recording where the dates do not differ."""
+    half_95: float
+    """Half-width of its 95 % interval."""
+
+
+def trend_of(times: Sequence[float], readings: Sequence[Reading], scatter: float) -> Trend:
+    """Return the weighted least-squares line through estimates over time, times not all equal."""
+    weights = np.array([1.0 / (r.standard_error**2 + scatter**2) for r in readings])
+    time, value = np.asarray(times, float), np.array([r.value for r in readings])
+    away = time - weights @ time / weights.sum()
+    spread = float(weights @ away**2)
+    slope = float(weights @ (away * value)) / spread
+    rest = value - weights @ value / weights.sum() - slope * away
+    freedom = len(readings) - 2
+    # A scatter larger than expected widens the interval; a smaller one is chance.
+    factor = max(float(weights @ rest**2) / freedom, 1.0)
+    return Trend(slope, half_95(freedom) * math.sqrt(factor / spread))
+
+
+@dataclass(frozen=True)
+class Monitoring:
+    """Changes of the parameters of a ship since its reference recordings.
+
+    Args:
+        ship: nominal ship.
+        method: method of identification.
+        risk: probability that a recording without a change raises an alarm.
+        units: unit of each parameter, by key.
+        baselines: normal value of each parameter, by key.
+        changes: a row for each later recording and parameter: ``recording``, ``date``, ``key``,
+            ``estimate``, ``standard_error``, ``change``, ``half_95``, ``threshold``,
+            ``detection_limit``, ``alarm``.
+        references: a row for each reference recording and parameter: ``recording``, ``date``, ``key``,
+            ``estimate``, ``standard_error``.
+        trends: trend of each parameter, by key; empty with fewer than three later recordings.
+        per: unit of time of the trends, ``day`` or ``recording``.
+        failed: why a recording could not be used, by file name.
+        remarks: limits of the result, a sentence each.
+    """
+
+    ship: Ship
+    method: str
+    risk: float
+    units: Mapping[str, str]
+    baselines: Mapping[str, Baseline]
+    changes: pd.DataFrame
+    references: pd.DataFrame
+    trends: Mapping[str, Trend]
+    per: str
+    failed: Mapping[str, str]
+    remarks: tuple[str, ...]
+
+    @property
+    def alarms(self) -> pd.DataFrame:
+        """Rows of ``changes`` with an alarm."""
+        return self.changes[self.changes["alarm"]]
+
+
+class _Job(NamedTuple):
+    """Identification of a recording in a worker."""
+
+    ship: Ship
+    keys: tuple[str, ...]
+    method: str
+    columns: Path | None
+    path: Path
+
+
+def _identify(job: _Job) -> dict[str, Any]:
+    """Return the date and the estimates of a recording, or the error of one that cannot be used."""
+    try:
+        found = identify(
+            job.ship, job.path, free=job.keys or AUTO, method=job.method, columns=job.columns
+        )
+    except (ValueError, OSError) as error:  # errors with a message for the user
+        return {"error": str(error).replace(str(job.path), job.path.name)}
+    date = recording_date(job.path, first_date(job.path, job.columns))
+    freedom = {e.key: e.freedom if math.isfinite(e.freedom) else None for e in found.estimates}
+    return {
+        "date": date,
+        "parameters": {e.key: [e.value, e.standard_error, freedom[e.key]] for e in found.estimates},
+        "units": {e.key: e.unit for e in found.estimates},
+    }
+
+
+def _cell_name(job: _Job) -> str:
+    """Return the file name of a result, which depends on recording, ship, keys, method and package."""
+    columns = job.columns.read_text(encoding="utf-8") if job.columns else ""
+    return cell_name(job.path.stem, job.path, (repr(job.ship), repr(job.keys), job.method, columns))
+
+
+def recordings_in(paths: Sequence[str | Path]) -> list[Path]:
+    """Return the recordings that are given as files or folders, in that order.
+
+    Raises:
+        MonitorError: a path does not exist, or a recording is given twice.
+        ValueError: a folder has no recording.
+    """
+    found: list[Path] = []
+    for path in map(Path, paths):
+        if not path.exists():
+            raise MonitorError(f"{path}: no such file or folder")
+        found += find_recordings(path).values() if path.is_dir() else [path]
+    for path in found:
+        if sum(path.samefile(other) for other in found) > 1:
+            raise MonitorError(f"{path}: is given twice")
+    return found
+
+
+def monitor(
+    ship: Ship,
+    references: Sequence[str | Path],
+    recordings: Sequence[str | Path],
+    out: str | Path,
+    *,
+    free: Sequence[str] | str = AUTO,
+    method: str = DEFAULT,
+    columns: str | Path | None = None,
+    risk: float = RISK,
+    jobs: int | None = None,
+    tick: Callable[[], None] = lambda: None,
+) -> Monitoring:
+    """Say which parameters of a ship have changed since its reference recordings, and by how much.
+
+    A later recording that cannot be used is listed with its error. Finished identifications are kept in
+    ``out/cells``, so that an interrupted run resumes.
+
+    Args:
+        ship: nominal ship.
+        references: files or folders of recordings in the normal condition; three or more show the
+            scatter between recordings.
+        recordings: files or folders of later recordings.
+        out: folder for intermediate results.
+        free: dotted keys of the monitored parameters; ``auto``: those that the first reference
+            recording identifies.
+        method: method of identification, as in :func:`shaftline.mismatch.identify`.
+        columns: column map of the recordings; None without one.
+        risk: probability that a recording without a change raises an alarm, over all its parameters.
+        jobs: number of processes, one for each core by default.
+        tick: called after each recording.
+
+    Raises:
+        MonitorError: a recording is missing, stands on both sides or is given twice, or a reference
+            recording cannot be used.
+        ValueError: an unknown method or key, or a folder without recordings.
+    """
+    if not 0.0 < risk < 0.5:
+        raise MonitorError(f"risk = {risk:g}: must lie between 0 and 0.5")
+    if method not in METHODS:
+        raise ValueError(f"unknown method {method!r}; known: {', '.join(METHODS)}")
+    normal, later = recordings_in(references), recordings_in(recordings)
+    for path in later:
+        if any(path.samefile(other) for other in normal):
+            raise MonitorError(f"{path}: is a reference and a later recording")
+    given = None if columns is None else Path(columns)
+    job = functools.partial(_Job, ship, method=method, columns=given)
+    kept = Path(out) / "cells"
+    keys = () if isinstance(free, str) else tuple(free)
+    if not keys:
+        first = job(keys=(), path=normal[0])
+        (chosen,) = sweep(_identify, {_cell_name(first): first}, kept, jobs=1).values()
+        if "error" in chosen:
+            raise MonitorError(f"{normal[0]}: {chosen['error']}")
+        keys = tuple(chosen["parameters"])
+    for key in keys:
+        ship.parameter(key)  # refuses an unknown key before any recording is read
+    jobs_of = {path: job(keys=keys, path=path) for path in (*normal, *later)}
+    names = {path: _cell_name(one) for path, one in jobs_of.items()}
+    cells = {names[path]: one for path, one in jobs_of.items()}
+    results = sweep(_identify, cells, kept, jobs=jobs, tick=tick)
+    found = {path: results[names[path]] for path in names}
+    for path in normal:
+        if "error" in found[path]:
+            raise MonitorError(f"{path}: this reference cannot be used: {found[path]['error']}")
+    return _compare(ship, method, risk, keys, {p: found[p] for p in normal},
+                    {p: found[p] for p in later})  # fmt: skip
+
+
+def _reading(result: Mapping[str, Any], key: str) -> Reading:
+    value, error, freedom = result["parameters"][key]
+    return Reading(value, error, math.inf if freedom is None else freedom)
+
+
+def _compare(
+    ship: Ship, method: str, risk: float, keys: tuple[str, ...],
+    normal: Mapping[Path, dict[str, Any]], later: Mapping[Path, dict[str, Any]],
+) -> Monitoring:  # fmt: skip
+    """Compare the estimates of the later recordings with the normal values."""
+    used = {path: result for path, result in later.items() if "error" not in result}
+    used = dict(sorted(used.items(), key=lambda item: (item[1]["date"], str(item[0]))))
+    baselines = {key: baseline_of([_reading(r, key) for r in normal.values()]) for key in keys}
+    rows = []
+    for path, result in used.items():
+        for key in keys:
+            reading = _reading(result, key)
+            one = change_of(baselines[key], reading, risk / len(keys))
+            rows.append({
+                "recording": path.name, "date": result["date"], "key": key, "estimate": reading.value,
+                "standard_error": reading.standard_error, **one._asdict(), "alarm": one.alarm,
+            })  # fmt: skip
+    dates = pd.to_datetime([result["date"] for result in used.values()])
+    by_day = dates.nunique() > 1
+    times = (dates - dates.min()).days.tolist() if by_day else list(range(len(used)))
+    trends = {}
+    if len(used) >= LEAST_TREND:
+        trends = {
+            key: trend_of(times, [_reading(r, key) for r in used.values()], baselines[key].scatter)
+            for key in keys
+        }
+    columns = ["recording", "date", "key", "estimate", "standard_error", *Change._fields, "alarm"]
+    references = [
+        {"recording": path.name, "date": result["date"], "key": key,
+         "estimate": _reading(result, key).value,
+         "standard_error": _reading(result, key).standard_error}
+        for path, result in normal.items() for key in keys
+    ]  # fmt: skip
+    remarks = []
+    if len(normal) == 1:
+        remarks.append(
+            "one reference recording: the scatter between recordings is unknown and taken as 0, so "
+            "there are more false alarms than stated; give three references or more"
+        )
+    elif len(normal) == 2:
+        remarks.append(
+            "two reference recordings: their scatter has one degree of freedom, so the thresholds are "
+            "wide; give three references or more"
+        )
+    units = next(iter(normal.values()))["units"]
+    return Monitoring(
+        ship, method, risk, {key: units[key] for key in keys}, baselines,
+        pd.DataFrame(rows, columns=columns), pd.DataFrame(references), trends,
+        "day" if by_day else "recording",
+        {path.name: result["error"] for path, result in later.items() if "error" in result},
+        tuple(remarks),
+    )  # fmt: skip

@@ -1,0 +1,69 @@
+"""Tables of the trade: units of names and of a row of units, and what is not used."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from shaftline.performance.monitoring import COLUMNS
+from shaftline.performance.monitoring import read_log as read
+from shaftline.performance.tables import TableError, canonical, read_table
+
+HEADER = "Date/Time;STW;Shaft power;Wind_speed;Wind_angle;Lub oil\n"
+VALUES = (
+    "01.03.2026 00:00:00;12,0;4,5;8,0;0;40\n"
+    "13.03.2026 00:00:00;12,1;4,6;8,1;0;40\n"
+    "14.03.2026 00:00:00;12,2;4,7;8,2;0;40\n"
+)
+
+
+def log(tmp_path: Path, units: str, header: str = HEADER) -> Path:
+    path = tmp_path / "log.csv"
+    path.write_text(header + (f"{units}\n" if units else "") + VALUES)
+    return path
+
+
+def test_a_row_of_units_is_used(tmp_path: Path) -> None:
+    found = read(log(tmp_path, "dd.mm.yyyy hh:mm:ss;kn;MW;m/s;deg;bar"))
+    assert found["shaft_power"].tolist() == [4.5e6, 4.6e6, 4.7e6]
+    assert found["wind_speed"].tolist() == [8.0, 8.1, 8.2]
+    assert found["speed_through_water"][0] == pytest.approx(12.0 * 1852.0 / 3600.0)
+    assert found["time"].tolist() == [0.0, 12.0 * 86400.0, 13.0 * 86400.0]
+    assert found.attrs["remarks"] == ["columns that are not understood or not used: Lub oil"]
+    knots = read(log(tmp_path, "dd.mm.yyyy hh:mm:ss;kn;MW;kn;deg;bar"))
+    assert knots["wind_speed"][0] == pytest.approx(8.0 * 1852.0 / 3600.0)
+
+
+def test_assumed_units_are_stated(tmp_path: Path) -> None:
+    path = log(tmp_path, "", "time;STW [kn];power [MW];Wind speed;Rel. wind dir [deg];x\n")
+    found = canonical(read_table(path), COLUMNS, "log", gaps=True)
+    assert found["wind_speed"][0] == 8.0
+    assert found["wind_angle"].tolist() == [0.0, 0.0, 0.0]
+    assert found.attrs["remarks"][0] == "no unit is stated, taken: Wind speed as m/s"
+    assert "wind_angle" not in found.attrs["absent"]
+    assert "draught" in found.attrs["absent"]
+
+
+def test_two_units_of_a_column_are_refused(tmp_path: Path) -> None:
+    path = log(tmp_path, "dd.mm.yyyy;m/s;MW;m/s;deg;bar", HEADER.replace("STW", "STW_kn"))
+    with pytest.raises(TableError, match=r"'STW_kn': its name has the unit 'kn' and .* 'm/s'"):
+        read(path)
+    with pytest.raises(TableError, match=r"unit 'mbar' of shaft_power is not known; use kW, MW"):
+        read(log(tmp_path, "dd.mm.yyyy;m/s;mbar;m/s;deg;bar"))
+
+
+def test_a_folder_needs_one_row_of_units(tmp_path: Path) -> None:
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    for name, units in (
+        ("a.csv", "dd.mm.yyyy;kn;MW;m/s;deg;bar"),
+        ("b.csv", "dd.mm.yyyy;kn;kW;m/s;deg;bar"),
+    ):
+        (folder / name).write_text(HEADER + units + "\n" + VALUES)
+    with pytest.raises(TableError, match=r"b\.csv: another row of units than a\.csv"):
+        read_table(folder)
+    (folder / "b.csv").write_text((folder / "a.csv").read_text().replace("2026", "2027"))
+    assert read(folder)["shaft_power"].max() == 4.7e6
+    assert math.isclose(read(folder)["wind_speed"].max(), 8.2)
