@@ -54,7 +54,7 @@ results: $(INSTALLED)
 	cp out/kvlcc2/turning-circles.png docs/results/figures/turning-circles.png
 	for name in loops ferry.engine_map errata towing_tank.observers observer_ranking \
 	    observer_features intervals tito_neri.effects tito_neri.rig_page standards speed_loss \
-	    speed_loss_causes voyages; do \
+	    speed_loss_causes voyages frontier; do \
 	    $(BIN)/python -m reproductions $$name --out docs/results || exit 1; done
 	$(BIN)/python -m reproductions learners.reward_terms --out docs/results/figures/reward-terms.png
 	$(BIN)/python -m reproductions speed --out docs/results/speed.md

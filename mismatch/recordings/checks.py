@@ -20,7 +20,14 @@ import pandas as pd
 import scipy
 from numpy.typing import NDArray
 
-from ...plant.columns import BOUNDS, SHAFT_ANGLE, SHAFT_SPEED, drive_column, simulated_columns
+from ...plant.columns import (
+    BOUNDS,
+    SHAFT_ANGLE,
+    SHAFT_SPEED,
+    TIME,
+    drive_column,
+    simulated_columns,
+)
 from ...plant.recording import RecordingError
 from ...plant.ship import Ship
 from .excitation import load_varies
@@ -66,8 +73,12 @@ def refuse_complex(path: Path, table: pd.DataFrame, columns: Iterable[str]) -> N
             )
 
 
+FEW_TURNS = 20.0
+"""Angle that the shaft speed integrates to, from which the measured angle is compared with it [rad]."""
+
+
 def wrapped_angle_errors(table: pd.DataFrame) -> Iterator[str]:
-    """Yield an error if the shaft angle restarts at each turn; it gives the first such row."""
+    """Yield an error if the shaft angle restarts at each turn, or turns less than the shaft."""
     if SHAFT_ANGLE not in table:
         return
     angle = table[SHAFT_ANGLE].to_numpy()
@@ -78,6 +89,14 @@ def wrapped_angle_errors(table: pd.DataFrame) -> Iterator[str]:
             f"{SHAFT_ANGLE}, row {row}: {angle[row - 1]:.4g} rad after {angle[row - 2]:.4g} rad; the "
             "angle restarts at each turn, and a continuous angle is needed: apply numpy.unwrap to it"
         )
+    elif SHAFT_SPEED in table and len(table) > 1:
+        turned = float(np.trapezoid(table[SHAFT_SPEED], table[TIME]))
+        found = float(angle[-1] - angle[0])
+        if abs(turned) > FEW_TURNS and abs(found) < 0.5 * abs(turned):
+            yield (
+                f"{SHAFT_ANGLE}: changes by {found:.4g} rad, while {SHAFT_SPEED} integrates to "
+                f"{turned:.4g} rad; is it the angle of the shaft, and are both units right?"
+            )
 
 
 def length_limits(tables: Sequence[pd.DataFrame], interval: float, ship: Ship) -> list[str]:

@@ -106,11 +106,13 @@ PHRASES: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
     OVER_GROUND: ((MOVING, ("sog", "speed over ground", "ground speed", "vtg speed", "gps speed")),),
     COURSE: ((MOVING, ("cog", "course over ground", "vtg course", "course", "kurs")),),
     "wind_speed_m_s": (
-        (MOVING, ("aws", "apparent wind speed", "relative wind speed", "wind speed", "wind")),
+        (MOVING, ("aws", "apparent wind speed", "relative wind speed", "rel wind speed")),
+        (MOVING, ("wind speed", "wind")),
     ),
     "wind_angle_rad": (
-        (MOVING, ("awa", "apparent wind angle", "apparent wind direction", "relative wind angle")),
-        (MOVING, ("relative wind direction", "wind angle", "wind direction")),
+        (MOVING, ("awa", "awd", "apparent wind angle", "apparent wind direction")),
+        (MOVING, ("relative wind angle", "relative wind direction", "rel wind angle")),
+        (MOVING, ("rel wind direction", "rel wind dir", "wind angle", "wind direction")),
     ),
     "true_wind_speed_m_s": ((MOVING, ("tws", "true wind speed")),),
     "true_wind_angle_rad": ((MOVING, ("twa", "true wind angle")),),
@@ -407,6 +409,8 @@ def _by_cells(
         found[SHAFT_SPEED] = _Choice(counted[0], speed)
     optional = _OPTIONAL if ship.turns else (*_OPTIONAL, *TURNING_COLUMNS)
     columns = [c for c in missing if c not in found and c not in optional]
+    if ship.moves:  # Of a ship's angles none is likely that of the shaft.
+        columns = [c for c in columns if c != SHAFT_ANGLE]
     pairs = [
         (name, column, own)
         for name in rest()

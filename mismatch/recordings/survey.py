@@ -107,7 +107,7 @@ class Survey:
         if self.recording is None:
             yield from (f"refused: {line}" for line in self.refused.splitlines())
             if self.begin:
-                yield "save these lines as a TOML file, complete them and use it with --columns:"
+                yield "column map: check these lines, complete them and use the file with --columns:"
             yield from self.begin
         else:
             yield "usable: `shaftline diagnose` accepts this recording"

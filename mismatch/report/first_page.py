@@ -334,7 +334,7 @@ def _relative_tile(quantity: Quantity, label: str) -> Tile:
 def _lead(diagnosis: Outcome, service: Service) -> str:
     """Return the sentence in place of the large numbers."""
     if not service.quantities:
-        return f"No numbers of power and fuel: {service.note}."
+        return f"No numbers of power and fuel: {service.note.rstrip('.')}."
     said = "Power, fuel and speed in steady service are those of the ship file"
     if service.speed_m_s is None:
         said = "The steady state is that of the ship file"

@@ -221,6 +221,8 @@ def steady_curve(
             continue
         if rows and row[0] < JUMP * rows[-1][0]:
             continue
+        if min(row[:3]) <= 0.0:  # at rest, or a ship on which the engine need not drive
+            break
         missing = 0
         if rows and (row[0] >= rows[-1][0] * (1.0 - _SAME) or row[0] > highest):
             rows.pop()
@@ -390,7 +392,7 @@ def _at_speed(diagnosis: Outcome) -> Service:
         diagnosis, lambda s: steady_curve(s, pitch, signals, LOWEST * speed, HIGHEST * speed)
     )
     nominal, corrected = compared.nominal, compared.corrected
-    for which, curve in (("ship file", nominal), ("corrected ship", corrected)):
+    for which, curve in (("uncorrected ship", nominal), ("corrected ship", corrected)):
         if not curve.speed[0] <= speed <= curve.speed[-1]:
             low, high, own_speed = (
                 number(v / KNOT) for v in (curve.speed[0], curve.speed[-1], speed)

@@ -193,6 +193,12 @@ def test_an_angle_that_begins_anew_is_refused(load: Load, servo: Ship) -> None:
         load(wrapped, ship=servo)
 
 
+def test_an_angle_that_is_not_that_of_the_shaft_is_refused(load: Load, calm: pd.DataFrame) -> None:
+    wind = calm.assign(shaft_angle_rad=0.4 * np.sin(0.01 * calm["time_s"]))
+    with pytest.raises(RecordingError, match=r"shaft_angle_rad: changes by .* integrates to"):
+        load(wind)
+
+
 def test_a_speed_that_is_held_is_a_demand(
     load: Load, held_frigate: Ship, calm: pd.DataFrame
 ) -> None:

@@ -204,7 +204,7 @@ def test_a_speed_that_a_ship_does_not_reach_is_named() -> None:
     fast = np.full(ROWS, 14.0)
     service = service_of(fouled(measured={"ship_speed_m_s": fast}))
     assert service.quantities == {}
-    assert service.note.startswith("the ship file has steady speeds from ")
+    assert service.note.startswith("the uncorrected ship has steady speeds from ")
     assert "kn only, not 27.2 kn, the most frequent speed of the recording" in service.note
 
 
@@ -277,6 +277,13 @@ def test_a_second_branch_of_steady_states_is_left_out(frigate: Ship) -> None:
     assert (np.diff(curve.power) > 0.0).all()
     assert np.max(curve.speed[1:] / curve.speed[:-1]) < 1.0 / 0.7
     assert math.isnan(curve.at("power", 20.0))
+
+
+def test_a_ship_that_needs_no_engine_has_a_curve_above_that_speed(frigate: Ship) -> None:
+    tow = {"id": "tow", "acts_on": "resistance", "expression": "-150000.0"}
+    curve = steady_curve(frigate.with_values({"term": [tow]}), 1.2, (), 3.0, 9.0)
+    assert (curve.power > 0.0).all()
+    assert 6.0 < curve.speed_at("power", 5e5) < 8.0
 
 
 def test_a_change_is_sure_if_its_interval_excludes_no_change() -> None:
