@@ -310,7 +310,8 @@ _TOLERANCES = {
     "wake_fraction": Estimate(0.05, ""),
     "thrust_curve": Estimate(0.03, "B-series for a real propeller"),
     "torque_curve": Estimate(0.03, "B-series for a real propeller"),
-    "torque_per_rack": Estimate(0.05, ""),
+    "torque_per_rack": Estimate(0.2, "the map of another engine"),
+    "torque_offset": Estimate(0.1, "the map of another engine, of the highest torque"),
 }
 
 

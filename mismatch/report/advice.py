@@ -1,7 +1,8 @@
 """Where an effect acts on board and what to do about it: one table by class of effect.
 
 A class is a balance, or the keys of the ship file that begin with some words within it. The first class
-that fits an effect is used. A diagnosis is evidence and no order: each step is a check before work.
+that fits an effect is used. A diagnosis is evidence, not an instruction: each step is a check
+before work.
 """
 
 from __future__ import annotations

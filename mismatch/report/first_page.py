@@ -186,7 +186,7 @@ def _headline(diagnosis: Outcome, service: Service) -> str:
             if status == EXPLAINED:
                 return _fitted("An instrument is wrong, not the ship:", names, "") or plain
             return _fitted("An instrument is wrong:", names, "; a residual remains") or plain
-        begin = "Partly" if status == PARTLY else ""
+        begin = "Partly due to" if status == PARTLY else ""
         other = " or an alternative" if any(f.rivals for f in diagnosis.findings) else ""
         end = f"{other}: {costs}" if costs else other
         return _fitted(begin, names, end) or _fitted(begin, names, other) or plain

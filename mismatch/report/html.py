@@ -226,7 +226,10 @@ def _facts(diagnosis: Outcome) -> list[tuple[str, str]]:
     if diagnosis.findings:
         share = f"{100.0 * diagnosis.explained:.0f} %"
         facts += [
-            ("Explained", f"{share} of the low-frequency residual power beyond noise"),
+            (
+                "Explained",
+                f"{share} of the mean square of the difference beyond noise",
+            ),
             ("2 Δ log L on held-out data", number(diagnosis.held_out_gain)),
         ]
     return facts

@@ -332,7 +332,7 @@ def _write_first_page(
             document.paragraph(words, width=width, bullet=len(texts) > 1, after=0.04)
         document.skip(0.08)
     document.paragraph(
-        "A diagnosis is evidence and no order: check before work begins.",
+        "A diagnosis is evidence, not an instruction: check before work begins.",
         SMALL,
         width=width,
         color=SOFT,

@@ -173,7 +173,7 @@ def residual_sentence(balance: BalanceVerdict) -> str:
     if share >= 1.0:
         return f"In the {balance.name} balance none of the difference is explained."
     return (
-        f"In the {balance.name} balance {100.0 * share:.0f} % of the residual power beyond noise is "
+        f"In the {balance.name} balance {100.0 * share:.0f} % of the mean square beyond noise is "
         "unexplained."
     )
 

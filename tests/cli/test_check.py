@@ -25,8 +25,9 @@ def test_the_command(shaftline: Command, tmp_path: Path) -> None:
     assert any("usable" in sentence for sentence in told["said"])
     bad = shaftline("check", FOLDER / RECORDING, "--ship", "frigate")
     assert bad.exit_code == 2
-    assert "column map: check these lines, complete them and use the file with --columns" in " ".join(
-        bad.output.split()
+    assert (
+        "column map: check these lines, complete them and use the file with --columns"
+        in " ".join(bad.output.split())
     )
 
 

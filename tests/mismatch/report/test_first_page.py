@@ -128,9 +128,9 @@ def test_doubts_name_the_biased_parameter_and_the_residual() -> None:
     biased = BiasedParameter("hull.wake_fraction", 0.05, 0.1, "-", 200.0)
     left = BalanceVerdict("hull", "partly-explained", 0.6, Colour(0, 1, 0.005, 0.02, 14.0))
     page = first_page(fouled(verdict="partly-explained", biased=[biased], balance_verdicts=(left,)))
-    assert page.headline.startswith("Partly hull fouling: ")
+    assert page.headline.startswith("Partly due to hull fouling: ")
     assert "A biased hull.wake_fraction would explain" in page.doubts[1]
-    assert "40 % of the residual power" in page.doubts[2]
+    assert "40 % of the mean square" in page.doubts[2]
 
 
 def test_a_wrong_ship_file_is_no_loss_of_the_ship_yet(frigate: Ship) -> None:

@@ -137,7 +137,7 @@ def test_a_finding_is_told_in_full(pages: dict[str, tuple[Diagnosis, str]]) -> N
         "Coulomb friction", "8.00", "6.95 … 9.05", "kN m", FRICTION, effect.split_by,
         "viscous-friction (engine)", "60 to 120 s", "shaft speed above 11 rad/s",
         f"shaftline {version('shaftline')}",
-        "98 % of the low-frequency residual power", "324 N m",
+        "98 % of the mean square of the difference", "324 N m",
     ):  # fmt: skip
         assert told in text, told
 
@@ -179,7 +179,7 @@ def test_facts_are_those_of_the_recording(pages: dict[str, tuple[Diagnosis, str]
         "Held-out data, never fitted 180 to 240 s",
         "Balances checked hull, engine",
         f"Effects tried 3 of {len(catalogue())} in the catalogue",
-        "Explained 98 % of the low-frequency residual power beyond noise",
+        "Explained 98 % of the mean square of the difference beyond noise",
         "2 Δ log L on held-out data 285",
         "pitch ratio 84.5 → 99.4 %",
         "2 Δ log L = 347, threshold 10.5",
