@@ -1,5 +1,6 @@
 """Diagnose recordings and identify parameters: which physics a ship file lacks, and how large it is."""
 
+from .condition import Monitoring
 from .diagnosis import Diagnosis
 from .estimate import Estimate
 from .example import copy_example
@@ -7,14 +8,15 @@ from .folder import diagnose_folder
 from .identify import Identification, identify
 from .judge.held_out import fit_percent
 from .judge.verdict import Finding
-from .monitor import Monitoring, monitor
+from .monitor import monitor
 from .options import Options
 from .pipeline import diagnose
 from .recordings import Recording, fetch, load_recording
 from .recordings.survey import Survey, survey
 from .report.index import DiagnosisIndex
 from .search.catalogue import Effect, Parameter, catalogue
-from .trial_plan import Limits, Noise, TrialPlan, plan_trial
+from .trial_manoeuvres import Limits
+from .trial_plan import Noise, TrialPlan, plan_trial
 
 __all__ = [
     "Diagnosis",

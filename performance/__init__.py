@@ -8,7 +8,7 @@ waves, water and shallow water.
 
 from typing import TYPE_CHECKING, Any
 
-from .corrections import Superstructure
+from ..plant.wind import Superstructure
 from .log_runs import LogRuns, find_runs
 from .monitoring import (
     PerformanceReport,

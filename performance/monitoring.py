@@ -22,7 +22,8 @@ from scipy.stats import t as student
 
 from ..core.models import FileModel, read_model
 from ..plant.surroundings import GRAVITY, KNOT
-from .corrections import AIR_DENSITY, Superstructure, Wind, true_wind, wind_resistance
+from ..plant.wind import AIR_DENSITY, Superstructure
+from .corrections import Wind, true_wind, wind_resistance
 from .tables import (
     DEGREES,
     METRES,

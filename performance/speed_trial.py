@@ -24,11 +24,10 @@ from scipy.stats import t as student
 from ..core.models import FileModel, read_model
 from ..plant.holtrop import HullForm, resistance
 from ..plant.surroundings import KNOT
+from ..plant.wind import AIR_DENSITY, Superstructure
 from .corrections import (
-    AIR_DENSITY,
     SEA_WATER,
     WAVE_RANGE,
-    Superstructure,
     Wind,
     admiralty_factor,
     in_wave_range,

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from ...core.files import write_atomically, write_json
 from ...display.figures import PALETTE, new_figure, save
-from ..monitor import Monitoring
+from ..condition import Monitoring
 from .data import replace_non_finite
 
 TABLE, DATA, FIGURE = "monitor.csv", "monitor.json", "monitor.png"

@@ -8,7 +8,6 @@ import pytest
 
 from shaftline.performance.corrections import (
     SEA_WATER,
-    Superstructure,
     Wind,
     admiralty_factor,
     in_wave_range,
@@ -24,6 +23,7 @@ from shaftline.performance.corrections import (
 )
 from shaftline.plant.holtrop import HullForm
 from shaftline.plant.surroundings import GRAVITY
+from shaftline.plant.wind import Superstructure
 
 TANKER = HullForm(
     length_m=320, beam_m=58, draught_m=20.8, displacement_m3=312622, midship_coefficient=0.998,

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from shaftline.performance.corrections import Wind, relative_wind
 from shaftline.performance.corrections import wind_resistance as by_formula
-from shaftline.plant import Ship, equilibrium, get_sea, load_ship, realise
+from shaftline.plant import Sea, Ship, equilibrium, load_ship, realise
 from shaftline.plant.replay import simulate_recording
 from shaftline.plant.wind import Superstructure, wind_resistance
 
@@ -114,7 +114,7 @@ def test_wind_slows_a_ship_to_the_speed_of_its_resistance(ship: Ship) -> None:
     rows = np.arange(0.0, 900.0, 1.0)
     table = pd.DataFrame({"time_s": rows, "fuel_rack_mm": 22.0, "pitch_ratio_command": 1.2})
     calm = simulate_recording(ship, table)["ship_speed_m_s"].iloc[-1]
-    windy = realise(get_sea("hs=0,tp=8,wind=16"), ship.propeller.depth_m, 1)
+    windy = realise(Sea(hs_m=0.0, tp_s=8.0, wind_m_s=16.0), ship.propeller.depth_m, 1)
     found = simulate_recording(ship, table, windy)
     speed = found["ship_speed_m_s"].iloc[-1]
     assert speed < calm - 0.2
@@ -125,7 +125,7 @@ def test_wind_slows_a_ship_to_the_speed_of_its_resistance(ship: Ship) -> None:
 
 
 def test_a_wind_without_a_superstructure_is_refused(frigate: Ship) -> None:
-    windy = realise(get_sea("hs=1,tp=8,wind=12"), frigate.propeller.depth_m, 1)
+    windy = realise(Sea(hs_m=1.0, tp_s=8.0, wind_m_s=12.0), frigate.propeller.depth_m, 1)
     table = pd.DataFrame({"time_s": [0.0, 1.0], "fuel_rack_mm": 22.0, "pitch_ratio_command": 1.2})
     reason = "frigate: a wind of 12 m/s has no effect on a ship without a [superstructure]"
     with pytest.raises(ValueError, match=re.escape(reason)):
