@@ -32,7 +32,7 @@ DETECTED = 0.9
 """Share of the recordings in which a change of the detection limit raises an alarm."""
 
 
-class Reading(NamedTuple):
+class Estimated(NamedTuple):
     """Estimate of a parameter from one recording."""
 
     value: float
@@ -73,44 +73,44 @@ class Change(NamedTuple):
         return abs(self.change) > self.threshold
 
 
-def baseline_of(readings: Sequence[Reading]) -> Baseline:
+def baseline_of(estimates: Sequence[Estimated]) -> Baseline:
     """Return the normal value of a parameter from its estimates in the reference recordings.
 
     With one reference the scatter between recordings is unknown and taken as 0.
 
     Examples:
-        >>> normal = baseline_of([Reading(10.2, 0.1), Reading(9.8, 0.1), Reading(10.0, 0.1)])
+        >>> normal = baseline_of([Estimated(10.2, 0.1), Estimated(9.8, 0.1), Estimated(10.0, 0.1)])
         >>> round(normal.value, 3), round(normal.scatter, 3), normal.freedom
         (10.0, 0.173, 2.0)
     """
-    if len(readings) == 1:
-        (only,) = readings
+    if len(estimates) == 1:
+        (only,) = estimates
         return Baseline(only.value, only.standard_error, 0.0, only.freedom)
-    values = np.array([reading.value for reading in readings])
-    variances = np.array([reading.standard_error**2 for reading in readings])
+    values = np.array([estimate.value for estimate in estimates])
+    variances = np.array([estimate.standard_error**2 for estimate in estimates])
     weights = 1.0 / variances
     mean = float(weights @ values / weights.sum())
-    excess = float(weights @ (values - mean) ** 2) - (len(readings) - 1)
+    excess = float(weights @ (values - mean) ** 2) - (len(estimates) - 1)
     between = max(excess / float(weights.sum() - weights @ weights / weights.sum()), 0.0)
     weights = 1.0 / (variances + between)
     mean = float(weights @ values / weights.sum())
     error = float(weights.sum()) ** -0.5
-    return Baseline(mean, error, math.sqrt(between), len(readings) - 1.0)
+    return Baseline(mean, error, math.sqrt(between), len(estimates) - 1.0)
 
 
-def change_of(normal: Baseline, reading: Reading, risk: float) -> Change:
+def change_of(normal: Baseline, estimate: Estimated, risk: float) -> Change:
     """Return the change of an estimate from its normal value.
 
     Args:
         normal: from :func:`baseline_of`.
-        reading: estimate from a later recording.
+        estimate: estimate from a later recording.
         risk: probability of an alarm without a change, for this parameter.
     """
-    sd = math.hypot(reading.standard_error, normal.standard_error, normal.scatter)
-    freedom = max(min(normal.freedom, reading.freedom, 1e9), 1.0)
+    sd = math.hypot(estimate.standard_error, normal.standard_error, normal.scatter)
+    freedom = max(min(normal.freedom, estimate.freedom, 1e9), 1.0)
     threshold = float(scipy.special.stdtrit(freedom, 1.0 - 0.5 * risk)) * sd
     return Change(
-        reading.value - normal.value, half_95(freedom) * sd, threshold,
+        estimate.value - normal.value, half_95(freedom) * sd, threshold,
         threshold + float(scipy.special.stdtrit(freedom, DETECTED)) * sd,
     )  # fmt: skip
 
@@ -124,15 +124,15 @@ class Trend(NamedTuple):
     """Half-width of its 95 % interval."""
 
 
-def trend_of(times: Sequence[float], readings: Sequence[Reading], scatter: float) -> Trend:
+def trend_of(times: Sequence[float], estimates: Sequence[Estimated], scatter: float) -> Trend:
     """Return the weighted least-squares line through estimates over time, times not all equal."""
-    weights = np.array([1.0 / (r.standard_error**2 + scatter**2) for r in readings])
-    time, value = np.asarray(times, float), np.array([r.value for r in readings])
+    weights = np.array([1.0 / (r.standard_error**2 + scatter**2) for r in estimates])
+    time, value = np.asarray(times, float), np.array([r.value for r in estimates])
     away = time - weights @ time / weights.sum()
     spread = float(weights @ away**2)
     slope = float(weights @ (away * value)) / spread
     rest = value - weights @ value / weights.sum() - slope * away
-    freedom = len(readings) - 2
+    freedom = len(estimates) - 2
     # A scatter larger than expected widens the interval; a smaller one is chance.
     factor = max(float(weights @ rest**2) / freedom, 1.0)
     return Trend(slope, half_95(freedom) * math.sqrt(factor / spread))

@@ -15,7 +15,7 @@ import pandas as pd
 
 from ..core.sweep import sweep
 from ..plant.ship import Ship
-from .condition import Change, Monitoring, Reading, baseline_of, change_of, trend_of
+from .condition import Change, Estimated, Monitoring, baseline_of, change_of, trend_of
 from .folder import cell_name, find_recordings, first_date, recording_date
 from .identification.free_parameters import AUTO
 from .identify import DEFAULT, METHODS, identify
@@ -151,9 +151,9 @@ def monitor(
                     {p: found[p] for p in later})  # fmt: skip
 
 
-def _reading(result: Mapping[str, Any], key: str) -> Reading:
+def _estimate(result: Mapping[str, Any], key: str) -> Estimated:
     value, error, freedom = result["parameters"][key]
-    return Reading(value, error, math.inf if freedom is None else freedom)
+    return Estimated(value, error, math.inf if freedom is None else freedom)
 
 
 def _compare(
@@ -163,15 +163,15 @@ def _compare(
     """Compare the estimates of the later recordings with the normal values."""
     used = {path: result for path, result in later.items() if "error" not in result}
     used = dict(sorted(used.items(), key=lambda item: (item[1]["date"], str(item[0]))))
-    baselines = {key: baseline_of([_reading(r, key) for r in normal.values()]) for key in keys}
+    baselines = {key: baseline_of([_estimate(r, key) for r in normal.values()]) for key in keys}
     rows = []
     for path, result in used.items():
         for key in keys:
-            reading = _reading(result, key)
-            one = change_of(baselines[key], reading, risk / len(keys))
+            estimate = _estimate(result, key)
+            one = change_of(baselines[key], estimate, risk / len(keys))
             rows.append({
-                "recording": path.name, "date": result["date"], "key": key, "estimate": reading.value,
-                "standard_error": reading.standard_error, **one._asdict(), "alarm": one.alarm,
+                "recording": path.name, "date": result["date"], "key": key, "estimate": estimate.value,
+                "standard_error": estimate.standard_error, **one._asdict(), "alarm": one.alarm,
             })  # fmt: skip
     dates = pd.to_datetime([result["date"] for result in used.values()])
     by_day = dates.nunique() > 1
@@ -179,14 +179,14 @@ def _compare(
     trends = {}
     if len(used) >= LEAST_TREND:
         trends = {
-            key: trend_of(times, [_reading(r, key) for r in used.values()], baselines[key].scatter)
+            key: trend_of(times, [_estimate(r, key) for r in used.values()], baselines[key].scatter)
             for key in keys
         }
     columns = ["recording", "date", "key", "estimate", "standard_error", *Change._fields, "alarm"]
     references = [
         {"recording": path.name, "date": result["date"], "key": key,
-         "estimate": _reading(result, key).value,
-         "standard_error": _reading(result, key).standard_error}
+         "estimate": _estimate(result, key).value,
+         "standard_error": _estimate(result, key).standard_error}
         for path, result in normal.items() for key in keys
     ]  # fmt: skip
     remarks = []
