@@ -150,7 +150,7 @@ class Monitoring:
         baselines: normal value of each parameter, by key.
         changes: a row for each later recording and parameter: ``recording``, ``date``, ``key``,
             ``estimate``, ``standard_error``, ``change``, ``half_95``, ``threshold``,
-            ``detection_limit``, ``alarm``.
+            ``detection_limit``, ``alarm``. Files of the same name have their folder before it.
         references: a row for each reference recording and parameter: ``recording``, ``date``, ``key``,
             ``estimate``, ``standard_error``.
         trends: trend of each parameter, by key; empty with fewer than three later recordings.

@@ -76,9 +76,11 @@ def recordings_in(paths: Sequence[str | Path]) -> list[Path]:
         if not path.exists():
             raise MonitorError(f"{path}: no such file or folder")
         found += find_recordings(path).values() if path.is_dir() else [path]
+    seen: set[Path] = set()
     for path in found:
-        if sum(path.samefile(other) for other in found) > 1:
+        if path.resolve() in seen:
             raise MonitorError(f"{path}: is given twice")
+        seen.add(path.resolve())
     return found
 
 
@@ -124,9 +126,9 @@ def monitor(
     if method not in METHODS:
         raise ValueError(f"unknown method {method!r}; known: {', '.join(METHODS)}")
     normal, later = recordings_in(references), recordings_in(recordings)
-    for path in later:
-        if any(path.samefile(other) for other in normal):
-            raise MonitorError(f"{path}: is a reference and a later recording")
+    both = {path.resolve() for path in normal} & {path.resolve() for path in later}
+    if both:
+        raise MonitorError(f"{min(both)}: is a reference and a later recording")
     given = None if columns is None else Path(columns)
     job = functools.partial(_Job, ship, method=method, columns=given)
     kept = Path(out) / "cells"
@@ -161,6 +163,11 @@ def _compare(
     normal: Mapping[Path, dict[str, Any]], later: Mapping[Path, dict[str, Any]],
 ) -> Monitoring:  # fmt: skip
     """Compare the estimates of the later recordings with the normal values."""
+    files = [path.name for path in (*normal, *later)]
+    name = {
+        path: path.name if files.count(path.name) == 1 else f"{path.parent.name}/{path.name}"
+        for path in (*normal, *later)
+    }
     used = {path: result for path, result in later.items() if "error" not in result}
     used = dict(sorted(used.items(), key=lambda item: (item[1]["date"], str(item[0]))))
     baselines = {key: baseline_of([_estimate(r, key) for r in normal.values()]) for key in keys}
@@ -170,7 +177,7 @@ def _compare(
             estimate = _estimate(result, key)
             one = change_of(baselines[key], estimate, risk / len(keys))
             rows.append({
-                "recording": path.name, "date": result["date"], "key": key, "estimate": estimate.value,
+                "recording": name[path], "date": result["date"], "key": key, "estimate": estimate.value,
                 "standard_error": estimate.standard_error, **one._asdict(), "alarm": one.alarm,
             })  # fmt: skip
     dates = pd.to_datetime([result["date"] for result in used.values()])
@@ -184,7 +191,7 @@ def _compare(
         }
     columns = ["recording", "date", "key", "estimate", "standard_error", *Change._fields, "alarm"]
     references = [
-        {"recording": path.name, "date": result["date"], "key": key,
+        {"recording": name[path], "date": result["date"], "key": key,
          "estimate": _estimate(result, key).value,
          "standard_error": _estimate(result, key).standard_error}
         for path, result in normal.items() for key in keys
@@ -203,8 +210,8 @@ def _compare(
     units = next(iter(normal.values()))["units"]
     return Monitoring(
         ship, method, risk, {key: units[key] for key in keys}, baselines,
-        pd.DataFrame(rows, columns=columns), pd.DataFrame(references), trends,
+        pd.DataFrame(rows, columns=columns).astype({"alarm": bool}), pd.DataFrame(references), trends,
         "day" if by_day else "recording",
-        {path.name: result["error"] for path, result in later.items() if "error" in result},
+        {name[path]: result["error"] for path, result in later.items() if "error" in result},
         tuple(remarks),
     )  # fmt: skip

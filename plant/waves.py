@@ -121,6 +121,8 @@ def fill_sea(
     ``shares`` are random numbers uniform in [0, 1), shape (128,): the components' positions within their
     frequency bands, then their phases in turns.
     """
+    if hs_m == 0.0 and wind_m_s == 0.0:
+        return
     sea.wind = wind_m_s
     sea.along = math.cos(math.radians(heading_deg))
     sea.across = math.sin(math.radians(heading_deg))

@@ -84,6 +84,31 @@ def test_grown_resistance_raises_an_alarm_and_nothing_else_does(
     assert len(pd.read_csv(folder / "monitor.csv")) == 6
 
 
+def test_files_of_one_name_are_told_apart_by_their_folder(
+    ship: Ship, folders: tuple[Path, Path], tmp_path: Path
+) -> None:
+    normal, later = folders
+    for year, source in (("2025", "run_2026-04-01.csv"), ("2026", "run_2026-05-01.csv")):
+        (tmp_path / year).mkdir()
+        (tmp_path / year / "trial.csv").write_bytes((later / source).read_bytes())
+    found = monitor(
+        ship, [normal], [tmp_path / "2025", tmp_path / "2026"], tmp_path / "out", free=[KEY], jobs=1
+    )
+    assert sorted(found.changes["recording"]) == ["2025/trial.csv", "2026/trial.csv"]
+    assert found.trends == {}
+
+
+def test_a_comparison_without_usable_recordings_says_so(
+    ship: Ship, folders: tuple[Path, Path], tmp_path: Path
+) -> None:
+    broken = tmp_path / "broken.csv"
+    broken.write_text("time_s\n0\n")
+    found = monitor(ship, [folders[0]], [broken], tmp_path / "out", free=[KEY], jobs=1)
+    assert not len(found.alarms)
+    assert monitoring_in_words(found)[0].startswith("not used: broken.csv: ")
+    save_monitoring(found, tmp_path / "out")
+
+
 def test_what_cannot_be_monitored_is_refused(
     ship: Ship, folders: tuple[Path, Path], tmp_path: Path
 ) -> None:
