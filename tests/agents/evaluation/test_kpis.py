@@ -46,6 +46,7 @@ def made_up(k: int) -> dict[str, Any]:
             "rudder_rate_deg_s": column((2.0, 0.0, 4.0), (1.0, 3.0, 9.0)),
         },
         "_ended": np.array([False, k > 0]),
+        "ended": np.array([None, "overspeed trip" if k > 0 else None], dtype=object),
     }  # fmt: skip
 
 
@@ -101,6 +102,7 @@ def test_a_whole_episode(rows: list[dict[str, float]]) -> None:
             "track_error_rms_m": math.sqrt((36.0 + 64.0 + 100.0) / 3.0),
             "rudder_travel_deg_min": 0.5 * 6.0 / 1.5 * 60.0,
             "failed": 0.0,
+            "tripped": 0.0,
             "reward": -4.5,
         }
     )
@@ -137,6 +139,7 @@ def test_an_episode_that_ended_early_counts_no_further(rows: list[dict[str, floa
             "track_error_rms_m": 10.0,
             "rudder_travel_deg_min": 0.5 * 4.0 / 1.0 * 60.0,
             "failed": 1.0,
+            "tripped": 1.0,
             "reward": 0.0,
         }
     )
