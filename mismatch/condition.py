@@ -104,7 +104,7 @@ def change_of(normal: Baseline, estimate: Estimated, risk: float) -> Change:
     Args:
         normal: from :func:`baseline_of`.
         estimate: estimate from a later recording.
-        risk: probability of an alarm without a change, for this parameter.
+        risk: probability of an alarm without a change, for this parameter [-].
     """
     sd = math.hypot(estimate.standard_error, normal.standard_error, normal.scatter)
     freedom = max(min(normal.freedom, estimate.freedom, 1e9), 1.0)
@@ -145,7 +145,7 @@ class Monitoring:
     Args:
         ship: nominal ship.
         method: method of identification.
-        risk: probability that a recording without a change raises an alarm.
+        risk: probability that a recording without a change raises an alarm [-].
         units: unit of each parameter, by key.
         baselines: normal value of each parameter, by key.
         changes: a row for each later recording and parameter: ``recording``, ``date``, ``key``,

@@ -112,7 +112,8 @@ def monitor(
             recording identifies.
         method: method of identification, as in :func:`shaftline.mismatch.identify`.
         columns: column map of the recordings; None without one.
-        risk: probability that a recording without a change raises an alarm, over all its parameters.
+        risk: probability that a recording without a change raises an alarm, over all its parameters
+            [-].
         jobs: number of processes, one for each core by default.
         tick: called after each recording.
 
