@@ -72,7 +72,8 @@ class Superstructure(Section):
 
     @model_validator(mode="after")
     def _complete(self) -> Superstructure:
-        if not self.model_fields_set:
+        fields = type(self).model_fields
+        if all(getattr(self, key) == info.default for key, info in fields.items()):
             return self
         if not self.present:
             raise ValueError("frontal_area_m2 is missing: it must be above 0 m2")

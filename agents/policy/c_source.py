@@ -137,7 +137,7 @@ def c_source(policy: Policy, name: str) -> str:
 
 def action_names(batch: Batch) -> tuple[str, ...]:
     """Return what each action of a policy commands, from an environment for which it is made."""
-    return ("pitch ratio", _DRIVES[batch.command], "rudder angle [rad]")[: batch.actions]
+    return ("pitch ratio", f"drive: {_DRIVES[batch.command]}", "rudder")[: batch.actions]
 
 
 _DRIVES = {

@@ -165,21 +165,20 @@ def alternative_ships(
     return ships
 
 
-def limit_verdict(name: str, undecidable: bool, biased: bool, spoilt: bool = False) -> str:
-    """Return the verdict that the recordings, the parameters and the simulation allow.
+def limit_verdict(name: str, undecidable: bool, biased: bool) -> str:
+    """Return the verdict that the recordings and the parameters allow.
 
     Args:
         name: name of the verdict on the effects.
         undecidable: whether the recordings are too short or excite too little.
         biased: whether a parameter lies far outside the ship file's tolerance.
-        spoilt: whether a channel fits worse in the open-loop simulation with the effects.
 
     >>> limit_verdict("explained", False, biased=True)
     'partly-explained'
     """
     if name == NOTHING and (undecidable or biased):
         return UNEXPLAINED
-    return PARTLY if name == EXPLAINED and (biased or spoilt) else name
+    return PARTLY if name == EXPLAINED and biased else name
 
 
 def is_undecidable(excited: bool, limits: Sequence[str]) -> bool:

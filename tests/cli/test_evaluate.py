@@ -124,10 +124,16 @@ def test_orders_lever_interval_and_seas(shaftline: Command, tmp_path: Path) -> N
     assert cell["trace"]["speed_order"] == pytest.approx([5.1444] * 6 + [7.2022] * 14, rel=1e-4)
     lever = json.loads(next((tmp_path / "ev/cells").glob("*lever*calm*.json")).read_text())
     assert lever["trace"]["blade_pitch"][-1] < cell["trace"]["blade_pitch"][-1] - 0.02
-    sea = {"hs_m": 2.5, "tp_s": 8.0, "gamma": 2.0, "heading_deg": 150.0}
+    sea = {"hs_m": 2.5, "tp_s": 8.0, "gamma": 2.0, "heading_deg": 150.0, "wind_m_s": 0.0}
     assert told["seas"][4:] == [{"seed": k, **sea, "sea": OWN_SEA} for k in range(4)]
-    assert told["seas"][0] == {"seed": 0, **dict.fromkeys(sea), "hs_m": 0.0, "sea": "calm"}
-    assert ["2.5", "8", "2", "150", "0,", "1,", "2,", "3"] in [
+    assert told["seas"][0] == {
+        "seed": 0,
+        **dict.fromkeys(sea),
+        "hs_m": 0.0,
+        "wind_m_s": 0.0,
+        "sea": "calm",
+    }
+    assert ["2.5", "8", "2", "150", "0", "0,", "1,", "2,", "3"] in [
         line.split()[1:] for line in result.output.splitlines()
     ]
     assert len(pd.read_csv(tmp_path / "ev/seas.csv")) == 8

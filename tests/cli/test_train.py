@@ -180,9 +180,7 @@ def test_constants_are_searched_for_and_sailed(shaftline: Command, tmp_path: Pat
         "--vary", "speed_gain=1:9", *quick,
     )  # fmt: skip
     assert result.exit_code == 0, result.output
-    (found,) = set(
-        re.findall(r"--controller (speed-pilot:pitch_gain=0\.?0?,speed_gain=\S+)", result.output)
-    )
+    (found,) = set(re.findall(r"speed-pilot:pitch_gain=0\.?0?,speed_gain=\S+", result.output))
     assert 1.0 <= float(found.rpartition("=")[2]) <= 9.0
     assert "unused episodes" in result.output
     result = shaftline(

@@ -105,7 +105,7 @@ def test_the_resistance_is_near_holtrop_at_lower_speeds() -> None:
         found = (
             hull.resistance_coefficient_N_s2_m2 * speed**2 * share ** (hull.resistance_exponent - 2)
         )
-        assert found == pytest.approx(expected, rel=0.12)
+        assert found == pytest.approx(expected, rel=0.15)
 
 
 def test_a_given_pitch_is_kept() -> None:

@@ -69,7 +69,7 @@ def test_the_file_names_its_measurements_and_actions() -> None:
     text = c_source(load_policy("storm"), "storm")
     assert " *   5: measured_ship_speed [m/s], measurement of the speed log" in text
     assert "void storm_step(storm_state *state, const double measurements[17]" in text
-    assert " *   1: fuel rack [mm], which idle speed" in text
+    assert " *   1: drive: fuel rack [mm], which idle speed" in text
 
 
 def test_a_name_that_is_no_c_identifier_is_refused() -> None:
