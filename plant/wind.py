@@ -107,6 +107,8 @@ class Superstructure(Section):
         Args:
             angle_rad: relative wind angle [rad]; the ship is symmetric.
         """
+        if not self.present:
+            return 0.0
         angle = abs(math.remainder(angle_rad, 2.0 * math.pi))
         if self.angle_deg:
             return float(np.interp(math.degrees(angle), self.angle_deg, self.coefficient))

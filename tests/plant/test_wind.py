@@ -50,6 +50,11 @@ def test_the_wind_coefficient_is_symmetric_and_continuous() -> None:
     assert [ship.wind_coefficient(-float(a)) for a in angles] == pytest.approx(values.tolist())
 
 
+def test_an_empty_table_has_no_wind_resistance() -> None:
+    assert Superstructure().wind_coefficient(0.3) == 0.0
+    assert by_formula(Superstructure(), Wind(12.0, 0.3), 7.0) == 0.0
+
+
 def test_a_wind_tunnel_test_replaces_the_regression() -> None:
     ship = Superstructure.model_validate(TESTED)
     assert ship.wind_coefficient(math.radians(45.0)) == pytest.approx(0.5)
