@@ -53,7 +53,7 @@ def loop(
         show_default="that of the ship")] = None,
     command: Annotated[str, typer.Option(
         help="Command at which the loop is opened: drive, pitch_command, rudder_command.")] = "drive",
-    reading: Annotated[str | None, typer.Option(
+    signal: Annotated[str | None, typer.Option(
         help="Controlled signal of a transfer function, such as ship_speed.",
         show_default="shaft_speed")] = None,
     pitch: Annotated[float | None, typer.Option(
@@ -79,7 +79,7 @@ def loop(
 
         shaftline loop autopilot --ship ddg-51-surrogate --speed 11.3
 
-        shaftline loop "3,0.4/1,0" --command drive --reading shaft_speed --speed 7
+        shaftline loop "3,0.4/1,0" --command drive --signal shaft_speed --speed 7
     """
     with report_errors():
         check_folder(out)
@@ -91,7 +91,7 @@ def loop(
         if lever is not None:
             vessel = with_combinator_table(vessel, lever)
         check_pitch(vessel, pitch)
-        found, about = _loop(controller, vessel, speed, interval, command, reading, pitch)
+        found, about = _loop(controller, vessel, speed, interval, command, signal, pitch)
         if not found.stable:
             worst = found.fastest_pole
             raise ValueError(
@@ -108,27 +108,27 @@ def loop(
 
 
 def _loop(
-    text: str, ship: Ship, speed: float, interval: float, command: str, reading: str | None,
+    text: str, ship: Ship, speed: float, interval: float, command: str, signal: str | None,
     pitch: float | None,
 ) -> tuple[Loop, str]:  # fmt: skip
     """Return the loop and its description."""
     name = text.partition(":")[0]
     what = f"{text} on {ship.name} at {speed:g} m/s, every {interval:g} s"
-    if "/" not in name and (reading is not None or pitch is not None):
+    if "/" not in name and (signal is not None or pitch is not None):
         raise ValueError(
-            f"--reading and --pitch are for a transfer function such as 3,0.4/1,0 only, not for {name}"
+            f"--signal and --pitch are for a transfer function such as 3,0.4/1,0 only, not for {name}"
         )
     if "/" in name:
-        reading = reading or "shaft_speed"
-        law = _law(text)
+        signal = signal or "shaft_speed"
+        transfer = _transfer_function(text)
         plant = linear_plant(ship, approach(ship, speed, pitch))
         for known, wanted, kind in (
-            (plant.input_labels, command, "--command"), (plant.output_labels, reading, "--reading"),
+            (plant.input_labels, command, "--command"), (plant.output_labels, signal, "--signal"),
         ):  # fmt: skip
             if wanted not in known:
                 raise ValueError(f"{kind} {wanted}: must be one of {', '.join(known)}")
-        own = f"{text} from {reading} to {command} of {ship.name} at {speed:g} m/s"
-        return Loop.from_plant(plant[reading, command], law), own
+        own = f"{text} from {signal} to {command} of {ship.name} at {speed:g} m/s"
+        return Loop.from_plant(plant[signal, command], transfer), own
     if name in helmsman_names():
         return helmsman_loop(make_helmsman(text, ship, interval, speed)), what
     try:
@@ -153,7 +153,7 @@ def _loop(
     return loop_at_rest(made, rest, command), about
 
 
-def _law(text: str) -> control.TransferFunction:
+def _transfer_function(text: str) -> control.TransferFunction:
     """Return the transfer function of ``numerator/denominator``."""
     try:
         numerator, denominator = (
@@ -161,7 +161,7 @@ def _law(text: str) -> control.TransferFunction:
         )
         if not np.isfinite([*numerator, *denominator]).all():
             raise ValueError
-        law = control.tf(numerator, denominator)
+        transfer = control.tf(numerator, denominator)
     except (ValueError, TypeError):
         raise ValueError(
             f"transfer function {text!r}: must be numerator/denominator with falling powers of s, such "
@@ -171,7 +171,7 @@ def _law(text: str) -> control.TransferFunction:
         raise ValueError(
             f"transfer function {text!r}: the numerator must not be longer than the denominator"
         )
-    return law
+    return transfer
 
 
 def lacking_text(found: Loop) -> str:

@@ -45,7 +45,8 @@ from .search.fitting import Fitter
 from .search.selection import INDISTINGUISHABLE
 from .setting import LINES
 from .simulate.balances import Balances
-from .simulate.joint_replay import JointReplay, LinearReplay
+from .simulate.joint_replay import START_STEPS, JointReplay, LinearReplay
+from .simulate.time_step import with_longest_time_step
 from .structure.diagnose import add_model_error
 
 Array = NDArray[np.float64]
@@ -335,7 +336,12 @@ def identify(
                 f"{method} needs the ship's response in time, but each row of the recording is treated "
                 f"as an equilibrium; use --method {DEFAULT} or steady"
             )
-        balances = Balances(JointReplay(ship, *tables, steady=together.steady))
+        by_own_step = partial(JointReplay, ship, *tables, steady=together.steady)
+        replayed = by_own_step
+        if own.cut and not together.steady:
+            slower, over_s = with_longest_time_step(ship, tables), START_STEPS * ship.time_step_s
+            replayed = partial(JointReplay, slower, *tables, start_over_s=over_s)
+        balances = Balances(replayed())
         train: Segments = balances.replay.segments
         held: Segments = []
         if own.cut or together.held_out:
@@ -350,7 +356,7 @@ def identify(
         find = partial(own.find, MethodInput(balances, fitted, train, tolerance, tick))
         found, more = _find_identifiable(find, keys, chosen, chosen and not own.cut)
         if found.line:
-            balances = Balances(JointReplay(ship, *tables, line=True))
+            balances = Balances(replayed(line=True))
         if own.cut:
             effects = applicable_effects(
                 ship, tables[0].columns, turning=course_changes(tables),
@@ -360,7 +366,8 @@ def identify(
             found = add_model_error(found, identified, balances, train, held, effects, tick)
         tick("judging", 0, 1)
         bare = identification_without_fit(method, ship, found, left_out | more)
-        identification = _add_fit(bare, balances, held, together)
+        judged = Balances(by_own_step(line=found.line))
+        identification = _add_fit(bare, judged, held, together)
         tick("judging", 1, 1)
         return identification
 
@@ -443,7 +450,10 @@ def _find_by_output_error(
     values: Sequence[float] = free.values
     lines = (False,) if at_rest else (False, True)
     for _ in range(MOST_RESTARTS):
-        ways = [Balances(replayed(free.ship, *runs, line=a, steady=at_rest)) for a in lines]
+        begun = partial(
+            replayed, free.ship, *runs, steady=at_rest, start_over_s=replay.start_over_s
+        )
+        ways = [Balances(begun(line=line)) for line in lines]
         telling = parameters_hertz(ways[0], free, values, work.train)
         if near and abs(telling / highest - 1.0) < SAME_BAND:
             break

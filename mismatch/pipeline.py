@@ -75,6 +75,8 @@ from .search.fitting import Fit, Fitter, Whiteness
 from .search.formulas import Formula, is_as_good, search_formula
 from .search.selection import Selection, Selector
 from .setting import Setting, Settings
+from .simulate.joint_replay import START_STEPS
+from .simulate.time_step import restore_time_step, simulates_equally, with_longest_time_step
 from .structure.diagnose import diagnose_structure
 
 ANOTHER_PERIOD = "calibrate on another period than is diagnosed"
@@ -138,19 +140,37 @@ def _run_stages(
     start = ship if isinstance(ship, Start) else begin(ship, options, tick)
     with threadpool_limits(1, "blas"):
         start = replace(start, ship=options.with_recorded_signals(start.ship, together.signals))
-        effects = _candidates(start, together, options)
-        settings = _hold_out_and_locate(start, together, effects, options)
-        selection, selector = _search(settings, effects, options, tick)
-        together.warnings.extend(settings.remarks())
-        tick("judging on the held-out data", 0, 1)
-        evidence = _Evidence.of(settings.best, start)
-        conclusion = _judge(selection, evidence)
-        diagnosis = _report(conclusion, evidence, selector, together)
-        tick("judging on the held-out data", 1, 1)
-        if options.quick or start.free:
+        if together.steady:
+            return _find_cause(start, together, options, tick)
+        slower = with_longest_time_step(start.ship, together.tables)
+        diagnosis = _find_cause(replace(start, ship=slower), together, options, tick)
+        if slower == start.ship:
             return diagnosis
-        limits = options.tolerance, options.most_effects
-        return diagnose_structure(diagnosis, settings.best, together, effects, tick, *limits)
+        corrected = restore_time_step(diagnosis.corrected, file)
+        if not simulates_equally(corrected, slower, together.tables):
+            # An effect that acts faster than the longer time step, such as a short delay.
+            return _find_cause(start, together, options, tick)
+        ships = diagnosis.alternatives.items()
+        alternatives = {name: restore_time_step(other, file) for name, other in ships}
+        return replace(diagnosis, ship=start.ship, corrected=corrected, alternatives=alternatives)
+
+
+def _find_cause(start: Start, together: JointRecordings, options: Options, tick: Tick) -> Diagnosis:
+    """Locate the mismatch, search its cause, judge it, and report it; stages 3 to 8."""
+    effects = _candidates(start, together, options)
+    settings = _hold_out_and_locate(start, together, effects, options)
+    selection, selector = _search(settings, effects, options, tick)
+    warnings = [*together.warnings, *settings.remarks()]
+    together = replace(together, warnings=warnings)
+    tick("judging on the held-out data", 0, 1)
+    evidence = _Evidence.of(settings.best, start)
+    conclusion = _judge(selection, evidence)
+    diagnosis = _report(conclusion, evidence, selector, together)
+    tick("judging on the held-out data", 1, 1)
+    if options.quick or start.free:
+        return diagnosis
+    limits = options.tolerance, options.most_effects
+    return diagnose_structure(diagnosis, settings.best, together, effects, tick, *limits)
 
 
 def _read(
@@ -211,8 +231,9 @@ def _hold_out_and_locate(
 ) -> Settings:
     """Hold data out and form the residuals of the balances, linearised at the free parameters."""
     ship, alone = start.ship, [effect for effect in effects if not effect.together]
+    over_s = START_STEPS * start.file.time_step_s
     for _ in range(MOST_LINEARISATIONS):
-        settings = Settings(ship, together, alone, options.tolerance)
+        settings = Settings(ship, together, alone, options.tolerance, over_s)
         if not start.free:
             break
         nearer = MovableParameters(start, settings.best.fitter).relinearised_ship()

@@ -79,24 +79,30 @@ class Settings:
         together: recordings.
         effects: candidate effects.
         tolerance: factor on the tolerances of the ship's parameters [-].
+        start_over_s: duration over which the first state is averaged [s].
     """
 
     def __init__(
-        self, ship: Ship, together: JointRecordings, effects: list[Effect], tolerance: float
+        self,
+        ship: Ship,
+        together: JointRecordings,
+        effects: list[Effect],
+        tolerance: float,
+        start_over_s: float,
     ) -> None:
-        balances = Balances(JointReplay(ship, *together.tables, steady=together.steady))
+        replayed = functools.partial(JointReplay, ship, *together.tables, start_over_s=start_over_s)
+        balances = Balances(replayed(steady=together.steady))
         replay = balances.replay
         part = split_held_out(replay, together.held_out)[0][0]
         highest = highest_informative_frequency(balances, effects, part)
         every = rows_per_average(replay.interval_s, highest)
         if every > 1:
-            averaged = JointReplay(ship, *together.tables, every=every, steady=together.steady)
-            balances = Balances(averaged)
+            balances = Balances(replayed(every=every, steady=together.steady))
         first = _hold_out(balances, together.held_out, tolerance, highest)
         self.tried = [first]
         self._gain, self._settled, self._tolerance = 0.0, False, tolerance
         if not together.steady and 0.5 * replay.interval_s * highest > ALIKE:
-            drawn = Balances(JointReplay(ship, *together.tables, line=True, every=every))
+            drawn = Balances(replayed(line=True, every=every))
             bands = bands_of(drawn, first.segments, highest)
             self.tried.append(Setting.of(Fitter(drawn, bands, tolerance), first.held))
             # Commands of a controller are held, so lines must be clearly likelier.

@@ -43,7 +43,7 @@ from ..recordings.noise import estimate_noise, row_noise
 Floats: TypeAlias = NDArray[np.float64]
 T = TypeVar("T")
 R = TypeVar("R")
-THREADS = min(2, os.cpu_count() or 1)
+THREADS = min(8, os.cpu_count() or 1)
 
 START_STEPS = 40
 """Number of time steps of the ship over which the first state is averaged."""
@@ -69,6 +69,8 @@ class JointReplay:
         every: number of rows that are averaged into one, of measured and simulated channels; the
             simulation still uses every row. Incomplete groups at the end of a recording are dropped.
         steady: whether each row is an equilibrium at the inputs of that row.
+        start_over_s: duration over which the first state is averaged [s]; :data:`START_STEPS` time
+            steps of the ship by default.
 
     Raises:
         ValueError: the recordings have different columns or intervals.
@@ -81,12 +83,13 @@ class JointReplay:
         line: bool = False,
         every: int = 1,
         steady: bool = False,
+        start_over_s: float | None = None,
     ) -> None:
         self.ship = ship
         self.line, self.every, self.steady = line, every, steady
-        over = START_STEPS * ship.time_step_s
+        self.start_over_s = START_STEPS * ship.time_step_s if start_over_s is None else start_over_s
         self.runs = [
-            SteadyReplay(ship, table) if steady else Replay(ship, table, over, line)
+            SteadyReplay(ship, table) if steady else Replay(ship, table, self.start_over_s, line)
             for table in tables
         ]
         first = self.runs[0]
@@ -119,7 +122,10 @@ class JointReplay:
     def with_ship(self, ship: Ship, *tables: pd.DataFrame) -> JointReplay:
         """Return a replay by another ship, of the same recordings or of other tables."""
         own = tables or [run.table for run in self.runs]
-        return JointReplay(ship, *own, line=self.line, every=self.every, steady=self.steady)
+        return JointReplay(
+            ship, *own, line=self.line, every=self.every, steady=self.steady,
+            start_over_s=self.start_over_s,
+        )  # fmt: skip
 
     @property
     def rate_interval_s(self) -> float:
@@ -304,7 +310,13 @@ class LinearReplay(JointReplay):
     """
 
     def __init__(
-        self, ship: Any, *tables: Any, line: bool = False, every: int = 1, steady: bool = False
+        self,
+        ship: Any,
+        *tables: Any,
+        line: bool = False,
+        every: int = 1,
+        steady: bool = False,
+        start_over_s: float | None = None,
     ) -> None:
         reasons = {
             "rows that are equilibria have no linear dynamic model": steady,
@@ -315,7 +327,7 @@ class LinearReplay(JointReplay):
         for reason, applies in reasons.items():
             if applies:
                 raise ValueError(f"{ship.name}: {reason}; use the nonlinear replay")
-        super().__init__(ship, *tables, line=line, every=every)
+        super().__init__(ship, *tables, line=line, every=every, start_over_s=start_over_s)
 
     def simulate_run(self, run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:
         """Simulate one recording by the linear model; the arguments are those of the nonlinear one."""

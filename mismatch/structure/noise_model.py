@@ -117,7 +117,9 @@ def coarser(replay: JointReplay, most: int) -> JointReplay:
     own = [run.table for run in replay.runs]
     means = [blocks(table.to_numpy(dtype=float), rows) for table in own]
     tables = [pd.DataFrame(m, columns=t.columns) for m, t in zip(means, own, strict=True)]
-    return JointReplay(replay.ship, *tables, line=True, every=every // rows)
+    return JointReplay(
+        replay.ship, *tables, line=True, every=every // rows, start_over_s=replay.start_over_s
+    )
 
 
 class Likelihood:

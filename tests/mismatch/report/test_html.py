@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from html import unescape
 from html.parser import HTMLParser
+from importlib import resources
 from importlib.metadata import version
 from typing import Any
 
@@ -22,7 +23,7 @@ from shaftline.mismatch.report.html import (
     _without_size,
     report_html,
 )
-from shaftline.mismatch.report.text import CONSTANT, status
+from shaftline.mismatch.report.text import CONSTANT, VERDICT_WORDS, status
 from shaftline.plant import load_ship
 
 from ..diagnoses import FRICTION, channels, diagnosis_of
@@ -106,6 +107,13 @@ def test_every_verdict_gives_a_page_that_needs_nothing_else(
     assert f"<p><b>{diagnosis.headline}</b></p>" in text
     assert text.index("<h1>") < text.index("Technical part") < text.index("Key facts")
     assert len(page) < 3_000_000
+
+
+@pytest.mark.parametrize("name", VERDICT_WORDS)
+def test_every_verdict_has_a_tone(name: str) -> None:
+    """Without one, the mark beside the headline is invisible."""
+    style = resources.files("shaftline.mismatch.report").joinpath("style.css").read_text()
+    assert re.search(rf"\.{name} {{ --tone: #\w+ }}", style)
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -1,0 +1,83 @@
+"""Time step of the simulations of a diagnosis: the longest that changes no simulated channel noticeably.
+
+The step of a ship file resolves the waves that pass the propeller, about 0.05 s. A log with a row every
+second has no waves in it, and a diagnosis simulates it some thousand times. A Runge-Kutta step of a
+quarter of a row is then as exact as the short one, and several times faster.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from ...plant.ship import Ship, ShipError
+from .joint_replay import JointReplay
+
+STEPS_PER_ROW = (4, 5, 8, 10, 16, 20, 32, 64, 128)
+"""Numbers of steps between two rows that are tried. With four or more, a delay or a time constant of a
+quarter of a row remains resolved."""
+
+INEXACT = 0.01
+"""Largest rms change of a simulated channel by the longer step, as a multiple of the channel's noise. It
+changes 2 log L by at most 1e-4 for each row and channel. Commands are held between rows in this
+comparison. On a line, the command of a step is that of its middle, so that a longer step moves it by an
+eighth of a row; between two rows, a line is uncertain by more than that."""
+
+
+def with_longest_time_step(ship: Ship, tables: Sequence[pd.DataFrame]) -> Ship:
+    """Return the ship with the longest time step that simulates recordings as its own step does.
+
+    Args:
+        ship: nominal ship.
+        tables: canonical columns at an even interval; equal columns and intervals.
+
+    Returns:
+        The ship itself if no longer step is as exact, or if its time constants need its own step.
+    """
+    own = _Simulations(ship, tables)
+    for count in STEPS_PER_ROW:
+        step_s = own.interval_s / count
+        if step_s <= 1.01 * ship.time_step_s:
+            break
+        if own.are_equal_with(step_s):
+            return _with_time_step(ship, step_s)
+    return ship
+
+
+def simulates_equally(ship: Ship, other: Ship, tables: Sequence[pd.DataFrame]) -> bool:
+    """Return whether a ship simulates recordings with the time step of another ship as with its own."""
+    return _Simulations(ship, tables).are_equal_with(other.time_step_s)
+
+
+def restore_time_step(ship: Ship, file: Ship) -> Ship:
+    """Return a ship with the time step of its file, or with its own if that is shorter."""
+    shorter = min(ship.time_step_s, file.time_step_s)
+    return ship if shorter == ship.time_step_s else _with_time_step(ship, shorter)
+
+
+def _with_time_step(ship: Ship, time_step_s: float) -> Ship:
+    return ship.with_values({"integration.time_step_s": time_step_s})
+
+
+class _Simulations:
+    """Channels simulated with a ship's own time step."""
+
+    def __init__(self, ship: Ship, tables: Sequence[pd.DataFrame]) -> None:
+        self._ship, self._replay = ship, JointReplay(ship, *tables)
+        self._exact = self._replay.simulate_channels(ship.record())
+        self.interval_s = self._replay.interval_s
+
+    def are_equal_with(self, time_step_s: float) -> bool:
+        """Return whether another time step changes no channel by more than :data:`INEXACT`."""
+        try:
+            other = _with_time_step(self._ship, time_step_s)
+        except ShipError:  # too long for a time constant of the ship, or for any ship
+            return False
+        channels = self._replay.with_ship(other).simulate_channels(other.record())
+        for name, values in self._exact.items():
+            change = float(np.sqrt(np.mean((channels[name] - values) ** 2)))
+            if not change <= INEXACT * self._replay.noise_rms[name]:  # true of a ship that diverges
+                return False
+        return True
