@@ -12,6 +12,7 @@ from ..core.sweep import check_backend
 from ..mismatch import Options
 from ..mismatch.example import concealed, copy_example
 from ..mismatch.folder import find_recordings
+from ..mismatch.identification.free_parameters import split_keys
 from ..mismatch.report.index import INDEX_PAGE, INDEX_TABLE, PAGE, PDF, REPORT, SHIP
 from ..plant import Ship, load_ship
 from . import console
@@ -167,7 +168,7 @@ def diagnose(
             )
         check_folder(out, ship, SHIP)
         vessel = load_ship(ship)
-        keys = tuple(key.strip() for key in free.split(",") if key.strip())
+        keys = tuple(split_keys(free))
         options = Options(
             columns, tuple(exclude or ()), tolerance, tuple(calibrate or ()), keys,
             tuple(effects or ()), quick=quick, steady=steady,

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from .. import mismatch
-from ..mismatch.identification.free_parameters import AUTO, doubtful
+from ..mismatch.identification.free_parameters import AUTO, read_free_keys
 from ..mismatch.identify import DEFAULT, METHODS, SHIP
 from ..mismatch.report.index import PAGE, REPORT
 from ..plant import load_ship
@@ -62,15 +62,10 @@ def identify(
     with report_errors():
         check_folder(out, ship, SHIP)
         vessel = load_ship(ship)
-        keys = [key.strip() for key in free.split(",") if key.strip()]
-        if not keys:
-            raise ValueError(
-                f"--free {free!r} contains no key; give {AUTO}, or keys of the ship file separated by "
-                f"commas: {', '.join(doubtful(vessel))}"
-            )
+        keys = read_free_keys(free, vessel)
         with stages("identifying") as tick:
             found = mismatch.identify(
-                vessel, *recordings, free=AUTO if keys == [AUTO] else keys, method=method,
+                vessel, *recordings, free=keys, method=method,
                 hold_out=hold_out or (), columns=columns, tolerance=tolerance, tick=tick,
             )  # fmt: skip
             tick("writing the report", 0, 1)

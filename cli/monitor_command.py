@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ..mismatch.identification.free_parameters import AUTO
+from ..mismatch.identification.free_parameters import AUTO, read_free_keys
 from ..mismatch.identify import DEFAULT, METHODS
 from ..mismatch.monitor import RISK, monitor, recordings_in
 from ..mismatch.report.monitor import (
@@ -65,15 +65,11 @@ def condition(
     with report_errors():
         check_folder(out)
         vessel = load_ship(ship)
-        keys = [key.strip() for key in free.split(",") if key.strip()]
-        if not keys:
-            raise ValueError(
-                f"--free {free!r} contains no key; give {AUTO}, or keys of the ship file"
-            )
+        keys = read_free_keys(free, vessel)
         count = len(recordings_in(references)) + len(recordings_in(against))
         with progress("identifying", count) as tick:
             found = monitor(
-                vessel, references, against, out, free=AUTO if keys == [AUTO] else keys,
+                vessel, references, against, out, free=keys,
                 method=method, columns=columns, risk=risk, jobs=jobs, tick=tick,
             )  # fmt: skip
         save_monitoring(found, out)

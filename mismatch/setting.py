@@ -79,7 +79,7 @@ class Settings:
         together: recordings.
         effects: candidate effects.
         tolerance: factor on the tolerances of the ship's parameters [-].
-        start_over_s: duration over which the first state is averaged [s].
+        start_over_s: duration over which the first state is averaged [s]; see :class:`.JointReplay`.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class Settings:
         together: JointRecordings,
         effects: list[Effect],
         tolerance: float,
-        start_over_s: float,
+        start_over_s: float | None = None,
     ) -> None:
         replayed = functools.partial(JointReplay, ship, *together.tables, start_over_s=start_over_s)
         balances = Balances(replayed(steady=together.steady))

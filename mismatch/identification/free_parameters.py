@@ -199,6 +199,31 @@ def _numbers(ship: Ship) -> tuple[str, ...]:
     return tuple(found)
 
 
+def split_keys(text: str) -> list[str]:
+    """Return the keys of a list that is separated by commas.
+
+    Example:
+        >>> split_keys("hull.mass_kg, hull.wake_fraction")
+        ['hull.mass_kg', 'hull.wake_fraction']
+    """
+    return [key.strip() for key in text.split(",") if key.strip()]
+
+
+def read_free_keys(text: str, ship: Ship) -> list[str] | str:
+    """Return the keys of the option ``--free``, or ``auto``.
+
+    Raises:
+        ValueError: the text has no key; the message gives keys of the ship.
+    """
+    keys = split_keys(text)
+    if not keys:
+        raise ValueError(
+            f"--free {text!r} contains no key; give {AUTO}, or keys of the ship file separated by "
+            f"commas: {', '.join(doubtful(ship))}"
+        )
+    return AUTO if keys == [AUTO] else keys
+
+
 def doubtful(ship: Ship) -> list[str]:
     """Return the keys of uncertain parameters: those of :data:`DOUBTED`, and those of active effects."""
     found = []
