@@ -40,7 +40,7 @@ from .recordings.joint import JointRecordings, Recorded, load_jointly
 from .report.data import replace_non_finite
 from .report.index import Result
 from .report.text import align_columns, notes_of
-from .search.catalogue import Window, applicable_effects
+from .search.catalogue import Effect, Window, applicable_effects
 from .search.fitting import Fitter
 from .search.selection import INDISTINGUISHABLE
 from .setting import LINES
@@ -338,8 +338,15 @@ def identify(
             )
         by_own_step = partial(JointReplay, ship, *tables, steady=together.steady)
         replayed = by_own_step
+        effects: list[Effect] = []
+        if own.cut:
+            effects = applicable_effects(
+                ship, tables[0].columns, turning=course_changes(tables),
+                one_way=shaft_runs_one_way(ship, tables), steady=together.steady,
+            )  # fmt: skip
         if own.cut and not together.steady:
-            slower, over_s = with_longest_time_step(ship, tables), START_STEPS * ship.time_step_s
+            slower = with_longest_time_step(ship, tables, [effect.on for effect in effects])
+            over_s = START_STEPS * ship.time_step_s
             replayed = partial(JointReplay, slower, *tables, start_over_s=over_s)
         balances = Balances(replayed())
         train: Segments = balances.replay.segments
@@ -358,10 +365,6 @@ def identify(
         if found.line:
             balances = Balances(replayed(line=True))
         if own.cut:
-            effects = applicable_effects(
-                ship, tables[0].columns, turning=course_changes(tables),
-                one_way=shaft_runs_one_way(ship, tables), steady=together.steady,
-            )  # fmt: skip
             identified = identified_ship(ship, found)
             found = add_model_error(found, identified, balances, train, held, effects, tick)
         tick("judging", 0, 1)

@@ -142,7 +142,8 @@ def _run_stages(
         start = replace(start, ship=options.with_recorded_signals(start.ship, together.signals))
         if together.steady:
             return _find_cause(start, together, options, tick)
-        slower = with_longest_time_step(start.ship, together.tables)
+        hosts = [effect.on for effect in _candidates(start, together, options)]
+        slower = with_longest_time_step(start.ship, together.tables, hosts)
         diagnosis = _find_cause(replace(start, ship=slower), together, options, tick)
         if slower == start.ship:
             return diagnosis

@@ -7,7 +7,7 @@ quarter of a row is then as exact as the short one, and several times faster.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 import pandas as pd
@@ -26,24 +26,38 @@ comparison. On a line, the command of a step is that of its middle, so that a lo
 eighth of a row; between two rows, a line is uncertain by more than that."""
 
 
-def with_longest_time_step(ship: Ship, tables: Sequence[pd.DataFrame]) -> Ship:
+def with_longest_time_step(
+    ship: Ship, tables: Sequence[pd.DataFrame], changes: Iterable[Callable[[Ship], Ship]] = ()
+) -> Ship:
     """Return the ship with the longest time step that simulates recordings as its own step does.
 
     Args:
         ship: nominal ship.
         tables: canonical columns at an even interval; equal columns and intervals.
+        changes: functions that return a ship with a candidate effect; the time step must resolve the
+            effect's own time constants.
 
     Returns:
         The ship itself if no longer step is as exact, or if its time constants need its own step.
     """
-    own = _Simulations(ship, tables)
+    own, changes = _Simulations(ship, tables), list(changes)
     for count in STEPS_PER_ROW:
         step_s = own.interval_s / count
         if step_s <= 1.01 * ship.time_step_s:
             break
         if own.are_equal_with(step_s):
-            return _with_time_step(ship, step_s)
+            slower = _with_time_step(ship, step_s)
+            if all(_is_valid(change, slower) for change in changes):
+                return slower
     return ship
+
+
+def _is_valid(change: Callable[[Ship], Ship], ship: Ship) -> bool:
+    try:
+        change(ship)
+    except ShipError:
+        return False
+    return True
 
 
 def simulates_equally(ship: Ship, other: Ship, tables: Sequence[pd.DataFrame]) -> bool:
