@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -72,8 +73,7 @@ def oracle_gains(simulated: SimulatedCase, held_out: list[list[float]]) -> dict[
     return gains
 
 
-def _gain(simulated: SimulatedCase, report: Row) -> Row:
-    gains = oracle_gains(simulated, report.get("recording", {}).get("held_out", []))
+def _gain(gains: Mapping[str, float], report: Row) -> Row:
     if not gains:
         return {}
     channel = max(gains, key=lambda name: gains[name])
@@ -157,6 +157,20 @@ def score(tool: str, report: Row, truth: Row, simulated: SimulatedCase) -> Row:
         truth: sealed truth.
         simulated: simulated case, with reference simulations.
     """
+    held_out = report.get("recording", {}).get("held_out", [])
+    gains = oracle_gains(simulated, held_out) if truth["case"]["effects"] else {}
+    return score_with_gains(tool, report, truth, gains)
+
+
+def score_with_gains(tool: str, report: Row, truth: Row, gains: Mapping[str, float]) -> Row:
+    """Return the scores of one report as :func:`score` does, for known gains of the oracle.
+
+    Args:
+        tool: name of the tool.
+        report: report like ``report.json``.
+        truth: sealed truth.
+        gains: gains of the oracle by channel, of :func:`oracle_gains`.
+    """
     case = truth["case"]
     concealed = [BY_KEY[one["key"]] for one in case["effects"]]
     true_ids = [effect.id for effect in concealed]
@@ -193,7 +207,7 @@ def score(tool: str, report: Row, truth: Row, simulated: SimulatedCase) -> Row:
         row["balance_right"] = bool(balances) and balances[0] in {e.balance for e in concealed}
         row["balance_among"] = bool({e.balance for e in concealed} & set(balances))
         row |= _parameters(report, truth) if naming else {}
-        row |= _gain(simulated, report)
+        row |= _gain(gains, report)
     true_windows = [window for window in truth["windows"].values() if window]
     if true_windows and case["kind"] in ("single", "unknown"):
         row["iou"] = overlap(location.get("windows_s") or [], true_windows[0])
@@ -225,14 +239,15 @@ def wilson(hits: int, count: int) -> tuple[float, float]:
     return float(ends.low), float(ends.high)
 
 
-def _share(figure: str, hits: Any, target: str = "") -> Row:
+def share_figure(figure: str, hits: Any, target: str = "") -> Row:
+    """Return a share with its interval by :func:`wilson`."""
     flags = pd.Series(hits).dropna().astype(bool)
     low, high = wilson(int(flags.sum()), len(flags))
     return {"figure": figure, "value": float(flags.mean()) if len(flags) else math.nan, "low": low,
             "high": high, "cases": len(flags), "target": target}  # fmt: skip
 
 
-def _median(figure: str, values: Any, target: str) -> Row:
+def median_figure(figure: str, values: Any, target: str = "") -> Row:
     """Return the median with the quartiles as ``low`` and ``high``."""
     numbers = pd.to_numeric(pd.Series(values), errors="coerce").dropna()
     low, middle, high = (float(numbers.quantile(share)) for share in (0.25, 0.5, 0.75))
@@ -250,33 +265,33 @@ def summary(cases: pd.DataFrame) -> pd.DataFrame:
         confounded = own.loc[own["kind"] == "confounded", "outcome"]
         unexplained = null["outcome"] == "unexplained"
         figures = [
-            _share(f"effects reported in null cases: {kind}", part["outcome"] == "false alarm",
+            share_figure(f"effects reported in null cases: {kind}", part["outcome"] == "false alarm",
                    "at most 0.02" if kind == "all" else "")
             for kind, part in [("all", null), *null.groupby("kind")]
         ]  # fmt: skip
         figures += [
-            _share("null cases called unexplained", unexplained),
-            _share("null cases called unexplained despite sufficient excitation",
+            share_figure("null cases called unexplained", unexplained),
+            share_figure("null cases called unexplained despite sufficient excitation",
                    unexplained & ~null["undecided"].astype(bool)),
-            _share("true id or its class first", one["outcome"].isin(RIGHT), "0.92"),
-            _share("true id first", one["outcome"] == "named"),
-            _share("balance right", one["balance_right"], "0.97"),
-            _share("balance among those located", one["balance_among"]),
-            _median("IoU of an episode's window", one["iou"], "0.8"),
-            _median("parameter error, median", one["parameter_error"], "0.04"),
-            _share("95 % interval covers", one["covered"], "0.90 to 0.98"),
-            _median("hold-out gain over the oracle's, median", one["gain_fraction"], "0.9"),
-            _share("effect absent from the catalogue: unexplained or its class",
+            share_figure("true id or its class first", one["outcome"].isin(RIGHT), "0.92"),
+            share_figure("true id first", one["outcome"] == "named"),
+            share_figure("balance right", one["balance_right"], "0.97"),
+            share_figure("balance among those located", one["balance_among"]),
+            median_figure("IoU of an episode's window", one["iou"], "0.8"),
+            median_figure("parameter error, median", one["parameter_error"], "0.04"),
+            share_figure("95 % interval covers", one["covered"], "0.90 to 0.98"),
+            median_figure("hold-out gain over the oracle's, median", one["gain_fraction"], "0.9"),
+            share_figure("effect absent from the catalogue: unexplained or its class",
                    absent.isin(GOOD_UNNAMED), "0.85"),
-            _share("effect absent from the catalogue: unexplained", absent == "unexplained"),
-            _share("effect absent from the catalogue: a wrong name", absent == "wrong name"),
-            _share("two effects: both named", two["found"] == 2, "0.70"),
-            _share("two effects: at least one named", two["found"] >= 1),
-            _share("insufficient excitation and confounded: not a wrong effect",
+            share_figure("effect absent from the catalogue: unexplained", absent == "unexplained"),
+            share_figure("effect absent from the catalogue: a wrong name", absent == "wrong name"),
+            share_figure("two effects: both named", two["found"] == 2, "0.70"),
+            share_figure("two effects: at least one named", two["found"] >= 1),
+            share_figure("insufficient excitation and confounded: not a wrong effect",
                    ~confounded.isin(["wrong name", "family"])),
-            _share("wrong confident name: explained, first name neither true nor of its class or "
+            share_figure("wrong confident name: explained, first name neither true nor of its class or "
                    "family, none beside it", own["wrong_and_sure"], "at most 0.05"),
-            _median("seconds a diagnosis", own["seconds"], "60"),
+            median_figure("seconds a diagnosis", own["seconds"], "60"),
         ]  # fmt: skip
         rows += [{"tool": str(tool)} | figure for figure in figures]
     return pd.DataFrame(rows)

@@ -112,7 +112,7 @@ def test_every_option_of_a_file_to_be_written_is_known() -> None:
     """An option that names a path is one that is read, or stands in RESULTS."""
     read = {"inputs", "columns", "effects", "recipe", "space", "hold_out", "calibrate", "recording",
             "recordings", "template", "policy", "from_particulars", "runs", "log", "ship", "orders",
-            "lever", "report", "limits", "references", "against"}  # fmt: skip
+            "lever", "report", "limits", "references", "against", "folder", "truth"}  # fmt: skip
     for command in main.COMMANDS:
         module = import_module(f"shaftline.cli.{main._stem(command)}_command")
         function = inspect.signature(getattr(module, main._function(command)), eval_str=True)

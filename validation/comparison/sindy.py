@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import importlib
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..simulator.parameters import Floats
+from .rival import RECORDING, ChallengeCase, Rival, entry_of
 from .stepwise_bic import MOST_EFFECTS, Chosen, Terms, report_by
 
 THRESHOLD = 0.1  # PySINDy's own default: a tenth of the error's rms
@@ -45,3 +47,14 @@ def diagnose(recording: Path, ship: str, out: Path, exclude: tuple[str, ...]) ->
         ImportError: PySINDy is not installed.
     """
     return report_by(_sparse, recording, ship, exclude)
+
+
+class PySindy(Rival):
+    """Sparse identification by PySINDy; it makes no predictions."""
+
+    name = "pysindy"
+    requires = "pysindy"
+
+    def analyse(self, case: ChallengeCase) -> Mapping[str, Any]:
+        """Return the selected terms."""
+        return entry_of(report_by(_sparse, case.folder / RECORDING, str(case.ship), ()))

@@ -8,7 +8,7 @@ decreases. The method treats all samples as independent and regresses on noisy s
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ import scipy
 from ..simulator.bench import bench_parameters
 from ..simulator.motion import _curve
 from ..simulator.parameters import Floats, Parameters, frigate_parameters, open_water_curve
+from .rival import RECORDING, ChallengeCase, Rival, entry_of
 
 Terms = dict[str, Floats]
 Chosen = tuple[float, str, float, float]
@@ -208,3 +209,13 @@ def report_by(
         ],
         "fit": {"held_out": {"before": {}, "after": {}}},
     }  # fmt: skip
+
+
+class StepwiseBic(Rival):
+    """Stepwise regression by BIC; it makes no predictions."""
+
+    name = "stepwise-bic"
+
+    def analyse(self, case: ChallengeCase) -> Mapping[str, Any]:
+        """Return the selected terms."""
+        return entry_of(report_by(_stepwise, case.folder / RECORDING, str(case.ship), ()))
