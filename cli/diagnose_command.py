@@ -56,7 +56,7 @@ def diagnose(
     quick: Annotated[bool, typer.Option(
         "--quick",
         help="Leave out the second search, which estimates effects and parameters of the ship file "
-        "together if the first one leaves a residual; it takes up to two minutes.")] = False,
+        "together if the first one leaves a residual; it takes some minutes.")] = False,
     steady: console.SteadyRows = False,
     pdf: Annotated[bool, typer.Option(
         "--pdf", help="Also write report.pdf, the report on A4 pages for print and mail.")] = False,
