@@ -98,11 +98,36 @@ def external_class_digest(name: str, group: str) -> str:
     if any(str(top).startswith(path) for path in installed):
         files = sorted(top.parent.rglob("*.py")) if top.name == "__init__.py" else [top]
     else:
-        finder = ModuleFinder(path=own, excludes=["shaftline"])
-        finder.import_hook(module)
-        found = (getattr(one, "__file__", None) for one in finder.modules.values())
-        files = [Path(file) for file in found if file]
+        files = _imported_files(module, own)
     digest = hashlib.sha256()
     for file in sorted(files):
         digest.update(file.name.encode() + file.read_bytes())
     return digest.hexdigest()[:8]
+
+
+def _imported_files(module: str, path: list[str]) -> list[Path]:
+    """Return the files of a module and of what it imports from the folders of a path."""
+    finder = _Finder(path=path, excludes=["shaftline"])
+    beside: list[Path] = []
+    try:
+        finder.import_hook(module)
+    except ImportError:  # The module lies in a folder without __init__.py; all files there count.
+        spec = find_spec(module)
+        if spec is None or spec.origin is None:
+            return []
+        beside = [*Path(spec.origin).parent.glob("*.py")]
+        finder.run_script(spec.origin)
+    imported = (getattr(one, "__file__", None) for one in finder.modules.values())
+    return [*{*beside, *(Path(name) for name in imported if name)}]
+
+
+class _Finder(ModuleFinder):
+    """Finder of imports that refuses a folder without ``__init__.py`` with an ImportError."""
+
+    def find_module(
+        self, name: str, path: Any, parent: Any = None
+    ) -> tuple[Any, str | None, tuple[str, str, int]]:
+        try:
+            return super().find_module(name, path, parent)
+        except AttributeError:  # Such a folder has no loader.
+            raise ImportError(f"{name}: a folder without __init__.py") from None

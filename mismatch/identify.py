@@ -24,6 +24,7 @@ from .identification.free_parameters import (
     AUTO,
     Free,
     UnidentifiableError,
+    keys_at_bounds,
     refuse_guesses,
     usual_keys,
 )
@@ -360,8 +361,18 @@ def identify(
             else:
                 keys = own.usual(ship)
         fitted = tables[: len(tables) - together.held_out]
-        find = partial(own.find, MethodInput(balances, fitted, train, tolerance, tick))
-        found, more = _find_identifiable(find, keys, chosen, chosen and not own.cut)
+
+        def estimate(by: Balances) -> tuple[MethodResult, dict[str, str]]:
+            find = partial(own.find, MethodInput(by, fitted, train, tolerance, tick))
+            return _find_identifiable(find, keys, chosen, chosen and not own.cut)
+
+        found, more = estimate(balances)
+        values = [*zip(found.keys, found.values, strict=True)]
+        if keys_at_bounds(balances.replay.ship, values) != keys_at_bounds(ship, values):
+            # The longer time step limits a time constant that the ship's own step resolves.
+            replayed = by_own_step
+            balances = Balances(replayed())
+            found, more = estimate(balances)
         if found.line:
             balances = Balances(replayed(line=True))
         if own.cut:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -197,6 +198,29 @@ def _numbers(ship: Ship) -> tuple[str, ...]:
             keys = [k for k in type(table).model_fields if isinstance(getattr(table, k), float)]
             found += [f"{section}.{key}" for key in keys]
     return tuple(found)
+
+
+AT_BOUND = 1e-3
+"""Relative distance of an estimate from the end of its range up to which it counts as there."""
+
+
+def keys_at_bounds(ship: Ship, values: Iterable[tuple[str, float]]) -> list[str]:
+    """Return the keys of values at the end of their range, except at 0 and at a value without effect.
+
+    Example:
+        >>> from shaftline.plant import load_ship
+        >>> keys_at_bounds(load_ship("frigate"), [("hull.mass_kg", 3e6), ("hull.wake_fraction", 0.6)])
+        ['hull.wake_fraction']
+    """
+    ends = []
+    for key, value in values:
+        if not ship.has_key(key):
+            continue
+        number = ship.parameter(key)
+        bounds = (end for end in number.search_range if end not in (0.0, number.info.neutral))
+        if any(math.isclose(value, end, rel_tol=AT_BOUND) for end in bounds):
+            ends.append(key)
+    return ends
 
 
 def split_keys(text: str) -> list[str]:

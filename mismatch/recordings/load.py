@@ -250,7 +250,7 @@ def load_parts(
         part = raw.iloc[a:b].reset_index(drop=True)
         part.attrs = raw.attrs if number == 1 else {"over_ground": raw.attrs.get("over_ground")}
         part_path = path.with_name(f"{path.name} part {number} (from row {a + 1})")
-        result.append(clean_and_check(part_path, part, units, ship))
+        result.append(clean_and_check(part_path, part, units, ship, continues=number > 1))
     result[0] = replace(result[0], warnings=(warning, *result[0].warnings))
     return _with_over_ground_warning(result)
 
@@ -374,6 +374,7 @@ class _Draft:
     warnings: list[str]
     log: list[str]
     over_ground: bool
+    continues: bool = False
 
     def apply(self, step: Cleaned) -> bool:
         """Take over the table and the warnings of a cleaning step; return whether there were any."""
@@ -403,16 +404,28 @@ class _Draft:
         """Simulation of the nominal ship with the recorded commands."""
         return ReferenceSimulation(self.ship, self.table, self.interval_s, self.steady)
 
+    @property
+    def swapped_columns(self) -> tuple[str, str] | None:
+        """Two columns that look swapped; the first part of a file decides for all of its parts."""
+        return None if self.continues else self.reference.swapped_columns
+
 
 def clean_and_check(
-    path: Path, table: pd.DataFrame, units: Mapping[str, str], ship: Ship, steady: bool = False
+    path: Path,
+    table: pd.DataFrame,
+    units: Mapping[str, str],
+    ship: Ship,
+    steady: bool = False,
+    continues: bool = False,
 ) -> Recording:
     """Return the recording of a table of :func:`read_canonical` after all cleaning steps and checks.
 
     ``units`` are those of signals for terms, by name; signals that the table does not have are ignored.
-    Other arguments and errors are as in :func:`load_recording`.
+    A table that ``continues`` is a later part of a file, whose first part has passed the checks. Other
+    arguments and errors are as in :func:`load_recording`.
     """
     draft = _prepare(path, table, units, ship, steady)
+    draft.continues = continues
     _clean(draft)
     for check in CHECKS:
         if errors := list(check(draft)):
@@ -489,12 +502,12 @@ def _clean(draft: _Draft) -> None:
 
 
 def _wrong_ship(draft: _Draft) -> Iterable[str]:
-    if draft.reference.swapped_columns is None and not draft.impossible_commands:
+    if draft.swapped_columns is None and not draft.impossible_commands:
         yield from draft.reference.wrong_ship_errors()
 
 
 def _swapped_columns(draft: _Draft) -> Iterable[str]:
-    pair, table = draft.reference.swapped_columns, draft.table
+    pair, table = draft.swapped_columns, draft.table
     dynamic = pair is None and not draft.steady
     if dynamic and pitch_columns_swapped(table, draft.interval_s, draft.ship):
         pair = ("pitch_ratio_command", "pitch_ratio")

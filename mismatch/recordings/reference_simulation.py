@@ -157,6 +157,8 @@ class ReferenceSimulation:
             if {a, b} == {"pitch_ratio", "pitch_ratio_command"}:
                 continue  # The lag between the two columns shows whether they are swapped.
             exchanged = {a: self.table[b], b: self.table[a]}
+            if not all(_is_possible(name, values) for name, values in exchanged.items()):
+                continue
             if any(impossible_commands(self.table.assign(**exchanged), self.ship)):
                 continue
             changed = self.differences_with(exchanged)
@@ -275,3 +277,9 @@ class ReferenceSimulation:
             yield from dead_channel_errors(
                 self.table, self.ship, self.simulated[[*self.differences]], self._interval_s
             )
+
+
+def _is_possible(column: str, values: pd.Series) -> bool:
+    """Return whether values lie within the physical bounds of a column."""
+    low, high, _ = BOUNDS.get(column, (-math.inf, math.inf, ""))
+    return bool(values.between(low, high).all())

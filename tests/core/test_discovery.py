@@ -126,3 +126,19 @@ def test_the_version_of_a_users_class_changes_with_all_that_it_imports(
     installed = external_class_digest("gymnasium:Env", group)
     assert len(installed) == 8
     assert installed == external_class_digest("gymnasium:Env", group)
+
+
+def test_a_class_in_a_folder_without_init_has_a_digest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Such as ``examples.own_controller:Steady`` of the documentation."""
+    folder = tmp_path / "plain_folder"
+    folder.mkdir()
+    (folder / "gains.py").write_text("GAIN = 1.0\n")
+    (folder / "law.py").write_text("from .gains import GAIN\n\nclass Law:\n    gain = GAIN\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    before = external_class_digest("plain_folder.law:Law", "shaftline.controllers")
+    assert len(before) == 8
+    (folder / "gains.py").write_text("GAIN = 2.0\n")
+    assert external_class_digest("plain_folder.law:Law", "shaftline.controllers") != before
