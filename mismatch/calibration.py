@@ -7,18 +7,10 @@ from pathlib import Path
 
 from ..plant.ship import Ship
 from .estimate import Tick, ignore_progress
-from .identification.free_parameters import (
-    AUTO,
-    LEAST_CERTAIN,
-    UnidentifiableError,
-    keys_at_bounds,
-)
+from .identification.free_parameters import AUTO, LEAST_CERTAIN, UnidentifiableError
 from .identification.parameters import Start, widen_tolerances
 from .identify import Identification, identify
 from .recordings.joint import Recorded
-
-END_OF_RANGE = "its estimate lies at the end of its range, so the recording does not determine it"
-"""Why such a parameter is not calibrated."""
 
 
 def calibrate(
@@ -34,8 +26,7 @@ def calibrate(
     The method is output error; arguments and errors are those of :func:`~.identify.identify`. Without
     keys, all identifiable parameters are estimated. A parameter that is not identifiable keeps its
     value, and the others are estimated without it. Where only a combination of parameters is
-    identifiable, the one that was given last keeps its value. A parameter whose estimate lies at the end
-    of its range keeps its value too: a combination with other parameters has pushed it there.
+    identifiable, the one that was given last keeps its value.
     """
 
     def progress(stage: str, done: int, total: int) -> None:
@@ -61,13 +52,7 @@ def calibrate(
                 )
                 return Start(ship, ship, left_out=left_out, remarks=(remark,))
         else:
-            values = [(one.key, one.value) for one in found.estimates]
-            ends = keys_at_bounds(found.ship, values)
-            rest = [one.key for one in found.estimates if one.key not in ends]
-            if not ends or not rest:
-                break
-            left_out |= dict.fromkeys(ends, END_OF_RANGE)
-            wanted = rest
+            break
     left_out |= found.left_out
     remarks = [f"calibration: {note}" for note in (*found.limits, *found.warnings)]
     if keys:  # parameters that the user did not choose need no remark

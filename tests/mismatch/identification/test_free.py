@@ -9,6 +9,7 @@ from shaftline.mismatch.identification.free_parameters import (
     RATIO,
     Free,
     doubtful,
+    keys_at_bounds,
     number_of,
     parse_free,
     usual_keys,
@@ -138,3 +139,15 @@ def test_every_ship_has_parameters_that_a_method_usually_frees(name: str) -> Non
         keys = usual_keys(ship, response=response)
         assert all(number_of(ship, key).value != 0.0 for key in keys)
         assert bool(keys) == (ship.turns_freely or ship.moves)
+
+
+def test_values_at_the_end_of_their_range_are_found(frigate: Ship) -> None:
+    values = [
+        (WAKE, 0.5999),  # its range ends at 0.6
+        ("hull.resistance_exponent", 1.0),
+        ("propeller.relative_rotative_efficiency", 1.2),
+        (MASS, 4e6),
+        ("transmission.arctangent_friction_engine_side_N_m", 0.0),  # absent, not at an end
+        ("prime_mover.no_such_key", 1.0),
+    ]
+    assert keys_at_bounds(frigate, values) == [WAKE, "hull.resistance_exponent"]
