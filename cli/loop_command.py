@@ -53,8 +53,8 @@ def loop(
         show_default="that of the ship")] = None,
     command: Annotated[str, typer.Option(
         help="Command at which the loop is opened: drive, pitch_command, rudder_command.")] = "drive",
-    signal: Annotated[str | None, typer.Option(
-        help="Controlled signal of a transfer function, such as ship_speed.",
+    output: Annotated[str | None, typer.Option(
+        help="Controlled output of a transfer function, such as ship_speed.",
         show_default="shaft_speed")] = None,
     pitch: Annotated[float | None, typer.Option(
         help="P/D for a transfer function; the highest by default.")] = None,
@@ -79,7 +79,7 @@ def loop(
 
         shaftline loop autopilot --ship ddg-51-surrogate --speed 11.3
 
-        shaftline loop "3,0.4/1,0" --command drive --signal shaft_speed --speed 7
+        shaftline loop "3,0.4/1,0" --command drive --output shaft_speed --speed 7
     """
     with report_errors():
         check_folder(out)
@@ -91,7 +91,7 @@ def loop(
         if lever is not None:
             vessel = with_combinator_table(vessel, lever)
         check_pitch(vessel, pitch)
-        found, about = _loop(controller, vessel, speed, interval, command, signal, pitch)
+        found, about = _loop(controller, vessel, speed, interval, command, output, pitch)
         if not found.stable:
             worst = found.fastest_pole
             raise ValueError(
@@ -108,27 +108,27 @@ def loop(
 
 
 def _loop(
-    text: str, ship: Ship, speed: float, interval: float, command: str, signal: str | None,
+    text: str, ship: Ship, speed: float, interval: float, command: str, output: str | None,
     pitch: float | None,
 ) -> tuple[Loop, str]:  # fmt: skip
     """Return the loop and its description."""
     name = text.partition(":")[0]
     what = f"{text} on {ship.name} at {speed:g} m/s, every {interval:g} s"
-    if "/" not in name and (signal is not None or pitch is not None):
+    if "/" not in name and (output is not None or pitch is not None):
         raise ValueError(
-            f"--signal and --pitch are for a transfer function such as 3,0.4/1,0 only, not for {name}"
+            f"--output and --pitch are for a transfer function such as 3,0.4/1,0 only, not for {name}"
         )
     if "/" in name:
-        signal = signal or "shaft_speed"
+        output = output or "shaft_speed"
         transfer = _transfer_function(text)
         plant = linear_plant(ship, approach(ship, speed, pitch))
         for known, wanted, kind in (
-            (plant.input_labels, command, "--command"), (plant.output_labels, signal, "--signal"),
+            (plant.input_labels, command, "--command"), (plant.output_labels, output, "--output"),
         ):  # fmt: skip
             if wanted not in known:
                 raise ValueError(f"{kind} {wanted}: must be one of {', '.join(known)}")
-        own = f"{text} from {signal} to {command} of {ship.name} at {speed:g} m/s"
-        return Loop.from_plant(plant[signal, command], transfer), own
+        own = f"{text} from {output} to {command} of {ship.name} at {speed:g} m/s"
+        return Loop.from_plant(plant[output, command], transfer), own
     if name in helmsman_names():
         return helmsman_loop(make_helmsman(text, ship, interval, speed)), what
     try:

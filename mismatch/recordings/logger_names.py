@@ -16,7 +16,8 @@ _SYNONYMS = {
     "cmd": "command", "ordered": "order", "demanded": "demand", "setpoint": "set", "cpp": "pitch",
     "draft": "draught", "fwd": "fore", "forward": "fore", "rel": "relative", "app": "apparent",
     "dir": "direction", "spd": "speed", "temp": "temperature", "hdg": "heading", "cons": "consumption",
-    "fo": "fuel", "hfo": "fuel", "mdo": "fuel",
+    "fo": "fuel", "hfo": "fuel", "mdo": "fuel", "steigung": "pitch", "winkel": "angle",
+    "geschw": "speed", "ruderlage": "rudder",
 }  # fmt: skip
 """Word of the phrases for each abbreviation of loggers."""
 

@@ -47,7 +47,7 @@ def test_measures_a_loop(
         (("unknown",), "unknown controller 'unknown'"),
         (("1,2/1",), "numerator must not be longer"),
         (("1,x/1,2",), "with falling powers of s"),
-        (("3,0.4/1,0", "--signal", "speed"), "--signal speed: must be one of shaft_speed"),
+        (("3,0.4/1,0", "--output", "speed"), "--output speed: must be one of shaft_speed"),
         (("-3000/1", "--speed", 7), "closed loop is unstable"),
         (("combinator", "--command", "rudder"), "unknown command 'rudder'"),
         (("combinator", "--speed", 50), "no drive command holds a speed of 50"),

@@ -110,10 +110,10 @@ def _rows() -> Iterator[tuple[str, str]]:
         "--drive 1e9": "from 0 to 40", "--speed 1e9": "holds a speed of 1e+09 m/s",
         "--speed 0": "holds a speed of 0 m/s", "--pitch 99": "--pitch 99",
         "--drive nan": "--drive nan mm: must be", "--ship nobody": "unknown ship",
-        "--speed 8 --signal ''": "give at least one output", "": "give either --speed or --drive",
+        "--speed 8 --output ''": "give at least one output", "": "give either --speed or --drive",
     }.items():  # fmt: skip
         yield f"linearise --out li {option}", words
-    yield "linearise --speed 8 --signal nobody --out li", "nobody"
+    yield "linearise --speed 8 --output nobody --out li", "nobody"
     for option, words in {
         "--speed nan": "a speed of nan", "--speed 1e9": "a speed of 1e+09",
         "--interval 0": "--interval 0 s", "--interval nan": "--interval nan s",
@@ -123,10 +123,10 @@ def _rows() -> Iterator[tuple[str, str]]:
     yield "loop speed-pilot --out lo --command nobody", "unknown command"
     yield "loop nobody --out lo", "nobody"
     yield (
-        "loop speed-pilot --signal nobody --out lo",
+        "loop speed-pilot --output nobody --out lo",
         "for a transfer function such as 3,0.4/1,0 only",
     )
-    yield "loop 3,0.4/1,0 --signal nobody --out lo", "--signal nobody: must be one of shaft_speed"
+    yield "loop 3,0.4/1,0 --output nobody --out lo", "--output nobody: must be one of shaft_speed"
     for option, words in {
         "nobody --speed 7": "unexpected extra argument", "--speed 1e9": "a speed of 1e+09",
         "--speed 7": "frigate cannot be steered", "--speed 7 --scale 0": "scale",

@@ -11,9 +11,10 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+from pydantic import Field, FiniteFloat, ValidationError
 
 from ...core.files import LARGEST_RESULT, FileError, read_text, write_json
+from ...core.models import FileModel
 from ...core.sweep import digest_of, source_digest, sweep
 from ...mismatch import catalogue
 from ..simulator.effects import EFFECTS
@@ -25,26 +26,22 @@ BALANCES = tuple(dict.fromkeys(effect.balance for effect in EFFECTS))
 """Balances in which a case may miss physics."""
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class ParameterEntry(_Part):
+class ParameterEntry(FileModel):
     """Value of a parameter of an effect with its 95 % interval, in the unit of the catalogue."""
 
     value: FiniteFloat
     ci95: Window | None = None
 
 
-class EffectEntry(_Part):
+class EffectEntry(FileModel):
     """Identified effect: id of the catalogue, indistinguishable alternatives, and parameters."""
 
     id: str
-    equivalent_ids: list[str] = []
-    parameters: dict[str, ParameterEntry] = {}
+    equivalent_ids: list[str] = Field(default_factory=list)
+    parameters: dict[str, ParameterEntry] = Field(default_factory=dict)
 
 
-class CaseEntry(_Part):
+class CaseEntry(FileModel):
     """Entry of one case.
 
     An entry without a verdict takes part with its predictions only. Effects stand most probable first.
@@ -55,15 +52,15 @@ class CaseEntry(_Part):
     verdict: (
         Literal["explained", "partly-explained", "nothing-missing", "unexplained", "failed"] | None
     ) = None
-    effects: list[EffectEntry] = []
-    balances: list[Literal[BALANCES]] = []  # type: ignore[valid-type]
-    windows_s: list[Window] = []
-    predictions: dict[str, list[FiniteFloat]] = {}
+    effects: list[EffectEntry] = Field(default_factory=list)
+    balances: list[Literal[BALANCES]] = Field(default_factory=list)  # type: ignore[valid-type]
+    windows_s: list[Window] = Field(default_factory=list)
+    predictions: dict[str, list[FiniteFloat]] = Field(default_factory=dict)
     seconds: FiniteFloat | None = None
     error: str = ""
 
 
-class Submission(_Part):
+class Submission(FileModel):
     """Submission of one tool: its name, and an entry for every case."""
 
     tool: Annotated[str, Field(min_length=1, max_length=60, pattern=r"^[\w .:+-]+$")]
@@ -183,11 +180,11 @@ def analyse_case(rival: str, folder: Path) -> dict[str, Any]:
         raise ValueError(f"{case.name}: {_first_error(error)}") from None
     if problem := entry_problem(checked, dict.fromkeys(case.channels, len(case.inputs))):
         raise ValueError(f"{case.name}: {problem}")
-    checked.predictions = {
+    rounded = {
         name: [float(f"{value:.6g}") for value in values]
         for name, values in checked.predictions.items()
     }
-    return checked.model_dump(exclude_defaults=True)
+    return checked.model_copy(update={"predictions": rounded}).model_dump(exclude_defaults=True)
 
 
 def run_rival(

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch import diagnose
+from shaftline.mismatch import catalogue, diagnose
 from shaftline.mismatch.options import Options
 from shaftline.mismatch.simulate.joint_replay import START_STEPS, JointReplay
 from shaftline.mismatch.simulate.time_step import (
@@ -13,7 +13,7 @@ from shaftline.mismatch.simulate.time_step import (
     simulates_equally,
     with_longest_time_step,
 )
-from shaftline.plant import Ship, load_ship, simulate_recording
+from shaftline.plant import Ship, ShipError, load_ship, simulate_recording
 
 
 def slow_log(ship: Ship, interval_s: float = 1.0, rows: int = 600) -> pd.DataFrame:
@@ -65,6 +65,18 @@ def test_ten_rows_a_second_keep_the_step_of_the_file(ship: Ship) -> None:
 def test_a_time_constant_of_the_ship_limits_the_step(ship: Ship, log: pd.DataFrame) -> None:
     quick = ship.with_values({"pitch_actuator.time_constant_s": 0.15})
     assert with_longest_time_step(quick, [log]).time_step_s <= 0.15
+
+
+def test_an_effect_with_its_own_time_constant_limits_the_step(
+    ship: Ship, log: pd.DataFrame
+) -> None:
+    effects = [
+        e for e in catalogue() if e.label == "pitch-dead-band (pitch-actuator, stops-inside)"
+    ]
+    (slow,) = effects  # its state has a time constant of 0.2 s
+    with pytest.raises(ShipError, match=r"shorter than integration\.time_step_s = 0\.25 s"):
+        slow.on(with_longest_time_step(ship, [log]))
+    assert with_longest_time_step(ship, [log], [slow.on]).time_step_s == pytest.approx(0.2)
 
 
 def test_a_short_dead_time_needs_the_short_step(ship: Ship, log: pd.DataFrame) -> None:
