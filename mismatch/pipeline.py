@@ -140,25 +140,27 @@ def _run_stages(
     start = ship if isinstance(ship, Start) else begin(ship, options, tick)
     with threadpool_limits(1, "blas"):
         start = replace(start, ship=options.with_recorded_signals(start.ship, together.signals))
-        if together.steady:
-            return _find_cause(start, together, options, tick)
-        hosts = [effect.on for effect in _candidates(start, together, options)]
-        slower = with_longest_time_step(start.ship, together.tables, hosts)
-        diagnosis = _find_cause(replace(start, ship=slower), together, options, tick)
-        if slower == start.ship:
+        effects = _candidates(start, together, options)
+        slower = start.ship
+        if not together.steady:
+            hosts = [effect.on for effect in effects]
+            slower = with_longest_time_step(start.ship, together.tables, hosts)
+        diagnosis = _find_cause(replace(start, ship=slower), together, effects, options, tick)
+        if slower is start.ship:
             return diagnosis
         corrected = restore_time_step(diagnosis.corrected, file)
         if not simulates_equally(corrected, slower, together.tables):
             # An effect that acts faster than the longer time step, such as a short delay.
-            return _find_cause(start, together, options, tick)
+            return _find_cause(start, together, effects, options, tick)
         ships = diagnosis.alternatives.items()
         alternatives = {name: restore_time_step(other, file) for name, other in ships}
         return replace(diagnosis, ship=start.ship, corrected=corrected, alternatives=alternatives)
 
 
-def _find_cause(start: Start, together: JointRecordings, options: Options, tick: Tick) -> Diagnosis:
+def _find_cause(
+    start: Start, together: JointRecordings, effects: list[Effect], options: Options, tick: Tick
+) -> Diagnosis:
     """Locate the mismatch, search its cause, judge it, and report it; stages 3 to 8."""
-    effects = _candidates(start, together, options)
     settings = _hold_out_and_locate(start, together, effects, options)
     selection, selector = _search(settings, effects, options, tick)
     warnings = [*together.warnings, *settings.remarks()]

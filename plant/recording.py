@@ -188,11 +188,17 @@ def convert_numbers(
     return table
 
 
+def within_bounds(column: str, values: pd.Series) -> NDArray[np.bool_]:
+    """Return which values lie within the physical :data:`BOUNDS` of a column; all if it has none."""
+    low, high, _ = BOUNDS.get(column, (-np.inf, np.inf, ""))
+    return np.asarray(values.between(low, high))
+
+
 def check_bounds(path: Path, table: pd.DataFrame) -> None:
     """Refuse a value outside the physical :data:`BOUNDS` of its column with a RecordingError."""
     for column in (c for c in table.columns if c in BOUNDS):
         low, high, unit = BOUNDS[column]
-        outside = ~table[column].between(low, high).to_numpy()
+        outside = ~within_bounds(column, table[column])
         if outside.any():
             row = int(np.argmax(outside))
             raise RecordingError(

@@ -11,7 +11,7 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -270,7 +270,7 @@ class Scores:
     count: int
     variant: str
 
-    @property
+    @cached_property
     def figures(self) -> pd.DataFrame:
         """Each figure of each tool: value, 95 % interval by Wilson (of medians: quartiles), cases."""
         rows: list[Row] = []

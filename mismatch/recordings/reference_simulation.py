@@ -21,7 +21,7 @@ import pandas as pd
 
 from ...plant.columns import BOUNDS, HEADING, SHAFT_ANGLE, SHAFT_SPEED, TIME, drive_column
 from ...plant.equilibria import simulate_steady
-from ...plant.recording import RecordingError
+from ...plant.recording import RecordingError, within_bounds
 from ...plant.replay import simulate_recording
 from ...plant.ship import Ship
 from ...plant.stepping import DivergenceError
@@ -157,7 +157,7 @@ class ReferenceSimulation:
             if {a, b} == {"pitch_ratio", "pitch_ratio_command"}:
                 continue  # The lag between the two columns shows whether they are swapped.
             exchanged = {a: self.table[b], b: self.table[a]}
-            if not all(_is_possible(name, values) for name, values in exchanged.items()):
+            if not all(within_bounds(name, values).all() for name, values in exchanged.items()):
                 continue
             if any(impossible_commands(self.table.assign(**exchanged), self.ship)):
                 continue
@@ -277,9 +277,3 @@ class ReferenceSimulation:
             yield from dead_channel_errors(
                 self.table, self.ship, self.simulated[[*self.differences]], self._interval_s
             )
-
-
-def _is_possible(column: str, values: pd.Series) -> bool:
-    """Return whether values lie within the physical bounds of a column."""
-    low, high, _ = BOUNDS.get(column, (-math.inf, math.inf, ""))
-    return bool(values.between(low, high).all())

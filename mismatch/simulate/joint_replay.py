@@ -309,15 +309,7 @@ class LinearReplay(JointReplay):
             ship turns, or its drive prescribes the shaft speed.
     """
 
-    def __init__(
-        self,
-        ship: Any,
-        *tables: Any,
-        line: bool = False,
-        every: int = 1,
-        steady: bool = False,
-        start_over_s: float | None = None,
-    ) -> None:
+    def __init__(self, ship: Any, *tables: Any, steady: bool = False, **settings: Any) -> None:
         reasons = {
             "rows that are equilibria have no linear dynamic model": steady,
             "the linear replay has no equations of turning": ship.turns,
@@ -327,7 +319,7 @@ class LinearReplay(JointReplay):
         for reason, applies in reasons.items():
             if applies:
                 raise ValueError(f"{ship.name}: {reason}; use the nonlinear replay")
-        super().__init__(ship, *tables, line=line, every=every, start_over_s=start_over_s)
+        super().__init__(ship, *tables, **settings)
 
     def simulate_run(self, run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:
         """Simulate one recording by the linear model; the arguments are those of the nonlinear one."""

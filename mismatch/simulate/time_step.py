@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 import pandas as pd
 
+from ...plant.columns import TIME
 from ...plant.ship import Ship, ShipError
 from .joint_replay import JointReplay
 
@@ -40,15 +41,15 @@ def with_longest_time_step(
     Returns:
         The ship itself if no longer step is as exact, or if its time constants need its own step.
     """
+    interval_s = float(np.ptp(tables[0][TIME])) / (len(tables[0]) - 1)
+    steps = [s for n in STEPS_PER_ROW if (s := interval_s / n) > 1.01 * ship.time_step_s]
+    if not steps:
+        return ship
     own, changes = _Simulations(ship, tables), list(changes)
-    for count in STEPS_PER_ROW:
-        step_s = own.interval_s / count
-        if step_s <= 1.01 * ship.time_step_s:
-            break
-        if own.are_equal_with(step_s):
-            slower = _with_time_step(ship, step_s)
-            if all(_is_valid(change, slower) for change in changes):
-                return slower
+    for step_s in steps:
+        slower = own.equal_ship(step_s)
+        if slower is not None and all(_is_valid(change, slower) for change in changes):
+            return slower
     return ship
 
 
@@ -62,7 +63,7 @@ def _is_valid(change: Callable[[Ship], Ship], ship: Ship) -> bool:
 
 def simulates_equally(ship: Ship, other: Ship, tables: Sequence[pd.DataFrame]) -> bool:
     """Return whether a ship simulates recordings with the time step of another ship as with its own."""
-    return _Simulations(ship, tables).are_equal_with(other.time_step_s)
+    return _Simulations(ship, tables).equal_ship(other.time_step_s) is not None
 
 
 def restore_time_step(ship: Ship, file: Ship) -> Ship:
@@ -81,17 +82,16 @@ class _Simulations:
     def __init__(self, ship: Ship, tables: Sequence[pd.DataFrame]) -> None:
         self._ship, self._replay = ship, JointReplay(ship, *tables)
         self._exact = self._replay.simulate_channels(ship.record())
-        self.interval_s = self._replay.interval_s
 
-    def are_equal_with(self, time_step_s: float) -> bool:
-        """Return whether another time step changes no channel by more than :data:`INEXACT`."""
+    def equal_ship(self, time_step_s: float) -> Ship | None:
+        """Return the ship with another time step; None if a channel changes by over :data:`INEXACT`."""
         try:
             other = _with_time_step(self._ship, time_step_s)
         except ShipError:  # too long for a time constant of the ship, or for any ship
-            return False
+            return None
         channels = self._replay.with_ship(other).simulate_channels(other.record())
         for name, values in self._exact.items():
             change = float(np.sqrt(np.mean((channels[name] - values) ** 2)))
             if not change <= INEXACT * self._replay.noise_rms[name]:  # true of a ship that diverges
-                return False
-        return True
+                return None
+        return other

@@ -1,4 +1,4 @@
-"""``shaftline challenge``: a stranger's rival from make to score, and refusals."""
+"""``shaftline challenge``: a user-defined rival from make to score, and refusals."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def in_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("in_checkout")
-def test_a_rival_of_a_stranger_is_made_run_and_scored(shaftline: Command, tmp_path: Path) -> None:
+def test_a_user_defined_rival_is_made_run_and_scored(shaftline: Command, tmp_path: Path) -> None:
     place, own, simple = tmp_path / "c", tmp_path / "own.json", tmp_path / "ship.json"
     one = ("--jobs", 1)
     made = shaftline("challenge", "make", "--seed", 112, "--cases", 2, "--out", place, *one)

@@ -29,13 +29,9 @@ parts, ship file, and recording of a reference period (variant realistic only)."
 GROUP = "shaftline.rivals"
 """Group of entry points for rivals of other packages."""
 
-COMMANDS = tuple(
-    column
-    for column in (*(demand.column for demand in DEMANDS), "pitch_ratio_command")
-    if column
-    not in CHANNELS  # For some drives the shaft speed is the command, for these ships never.
-)
-"""Commands to the ship."""
+_COMMANDS = (*(demand.column for demand in DEMANDS), "pitch_ratio_command")
+COMMANDS = tuple(column for column in _COMMANDS if column not in CHANNELS)
+"""Commands to the ship. The shaft speed, a command of some drives, is measured in all cases."""
 
 WATER = "propeller_submergence_m"
 _STATES = ("pitch_ratio", "shaft_speed_rad_s", "ship_speed_m_s")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import inspect
 import json
 import time
 from collections.abc import Mapping
@@ -13,12 +12,13 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Field, FiniteFloat, ValidationError
 
+from ...core.discovery import external_class_digest
 from ...core.files import LARGEST_RESULT, FileError, read_text, write_json
 from ...core.models import FileModel
 from ...core.sweep import digest_of, source_digest, sweep
 from ...mismatch import catalogue
 from ..simulator.effects import EFFECTS
-from .rival import ChallengeCase, load_rival
+from .rival import GROUP, ChallengeCase, load_rival
 
 Window: TypeAlias = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
 
@@ -196,7 +196,7 @@ def run_rival(
         folder: folder of the challenge.
         rival: name of a rival of the package, or ``module:Class``.
         out: file of the submission; finished cases are kept in the folder ``cells`` beside it, until
-            the rival's module changes (modules that it imports are not followed).
+            the rival's module or one that it imports changes.
         jobs: processes, by default one for each core.
         tick: called after each case.
 
@@ -212,7 +212,8 @@ def run_rival(
         raise ValueError(
             f"{folder}: no challenge; `shaftline challenge make --out {folder}` makes one"
         )
-    code = Path(inspect.getfile(load_rival(rival))).read_text(encoding="utf-8")
+    load_rival(rival)  # refuses an unknown rival before work begins
+    code = external_class_digest(rival, GROUP)
     own = source_digest("core", "plant", "mismatch", "validation")
     key = digest_of("/".join([rival, code, own, read_text(seal)]))
     cells = {f"{name}-{key}": place for name, place in cases.items()}
