@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -38,8 +39,8 @@ def check(
     that seem rectified, early, late or quantised. Nothing is diagnosed.
 
     If the recording cannot be used, the message gives the reason and, where possible, the line of the
-    column map that solves it. A column map to start from is then proposed (`--draft` writes it), and the
-    exit code is 2.
+    column map that solves it, and the exit code is 2. A column map to start from is then proposed;
+    `--draft` writes it, and checks the recording as this map reads it.
 
     Written: the column map with `--draft`, a picture of all channels with `--figure`.
 
@@ -62,15 +63,19 @@ def check(
             raise ValueError("RECORDING is empty: give the path of one file, such as voyage.csv")
         vessel = load_ship(ship)
         found = survey(recording, vessel, columns, steady)
+        written = draft is not None and bool(found.begin)
+        if draft is not None and written:
+            write_text(draft, "\n".join(found.begin) + "\n")
+            say(f"column map: {draft}")
+            for line in found.begin:
+                say(line)
+            if columns is not None:
+                say(f"it contains the entries of {columns} as well")
+            found = replace(survey(recording, vessel, draft, steady), begin=())
         print_table(pd.DataFrame(found.table()), f"{recording} on {vessel.name}")
         for sentence in found.sentences():
             say(sentence)
-        if draft is not None and found.begin:
-            write_text(draft, "\n".join(found.begin) + "\n")
-            say(f"column map to complete: {draft}")
-            if columns is not None:
-                say(f"it contains the entries of {columns} as well")
-        elif draft is not None:
+        if draft is not None and not written:
             say("no draft was written: no column map is needed, or no column was recognised")
         if found.recording is None:
             raise typer.Exit(REFUSED)

@@ -54,7 +54,8 @@ def new_ship(
     speed, the engine's map scaled to its rating. Each estimate has a note on its method, and
     `[tolerances]` state its uncertainty, which `diagnose` uses. The file needs `name`, `length_m`,
     `beam_m`, `draught_m`, `displacement_t`, `design_speed_kn`, `mcr_kW`, `engine_speed_rpm`,
-    `shaft_speed_rpm`, `propeller_diameter_m`; see `docs/ships.md` for what it may have.
+    `shaft_speed_rpm`, `propeller_diameter_m`; `trial_power_kW` and `full_load_rack_mm` make the
+    resistance and the engine far more certain. See `docs/ships.md` for what else it may have.
 
     Written: the ship file with `--out`; without it the file is printed.
 

@@ -24,7 +24,7 @@ from typing import NamedTuple
 from threadpoolctl import threadpool_limits
 
 from ..plant.ship import Ship
-from .calibration import calibrate
+from .calibration import calibrate, calibrate_jointly, doubt_parameters
 from .diagnosis import Diagnosis
 from .estimate import Tick, ignore_progress
 from .identification.parameters import (
@@ -79,6 +79,13 @@ from .simulate.joint_replay import START_STEPS
 from .simulate.time_step import restore_time_step, simulates_equally, with_longest_time_step
 from .structure.diagnose import diagnose_structure
 
+CURRENT = "current"
+"""Effect that does not change a speed through the water."""
+
+MOST_IN_REFERENCE = 4
+"""Largest number of effects of a reference period by default, one more than of a later recording: what
+the ship file lacks there must not appear as a change."""
+
 ANOTHER_PERIOD = "calibrate on another period than is diagnosed"
 
 
@@ -114,7 +121,7 @@ def diagnose(
 
     def run_stages(begun: Start) -> Diagnosis:
         driven = begun if isinstance(ship, Start) else begun.file
-        return _run_stages(driven, recordings, hold_out, options, tick)
+        return _run_stages(driven, recordings, hold_out, options, tick)[0]
 
     try:
         return run_stages(start)
@@ -131,8 +138,8 @@ def _run_stages(
     hold_out: Sequence[Recorded],
     options: Options,
     tick: Tick,
-) -> Diagnosis:
-    """Run the stages of a diagnosis with the ship's own prime mover."""
+) -> tuple[Diagnosis, Setting]:
+    """Run the stages of a diagnosis with the ship's own prime mover; return its setting as well."""
     file = ship.file if isinstance(ship, Start) else ship
     options.check(file)
     together, reference = _read(file, recordings, hold_out, options, tick)
@@ -140,26 +147,30 @@ def _run_stages(
     start = ship if isinstance(ship, Start) else begin(ship, options, tick)
     with threadpool_limits(1, "blas"):
         start = replace(start, ship=options.with_recorded_signals(start.ship, together.signals))
-        effects = _candidates(start, together, options)
+        effects = candidates(start, together, options)
         slower = start.ship
         if not together.steady:
             hosts = [effect.on for effect in effects]
             slower = with_longest_time_step(start.ship, together.tables, hosts)
-        diagnosis = _find_cause(replace(start, ship=slower), together, effects, options, tick)
+        found = _find_cause(replace(start, ship=slower), together, effects, options, tick)
         if slower is start.ship:
-            return diagnosis
+            return found
+        diagnosis, setting = found
         corrected = restore_time_step(diagnosis.corrected, file)
         if not simulates_equally(corrected, slower, together.tables):
             # An effect that acts faster than the longer time step, such as a short delay.
             return _find_cause(start, together, effects, options, tick)
         ships = diagnosis.alternatives.items()
         alternatives = {name: restore_time_step(other, file) for name, other in ships}
-        return replace(diagnosis, ship=start.ship, corrected=corrected, alternatives=alternatives)
+        restored = replace(
+            diagnosis, ship=start.ship, corrected=corrected, alternatives=alternatives
+        )
+        return restored, setting
 
 
 def _find_cause(
     start: Start, together: JointRecordings, effects: list[Effect], options: Options, tick: Tick
-) -> Diagnosis:
+) -> tuple[Diagnosis, Setting]:
     """Locate the mismatch, search its cause, judge it, and report it; stages 3 to 8."""
     settings = _hold_out_and_locate(start, together, effects, options)
     selection, selector = _search(settings, effects, options, tick)
@@ -171,9 +182,10 @@ def _find_cause(
     diagnosis = _report(conclusion, evidence, selector, together)
     tick("judging on the held-out data", 1, 1)
     if options.quick or start.free:
-        return diagnosis
-    limits = options.tolerance, options.most_effects
-    return diagnose_structure(diagnosis, settings.best, together, effects, tick, *limits)
+        return diagnosis, settings.best
+    limits = options.tolerance, options.most_effects, start.calibrated
+    diagnosis = diagnose_structure(diagnosis, settings.best, together, effects, tick, *limits)
+    return diagnosis, settings.best
 
 
 def _read(
@@ -201,6 +213,9 @@ def _read(
 def begin(ship: Ship, options: Options, tick: Tick = ignore_progress) -> Start:
     """Return the ship as a diagnosis starts: calibrated on a reference period, or with free parameters.
 
+    A reference period is diagnosed itself, because physics that the ship file lacks would bias the
+    parameters. With keys of the user, these parameters alone are estimated from it.
+
     Args:
         ship: nominal ship.
         options: options of the diagnosis.
@@ -213,16 +228,29 @@ def begin(ship: Ship, options: Options, tick: Tick = ignore_progress) -> Start:
     """
     if not options.calibrate:
         return start_with_free_parameters(ship, options.free)
-    form = options.columns, tick, options.signals, options.steady
+
+    def progress(stage: str, done: int, total: int) -> None:
+        tick(f"calibrating, {stage}", done, total)
+
+    form = options.columns, progress, options.signals, options.steady
     reference = flatten(load_each(ship, options.calibrate, *form))
-    return calibrate(ship, reference, options.free, options.columns, options.tolerance, tick)
+    if not options.free:
+        doubted = doubt_parameters(ship, [one.table for one in reference])
+        most = options.most_effects or MOST_IN_REFERENCE
+        alone = replace(options, calibrate=(), most_effects=most)
+        diagnosis, setting = _run_stages(doubted, reference, (), alone, progress)
+        start = calibrate_jointly(ship, diagnosis, setting, options.tolerance)
+        if start is not None:
+            return start
+    return calibrate(ship, reference, options.free, options.columns, options.tolerance, progress)
 
 
-def _candidates(start: Start, together: JointRecordings, options: Options) -> list[Effect]:
+def candidates(start: Start, together: JointRecordings, options: Options) -> list[Effect]:
     """Return the effects that the ship and the recordings allow."""
     tables, ship = together.tables, start.ship
     turning, one_way = course_changes(tables), shaft_runs_one_way(ship, tables)
-    columns, choice = set(tables[0].columns), (options.exclude, options.own_effects)
+    excluded = (*options.exclude, CURRENT) if together.through_water else options.exclude
+    columns, choice = set(tables[0].columns), (excluded, options.own_effects)
     effects = applicable_effects(ship, columns, *choice, turning, one_way, together.steady)
     if together.steady:
         refuse_transient(ship, start.free)

@@ -63,6 +63,15 @@ class Particulars(FileModel):
     appendage_area_m2: float = Field(default=0.0, ge=0)
     stern_shape: float = Field(default=0.0, ge=-25, le=10)
     specific_consumption_g_kWh: float = Field(default=202.0, gt=100, lt=400)
+    trial_power_kW: float | None = Field(
+        default=None,
+        gt=5,
+        le=1e5,
+        description="power of one engine at the design speed in the trial of the yard",
+    )
+    full_load_rack_mm: float | None = Field(
+        default=None, gt=1, le=200, description="fuel rack at the maximum continuous rating"
+    )
 
     @model_validator(mode="after")
     def _fits(self) -> Particulars:
@@ -142,6 +151,8 @@ def hull_form(given: Particulars) -> HullForm:
 class DesignPoint(NamedTuple):
     """Propeller and its working point at the design speed."""
 
+    resistance_share: float
+    """Resistance as a multiple of that of Holtrop and Mennen."""
     pitch_ratio: float
     expanded_area_ratio: float
     shaft_speed: float
@@ -156,23 +167,55 @@ def gear_efficiency(given: Particulars) -> float:
     return 0.99 if given.engine_speed_rpm < 1.05 * given.shaft_speed_rpm else 0.97
 
 
+LEAST_SHARE, LARGEST_SHARE = 0.5, 2.0
+"""Resistance as multiples of that of Holtrop and Mennen that a power in the yard's trial may need."""
+
+
 def design_point(given: Particulars, hull: HullForm) -> DesignPoint:
     """Return pitch, blade area and working point of the propeller at the design speed.
 
-    The blade area follows Keller's criterion (Keller 1966). Without a given pitch, pitch and shaft
-    speed are such that the thrust equals the resistance and the power lies on the cubic propeller
-    curve through the engine's rating.
+    With the engine power of a trial the resistance is such that the design speed needs this power. The
+    other values are those of :func:`_working_point`.
 
     Args:
         given: particulars.
         hull: hull of :func:`hull_form`.
 
     Raises:
-        ShipError: no pitch of the B-series gives the thrust of the design speed.
+        ShipError: no pitch of the B-series gives the thrust of the design speed, or no plausible
+            resistance the power of the trial.
+    """
+    if given.trial_power_kW is None:
+        return _working_point(given, hull, 1.0)
+    wanted = given.trial_power_kW * 1e3
+
+    def excess(share: float) -> float:
+        return _working_point(given, hull, share).shaft_power - wanted
+
+    needed = _working_point(given, hull, 1.0).shaft_power
+    share = 1.0
+    try:
+        share = float(brentq(excess, LEAST_SHARE, LARGEST_SHARE, xtol=1e-4))
+    except (ShipError, ValueError):  # A share needs more than the propeller gives, or none fits.
+        raise ShipError(
+            f"{given.name}: no resistance of {LEAST_SHARE:g} to {LARGEST_SHARE:g} times that of Holtrop "
+            f"and Mennen, with which {given.design_speed_kn:g} kn need {needed / 1e3:.0f} kW, gives "
+            f"trial_power_kW = {given.trial_power_kW:g}; it is the power of one engine at "
+            "design_speed_kn"
+        ) from None
+    return _working_point(given, hull, share)
+
+
+def _working_point(given: Particulars, hull: HullForm, share: float) -> DesignPoint:
+    """Return the propeller and its working point with a share of Holtrop and Mennen's resistance.
+
+    The blade area follows Keller's criterion (Keller 1966). Without a given pitch, pitch and shaft
+    speed are such that the thrust equals the resistance and the power lies on the cubic propeller
+    curve through the engine's rating.
     """
     speed, diameter = given.design_speed_kn * KNOT, given.propeller_diameter_m
     rated = given.shaft_speed_rpm / 60.0
-    drag = resistance(hull, speed, WATER).total / given.shafts
+    drag = share * resistance(hull, speed, WATER).total / given.shafts
     area, pitch = given.expanded_area_ratio or 0.6, given.pitch_ratio or 1.0
     for _ in range(20):  # wake, blade area and pitch depend on each other: a few rounds settle them
         flow = interaction(hull, diameter, speed, given.shafts, area, pitch)
@@ -182,7 +225,7 @@ def design_point(given: Particulars, hull: HullForm) -> DesignPoint:
         pitch, revolutions, power = _match(given, flow, area, thrust, rated)
         if max(abs(area - before[0]), abs(pitch - before[1])) < 1e-6:
             break
-    return DesignPoint(pitch, area, revolutions, power, flow)
+    return DesignPoint(share, pitch, area, revolutions, power, flow)
 
 
 def _keller(given: Particulars, thrust: float) -> float:
@@ -299,7 +342,7 @@ def estimate_sections(given: Particulars) -> Sections:
         "transmission": _transmission(given, point),
         **({"pitch_actuator": {"time_constant_s": Estimate(2.0, "assumed")}}
            if given.controllable_pitch else {}),
-        "tolerances": _TOLERANCES,
+        "tolerances": _tolerances(given),
     }  # fmt: skip
 
 
@@ -307,6 +350,8 @@ _TOLERANCES = {
     "default": Estimate("guessed", "the values that follow are assumed standard deviations"),
     "resistance": Estimate(0.1, "Holtrop and Mennen for a single ship"),
     "mass": Estimate(0.02, ""),
+    "inertia": Estimate(0.5, "of engine, flywheel and gearbox by their rating alone"),
+    "pitch_time_constant": Estimate(0.5, ""),
     "wake_fraction": Estimate(0.05, ""),
     "thrust_curve": Estimate(0.03, "B-series for a real propeller"),
     "torque_curve": Estimate(0.03, "B-series for a real propeller"),
@@ -315,10 +360,21 @@ _TOLERANCES = {
 }
 
 
+def _tolerances(given: Particulars) -> dict[str, Estimate]:
+    """Return the tolerances; what the yard has measured makes some of them smaller."""
+    known = {}
+    if given.trial_power_kW is not None:
+        known["resistance"] = Estimate(0.05, "from the power of the yard's trial")
+    if given.full_load_rack_mm is not None:
+        known["torque_per_rack"] = Estimate(0.1, "from the rack at full load")
+    return _TOLERANCES | known
+
+
 def _hull(given: Particulars, hull: HullForm, point: DesignPoint) -> dict[str, Estimate]:
     speed = given.design_speed_kn * KNOT
     shares = np.linspace(0.5, 1.0, 11)
-    forces = np.array([resistance(hull, f * speed, WATER).total for f in shares])
+    totals = np.array([resistance(hull, f * speed, WATER).total for f in shares])
+    forces = point.resistance_share * totals
     high = float(forces[-1])
     slope = np.log(shares) @ np.log(forces / high) / (np.log(shares) @ np.log(shares))
     exponent = float(np.clip(slope, 1.5, 6.0))
@@ -328,7 +384,12 @@ def _hull(given: Particulars, hull: HullForm, point: DesignPoint) -> dict[str, E
         "mass_kg": Estimate(
             given.displacement_t * 1e3 + surge, "displacement and added mass by Soeding (1982)"
         ),
-        "resistance_coefficient_N_s2_m2": Estimate(high / speed**2, by_holtrop),
+        "resistance_coefficient_N_s2_m2": Estimate(
+            high / speed**2,
+            by_holtrop
+            if given.trial_power_kW is None
+            else f"power of the yard's trial, {point.resistance_share:.3g} times Holtrop and Mennen",
+        ),
         "resistance_exponent": Estimate(
             exponent, "Holtrop and Mennen, 50 to 100 % of the design speed"
         ),
@@ -377,6 +438,12 @@ def _engine(given: Particulars) -> dict[str, Estimate]:
         values[key] = Estimate(getattr(engine, key) * share / speed_share, SCALED)
     values["torque_limit_N_m"] = Estimate(torque, "rated power over rated speed")
     values["rack_max_mm"] = Estimate(engine.rack_max_mm, "assumed: the scale of the rack")
+    if given.full_load_rack_mm is not None:
+        b, c, e = (values[key].value for key in ("torque_per_rack_N_m_mm", "torque_offset_N_m",
+                                                 "torque_per_speed_N_m_s_rad"))  # fmt: skip
+        scale = given.full_load_rack_mm / ((torque - c - e * rated_speed) / b)
+        values["torque_per_rack_N_m_mm"] = Estimate(b / scale, "from the rack at full load")
+        values["rack_max_mm"] = Estimate(engine.rack_max_mm * scale, "from the rack at full load")
     values["speed_min_rpm"] = Estimate(engine.speed_min_rpm * speed_share, SCALED)
     values["speed_max_rpm"] = Estimate(given.engine_speed_rpm, "given")
     values["fuel_base_g_kWh"] = Estimate(

@@ -503,7 +503,7 @@ def guess_unit(
     if column == SHAFT_SPEED:
         stated = _TURNS.get(stated.lower(), stated)
     if stated in PERCENT:
-        return Guess(PERCENT_OF_RANGE) if column in command_ranges(ship) else None
+        return _percent(column, ship)
     if _is_unit_of(stated, column):
         doubt = "Signal K convention: SI units, revolutions in Hz" if not name.unit else ""
         if "electrical" in name.words and column == SHAFT_SPEED:
@@ -514,6 +514,20 @@ def guess_unit(
         doubt = "a linear axis: set the radius, or keep 1 m and use masses as inertias of the ship"
         return Guess(stated, ("radius_m = 1.0",), doubt)
     return None
+
+
+def _percent(column: str, ship: Ship) -> Guess | None:
+    """Return the guess for a share of a range; 100 % of a pitch is often the design pitch."""
+    if column not in command_ranges(ship):
+        return None
+    if column not in PITCHES:
+        return Guess(PERCENT_OF_RANGE)
+    highest = command_ranges(ship)[column][1]
+    doubt = (
+        f"100 % assumed to be the highest P/D, {highest:.4g}; if it is the design P/D: "
+        'unit = "percent", scale = design P/D'
+    )
+    return Guess(PERCENT_OF_RANGE, (), doubt)
 
 
 def _time(stated: str, values: Array, cells: pd.Series | None) -> Guess | None:

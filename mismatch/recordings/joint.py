@@ -161,6 +161,7 @@ class JointRecordings:
         warnings: warnings on the recordings.
         signals: units of the signals for terms that all recordings have, by name.
         steady: whether each row is an equilibrium at the inputs of that row.
+        through_water: whether the ship speed of all recordings is that through the water.
     """
 
     tables: tuple[pd.DataFrame, ...]
@@ -169,6 +170,7 @@ class JointRecordings:
     warnings: list[str]
     signals: dict[str, str]
     steady: bool = False
+    through_water: bool = False
 
 
 def load_jointly(
@@ -224,7 +226,10 @@ def load_jointly(
     limits, warnings = _limits_and_warnings(loaded[:count], loaded, ship)
     common = {n: u for n, u in loaded[0].signals.items() if all(n in r.signals for r in loaded)}
     tables = tuple(r.table for r in loaded)
-    return JointRecordings(tables, len(loaded) - count, limits, warnings, common, True in steady)
+    water = all(recording.through_water for recording in loaded)
+    return JointRecordings(
+        tables, len(loaded) - count, limits, warnings, common, True in steady, water
+    )
 
 
 def refuse_too_few_rows(recordings: Sequence[Recording]) -> None:

@@ -107,6 +107,7 @@ class Recording:
         log: columns of a ship's log that no simulation of the ship gives, such as wind, course and
             draught, at the same rows.
         over_ground: whether ``ship_speed_m_s`` is the speed over ground.
+        through_water: whether the name of its column says that it is the speed through the water.
     """
 
     source: Path
@@ -119,6 +120,7 @@ class Recording:
     steady: bool = False
     log: pd.DataFrame = field(default_factory=pd.DataFrame)
     over_ground: bool = False
+    through_water: bool = False
 
     def __len__(self) -> int:
         """Return the number of rows."""
@@ -248,7 +250,11 @@ def load_parts(
     result = []
     for number, (a, b) in enumerate(kept, 1):
         part = raw.iloc[a:b].reset_index(drop=True)
-        part.attrs = raw.attrs if number == 1 else {"over_ground": raw.attrs.get("over_ground")}
+        part.attrs = (
+            raw.attrs
+            if number == 1
+            else {name: raw.attrs.get(name) for name in ("over_ground", "through_water")}
+        )
         part_path = path.with_name(f"{path.name} part {number} (from row {a + 1})")
         result.append(clean_and_check(part_path, part, units, ship, continues=number > 1))
     result[0] = replace(result[0], warnings=(warning, *result[0].warnings))
@@ -311,12 +317,12 @@ def read_canonical(
         return _use_speed_over_ground(raw, ship), {}
     ranges = command_ranges(ship)
     mapped = column_map.apply(path, raw, ranges)
+    sources = column_map.columns.items()
+    speeds = [split_name(name) for name, source in sources if source.column == SHIP_SPEED]
     mapped.attrs = raw.attrs | {
         "remarks": [*raw.attrs.get("remarks", []), *column_map.remarks(ranges)],
-        "over_ground": any(
-            source.column == SHIP_SPEED and split_name(name).is_over_ground
-            for name, source in column_map.columns.items()
-        ),
+        "over_ground": any(name.is_over_ground for name in speeds),
+        "through_water": any(name.is_through_water for name in speeds),
     }
     mapped = _use_speed_over_ground(mapped, ship)
     if column_map.rows.leave_out_turns:
@@ -374,6 +380,7 @@ class _Draft:
     warnings: list[str]
     log: list[str]
     over_ground: bool
+    through_water: bool
     continues: bool = False
 
     def apply(self, step: Cleaned) -> bool:
@@ -470,8 +477,8 @@ def _prepare(
     channels = [c for c in COLUMNS if c in table and c not in unused and c not in log]
     known = [*channels, *sorted(signals), *log]
     required = list(dict.fromkeys(needed))
-    over = bool(table.attrs.get("over_ground", False))
-    return _Draft(path, ship, table, signals, steady, known, required, warnings, log, over)
+    speed_over = (bool(table.attrs.get(name)) for name in ("over_ground", "through_water"))
+    return _Draft(path, ship, table, signals, steady, known, required, warnings, log, *speed_over)
 
 
 def _continuous(angle: pd.Series) -> pd.Series:
@@ -573,7 +580,7 @@ def _finish(draft: _Draft) -> Recording:
     limits = (*too_short, *insufficient_excitation(table, ship, noise))
     return Recording(
         draft.path, table, interval, noise, warnings, limits, signals, draft.steady, log,
-        draft.over_ground,
+        draft.over_ground, draft.through_water,
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from ...plant.columns import COURSE, HEADING, OVER_GROUND, RUDDER, SHAFT_SPEED, 
 
 COMMANDS = frozenset((
     "order", "ordered", "set", "setpoint", "cmd", "command", "demand", "demanded", "ref",
-    "reference", "target", "goal", "desired",
+    "reference", "target", "goal", "desired", "soll", "sollwert", "vorgabe", "consigne",
 ))  # fmt: skip
 """Words of columns that hold a command."""
 _SYNONYMS = {
@@ -17,12 +17,19 @@ _SYNONYMS = {
     "draft": "draught", "fwd": "fore", "forward": "fore", "rel": "relative", "app": "apparent",
     "dir": "direction", "spd": "speed", "temp": "temperature", "hdg": "heading", "cons": "consumption",
     "fo": "fuel", "hfo": "fuel", "mdo": "fuel", "steigung": "pitch", "winkel": "angle",
-    "geschw": "speed", "ruderlage": "rudder",
+    "geschw": "speed", "ruderlage": "rudder", "fahrt": "speed", "wasser": "water", "grund": "ground",
+    "ist": "measured", "istwert": "measured", "actual": "measured", "feedback": "measured",
+    "stigning": "pitch", "spoed": "pitch", "turtall": "rpm", "toerental": "rpm", "koppel": "torque",
+    "couple": "torque", "vitesse": "speed", "fart": "speed", "snelheid": "speed",
+    "puissance": "power", "vermogen": "power", "effekt": "power",
 }  # fmt: skip
-"""Word of the phrases for each abbreviation of loggers."""
+"""Word of the phrases for each abbreviation, and for each word of another language."""
 
 GROUND = frozenset(("sog", "ground", "vtg", "gps"))
 """Words of a speed over ground."""
+
+WATER = frozenset(("stw", "water", "vhw"))
+"""Words of a speed through the water."""
 
 UNITS = (
     {unit: unit for unit in ("s", "ms", "us", "ns", "min", "h", "A", "mA", "V", "mV", "kV", "N", "kN",
@@ -81,6 +88,11 @@ class LoggerName:
     def is_over_ground(self) -> bool:
         """Whether the name has a word of a speed over ground."""
         return bool(GROUND & set(self.words))
+
+    @property
+    def is_through_water(self) -> bool:
+        """Whether the name has a word of a speed through the water."""
+        return bool(WATER & set(self.words))
 
     def unit_as(self, column: str) -> str:
         """Return the unit of the name for a canonical column; a Signal K path has a standard unit."""

@@ -38,6 +38,7 @@ _DOTTED = re.compile(r"\s*\d{1,2}\.\d{1,2}\.\d{2,4}\b")
 _STAMP = re.compile(r"\d:\d\d|\d{4}-\d\d?-\d|\d\d?[./]\d\d?[./]\d")
 _COMMA_SECONDS = re.compile(r"(:\d{2}),(\d)")
 _COLON_SECONDS = re.compile(r"(\d:\d{2}:\d{2}):(\d{3}|\d{6})$")  # milliseconds after a colon
+_WHOLE_SECONDS = re.compile(r"(:\d{2})(?=\s*$)")  # without a fraction
 _REPEATED = 0.1  # largest share of the rows that repeat the time of the row before
 
 
@@ -66,6 +67,8 @@ def seconds_since_first(values: pd.Series, form: str | None = None) -> pd.Series
         texts = texts.str.replace(_COMMA_SECONDS, r"\1.\2", regex=True)
         if form is None:
             texts = texts.str.replace(_COLON_SECONDS, r"\1.\2", regex=True)
+            if texts.str.contains(r":\d{2}\.\d").any():  # some loggers leave out a fraction of 0
+                texts = texts.str.replace(_WHOLE_SECONDS, r"\1.0", regex=True)
     stamps = _moments(texts, form)
     return (stamps - stamps.iloc[0]).dt.total_seconds()
 
@@ -124,7 +127,38 @@ def _counted_on(clock: NDArray[Any]) -> Array:
     return np.asarray(seconds - seconds[0], dtype=np.float64)
 
 
+class _AmbiguousDayError(ValueError):
+    """Day and month of the stamps could be exchanged."""
+
+
 def _moments(texts: pd.Series, form: str | None) -> pd.Series:
+    """Return the moments of stamps that are all written alike.
+
+    Raises:
+        ValueError: a stamp cannot be read, or its day and month could be exchanged.
+    """
+    try:
+        return _parse_stamps(texts, form)
+    except _AmbiguousDayError:
+        raise
+    except ValueError:
+        raise ValueError(_unreadable_stamp(texts, form)) from None
+
+
+def _unreadable_stamp(texts: pd.Series, form: str | None) -> str:
+    """Return a message that names the first stamp that cannot be read in the form of the first row."""
+    with warnings.catch_warnings():  # pandas warns if it cannot recognise a form.
+        warnings.simplefilter("ignore", UserWarning)
+        unread = pd.to_datetime(texts, format=form, dayfirst=True, utc=True, errors="coerce").isna()
+    row = int(np.argmax(unread))
+    return (
+        f"the time stamp {str(texts.iloc[row])!r} of row {row + 1} cannot be read, and that of row 1 is "
+        f"{str(texts.iloc[0])!r}: write all stamps in one form, such as 2026-05-31 23:59:59, or "
+        'give their form, for example unit = "datetime %d.%m.%Y %H:%M:%S"'
+    )
+
+
+def _parse_stamps(texts: pd.Series, form: str | None) -> pd.Series:
     if form is not None:
         return pd.to_datetime(texts, format=form, utc=True)
     try:
@@ -146,7 +180,7 @@ def _moments(texts: pd.Series, form: str | None) -> pd.Series:
         raise refused
     spans = [stamps - stamps.iloc[0] for stamps in read.values()]
     if len(spans) == 2 and not spans[0].equals(spans[1]):
-        raise ValueError(
+        raise _AmbiguousDayError(
             f"{first!r} may have its day or its month first, and the date changes; set for example "
             'unit = "datetime %d/%m/%Y %H:%M:%S"'
         )

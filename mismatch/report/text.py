@@ -103,7 +103,9 @@ def headline(diagnosis: Outcome) -> str:
     if corrected := corrected_parameters(diagnosis, free=True, far=True):
         wrong = [parameter_words(n.key.rpartition(".")[2], n.unit) for n in corrected]
         left = "; a residual remains" if has_residual(diagnosis) else ""
-        return _shortened("The ship file is wrong in", wrong, left)
+        since = all(n.source == "calibrated" for n in corrected)
+        begin = "Changed since the reference period:" if since else "The ship file is wrong in"
+        return _shortened(begin, wrong, left)
     if diagnosis.verdict == NOTHING:
         return f"{verdict}: the difference is within noise and the tolerances of the ship file."
     if status(diagnosis) != UNEXPLAINED:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -79,8 +79,8 @@ channels). Otherwise the first diagnosis stands, which includes effects that act
 
 AS_CLOSE = 1.05
 """The same share for a model without effects where the first diagnosis does not explain the recording,
-and for any model where the first diagnosis uses a shape or a formula: parameters and effects that fit as
-well are preferred to a shape or formula."""
+and for any model where the first diagnosis uses a shape, or a formula since a reference period:
+parameters and effects that fit as well are preferred."""
 
 NO_CLOSER = "effects and parameters were also estimated together; the held-out data fit no better"
 """Remark where the first diagnosis stands."""
@@ -100,6 +100,7 @@ def diagnose_structure(
     tick: Tick,
     tolerance: float = 1.0,
     most: int | None = None,
+    calibrated: Collection[str] = (),
 ) -> Diagnosis:
     """Diagnose recordings with effects and parameters estimated together.
 
@@ -111,6 +112,8 @@ def diagnose_structure(
         tick: progress callback ``tick(stage, done, total)``.
         tolerance: factor on the tolerances of the ship's parameters [-].
         most: largest number of reported effects; None for the default.
+        calibrated: keys of parameters that were estimated from a reference period. They were right
+            there, so that a change beyond their tolerances is physics and no wrong file.
 
     Returns:
         The diagnosis; the first one, with a remark, if it leaves noise or fits the held-out data as
@@ -123,6 +126,7 @@ def diagnose_structure(
         return _add_remark(first, f"effects and parameters were not estimated together: {why}")
     split, highest = (setting.segments, setting.held), setting.fitter.bands.highest_Hz
     problem = OutputError(Balances(replay), *split, tolerance, highest)
+    problem.hold(k for k, prior in enumerate(problem.priors) if prior.key in calibrated)
     rms, ships = problem.likelihood.rms, [first.corrected]
     if first.formula is not None:
         ships.append(first.ship.with_term(first.formula.term))
@@ -135,7 +139,8 @@ def diagnose_structure(
     suggested = [SizedEffect(f.effect, tuple(e.value for e in f.estimates)) for f in estimated]
     search = StructureSearch(problem, effects, tick, most, tuple(suggested))
     alone = CLOSER if first.verdict == EXPLAINED else AS_CLOSE
-    named = AS_CLOSE if first.verdict == PARTLY and first.shape is not None else CLOSER
+    shaped = first.verdict == PARTLY and first.shape is not None
+    named = AS_CLOSE if shaped or (calibrated and first.formula is not None) else CLOSER
 
     def largest_error(model: Model) -> float:
         return named if model.effects else alone
@@ -147,7 +152,11 @@ def diagnose_structure(
     best, alike = choose(ranked, problem.held_error(problem.file_model()), noise_limit(problem))
     if (pruned := search.prune(best)) is not best:
         best, alike = pruned, []
-    if (plain := parameters_alone(best, ranked)) is not None:
+    plain = parameters_alone(best, ranked)
+    # A parameter of a reference period is no wrong file, so that it must have a cause.
+    if plain is not None and not any(
+        problem.priors[k].wrong == 0.0 for k in problem.far_parameters(plain.model)
+    ):
         best, alike = plain, []
     # Outliers of the held-out data may hide that a model is closer.
     clipped = total(best.compared, rms(residual, search.limit))
@@ -179,14 +188,15 @@ def replace_far_parameters(
     """Return a model with effects in place of parameters far from the file, if the fit is as good.
 
     If a parameter is off by more than physics can explain, the file was guessed and the parameters keep
-    their estimates. The search holds replaced parameters near the file afterwards. Also return, by label
-    of each effect that replaces parameters, the priors of these with the estimated values.
+    their estimates; those of a reference period are not guessed. The search holds replaced parameters
+    near the file afterwards. Also return, by label of each effect that replaces parameters, the priors
+    of these with the estimated values.
     """
     priors, replaced = search.problem.priors, {}
     far = search.problem.far_parameters(model)
     for k in far:
         guessed = priors[k].ratio and abs(model.shifts[k]) > PLAUSIBLE
-        if guessed or priors[k].wrong == 1.0:
+        if (guessed and priors[k].wrong > 0.0) or priors[k].wrong == 1.0:
             return model, {}
     together = [far] if len(far) > 1 else []
     for group in (*together, *([k] for k in far)):
@@ -205,13 +215,15 @@ def _replace_by_effect(search: StructureSearch, model: Model, group: list[int]) 
     """Return the model with one more effect and some parameters near the file; None if it fits worse."""
     problem = search.problem
     before = list(problem.priors)
-    price = sum(before[k].penalty(float(model.shifts[k])) for k in group)
+    doubted = [k for k in group if before[k].wrong > 0.0]
+    price = sum(before[k].penalty(float(model.shifts[k])) for k in doubted)
     held = problem.fit_near_file(model, group)
     problem.hold(group)
     starts = [one.starts[0][1] for one in search.screen(held)[:TRIED]]
     fits = [problem.fit((*held.effects, start), held) for start in starts]
     best = max(fits, key=lambda one: one.score, default=held)
-    # A far parameter costs no more than the probability that the file is wrong.
+    # A far parameter costs no more than the probability that the file is wrong. That of a reference
+    # period costs its whole distance, which is in the score of both models.
     as_good = best.score + INDISTINGUISHABLE >= model.score + price
     near = not set(group) & set(problem.far_parameters(best))
     if as_good and near and len(best.effects) > len(model.effects):
@@ -234,6 +246,8 @@ def _update_diagnosis(
     The models ``alike`` are those that the recordings cannot distinguish from it. If the residual is
     more than noise, effects that are not significant on the fitted rows are left out.
     """
+    rests = search.without_each(best.model)
+    best, rests = _strongest_first(best, rests)
     problem, model, replay = search.problem, best.model, setting.balances.replay
     ship = _with_parameters(first.ship, problem, model)
     tables = _correct_clocks(together.tables, problem, model)
@@ -243,7 +257,6 @@ def _update_diagnosis(
     fit = fitter.evaluate(model.effects)
     whiteness = Whiteness(fitter, replay.noise_rms, replay.quantisation)
     colour = whiteness.colour(fit)
-    rests = search.without_each(model)
     if colour is not None and (rest := search.without_weakest(model, rests)) is not None:
         return _update_diagnosis(first, search, setting, together, search.rank(rest), [], ranked)
     corrected = fitter.trial_ship.corrected(fit.effects)
@@ -278,6 +291,13 @@ def _update_diagnosis(
             fitter, selection, search.threshold, verdict, bool(findings)
         ),
     )  # fmt: skip
+
+
+def _strongest_first(best: Ranked, rests: list[Model]) -> tuple[Ranked, list[Model]]:
+    """Return a model with its effects by their gain, the largest first, and it without each of them."""
+    order = sorted(range(len(rests)), key=lambda k: rests[k].score)
+    effects = tuple(best.model.effects[k] for k in order)
+    return replace(best, model=replace(best.model, effects=effects)), [rests[k] for k in order]
 
 
 def _with_parameters(file: Ship, problem: OutputError, model: Model) -> Ship:

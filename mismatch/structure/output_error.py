@@ -75,7 +75,7 @@ class OutputError:
         highest_Hz: float = math.inf,
     ) -> None:
         self.replay = replay = balances.replay
-        self.tolerance = tolerance
+        self.tolerance, self.highest_Hz = tolerance, highest_Hz
         self.trial_ship = TrialShip(balances)
         self.priors: list[Prior] = parameter_priors(replay, tolerance)
         self._prior: tuple[list[Prior], JointPrior] | None = None
@@ -320,14 +320,19 @@ class OutputError:
         return columns
 
     def standard_errors(self, model: Model, guessed: bool = False) -> Floats:
-        """Return the standard error of each shift, nuisance value and value of an effect.
+        """Return the standard error of each free value; see :meth:`covariance`."""
+        return np.sqrt(np.maximum(np.diag(self.covariance(model, guessed)), 0.0))
 
-        They follow from the curvature at the maximum with all values free; with ``guessed`` without the
-        file's tolerances. Shape (free values,), in the values' units.
+    def covariance(self, model: Model, guessed: bool = False, share: float = 1.0) -> Floats:
+        """Return the covariance of all shifts, nuisance values and values of effects, in their units.
+
+        It follows from the curvature at the maximum with all values free; with ``guessed`` without the
+        file's tolerances. A ``share`` below 1 reduces the information of the recordings, not that of the
+        tolerances. Shape (free values, free values).
         """
         columns, search = self.derivatives(model)
         scale = self.likelihood.scale(self.likelihood.white(self.residual(model)))
         flat = (columns * scale).reshape(len(columns), -1)
-        information = flat @ flat.T + search.precision(search.start, guessed)
-        variances = np.maximum(np.diag(np.linalg.pinv(information)), 0.0)
-        return np.asarray(np.sqrt(variances) * search.units)
+        information = share * (flat @ flat.T) + search.precision(search.start, guessed)
+        inverse = np.linalg.pinv(information)
+        return np.asarray(inverse * np.outer(search.units, search.units))

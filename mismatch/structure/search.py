@@ -127,7 +127,8 @@ class Base:
         root[np.ix_(held, held)] = np.linalg.cholesky(precision[np.ix_(held, held)])
         whole = np.hstack([flat, root])
         self._basis = np.linalg.qr(whole.T)[0]
-        self._left = self._project(white)
+        # An effect also gains what the priors of the values cost that have taken its place.
+        self._left = self._project(white, -root.T @ search.start)
 
     def screen(self, effects: Iterable[Effect]) -> list[Screened]:
         """Return the effects of a catalogue that the model has in no form, the largest gain first."""
@@ -172,13 +173,15 @@ class Base:
         ranked.sort(key=lambda pair: -pair[0])
         return [(one, other) for _, one, other in ranked]
 
-    def _project(self, white: Floats) -> Floats:
+    def _project(self, white: Floats, prior: Floats | None = None) -> Floats:
         """Return whitened channels, scaled to variance 1, without the part that the free values absorb.
 
-        The shape (channels, values) becomes (channels x values + free values,).
+        The shape (channels, values) becomes (channels x values + free values,). The last part are the
+        distances of the free values from their priors, in standard deviations; 0 by default.
         """
         flat = (white * self._scale).ravel()
-        long = np.concatenate([flat, np.zeros(self._basis.shape[1])])
+        rest = np.zeros(self._basis.shape[1]) if prior is None else prior
+        long = np.concatenate([flat, rest])
         return np.asarray(long - self._basis @ (self._basis.T @ long))
 
 

@@ -154,3 +154,36 @@ def test_a_missing_key_is_named(tmp_path: Path) -> None:
     file.write_text('name = "a"\n')
     with pytest.raises(ShipError, match="length_m is missing"):
         load_particulars(file)
+
+
+def test_the_resistance_gives_the_power_of_the_trial() -> None:
+    """At the design speed a ship with the resistance of the file needs the power of the trial."""
+    given = Particulars(**FERRY)
+    calm = design_point(given, hull_form(given))
+    measured = given.model_copy(update={"trial_power_kW": 0.9e-3 * calm.shaft_power})
+    point = design_point(measured, hull_form(measured))
+    assert point.shaft_power == pytest.approx(0.9 * calm.shaft_power, rel=1e-3)
+    assert 0.85 < point.resistance_share < 0.97
+    ships = [ship_from_particulars(one) for one in (given, measured)]
+    plain, scaled = (ship.hull.resistance_coefficient_N_s2_m2 for ship in ships)
+    assert scaled / plain == pytest.approx(point.resistance_share, rel=1e-6)
+    assert ships[1].tolerances.resistance < ships[0].tolerances.resistance
+    assert "power of the yard's trial, 0.9" in particulars_text(measured)
+
+
+def test_a_power_that_no_plausible_resistance_gives_is_refused() -> None:
+    with pytest.raises(ShipError, match=r"trial_power_kW = 50000; .* of one engine"):
+        ship_from_particulars(Particulars(**FERRY, trial_power_kW=50000.0))
+
+
+def test_the_rack_at_full_load_gives_the_rated_torque() -> None:
+    given = Particulars(**FERRY, full_load_rack_mm=62.0)
+    engine: Any = ship_from_particulars(given).prime_mover
+    speed = 500.0 * math.pi / 30.0
+    torque = (
+        engine.torque_per_rack_N_m_mm * 62.0
+        + engine.torque_offset_N_m
+        + engine.torque_per_speed_N_m_s_rad * speed
+    )
+    assert torque == pytest.approx(10e6 / speed, rel=1e-9)
+    assert engine.rack_max_mm > 62.0

@@ -8,8 +8,9 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import Options, diagnose
-from shaftline.mismatch.calibration import calibrate
+from shaftline.mismatch.calibration import calibrate, doubt_parameters
 from shaftline.mismatch.identification.parameters import Start
+from shaftline.mismatch.pipeline import begin
 from shaftline.plant import Ship
 
 from ..voyages import frigate_voyage, quick_frigate
@@ -86,6 +87,43 @@ def test_a_number_that_moves_nothing_stays_as_it_is() -> None:
     assert found.ship == quick_frigate()
     assert set(found.left_out) == {fuel}
     assert "no parameter is identifiable from the reference period" in found.remarks[0]
+
+
+def test_physics_that_the_file_lacks_in_both_periods_is_no_change() -> None:
+    """Stern-tube friction is missing in the file all the time; only the fouling is new."""
+    rubbing = true_ship().with_values({"transmission.coulomb_friction_propeller_side_N_m": 12000.0})
+    before = frigate_voyage(rubbing, seed=31, seconds=400.0)
+    fouled = rubbing.with_values({"hull.fouling_fraction": 0.12})
+    after = frigate_voyage(fouled, seed=32, seconds=400.0)
+    found = diagnose(quick_frigate(), after, options=Options(calibrate=(before,)))
+    assert [f.effect.id for f in found.findings] == ["hull-fouling"]
+    (fouling,) = found.findings[0].estimates
+    assert fouling.ci95[0] < 0.12 < fouling.ci95[1]
+    (said,) = (w for w in found.warnings if "in the reference period already" in w)
+    assert "coulomb-friction (coulomb_friction_propeller_side_N_m 1" in said
+    friction = found.corrected.transmission.coulomb_friction_propeller_side_N_m
+    assert friction == pytest.approx(12000.0, rel=0.15)
+
+
+def test_a_reference_period_without_missing_physics_gives_parameters_and_errors_alone() -> None:
+    found = begin(quick_frigate(), Options(calibrate=(healthy(),)))
+    assert {RESISTANCE, INERTIA} < set(found.calibrated)
+    known = found.ship.tolerances
+    for key, value in TRUE.items():
+        assert abs(found.ship.parameter(key).value - value) < 4.0 * known.numbers[key]
+        assert 0.0 < known.numbers[key] < 0.05 * value
+    # More thrust deduction with the same speeds is less resistance: (1 - t) / R is known.
+    assert known.correlation(RESISTANCE, "hull.thrust_deduction") < -0.5
+    assert found.file == quick_frigate()
+
+
+def test_tolerances_of_the_file_stay_where_it_states_more_than_a_tenth() -> None:
+    wide = quick_frigate().with_values({"tolerances.resistance": 0.3, "tolerances.numbers": {
+        INERTIA: 100.0}})  # fmt: skip
+    found = doubt_parameters(wide, [healthy()]).tolerances.numbers
+    assert found[RESISTANCE] == pytest.approx(0.3 * 3306.2, rel=0.05)
+    assert found["hull.mass_kg"] == pytest.approx(0.1 * wide.hull.mass_kg)
+    assert found[INERTIA] == 100.0
 
 
 def test_one_recording_is_not_both(tmp_path: object) -> None:

@@ -106,3 +106,15 @@ def test_rows_with_the_time_of_the_row_before_are_averaged(tmp_path: object) -> 
 def test_milliseconds_behind_a_colon_are_read() -> None:
     stamps = pd.Series(["2019-11-05 17:14:08:947", "2019-11-05 17:14:09:047"])
     assert seconds_since_first(stamps).tolist() == pytest.approx([0.0, 0.1])
+
+
+def test_stamps_without_a_fraction_of_zero_are_read() -> None:
+    stamps = pd.Series(["01.05.2026 10:00:00", "01.05.2026 10:00:00.5", "01.05.2026 10:00:01"])
+    assert seconds_since_first(stamps).tolist() == [0.0, 0.5, 1.0]
+
+
+@pytest.mark.parametrize("other", ["2026-05-01 10:00:01", "40.05.2026 10:00:01", "none"])
+def test_a_stamp_in_another_form_is_named_with_its_row(other: str) -> None:
+    stamps = pd.Series(["01.05.2026 10:00:00", other])
+    with pytest.raises(ValueError, match=f"the time stamp '{other}' of row 2 cannot be read"):
+        seconds_since_first(stamps)

@@ -13,9 +13,13 @@ import pytest
 
 from shaftline.core.tables import LayoutError, read_text_table
 from shaftline.mismatch import load_recording
+from shaftline.mismatch.identification.parameters import Start
+from shaftline.mismatch.options import Options
+from shaftline.mismatch.pipeline import candidates
 from shaftline.mismatch.recordings.columns import Source, load_map
 from shaftline.mismatch.recordings.course import estimate_current, speeds_remark, turning_rows
 from shaftline.mismatch.recordings.draft import draft_column_map
+from shaftline.mismatch.recordings.joint import load_jointly
 from shaftline.mismatch.recordings.load import EXTRA_SIGNALS, load_parts
 from shaftline.mismatch.recordings.remarks import remarks
 from shaftline.mismatch.recordings.survey import survey
@@ -248,6 +252,23 @@ def test_the_heading_of_a_ship_that_turns_becomes_continuous() -> None:
         }
     )  # fmt: skip
     np.testing.assert_allclose(load_parts(table, ship)[0]["heading_rad"], heading)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"), [("Fahrt durchs Wasser", True), ("STW", True), ("Fahrt", False)]
+)
+def test_a_speed_through_the_water_has_no_current(
+    frigate: Ship, calm: pd.DataFrame, tmp_path: Path, name: str, expected: bool
+) -> None:
+    calm.rename(columns={"ship_speed_m_s": name}).to_csv(tmp_path / "log.csv", index=False)
+    column_map = tmp_path / "map.toml"
+    column_map.write_text(
+        f'[columns]\n"{name}" = {{ column = "ship_speed_m_s" }}\n', encoding="utf-8"
+    )
+    together = load_jointly(frigate, [tmp_path / "log.csv"], columns=column_map)
+    assert together.through_water is expected
+    ids = {effect.id for effect in candidates(Start(frigate, frigate), together, Options())}
+    assert ("current" in ids) is not expected
 
 
 def test_speed_over_ground_stands_for_a_missing_speed_log(

@@ -7,7 +7,7 @@ import pytest
 
 from shaftline.mismatch.structure.search import StructureSearch, choose
 
-from .rigs import COULOMB, INERTIA, effects, motor, problem, run, searched
+from .rigs import COULOMB, INERTIA, VISCOUS, effects, motor, problem, run, searched
 
 OPEN = "prime_mover.open_circuit_fraction"
 
@@ -58,6 +58,18 @@ def test_nothing_is_named_where_nothing_is_missing(seed: int) -> None:
     assert best.model.effects == ()
     assert alike == []
     assert np.abs(best.model.shifts).max() < 0.02
+
+
+def test_screening_counts_the_cost_of_a_parameter_that_has_taken_an_effect_s_place() -> None:
+    """The file knows a friction within 5 %, and it is 50 % too low: the effect saves the cost."""
+    sure = motor().with_values({"tolerances.numbers": {VISCOUS: 5e-6}})
+    own = problem(sure, *(run({VISCOUS: 1.5e-4}, seed, noise=0.05) for seed in (1, 2)))
+    own.hold(range(len(own.priors)))
+    moved = own.fit((), own.file_model())
+    cost = own.prior.penalty(moved.shifts)
+    screened = StructureSearch(own, effects(motor(), "viscous-friction")).screen(moved)
+    assert cost > 30.0
+    assert screened[0].gain > 0.3 * cost
 
 
 def test_effects_cost_more_the_more_there_are() -> None:
