@@ -1,4 +1,9 @@
-"""Calibrate a ship on a reference period, before missing physics is searched."""
+"""Calibrate a ship on a reference period, before missing physics is searched in a later recording.
+
+A model that lacks physics in both periods gets biased parameters from the first one, and then differs
+from the second one although nothing has changed. The reference period is therefore diagnosed itself, and
+its effects and the parameters are estimated together.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +43,7 @@ INFORMED = 0.999
 """Standard error of a parameter as a share of its tolerance above which it has no influence."""
 
 
-def doubt_parameters(ship: Ship, tables: Sequence[pd.DataFrame]) -> Ship:
+def doubt_parameters(ship: Ship, tables: Sequence[pd.DataFrame], steady: bool = False) -> Ship:
     """Return the ship with a tolerance of at least 10 % on each uncertain parameter.
 
     A user who calibrates does not trust the ship file. Parameters with a standard deviation of their own
@@ -46,7 +51,7 @@ def doubt_parameters(ship: Ship, tables: Sequence[pd.DataFrame]) -> Ship:
     """
     stated = {
         prior.key: prior.near * (prior.value if prior.ratio else 1.0)
-        for prior in parameter_priors(JointReplay(ship, *tables))
+        for prior in parameter_priors(JointReplay(ship, *tables, steady=steady))
     }
     known = ship.tolerances.numbers
     keys = [key for key in doubtful(ship) if ship.has_key(key) and key not in known]
@@ -176,6 +181,9 @@ def calibrate(
     tick: Tick = ignore_progress,
 ) -> Start:
     """Return the start of a diagnosis with parameters estimated from a reference period.
+
+    It serves where the user has chosen the parameters, and where :func:`calibrate_jointly` cannot be
+    used.
 
     The method is output error; arguments and errors are those of :func:`~.identify.identify`. Without
     keys, all identifiable parameters are estimated. A parameter that is not identifiable keeps its

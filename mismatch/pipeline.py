@@ -235,7 +235,7 @@ def begin(ship: Ship, options: Options, tick: Tick = ignore_progress) -> Start:
     form = options.columns, progress, options.signals, options.steady
     reference = flatten(load_each(ship, options.calibrate, *form))
     if not options.free:
-        doubted = doubt_parameters(ship, [one.table for one in reference])
+        doubted = doubt_parameters(ship, [r.table for r in reference], reference[0].steady)
         most = options.most_effects or MOST_IN_REFERENCE
         alone = replace(options, calibrate=(), most_effects=most)
         diagnosis, setting = _run_stages(doubted, reference, (), alone, progress)

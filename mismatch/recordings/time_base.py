@@ -38,7 +38,7 @@ _DOTTED = re.compile(r"\s*\d{1,2}\.\d{1,2}\.\d{2,4}\b")
 _STAMP = re.compile(r"\d:\d\d|\d{4}-\d\d?-\d|\d\d?[./]\d\d?[./]\d")
 _COMMA_SECONDS = re.compile(r"(:\d{2}),(\d)")
 _COLON_SECONDS = re.compile(r"(\d:\d{2}:\d{2}):(\d{3}|\d{6})$")  # milliseconds after a colon
-_WHOLE_SECONDS = re.compile(r"(:\d{2})(?=\s*$)")  # without a fraction
+_WHOLE_SECONDS = re.compile(r"(\d:\d{2}:\d{2})(?=\s*$)")  # without a fraction
 _REPEATED = 0.1  # largest share of the rows that repeat the time of the row before
 
 
@@ -151,10 +151,13 @@ def _unreadable_stamp(texts: pd.Series, form: str | None) -> str:
         warnings.simplefilter("ignore", UserWarning)
         unread = pd.to_datetime(texts, format=form, dayfirst=True, utc=True, errors="coerce").isna()
     row = int(np.argmax(unread))
+    stamp = f"the time stamp {str(texts.iloc[row])!r} of row {row + 1}"
+    if form is not None:
+        return f"{stamp} does not match the form {form!r}"
     return (
-        f"the time stamp {str(texts.iloc[row])!r} of row {row + 1} cannot be read, and that of row 1 is "
-        f"{str(texts.iloc[0])!r}: write all stamps in one form, such as 2026-05-31 23:59:59, or "
-        'give their form, for example unit = "datetime %d.%m.%Y %H:%M:%S"'
+        f"{stamp} cannot be read, and that of row 1 is {str(texts.iloc[0])!r}: write all stamps in one "
+        "form, such as 2026-05-31 23:59:59, or give their form, for example unit = "
+        '"datetime %d.%m.%Y %H:%M:%S"'
     )
 
 

@@ -127,8 +127,10 @@ class Base:
         root[np.ix_(held, held)] = np.linalg.cholesky(precision[np.ix_(held, held)])
         whole = np.hstack([flat, root])
         self._basis = np.linalg.qr(whole.T)[0]
-        # An effect also gains what the priors of the values cost that have taken its place.
-        self._left = self._project(white, -root.T @ search.start)
+        # An effect also gains what the parameters cost that have taken its place.
+        moved = np.zeros(len(root))
+        moved[: len(model.shifts)] = model.shifts
+        self._left = self._project(white, -root.T @ moved)
 
     def screen(self, effects: Iterable[Effect]) -> list[Screened]:
         """Return the effects of a catalogue that the model has in no form, the largest gain first."""
@@ -177,7 +179,7 @@ class Base:
         """Return whitened channels, scaled to variance 1, without the part that the free values absorb.
 
         The shape (channels, values) becomes (channels x values + free values,). The last part are the
-        distances of the free values from their priors, in standard deviations; 0 by default.
+        distances of free values from their priors, in standard deviations; 0 by default.
         """
         flat = (white * self._scale).ravel()
         rest = np.zeros(self._basis.shape[1]) if prior is None else prior
