@@ -50,7 +50,7 @@ def doubt_parameters(ship: Ship, tables: Sequence[pd.DataFrame], steady: bool = 
     in the file, such as those of an identified ship, keep it.
     """
     stated = {
-        prior.key: prior.near * (prior.value if prior.ratio else 1.0)
+        prior.key: prior.near * prior.unit_at(0.0)
         for prior in parameter_priors(JointReplay(ship, *tables, steady=steady))
     }
     known = ship.tolerances.numbers
@@ -85,14 +85,13 @@ def calibrate_jointly(
     replay = coarser(setting.balances.replay, MOST_ROWS)
     if reason_to_skip(replay):
         return None
-    rows = replay.segments
-    problem = OutputError(Balances(replay), rows, rows, tolerance, setting.fitter.bands.highest_Hz)
+    balances, rows = Balances(replay), replay.segments
+    problem = OutputError(balances, rows, rows, tolerance, setting.fitter.bands.highest_Hz)
     lasting = [finding for finding in diagnosis.findings if not finding.effect.windowed]
-    effects = tuple(SizedEffect(f.effect, tuple(e.value for e in f.estimates)) for f in lasting)
-    model = _fit(problem, effects)
+    model = _fit(problem, tuple(finding.sized for finding in lasting))
     if not problem.priors or not math.isfinite(model.score):
         return None
-    estimates = _estimates(problem, model, 1.0 / _scatter(problem, model))
+    estimates = _estimates(problem, model, 1.0 / _scatter(problem, balances, model))
     try:
         ship = identified_ship(problem.trial_ship.corrected(model.effects), estimates)
     except ShipError:  # The ship file does not allow this combination of values.
@@ -114,7 +113,7 @@ def _fit(problem: OutputError, effects: tuple[SizedEffect, ...]) -> Model:
     return model
 
 
-def _scatter(problem: OutputError, model: Model) -> float:
+def _scatter(problem: OutputError, balances: Balances, model: Model) -> float:
     """Return the variance of the estimates over parts of the rows, as a multiple of that by their noise.
 
     It is 1 or more. Physics that the model lacks makes estimates from different manoeuvres differ by
@@ -130,9 +129,7 @@ def _scatter(problem: OutputError, model: Model) -> float:
         kept = [(a, b) for a, b in kept if b - a >= FEWEST_ROWS]
         if not kept:
             return 1.0
-        part = OutputError(
-            Balances(problem.replay), kept, kept, problem.tolerance, problem.highest_Hz
-        )
+        part = OutputError(balances, kept, kept, problem.tolerance, problem.highest_Hz)
         part.likelihood.set_noise(part.residual(model))
         estimates.append(part.fit(model.effects, model).shifts)
     apart = np.array(estimates) - np.mean(estimates, axis=0)
@@ -148,20 +145,20 @@ def _estimates(problem: OutputError, model: Model, share: float) -> MethodResult
     for prior, shift in zip(problem.priors, model.shifts.tolist(), strict=True):
         number, value = ship.parameter(prior.key), prior.value_at(shift)
         values.append(number.info.inside(float(np.clip(value, *number.search_range))))
-        units.append(value if prior.ratio else 1.0)
+        units.append(prior.unit_at(shift))
     count, near = len(values), np.array([prior.near for prior in problem.priors])
     covariance = problem.covariance(model, share=share)[:count, :count]
-    told = np.flatnonzero(np.sqrt(np.diag(covariance)) < INFORMED * near)
-    covariance = (covariance * np.outer(units, units))[np.ix_(told, told)]
-    keys = tuple(problem.priors[k].key for k in told)
-    return MethodResult(keys, tuple(values[k] for k in told), covariance)
+    informed = np.flatnonzero(np.sqrt(np.diag(covariance)) < INFORMED * near)
+    covariance = (covariance * np.outer(units, units))[np.ix_(informed, informed)]
+    keys = tuple(problem.priors[k].key for k in informed)
+    return MethodResult(keys, tuple(values[k] for k in informed), covariance)
 
 
 def _found_in_reference(problem: OutputError, model: Model) -> str:
     """Return the remark on physics that the ship file lacks in the reference period already."""
     host = problem.trial_ship.with_terms(model.effects)
-    errors = problem.standard_errors(model)[len(model.shifts) + len(model.nuisance) :]
-    estimates = estimates_of(host, problem.trial_ship, model.effects, errors, 0.0)
+    unused = np.zeros(model.size)  # errors
+    estimates = estimates_of(host, problem.trial_ship, model.effects, unused, 0.0)
     found = [
         f"{sized.effect.id} ({', '.join(f'{e.name} {e.value:.4g} {e.unit}' for e in own)})"
         for sized, own in zip(model.effects, estimates, strict=True)

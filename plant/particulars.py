@@ -193,7 +193,6 @@ def design_point(given: Particulars, hull: HullForm) -> DesignPoint:
         return _working_point(given, hull, share).shaft_power - wanted
 
     needed = _working_point(given, hull, 1.0).shaft_power
-    share = 1.0
     try:
         share = float(brentq(excess, LEAST_SHARE, LARGEST_SHARE, xtol=1e-4))
     except (ShipError, ValueError):  # A share needs more than the propeller gives, or none fits.

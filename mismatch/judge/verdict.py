@@ -285,6 +285,11 @@ class Finding:
     unmeasured: str = ""
     implausible: str = ""
 
+    @property
+    def sized(self) -> SizedEffect:
+        """The effect with its estimates as values."""
+        return SizedEffect(self.effect, tuple(estimate.value for estimate in self.estimates))
+
 
 def findings_of(fitter: Fitter, selection: Selection, lacking: Floats) -> list[Finding]:
     """Return the chosen effects with intervals, traces, windows and regimes.

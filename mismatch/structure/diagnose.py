@@ -136,7 +136,7 @@ def diagnose_structure(
     if within_noise(problem, before) and first.verdict in (EXPLAINED, NOTHING):
         return first
     estimated = [f for f in first.findings if not f.effect.windowed]
-    suggested = [SizedEffect(f.effect, tuple(e.value for e in f.estimates)) for f in estimated]
+    suggested = [finding.sized for finding in estimated]
     search = StructureSearch(problem, effects, tick, most, tuple(suggested))
     alone = CLOSER if first.verdict == EXPLAINED else AS_CLOSE
     shaped = first.verdict == PARTLY and first.shape is not None
@@ -418,7 +418,7 @@ def parameter_estimates(
         tolerances, value = shift / prior.near, prior.value_at(shift)
         number, now = file.parameter(prior.key), corrected.parameter(prior.key).value
         if abs(tolerances) >= REPORTED or now != number.value:
-            spread = abs(error * (value if prior.ratio else 1.0))
+            spread = abs(error * prior.unit_at(shift))
             given = prior.key, number.info.unit, number.value
             changes.append(ParameterChange(*given, value, spread, tolerances, "tolerance", now))
     return changes

@@ -197,6 +197,10 @@ class Prior:
         """Return the parameter, shifted from the file's value."""
         return self.value * math.exp(shift) if self.ratio else self.value + shift
 
+    def unit_at(self, shift: float) -> float:
+        """Return the change of the parameter by a unit of x at a shift, in the key's unit."""
+        return self.value_at(shift) if self.ratio else 1.0
+
     def penalty(self, shift: float, guessed: bool = False) -> float:
         """Return 2 log p of the file's own value less that of a shifted one.
 
