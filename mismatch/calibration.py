@@ -143,8 +143,7 @@ def _estimates(problem: OutputError, model: Model, share: float) -> MethodResult
     """Return the parameters about which the rows say anything, in the units of their keys."""
     ship, values, units = problem.replay.ship, [], []
     for prior, shift in zip(problem.priors, model.shifts.tolist(), strict=True):
-        number, value = ship.parameter(prior.key), prior.value_at(shift)
-        values.append(number.info.inside(float(np.clip(value, *number.search_range))))
+        values.append(ship.parameter(prior.key).clipped(prior.value_at(shift)))
         units.append(prior.unit_at(shift))
     count, near = len(values), np.array([prior.near for prior in problem.priors])
     covariance = problem.covariance(model, share=share)[:count, :count]

@@ -38,6 +38,11 @@ from .identification.welch import welch
 from .judge.held_out import Segments, bands_of, fit_percents, split_held_out
 from .recordings.excitation import course_changes, shaft_runs_one_way
 from .recordings.joint import JointRecordings, Recorded, load_jointly
+from .recordings.measured_pitch import (
+    follow_measured_pitch,
+    refuse_free_actuator,
+    restore_pitch_actuator,
+)
 from .report.data import replace_non_finite
 from .report.index import Result
 from .report.text import align_columns, notes_of
@@ -320,7 +325,7 @@ def identify(
     elif free != AUTO:
         raise ValueError(f"free = {free!r}: expected a list of keys or {AUTO!r}")
     own, chosen = METHODS[method], isinstance(free, str)
-    keys, left_out = (() if chosen else tuple(free)), dict[str, str]()
+    keys = () if chosen else tuple(free)
     if method == "steady" and (points := points_of(ship, recordings, columns)) is not None:
         if hold_out:
             raise ValueError(
@@ -330,7 +335,27 @@ def identify(
         found, left_out = _find_identifiable(by_states, keys or own.usual(ship), chosen)
         return identification_without_fit(method, ship, found, left_out)
     together = load_jointly(ship, recordings, hold_out, columns, tick)
-    tables = together.tables
+    if not together.measured_pitch:
+        return _identify(ship, together, keys, chosen, method, tolerance, tick)
+    refuse_free_actuator(keys)
+    following = follow_measured_pitch(ship, together.interval_s)
+    result = _identify(following, together, keys, chosen, method, tolerance, tick)
+    joint = None if result.joint is None else restore_pitch_actuator(result.joint, ship)
+    identified = restore_pitch_actuator(result.identified, ship)
+    return replace(result, ship=ship, identified=identified, joint=joint)
+
+
+def _identify(
+    ship: Ship,
+    together: JointRecordings,
+    keys: tuple[str, ...],
+    chosen: bool,
+    method: str,
+    tolerance: float,
+    tick: Tick,
+) -> Identification:
+    """Estimate parameters from loaded recordings; all identifiable ones if they are ``chosen`` here."""
+    tables, own, left_out = together.tables, METHODS[method], dict[str, str]()
     with threadpool_limits(1, "blas"):
         if together.steady and not own.steady:
             raise ValueError(

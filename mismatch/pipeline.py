@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -68,6 +68,12 @@ from .recordings.joint import (
     load_jointly,
     refuse_common_rows,
     refuse_repeated_sources,
+)
+from .recordings.measured_pitch import (
+    NOT_OF_THE_COMMAND,
+    follow_measured_pitch,
+    refuse_free_actuator,
+    restore_pitch_actuator,
 )
 from .recordings.steady_rows import NoDriveCommandError, missing_drive_remark, restore_drive
 from .search.catalogue import Effect, Window, applicable_effects, refuse_transient
@@ -147,25 +153,43 @@ def _run_stages(
     start = ship if isinstance(ship, Start) else begin(ship, options, tick)
     with threadpool_limits(1, "blas"):
         start = replace(start, ship=options.with_recorded_signals(start.ship, together.signals))
-        effects = candidates(start, together, options)
-        slower = start.ship
-        if not together.steady:
-            hosts = [effect.on for effect in effects]
-            slower = with_longest_time_step(start.ship, together.tables, hosts)
-        found = _find_cause(replace(start, ship=slower), together, effects, options, tick)
-        if slower is start.ship:
-            return found
-        diagnosis, setting = found
-        corrected = restore_time_step(diagnosis.corrected, file)
-        if not simulates_equally(corrected, slower, together.tables):
-            # An effect that acts faster than the longer time step, such as a short delay.
-            return _find_cause(start, together, effects, options, tick)
-        ships = diagnosis.alternatives.items()
-        alternatives = {name: restore_time_step(other, file) for name, other in ships}
-        restored = replace(
-            diagnosis, ship=start.ship, corrected=corrected, alternatives=alternatives
+        if not together.measured_pitch:
+            return _find_cause_in_time(start, together, options, tick)
+        refuse_free_actuator(start.free)
+        ship = follow_measured_pitch(start.ship, together.interval_s)
+        following = replace(start, ship=ship)
+        diagnosis, setting = _find_cause_in_time(following, together, options, tick)
+        restored = _with_ships(
+            diagnosis, start.ship, lambda found: restore_pitch_actuator(found, start.ship)
         )
         return restored, setting
+
+
+def _with_ships(diagnosis: Diagnosis, ship: Ship, restore: Callable[[Ship], Ship]) -> Diagnosis:
+    """Return a diagnosis with another nominal ship, and its corrected ships restored alike."""
+    alternatives = {name: restore(other) for name, other in diagnosis.alternatives.items()}
+    corrected = restore(diagnosis.corrected)
+    return replace(diagnosis, ship=ship, corrected=corrected, alternatives=alternatives)
+
+
+def _find_cause_in_time(
+    start: Start, together: JointRecordings, options: Options, tick: Tick
+) -> tuple[Diagnosis, Setting]:
+    """Find the cause with the longest time step that simulates the recordings as the ship's own does."""
+    effects = candidates(start, together, options)
+    slower = start.ship
+    if not together.steady:
+        hosts = [effect.on for effect in effects]
+        slower = with_longest_time_step(start.ship, together.tables, hosts)
+    found = _find_cause(replace(start, ship=slower), together, effects, options, tick)
+    if slower is start.ship:
+        return found
+    diagnosis, setting = found
+    restored = _with_ships(diagnosis, start.ship, lambda ship: restore_time_step(ship, start.file))
+    if not simulates_equally(restored.corrected, slower, together.tables):
+        # An effect that acts faster than the longer time step, such as a short delay.
+        return _find_cause(start, together, effects, options, tick)
+    return restored, setting
 
 
 def _find_cause(
@@ -240,6 +264,8 @@ def begin(ship: Ship, options: Options, tick: Tick = ignore_progress) -> Start:
         alone = replace(options, calibrate=(), most_effects=most)
         diagnosis, setting = _run_stages(doubted, reference, (), alone, progress)
         start = calibrate_jointly(ship, diagnosis, setting, options.tolerance)
+        if start is not None and reference[0].measured_pitch:
+            return replace(start, ship=restore_pitch_actuator(start.ship, ship))
         if start is not None:
             return start
     return calibrate(ship, reference, options.free, options.columns, options.tolerance, progress)
@@ -249,8 +275,12 @@ def candidates(start: Start, together: JointRecordings, options: Options) -> lis
     """Return the effects that the ship and the recordings allow."""
     tables, ship = together.tables, start.ship
     turning, one_way = course_changes(tables), shaft_runs_one_way(ship, tables)
-    excluded = (*options.exclude, CURRENT) if together.through_water else options.exclude
-    columns, choice = set(tables[0].columns), (excluded, options.own_effects)
+    excluded = [*options.exclude]
+    if together.through_water:
+        excluded.append(CURRENT)
+    if together.measured_pitch:
+        excluded += NOT_OF_THE_COMMAND
+    columns, choice = set(tables[0].columns), (tuple(excluded), options.own_effects)
     effects = applicable_effects(ship, columns, *choice, turning, one_way, together.steady)
     if together.steady:
         refuse_transient(ship, start.free)

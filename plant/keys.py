@@ -183,6 +183,11 @@ class ShipParameter(NamedTuple):
         """Bounds of a search that starts at the present value; a ship file may hold both of them."""
         return self.info.around(self.value)
 
+    def clipped(self, value: float) -> float:
+        """Return the nearest value within the bounds of a search that the ship file allows."""
+        low, high = self.search_range
+        return self.info.inside(min(max(value, low), high))
+
     def write(self, record: Any, value: float) -> None:
         """Write another value into a ship record, without the checks of :meth:`Ship.with_values`.
 

@@ -184,8 +184,7 @@ class OutputError:
         found = [*values]
         for key, shift in zip(keys, (change @ shares)[count:], strict=True):
             number = self.free.ship.parameter(key)
-            inside = np.clip(number.value + shift, *number.search_range)
-            found.append(number.info.inside(float(inside)))
+            found.append(number.clipped(number.value + float(shift)))
         return MethodResult((*self.free.keys, *keys), tuple(found), change @ covariance @ change.T)
 
     def _note(self, values: Sequence[float], fit: Fit) -> None:

@@ -245,8 +245,7 @@ class MovableParameters:
         found = {}
         for key, change in zip(self.keys, self._changes @ fit.tolerances, strict=True):
             number = self.fitter.trial_ship.ship.parameter(key)
-            value = float(np.clip(number.value + change, *number.search_range))
-            found[key] = number.info.inside(value)
+            found[key] = number.clipped(number.value + float(change))
         return found
 
     def shifts(self, fit: Fit) -> dict[str, float]:

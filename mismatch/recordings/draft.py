@@ -42,6 +42,7 @@ from ...plant.columns import (
 from .columns import FUEL_FLOW, LINEAR, PERCENT, PERCENT_OF_RANGE, PITCHES, ColumnMap, Source
 from .course import ANGLES
 from .logger_names import GROUND, LONG, LoggerName, split_name
+from .measured_pitch import PITCH, PITCH_COMMAND
 from .unit_errors import HELMS, command_ranges, top_speed
 
 Array = NDArray[np.float64]
@@ -276,6 +277,8 @@ def draft_column_map(
     _by_cells(ship, left, names, missing, found)
     if OVER_GROUND in found or OVER_GROUND in taken:  # It stands for the speed through water.
         missing = [c for c in missing if c != "ship_speed_m_s" or c in found]
+    if PITCH in found or PITCH in taken:  # The measured pitch may stand for the command.
+        missing = [c for c in missing if c != PITCH_COMMAND or c in found]
     if RUDDER in found or RUDDER in taken:  # The rudder angle may be the rudder command as well.
         missing = [c for c in missing if c != RUDDER_COMMAND]
     shaft = {SHAFT_SPEED, SHAFT_ANGLE}

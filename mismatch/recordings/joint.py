@@ -162,6 +162,7 @@ class JointRecordings:
         signals: units of the signals for terms that all recordings have, by name.
         steady: whether each row is an equilibrium at the inputs of that row.
         through_water: whether the ship speed of all recordings is that through the water.
+        measured_pitch: whether the pitch command of all recordings is the measured pitch.
     """
 
     tables: tuple[pd.DataFrame, ...]
@@ -171,6 +172,13 @@ class JointRecordings:
     signals: dict[str, str]
     steady: bool = False
     through_water: bool = False
+    measured_pitch: bool = False
+
+    @property
+    def interval_s(self) -> float:
+        """Interval between the rows [s]."""
+        time = self.tables[0][TIME]
+        return float(time.iloc[-1] - time.iloc[0]) / (len(time) - 1)
 
 
 def load_jointly(
@@ -219,6 +227,12 @@ def load_jointly(
             f"{steady[True]} has rows that are equilibria, {steady[False]} has rows in transient "
             "motion; diagnose them separately, or use --steady if all rows are equilibria"
         )
+    measured = {recording.measured_pitch: recording.source for recording in loaded}
+    if len(measured) > 1:
+        raise RecordingError(
+            f"{measured[False]} has a pitch_ratio_command, {measured[True]} has the measured pitch "
+            "alone; diagnose them separately"
+        )
     if False in steady:
         loaded = at_common_interval(ship, loaded)
     refuse_too_few_rows(loaded[:count])
@@ -228,8 +242,9 @@ def load_jointly(
     tables = tuple(r.table for r in loaded)
     water = all(recording.through_water for recording in loaded)
     return JointRecordings(
-        tables, len(loaded) - count, limits, warnings, common, True in steady, water
-    )
+        tables, len(loaded) - count, limits, warnings, common, True in steady, water,
+        True in measured,
+    )  # fmt: skip
 
 
 def refuse_too_few_rows(recordings: Sequence[Recording]) -> None:

@@ -51,6 +51,7 @@ from .checks import (
 from .columns import load_map
 from .course import over_ground_warning, turning_rows, wind_signals
 from .logger_names import split_name
+from .measured_pitch import MEASURED_PITCH, follow_measured_pitch, use_measured_pitch
 from .noise import Noise, estimate_command_noise, estimate_noise
 from .reference_simulation import ReferenceSimulation
 from .steady_rows import (
@@ -108,6 +109,8 @@ class Recording:
             draught, at the same rows.
         over_ground: whether ``ship_speed_m_s`` is the speed over ground.
         through_water: whether the name of its column says that it is the speed through the water.
+        measured_pitch: whether ``pitch_ratio_command`` is the measured pitch, in the place of a missing
+            command.
     """
 
     source: Path
@@ -121,6 +124,7 @@ class Recording:
     log: pd.DataFrame = field(default_factory=pd.DataFrame)
     over_ground: bool = False
     through_water: bool = False
+    measured_pitch: bool = False
 
     def __len__(self) -> int:
         """Return the number of rows."""
@@ -251,9 +255,7 @@ def load_parts(
     for number, (a, b) in enumerate(kept, 1):
         part = raw.iloc[a:b].reset_index(drop=True)
         part.attrs = (
-            raw.attrs
-            if number == 1
-            else {name: raw.attrs.get(name) for name in ("over_ground", "through_water")}
+            raw.attrs if number == 1 else {name: raw.attrs.get(name) for name in _STANDS_FOR}
         )
         part_path = path.with_name(f"{path.name} part {number} (from row {a + 1})")
         result.append(clean_and_check(part_path, part, units, ship, continues=number > 1))
@@ -314,7 +316,7 @@ def read_canonical(
         raw = read_table(path, layout)
     refuse_complex(path, raw, [*COLUMNS, *ship.signals, *inputs])
     if column_map is None:
-        return _use_speed_over_ground(raw, ship), {}
+        return _use_what_stands_for(raw, ship), {}
     ranges = command_ranges(ship)
     mapped = column_map.apply(path, raw, ranges)
     sources = column_map.columns.items()
@@ -324,14 +326,22 @@ def read_canonical(
         "over_ground": any(name.is_over_ground for name in speeds),
         "through_water": any(name.is_through_water for name in speeds),
     }
-    mapped = _use_speed_over_ground(mapped, ship)
+    mapped = _use_what_stands_for(mapped, ship)
     if column_map.rows.leave_out_turns:
         mapped = _leave_out_turns(path, mapped)
     return mapped, {one.signal: one.unit_in_expressions for one in column_map.signals.values()}
 
 
-def _use_speed_over_ground(table: pd.DataFrame, ship: Ship) -> pd.DataFrame:
-    """Return a table in which a speed over ground stands for a missing speed through water."""
+_STANDS_FOR = ("over_ground", "through_water", "measured_pitch")
+"""Attributes of a canonical table: what its speed is, and whether its command is the measured pitch."""
+
+
+def _use_what_stands_for(table: pd.DataFrame, ship: Ship) -> pd.DataFrame:
+    """Return a table in which a speed over ground stands for a missing speed through water.
+
+    A measured pitch stands for a missing command likewise.
+    """
+    table = use_measured_pitch(table, ship)
     if not ship.moves or SHIP_SPEED in table or OVER_GROUND not in table:
         return table
     given = table.assign(**{SHIP_SPEED: table[OVER_GROUND]})
@@ -381,6 +391,7 @@ class _Draft:
     log: list[str]
     over_ground: bool
     through_water: bool
+    measured_pitch: bool
     continues: bool = False
 
     def apply(self, step: Cleaned) -> bool:
@@ -409,7 +420,10 @@ class _Draft:
     @cached_property
     def reference(self) -> ReferenceSimulation:
         """Simulation of the nominal ship with the recorded commands."""
-        return ReferenceSimulation(self.ship, self.table, self.interval_s, self.steady)
+        ship = (
+            follow_measured_pitch(self.ship, self.interval_s) if self.measured_pitch else self.ship
+        )
+        return ReferenceSimulation(ship, self.table, self.interval_s, self.steady)
 
     @property
     def swapped_columns(self) -> tuple[str, str] | None:
@@ -448,6 +462,7 @@ def _prepare(
     words = layout.description() if layout else ""
     warnings = [f"read as a table with {words}"] if words else []
     warnings += table.attrs.get("remarks", [])
+    warnings += [MEASURED_PITCH] * bool(table.attrs.get("measured_pitch"))
     speed = SHAFT_ANGLE if SHAFT_ANGLE in table and SHAFT_SPEED not in table else SHAFT_SPEED
     table, converted = convert_dates(path, table)
     warnings += converted
@@ -477,8 +492,8 @@ def _prepare(
     channels = [c for c in COLUMNS if c in table and c not in unused and c not in log]
     known = [*channels, *sorted(signals), *log]
     required = list(dict.fromkeys(needed))
-    speed_over = (bool(table.attrs.get(name)) for name in ("over_ground", "through_water"))
-    return _Draft(path, ship, table, signals, steady, known, required, warnings, log, *speed_over)
+    stands_for = (bool(table.attrs.get(name)) for name in _STANDS_FOR)
+    return _Draft(path, ship, table, signals, steady, known, required, warnings, log, *stands_for)
 
 
 def _continuous(angle: pd.Series) -> pd.Series:
@@ -580,7 +595,7 @@ def _finish(draft: _Draft) -> Recording:
     limits = (*too_short, *insufficient_excitation(table, ship, noise))
     return Recording(
         draft.path, table, interval, noise, warnings, limits, signals, draft.steady, log,
-        draft.over_ground, draft.through_water,
+        draft.over_ground, draft.through_water, draft.measured_pitch,
     )  # fmt: skip
 
 

@@ -28,6 +28,7 @@ from .course import speeds_remark
 from .draft import draft_column_map, with_given_map
 from .joint import refuse_too_few_rows
 from .load import CUT, EXTRA_SIGNALS, Recording, load_parts
+from .measured_pitch import PITCH, PITCH_COMMAND, follow_measured_pitch
 from .remarks import remarks
 from .steady_rows import NoDriveCommandError, drive_by_shaft_speed, missing_drive_remark
 
@@ -170,7 +171,10 @@ def survey(
             ship = drive_by_shaft_speed(ship)
             parts = load_parts(path, ship, columns, EXTRA_SIGNALS, steady=steady)
         refuse_too_few_rows(parts)
-        implausible = dict.fromkeys(remark for part in parts for remark in remarks(part, ship))
+        compared = ship
+        if parts[0].measured_pitch:
+            compared = follow_measured_pitch(ship, parts[0].interval_s)
+        implausible = dict.fromkeys(remark for p in parts for remark in remarks(p, compared))
         recording = replace(
             parts[0],
             table=pd.concat([part.table for part in parts], ignore_index=True),
@@ -191,6 +195,8 @@ def survey(
     formulas = [source for source in given.sources.values() if source.formula is not None]
     entries += [_entry(f"= {source.formula}", none, source, recording) for source in formulas]
     have = {entry.column for entry in entries}
+    if recording is not None and recording.measured_pitch:
+        have.add(PITCH)
     # Power divided by shaft speed is the torque.
     powers = {SHAFT_POWER} if ship.turns_freely else {SHAFT_POWER, ELECTRIC_POWER}
     useful = {
@@ -246,7 +252,9 @@ def _entry(
     if recording is not None:
         # On a ship that does not turn, a column of turning is the signal of that name for terms.
         signals = {column: signal for signal, column in TURNING_SIGNALS.items()}
-        names = (known, signals.get(known, ""), name if name in recording.signals else "")
+        stands_for = PITCH_COMMAND if known == PITCH and recording.measured_pitch else ""
+        signal = name if name in recording.signals else ""
+        names = (known, stands_for, signals.get(known, ""), signal)
         column = next((c for c in names if c and c in recording), "")
         numbers = recording[column] if column else np.array([])
         unit = recording.signals.get(column) or BOUNDS.get(column, ("", "", ""))[2]

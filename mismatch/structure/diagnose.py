@@ -305,9 +305,7 @@ def _with_parameters(file: Ship, problem: OutputError, model: Model) -> Ship:
     values = {}
     for prior, shift in zip(problem.priors, model.shifts.tolist(), strict=True):
         if abs(shift) > 0.1 * prior.near:
-            number = file.parameter(prior.key)
-            value = float(np.clip(prior.value_at(shift), *number.search_range))
-            values[prior.key] = number.info.inside(value)
+            values[prior.key] = file.parameter(prior.key).clipped(prior.value_at(shift))
     with contextlib.suppress(ShipError):  # two parameters that do not go together
         return file.with_values(values) if values else file
     return file
