@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from ...plant.columns import drive_column
 from ...plant.surroundings import KNOT
+from ..identification.parameters import ParameterChange
 from ..judge.verdict import EXPLAINED, NOTHING, PARTLY, UNEXPLAINED, Finding
 from ..outcome import Outcome
 from ..simulate.balances import BALANCE_OF_RESIDUAL
@@ -31,6 +32,7 @@ from .wording import (
     biased_parameter_sentence,
     biased_parameters,
     capitalise,
+    changed_since_reference,
     corrected_parameters,
     effect_words,
     join_words,
@@ -169,11 +171,9 @@ def _is_only_instruments(diagnosis: Outcome) -> bool:
     return all(finding.effect.balance == "sensor" for finding in diagnosis.findings)
 
 
-def _wrong_in_file(diagnosis: Outcome) -> list[str]:
-    """Return the keys in which the ship file is wrong, where no effect is identified."""
-    if diagnosis.findings:
-        return []
-    return [change.key for change in corrected_parameters(diagnosis, free=True, far=True)]
+def _wrong_in_file(diagnosis: Outcome) -> list[ParameterChange]:
+    """Return the parameters in which the ship file is wrong, where no effect is identified."""
+    return [] if diagnosis.findings else corrected_parameters(diagnosis, free=True, far=True)
 
 
 def _headline(diagnosis: Outcome, service: Service) -> str:
@@ -190,10 +190,13 @@ def _headline(diagnosis: Outcome, service: Service) -> str:
         other = " or an alternative" if any(f.rivals for f in diagnosis.findings) else ""
         end = f"{other}: {costs}" if costs else other
         return _fitted(begin, names, end) or _fitted(begin, names, other) or plain
-    if _wrong_in_file(diagnosis):
+    if wrong := _wrong_in_file(diagnosis):
         if not costs:
             return plain
-        return _fitted("Not as the ship file says:", [costs], "") or plain
+        begin = "Not as the ship file says:"
+        if changed_since_reference(wrong):
+            begin = "Changed since the reference period:"
+        return _fitted(begin, [costs], "") or plain
     if status == NOTHING:
         return "No loss found: the ship performs as the ship file says."
     if status == UNEXPLAINED and service.sure(ENGINE_POWER) is not None:
@@ -363,8 +366,9 @@ def _where(diagnosis: Outcome) -> list[str]:
     """Return the locations on board, or that there is none."""
     if diagnosis.findings:
         return list(dict.fromkeys(advice.where for advice in _advice(diagnosis)))
-    if keys := _wrong_in_file(diagnosis):
-        return [f"ship file or ship, {key}" for key in keys]
+    if wrong := _wrong_in_file(diagnosis):
+        where = "ship" if changed_since_reference(wrong) else "ship file or ship"
+        return [f"{where}, {change.key}" for change in wrong]
     if text.status(diagnosis) == NOTHING:
         return ["no part differs from the ship file"]
     if diagnosis.shape is not None and text.status(diagnosis) == UNEXPLAINED:
@@ -385,10 +389,13 @@ def _next_steps(diagnosis: Outcome) -> list[str]:
                 if step != own.next_step
             ]
         return list(dict.fromkeys(steps))
-    if keys := _wrong_in_file(diagnosis):
+    if wrong := _wrong_in_file(diagnosis):
+        keys = join_words([change.key for change in wrong])
+        if changed_since_reference(wrong):
+            return [f"Inspect the parts of the ship that {keys} describe: they have changed."]
         return [
-            f"Check {join_words(keys)} of the ship file against its source. If the file is right, the "
-            "ship has changed: inspect that part."
+            f"Check {keys} of the ship file against its source. If the file is right, the ship has "
+            "changed: inspect that part."
         ]
     status = text.status(diagnosis)
     if status == NOTHING:
@@ -417,6 +424,8 @@ def _doubts(diagnosis: Outcome, service: Service) -> Iterator[str]:
             yield f"{capitalise(finding.implausible)}, so another cause is likely."
         if advice_of(finding.effect).where == "hull, for a time":
             yield "The numbers are those of the ship outside the episode."
+    if diagnosis.findings and (far := [c for c in diagnosis.parameters if c.is_far]):
+        yield _far_sentence(far)
     if text.status(diagnosis) == PARTLY:
         yield from map(
             text.residual_sentence, (b for b in diagnosis.balance_verdicts if b.left is not None)
@@ -429,6 +438,22 @@ def _doubts(diagnosis: Outcome, service: Service) -> Iterator[str]:
         yield f"The recording is limited: {limit}."
     if (more := len(diagnosis.limits) - MOST_LIMITS) > 0:
         yield f"{more} more limit{'s' if more > 1 else ''} of the recording: see the technical part."
+
+
+def _far_sentence(far: list[ParameterChange]) -> str:
+    """Return the doubt about effects beside parameters that lie far from the ship file."""
+    keys = [f"{change.key} ({change.shifts:+.1f} tolerances)" for change in far]
+    advice = (
+        "Check them, widen their tolerances in the ship file, or calibrate on a reference period"
+    )
+    if any(change.source == "calibrated" for change in far):
+        advice = "Something changed since the reference period that has no name here"
+    else:
+        advice += " (shaftline diagnose --calibrate)"
+    return (
+        f"Sizes and names are less certain, because the recording also moves {join_words(keys)}. "
+        f"{advice}."
+    )
 
 
 def _alternatives(finding: Finding) -> Iterator[str]:

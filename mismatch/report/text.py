@@ -14,6 +14,7 @@ from .wording import (
     biased_parameter_sentence,
     biased_parameters,
     capitalise,
+    changed_since_reference,
     channel_name,
     corrected_parameters,
     corrections,
@@ -103,8 +104,9 @@ def headline(diagnosis: Outcome) -> str:
     if corrected := corrected_parameters(diagnosis, free=True, far=True):
         wrong = [parameter_words(n.key.rpartition(".")[2], n.unit) for n in corrected]
         left = "; a residual remains" if has_residual(diagnosis) else ""
-        since = all(n.source == "calibrated" for n in corrected)
-        begin = "Changed since the reference period:" if since else "The ship file is wrong in"
+        begin = "The ship file is wrong in"
+        if changed_since_reference(corrected):
+            begin = "Changed since the reference period:"
         return _shortened(begin, wrong, left)
     if diagnosis.verdict == NOTHING:
         return f"{verdict}: the difference is within noise and the tolerances of the ship file."

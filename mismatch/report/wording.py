@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from typing import Any
 
 from markupsafe import Markup, escape
@@ -197,6 +198,11 @@ def corrected_parameters(
     """Return the corrected parameters that were free, or that lie far from the ship file."""
     changed = [n for n in diagnosis.parameters if n.corrected != n.file]
     return [n for n in changed if (free and n.source == "free") or (far and n.is_far)]
+
+
+def changed_since_reference(parameters: Sequence[ParameterChange]) -> bool:
+    """Return whether parameters were known from a reference period, so that the ship has changed."""
+    return all(change.source == "calibrated" for change in parameters)
 
 
 def corrections(parameters: list[ParameterChange]) -> str:

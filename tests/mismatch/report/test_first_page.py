@@ -72,6 +72,22 @@ def test_an_engine_costs_speed_at_equal_rack_and_no_power() -> None:
     assert HEALTHY_FUEL not in first_page(fouled()).doubts
 
 
+@pytest.mark.parametrize(
+    ("source", "advice"),
+    [("tolerance", "(shaftline diagnose --calibrate)."), ("calibrated", "that has no name here.")],
+)
+def test_parameters_far_from_the_ship_file_are_a_doubt(source: str, advice: str) -> None:
+    far, near = (
+        ParameterChange(key, "-", 1.0, 1.2, 0.01, shifts, source, 1.2)
+        for key, shifts in (("hull.wake_fraction", -6.2), ("hull.thrust_deduction", 2.9))
+    )
+    (doubt,) = (d for d in first_page(fouled(parameters=[far, near])).doubts if "less certain" in d)
+    assert "also moves hull.wake_fraction (-6.2 tolerances). " in doubt
+    assert "thrust_deduction" not in doubt
+    assert doubt.endswith(advice)
+    assert not any("less certain" in d for d in first_page(fouled(parameters=[near])).doubts)
+
+
 def test_an_instrument_is_wrong_and_not_the_ship() -> None:
     page = first_page(misread())
     assert page.headline == "An instrument is wrong, not the ship: torque sensor gain."
@@ -146,6 +162,24 @@ def test_a_wrong_ship_file_is_no_loss_of_the_ship_yet(frigate: Ship) -> None:
     ends = page.service.quantities[ENGINE_POWER].ci95
     assert ends is not None
     assert 0.0 < ends[0] < page.service.quantities[ENGINE_POWER].change < ends[1]
+
+
+def test_a_calibrated_parameter_that_moved_is_a_change_of_the_ship(frigate: Ship) -> None:
+    key = "hull.resistance_coefficient_N_s2_m2"
+    change = ParameterChange(key, "N s2/m2", 3306.2, 3600.0, 20.0, 14.7, "calibrated", 3600.0)
+    changed = replace(
+        fouled(findings=[], parameters=[change]),
+        verdict="nothing-missing",
+        corrected=frigate.with_values({key: 3600.0}),
+    )
+    assert changed.headline == "Changed since the reference period: resistance coefficient."
+    page = first_page(changed)
+    assert page.headline.startswith("Changed since the reference period: ")
+    assert page.headline.endswith(" kn.")
+    assert page.where == [f"ship, {key}"]
+    assert page.next_steps == [
+        f"Inspect the parts of the ship that {key} describe: they have changed."
+    ]
 
 
 def test_an_unknown_cause_orders_no_work() -> None:
