@@ -36,6 +36,7 @@ from .wording import (
     number,
     parameter_rows_for_page,
     parameter_words,
+    percent,
     scale_unit,
     superscript,
     time_span,
@@ -152,11 +153,7 @@ def _balances(diagnosis: Outcome) -> list[dict[str, str]]:
     """Return one table row for each balance."""
     rows = []
     for balance in diagnosis.balance_verdicts:
-        left, share, residual = (
-            balance.left,
-            f"{100.0 * max(balance.explained, 0.0):.0f} %",
-            "noise",
-        )
+        left, share, residual = balance.left, percent(balance.explained), "noise"
         if left is not None:
             ratio, low, high = (number(x, 2) for x in (left.ratio, left.low_Hz, left.high_Hz))
             residual = f"{ratio} times the noise's power between {low} and {high} Hz"
@@ -224,12 +221,9 @@ def _facts(diagnosis: Outcome) -> list[tuple[str, str]]:
         ("Effects tried", f"{len(diagnosis.ranking)} of {len(catalogue())} in the catalogue"),
     ]
     if diagnosis.findings:
-        share = f"{100.0 * diagnosis.explained:.0f} %"
+        share = percent(diagnosis.explained)
         facts += [
-            (
-                "Explained",
-                f"{share} of the mean square of the difference beyond noise",
-            ),
+            ("Explained", f"{share} of the mean square of the difference beyond noise"),
             ("2 Δ log L on held-out data", number(diagnosis.held_out_gain)),
         ]
     return facts

@@ -25,6 +25,7 @@ from .wording import (
     number,
     parameter_rows,
     parameter_words,
+    percent,
     time_span,
     value_with_unit,
 )
@@ -176,10 +177,8 @@ def residual_sentence(balance: BalanceVerdict) -> str:
     share = max(1.0 - balance.explained, 0.0)
     if share >= 1.0:
         return f"In the {balance.name} balance none of the difference is explained."
-    return (
-        f"In the {balance.name} balance {100.0 * share:.0f} % of the mean square beyond noise is "
-        "unexplained."
-    )
+    left = f"{percent(share)} of the mean square beyond noise"
+    return f"In the {balance.name} balance {left} is unexplained."
 
 
 def has_residual(diagnosis: Outcome) -> bool:
@@ -299,7 +298,7 @@ def _balances(diagnosis: Outcome) -> list[dict[str, str]]:
         {
             "balance": b.name,
             "verdict": b.verdict,
-            "explained": "" if b.verdict == NOTHING else f"{100.0 * max(b.explained, 0.0):.0f} %",
+            "explained": "" if b.verdict == NOTHING else percent(b.explained),
             "residual": "noise" if b.left is None
             else f"{b.left.ratio:.3g} times the noise's power at {b.left.low_Hz:.2g} to "
             f"{b.left.high_Hz:.2g} Hz",

@@ -200,6 +200,18 @@ def corrected_parameters(
     return [n for n in changed if (free and n.source == "free") or (far and n.is_far)]
 
 
+def percent(share: float) -> str:
+    """Return a share in whole per cent; a small rest does not vanish.
+
+    >>> percent(0.998), percent(0.002), percent(0.5), percent(1.0), percent(-0.1)
+    ('more than 99 %', 'less than 1 %', '50 %', '100 %', '0 %')
+    """
+    share = max(share, 0.0)
+    if 0.0 < share < 0.005:
+        return "less than 1 %"
+    return "more than 99 %" if 0.995 <= share < 1.0 else f"{100.0 * share:.0f} %"
+
+
 def changed_since_reference(parameters: Sequence[ParameterChange]) -> bool:
     """Return whether parameters were known from a reference period, so that the ship has changed."""
     return all(change.source == "calibrated" for change in parameters)
