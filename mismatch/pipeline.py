@@ -186,7 +186,9 @@ def _find_cause_in_time(
         return found
     diagnosis, setting = found
     restored = _with_ships(diagnosis, start.ship, lambda ship: restore_time_step(ship, start.file))
-    if not simulates_equally(restored.corrected, slower, together.tables):
+    times = [e.value for f in restored.findings for e in f.estimates if e.unit == "s"]
+    limited = any(value <= 1.01 * slower.time_step_s for value in times)
+    if limited or not simulates_equally(restored.corrected, slower, together.tables):
         # An effect that acts faster than the longer time step, such as a short delay.
         return _find_cause(start, together, effects, options, tick)
     return restored, setting

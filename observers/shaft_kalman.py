@@ -15,7 +15,7 @@ from .linear import LinearObserver, shaft_model
 
 @dataclass(frozen=True)
 class ShaftKalman(LinearObserver):
-    """Estimate propeller torque and advance velocity by a steady-state Kalman filter (section 3-2-3).
+    """Estimate propeller torque and advance velocity by a steady-state Kalman filter.
 
     Example:
         >>> from shaftline.plant import load_ship

@@ -1,8 +1,8 @@
 """Time step of the simulations of a diagnosis: the longest that changes no simulated channel noticeably.
 
 The step of a ship file resolves the waves that pass the propeller, about 0.05 s. A log with a row every
-second has no waves in it, and a diagnosis simulates it some thousand times. A Runge-Kutta step of a
-quarter of a row is then as exact as the short one, and several times faster.
+second has no waves in it, and a diagnosis simulates it some thousand times. A Runge-Kutta step of half a
+row is then as exact as the short one, and several times faster.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from ...plant.columns import TIME
 from ...plant.ship import Ship, ShipError
 from .joint_replay import JointReplay
 
-STEPS_PER_ROW = (4, 5, 8, 10, 16, 20, 32, 64, 128)
-"""Numbers of steps between two rows that are tried. With four or more, a delay or a time constant of a
-quarter of a row remains resolved."""
+STEPS_PER_ROW = (2, 3, 4, 5, 8, 10, 16, 20, 32, 64, 128)
+"""Numbers of steps between two rows that are tried. A delay or a time constant of half a row remains
+resolved."""
 
 INEXACT = 0.01
 """Largest rms change of a simulated channel by the longer step, as a multiple of the channel's noise. It
 changes 2 log L by at most 1e-4 for each row and channel. Commands are held between rows in this
-comparison. On a line, the command of a step is that of its middle, so that a longer step moves it by an
-eighth of a row; between two rows, a line is uncertain by more than that."""
+comparison. On a line, the command of a step is that of its middle, so that a longer step moves it by up
+to a quarter of a row; between two rows, a line is uncertain by more than that."""
 
 
 def with_longest_time_step(

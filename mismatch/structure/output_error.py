@@ -8,7 +8,8 @@ at once, each with its prior. The likelihood is
 
 ``e`` the residual, whitened by the noise model of the richest model found so far (raw until there is
 one), ``N`` its number of independent values. Gauss-Newton steps are taken over fixed finite differences
-in scaled coordinates, inside bounds: relative differences vanish at neutral values.
+in scaled coordinates, inside bounds: relative differences vanish at neutral values. Between steps the
+derivatives are updated from the simulations of the steps, and computed again where that gains no more.
 """
 
 from __future__ import annotations
@@ -35,18 +36,31 @@ SKEW_ROWS = 0.29
 START_PRECISION = 0.01
 """Precision of a first state's shift: ten deviations, as a lagging instrument does not measure it."""
 
-MOST_STEPS, MOST_TRIALS = 14, 6
+MOST_STEPS, MOST_TRIALS = 20, 6
 """Largest number of Gauss-Newton steps of a fit, and of trials of a step with increasing damping."""
 
-SETTLED, ABOUT = 0.1, 1.0
+SETTLED, ABOUT = 0.5, 2.0
 """Gain of a step in 2 log L, predicted or simulated, below which a fit ends: with its own derivatives,
-and with derivatives of another model, which only rank the models."""
+and with derivatives of another model, which only rank the models. Models that differ by less than 10
+are tied."""
 
 DIVERGED = 1e6
 """Multiple of the largest measured value from which a simulated channel counts as diverged."""
 
 LEAST_NOISE = 0.5
 """Least residual of a channel that counts, as a multiple of its white noise."""
+
+
+def _secant(columns: Floats, step: Floats, change: Floats) -> Floats:
+    """Return the least change of derivatives that gives the change along a step (Broyden 1965).
+
+    Args:
+        columns: derivatives by the coordinates, shape (coordinates, channels, values).
+        step: step in the coordinates, shape (coordinates,).
+        change: change of the simulated channels by the step, shape (channels, values).
+    """
+    error = change - np.tensordot(step, columns, axes=1)
+    return np.asarray(step[:, None, None] * (error / float(step @ step)))
 
 
 class OutputError:
@@ -226,7 +240,7 @@ class OutputError:
             begin: model whose shifts and nuisance values are the start.
             guessed: whether the file's tolerances are ignored.
             tangent: derivatives by parameters and nuisance values from :meth:`derivatives` of a similar
-                model, which save most simulations; computed at each step by default.
+                model, which save most simulations; by default those of the start are computed.
         """
         search = Coordinates(self, effects, begin)
 
@@ -237,24 +251,27 @@ class OutputError:
             white = self.likelihood.white((self.measured - channels[0])[:, self.rows])
             return channels, white, self.score(white, *parts[1:], guessed)
 
+        def derivatives(point: Floats, channels: tuple[Floats, Floats]) -> Floats:
+            """Return whitened derivatives by all coordinates, those of the tangent where it is given."""
+            if tangent is None:
+                return self._derivatives(search, point, *channels, 0)
+            own = self._derivatives(search, point, *channels, search.edge)
+            kept = tangent * (search.steps[: search.edge] != 0.0)[:, None, None]
+            kept[search.clocks :] = tangent[search.clocks :]
+            return np.concatenate([kept, own])
+
         point = search.start
         channels, white, score = evaluate(point)
+        if not math.isfinite(score):
+            return Model(*search.split(point), score)
         damping, settled = 0.0, SETTLED if tangent is None else ABOUT
+        columns, updated = derivatives(point, channels), False
         for _ in range(MOST_STEPS):
-            if not math.isfinite(score):
-                break
-            if tangent is None:
-                columns = self._derivatives(search, point, *channels, 0)
-            else:
-                own = self._derivatives(search, point, *channels, search.edge)
-                kept = tangent * (search.steps[: search.edge] != 0.0)[:, None, None]
-                kept[search.clocks :] = tangent[search.clocks :]
-                columns = np.concatenate([kept, own])
             precision, scale = search.precision(point, guessed), self.likelihood.scale(white)
             flat = (columns * scale).reshape(len(columns), -1)
             lhs = flat @ flat.T + precision
             rhs = flat @ (white * scale).ravel() - precision @ point
-            gained = -math.inf
+            gained, failed = -math.inf, False
             for _ in range(MOST_TRIALS):
                 trial = search.step(point, lhs + damping * np.diag(np.diag(lhs)), rhs)
                 step = trial - point
@@ -263,14 +280,19 @@ class OutputError:
                 trial_channels, trial_white, trial_score = evaluate(trial)
                 gained = trial_score - score
                 if gained > 0.0:
-                    point, channels, white = trial, trial_channels, trial_white
+                    columns += _secant(columns, step, white - trial_white)
+                    point, channels, white, score = trial, trial_channels, trial_white, trial_score
+                    damping *= 1.0 if failed else 0.1
+                    break
+                failed = True
+                if updated:
                     break
                 damping = max(10.0 * damping, 1e-2)
-            if not gained > 0.0:
-                break
-            score += gained
-            damping *= 0.1
-            if gained < settled:
+            if gained >= settled:
+                updated = True
+            elif updated:
+                columns, updated = derivatives(point, channels), False
+            else:
                 break
         return Model(*search.split(point), score)
 

@@ -9,10 +9,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch import Options, Recording, diagnose, fit_percent
-from shaftline.plant import get_sea, realise
+from shaftline.mismatch import Options, Recording, diagnose, fit_percent, pipeline
+from shaftline.mismatch.identification.parameters import Start
+from shaftline.plant import get_sea, load_ship, realise
 from shaftline.plant.replay import simulate_recording
 
+from .diagnoses import diagnosis_of
+from .report.test_service import finding
+from .simulate.test_time_step import slow_log
 from .voyages import NOISE, frigate_voyage, quick_frigate
 
 
@@ -134,3 +138,20 @@ def test_whole_recordings_are_set_aside() -> None:
     assert found.fit_after["ship_speed_m_s"] == pytest.approx(
         fit_percent(found.measured["ship_speed_m_s"][rows], found.after["ship_speed_m_s"][rows])
     )
+
+
+@pytest.mark.parametrize(("lag_s", "runs"), [(0.5, 2), (0.6, 1)])
+def test_a_time_constant_at_the_longer_time_step_is_estimated_with_that_of_the_file(
+    lag_s: float, runs: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ship = load_ship("frigate").with_values({"prime_mover.lag_s": lag_s})
+    lag = finding("engine-torque-lag (engine)", "prime_mover.lag_s", ship, lag_s, 0.1)
+    steps = []
+
+    def find(start: Start, *_: Any) -> tuple[Any, None]:
+        steps.append(start.ship.time_step_s)
+        return diagnosis_of("explained", findings=[lag]), None
+
+    monkeypatch.setattr(pipeline, "_find_cause", find)
+    diagnose(load_ship("frigate"), slow_log(load_ship("frigate")))
+    assert steps == [0.5, load_ship("frigate").time_step_s][:runs]

@@ -4,8 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch import catalogue, diagnose
+from shaftline.mismatch import diagnose
 from shaftline.mismatch.options import Options
+from shaftline.mismatch.search.catalogue import applicable_effects
 from shaftline.mismatch.simulate.joint_replay import START_STEPS, JointReplay
 from shaftline.mismatch.simulate.time_step import (
     INEXACT,
@@ -46,9 +47,9 @@ def log(ship: Ship) -> pd.DataFrame:
     return slow_log(ship)
 
 
-def test_a_row_every_second_is_simulated_in_four_steps(ship: Ship, log: pd.DataFrame) -> None:
+def test_a_row_every_second_is_simulated_in_two_steps(ship: Ship, log: pd.DataFrame) -> None:
     slower = with_longest_time_step(ship, [log])
-    assert slower.time_step_s == pytest.approx(0.25)
+    assert slower.time_step_s == pytest.approx(0.5)
     own = JointReplay(ship, log)
     other = JointReplay(slower, log, start_over_s=START_STEPS * ship.time_step_s)
     exact, values = (r.simulate_channels(r.ship.record()) for r in (own, other))
@@ -70,13 +71,19 @@ def test_a_time_constant_of_the_ship_limits_the_step(ship: Ship, log: pd.DataFra
 def test_an_effect_with_its_own_time_constant_limits_the_step(
     ship: Ship, log: pd.DataFrame
 ) -> None:
-    effects = [
-        e for e in catalogue() if e.label == "pitch-dead-band (pitch-actuator, stops-inside)"
-    ]
-    (slow,) = effects  # its state has a time constant of 0.2 s
-    with pytest.raises(ShipError, match=r"shorter than integration\.time_step_s = 0\.25 s"):
-        slow.on(with_longest_time_step(ship, [log]))
-    assert with_longest_time_step(ship, [log], [slow.on]).time_step_s == pytest.approx(0.2)
+    def slow(ship: Ship) -> Ship:
+        return ship.with_values({"prime_mover.lag_s": 0.25})
+
+    with pytest.raises(ShipError, match=r"shorter than integration\.time_step_s = 0\.5 s"):
+        slow(with_longest_time_step(ship, [log]))
+    assert with_longest_time_step(ship, [log], [slow]).time_step_s == pytest.approx(0.25)
+
+
+def test_every_effect_of_the_catalogue_allows_the_longest_step(
+    ship: Ship, log: pd.DataFrame
+) -> None:
+    changes = [e.on for e in applicable_effects(ship, log.columns)]
+    assert with_longest_time_step(ship, [log], changes).time_step_s == pytest.approx(0.5)
 
 
 def test_a_short_dead_time_needs_the_short_step(ship: Ship, log: pd.DataFrame) -> None:
