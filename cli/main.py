@@ -7,6 +7,7 @@ The file of a sub-command is imported when it is called: importing all of them t
 from __future__ import annotations
 
 import ast
+import functools
 import io
 import os
 import sys
@@ -43,6 +44,7 @@ def _function(name: str) -> str:
     return FUNCTION_NAMES.get(name, _stem(name))
 
 
+@functools.cache
 def command_summary(name: str) -> str:
     """Return the first paragraph of a command's docstring without importing its file.
 

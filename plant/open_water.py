@@ -48,6 +48,7 @@ def _polynomials() -> pd.DataFrame:
         return pd.read_csv(f)
 
 
+@functools.lru_cache(maxsize=64)
 def b_series(curve: str, expanded_area_ratio: float, blades: int) -> NDArray[np.float64]:
     """Return the coefficients of a B-series polynomial (``"KT"`` or ``"KQ"``) for one propeller.
 
@@ -65,6 +66,7 @@ def b_series(curve: str, expanded_area_ratio: float, blades: int) -> NDArray[np.
         area = expanded_area_ratio**term.expanded_area_ratio_power
         value = term.coefficient * area * blades**term.blades_power
         matrix[PITCH_POWERS.index(term.pitch_ratio_power), term.j_power] += value
+    matrix.flags.writeable = False
     return matrix
 
 

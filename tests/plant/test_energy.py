@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 import pytest
 import scipy
@@ -55,6 +56,15 @@ class Powers(NamedTuple):
     others: NDArray[np.float64]  # friction, propellers and resistance [W]
 
 
+@numba.njit
+def resisting_torque(plant: Any, torque: Any, omega: Any) -> Any:
+    """Torque of propeller and friction at the shaft of each sample [N m]."""
+    found = np.empty(len(omega))
+    for k in range(len(omega)):
+        found[k] = load_torque(plant, torque[k], omega[k]) + friction_before_meter(plant, omega[k])
+    return found
+
+
 def powers(ship: Ship, samples: NDArray[Any]) -> Powers:
     """Work out the energy balance; a shaft whose speed is held has no balance of its own."""
     plant = ship.record()
@@ -66,12 +76,7 @@ def powers(ship: Ship, samples: NDArray[Any]) -> Powers:
         energy += 0.5 * shafts * shaft_inertia(plant) * omega**2
         down = plant["gear_ratio"] * plant["transmission_efficiency"]
         drive = shafts * down * samples["brake_torque"] * omega
-        load = [
-            load_torque(plant, q, w)
-            for q, w in zip(samples["propeller_torque"], omega, strict=True)
-        ]
-        rub = [friction_before_meter(plant, w) for w in omega]
-        others -= shafts * (np.array(load) + np.array(rub)) * omega
+        others -= shafts * resisting_torque(plant, samples["propeller_torque"], omega) * omega
     if ship.moves:
         energy += 0.5 * plant["mass"] * speed**2
         push = shafts * (1.0 - plant["thrust_deduction"]) * samples["thrust"]
