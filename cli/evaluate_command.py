@@ -77,8 +77,9 @@ def evaluate(
     interval: Annotated[float, typer.Option(
         help="Control interval [s], a multiple of the ship's time step.")] = _INTERVAL,
     orders: Annotated[Path | None, typer.Option(
-        help="Table of ordered speeds, in place of those of the task: `time_s` and `speed_order_m_s`, "
-        "`speed_order_kn`, `lever` or `lever_percent`.", show_default="those of the task")] = None,
+        help="Table of ordered speeds, in place of those of the task: `time_s`, `time_min` or `time_h`, "
+        "and `speed_order_m_s`, `speed_order_kn`, `speed_order_km_h`, `lever` or `lever_percent`.",
+        show_default="those of the task")] = None,
     ramp: Annotated[bool, typer.Option(
         "--ramp",
         help="Interpolate between the rows of --orders; without it each order is held.")] = False,
