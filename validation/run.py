@@ -21,7 +21,7 @@ from ..display.tables import markdown
 from .cases import Case, hash_truth
 from .recording import SimulatedCase, simulate_case
 from .scoring import confusion, draw_confusion, score, table_of, tables_of
-from .variants import PLAIN, VARIANTS, file_text
+from .variants import PLAIN, TITLES, VARIANTS, file_text
 
 Diagnose = Callable[..., Mapping[str, Any]]
 """Function of (recording, ship, folder for results, excluded ids) that returns ``report.json``; the
@@ -138,7 +138,7 @@ def write_page(
         "parameters": "Parameters and their intervals",
     }
     count = tables["cases"]["index"].nunique()
-    parts = ["# Validation on concealed effects", f"{count} cases, made by `{command}`.", PREFACE]
+    parts = [f"# {TITLES[variant]}", f"{count} cases, made by `{command}`.", PREFACE]
     if variant != PLAIN:
         parts.insert(2, f"Variant `{variant}`: {VARIANTS[variant]}.")
     for name, table in tables.items():

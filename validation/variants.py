@@ -37,6 +37,14 @@ VARIANTS = {
 }
 """Description of each variant by name."""
 
+TITLES = {
+    PLAIN: "Validation on concealed effects", REALISTIC: "Validation with realistic ship files",
+    SLOW: "Validation with one row a second", RAW: "Validation with a hundred rows a second",
+    ONE_MISSING: "Validation with a channel missing",
+    CLOSED_LOOP: "Validation with a governor in the loop",
+}  # fmt: skip
+"""Title of the page of each variant."""
+
 OFF = {
     FRIGATE: {
         "inertia_front": 0.1, "inertia_back": 0.1, "rub": 0.1, "resistance": 0.05, "kt_scale": 0.05,

@@ -18,7 +18,7 @@ from shaftline.plant.replay import simulate_recording
 from shaftline.validation import run, variants
 from shaftline.validation.cases import Case, draw_case
 from shaftline.validation.recording import SimulatedCase, simulate_case
-from shaftline.validation.variants import OFF, VARIANTS
+from shaftline.validation.variants import OFF, TITLES, VARIANTS
 
 SEED = 3
 PLAIN = [i for i in range(40) if draw_case(SEED, i).kind == "null-calm"]
@@ -34,6 +34,11 @@ def short(variant: str, index: int = FRIGATE) -> Case:
 @functools.cache
 def made(variant: str, index: int = FRIGATE) -> SimulatedCase:
     return simulate_case(short(variant, index))
+
+
+def test_each_variant_has_a_title_of_its_own() -> None:
+    assert set(TITLES) == set(VARIANTS)
+    assert len(set(TITLES.values())) == len(VARIANTS)
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
@@ -157,6 +162,7 @@ def test_the_tool_is_given_the_file_and_the_healthy_record(
     run.write_page(tables, tmp_path, "shaftline validate", "realistic")
     assert list(tables["cases"]["outcome"]) == ["nothing-missing"]
     page = (tmp_path / "validation.md").read_text(encoding="utf-8")
+    assert page.startswith("# Validation with realistic ship files\n")
     assert "Variant `realistic`: inertia and friction of the ship file off by 10 %" in page
     (place,) = tmp_path.glob("case-*")
     truth = json.loads((place / "truth.json").read_text(encoding="utf-8"))
