@@ -53,6 +53,7 @@ class Outcome:
     fit_after: dict[str, float]  # FitPercent of the corrected ship, likewise
     held_out_gain: float  # 2 Δ log L of the corrected ship on the held-out data
     excited: bool  # whether the commands move enough to distinguish effects
+    tried: tuple[str, ...] = ()  # labels of all effects that were candidates
     line: bool = False  # whether the commands are interpolated linearly between rows; else held
     highest_Hz: float = math.inf  # highest frequency that counts [Hz]
     rows_averaged: int = 1  # rows of the recording in each row of the arrays

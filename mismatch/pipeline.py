@@ -477,6 +477,7 @@ def _report(
         balance_verdicts=verdict.balances, undecidable=undecidable, explained=verdict.explained,
         left_over=verdict.left_over,
         ranking=[(c, selector.threshold(c.effect)) for c in selection.ranking],
+        tried=tuple(c.effect.label for c in selection.ranking),
         detectable=detectable_effects(fitter, selector.threshold, base, tried),
         fit_before=fit_before, fit_after=fit_percents(measured, after, rows),
         held_out_gain=float(gain), excited=replay.excited, line=replay.line,

@@ -81,12 +81,23 @@ def equilibrium(
             return [shaft]
         return [shaft, rate.ship_speed * float(plant["mass"]) / max(outputs.resistance, 1.0)]
 
+    def rounding(unknown: Any) -> float:
+        """Return the largest residual of a balance to within 1e-9 of its torques.
+
+        The torque of a drive may be far larger than that at the meter of a shaft with little load.
+        """
+        state = complete(float(unknown[0]), float(unknown[1]) if moving else 0.0)
+        _, outputs = evaluate(plant, state, inputs, blade)
+        drive_torque = abs(outputs.brake_torque) * float(plant["gear_ratio"])
+        return float(1e-9 * max(1.0, drive_torque / max(abs(outputs.shaft_torque), 1e-9)))
+
     idle = float(plant["engine_speed_min"] / plant["gear_ratio"])
     shaft_speed, ship_speed = 0.0, 0.0  # the fastest steady state so far
     for start in _starts(ship, drive):
         unknown = start if moving else start[:1]
         solution = scipy.optimize.root(residual, unknown, method="hybr", tol=1e-13)
-        if np.max(np.abs(residual(solution.x))) < 1e-9 and solution.x[0] > max(shaft_speed, 1e-3):
+        settled = np.max(np.abs(residual(solution.x))) < rounding(solution.x)
+        if settled and solution.x[0] > max(shaft_speed, 1e-3):
             shaft_speed, ship_speed = float(solution.x[0]), float(solution.x[-1])
             if shaft_speed >= idle:
                 break

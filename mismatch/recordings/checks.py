@@ -46,6 +46,7 @@ _STARTED = 0.5  # share of the largest shaft speed over which the speed varies i
 _LEAST_COMMAND_SPAN = 0.05  # share of its range over which a command must vary
 _LEAST_SIGNAL_TO_NOISE = 3.0  # multiple of its noise by which a measured channel must vary
 _SLACK, _ODD_SHARE = 0.005, 0.01  # pitch ratio beyond its limits; share of the rows
+_FEW_STOPS = 0.001  # share of rows at an end stop below which nothing is said
 _FOLLOWS = 0.5  # ratio of the two misfits below which the command lags the measured pitch
 _USUAL = 75.0  # percentile of the steps from row to row that is called the usual step
 _FAR, _NEAR = 15.0, 4.0  # usual steps from a spike to its neighbours, and between the neighbours
@@ -177,7 +178,7 @@ def end_stop_warnings(table: pd.DataFrame, ship: Ship) -> Iterator[str]:
     """Yield warnings on commands that are at or beyond the end stops of the ship."""
     drive, stop = drive_column(ship), float(ship.record()["drive_max"])
     at_stop = float((table[drive].abs() >= stop).mean())
-    if at_stop > 0.0:
+    if at_stop >= _FEW_STOPS:
         yield f"{drive} is at its end stop in {at_stop:.1%} of the rows"
     if "pitch_ratio_command" in command_columns(ship, table):
         low, high = command_ranges(ship)["pitch_ratio_command"]

@@ -62,6 +62,10 @@ def heading_of(columns: Mapping[str, Any]) -> Array | None:
     return np.asarray(np.unwrap(np.asarray(columns[found], dtype=np.float64)))
 
 
+MOST_TURNS = 0.7
+"""Share of turning rows above which too little is left of a recording without them."""
+
+
 def turning_rows(time: Array, columns: Mapping[str, Any]) -> NDArray[np.bool_]:
     """Return the rows in which a ship turns or holds a large rudder angle.
 
@@ -113,10 +117,13 @@ def turn_remark(time: Array, columns: Mapping[str, Any]) -> str:
         return ""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(int)))
     first, end = int(edges[0]), int(edges[1])
+    advice = "Set leave_out_turns = true under [rows] in the column map"
+    if rows.mean() > MOST_TURNS:
+        advice = "Use a ship file with [manoeuvring] and [rudder], or record a straight course"
     return (
         f"the ship turns or holds a large rudder angle in {rows.mean():.1%} of the rows "
         f"(first in rows {first + 1} to {end}), and the ship model runs straight ahead: the speed lost "
-        "in a turn looks like resistance. Set leave_out_turns = true under [rows] in the column map"
+        f"in a turn looks like resistance. {advice}"
     )
 
 

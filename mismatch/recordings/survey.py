@@ -195,8 +195,10 @@ def survey(
     formulas = [source for source in given.sources.values() if source.formula is not None]
     entries += [_entry(f"= {source.formula}", none, source, recording) for source in formulas]
     have = {entry.column for entry in entries}
+    stands_for: set[str] = set()
     if recording is not None and recording.measured_pitch:
-        have.add(PITCH)
+        # The file may have the command under a name that the draft knows.
+        have, stands_for = have - {PITCH_COMMAND} | {PITCH}, {PITCH_COMMAND}
     # Power divided by shaft speed is the torque.
     powers = {SHAFT_POWER} if ship.turns_freely else {SHAFT_POWER, ELECTRIC_POWER}
     useful = {
@@ -205,7 +207,8 @@ def survey(
     }  # fmt: skip
     wanted = [c for c in simulated_columns(ship) if c in COSTS and useful.get(c, True)]
     absent = {c: COSTS[c] for c in wanted if c not in have}
-    absent |= {c: "the ship cannot be simulated" for c in input_columns(ship) if c not in have}
+    needed = [c for c in input_columns(ship) if c not in have | stands_for]
+    absent |= {c: "the ship cannot be simulated" for c in needed}
     layout = raw.attrs.get("layout")
     left = raw[[entry.name for entry in entries if not entry.column]]
     begin = tuple(draft_column_map(ship, left, raw.attrs.get("units", {}), have))

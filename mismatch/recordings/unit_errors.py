@@ -169,7 +169,8 @@ def describe_unit_errors(column: str, errors: list[UnitError], median: float, ex
     """
     return (
         f"{column} looks like {' or '.join(e.looks_like for e in errors)}: its median is {median:.4g} "
-        f"where this ship {expected}; set {' or '.join(e.advice for e in errors)} in the column map"
+        f"where this ship {expected}; set {' or '.join(e.advice for e in errors)} in the column map, or "
+        "correct the ship file if the column map is right"
     )
 
 

@@ -278,7 +278,8 @@ def _tiles(diagnosis: Outcome, service: Service) -> Iterator[Tile]:
                 yield _relative_tile(quantity, capitalise(quantity.words))
         return
     if service.sure(ENGINE_POWER) is not None:
-        yield _speed_tile(service.quantities[EQUAL_POWER])
+        if (speed := service.quantities.get(EQUAL_POWER)) is not None:
+            yield _speed_tile(speed)
         yield _extra_tile(service.quantities[ENGINE_POWER], "power")
         if FUEL in service.quantities:
             yield _extra_tile(service.quantities[FUEL], "fuel")
@@ -286,10 +287,9 @@ def _tiles(diagnosis: Outcome, service: Service) -> Iterator[Tile]:
         yield _speed_tile(command)
         if (needed := service.sure(drive_column(diagnosis.ship))) is not None:
             yield _extra_tile(needed, needed.words)
-        yield Tile(
-            "Extra power", "none", "", f"the ship needs {_row(service.quantities[ENGINE_POWER]).before}"
-            f" {_scale(service.quantities[ENGINE_POWER])[1]} as before",
-        )  # fmt: skip
+        if (power := service.quantities.get(ENGINE_POWER)) is not None:
+            same = f"the ship needs {_row(power).before} {_scale(power)[1]} as before"
+            yield Tile("Extra power", "none", "", same)
 
 
 def _speed_tile(speed: Quantity) -> Tile:

@@ -218,7 +218,7 @@ def _facts(diagnosis: Outcome) -> list[tuple[str, str]]:
         ("Recording", f"{duration:.0f} s{minutes}, {len(time)} rows, one every {step:.3g} s"),
         ("Held-out data, never fitted", ", ".join(time_span(a, b) for a, b in held)),
         ("Balances checked", ", ".join(name for name, _ in diagnosis.balances)),
-        ("Effects tried", f"{len(diagnosis.ranking)} of {len(catalogue())} in the catalogue"),
+        ("Effects tried", f"{len(diagnosis.tried)} of {len(catalogue())} in the catalogue"),
     ]
     if diagnosis.findings:
         share = percent(diagnosis.explained)
@@ -283,7 +283,7 @@ def _detectable_rows(diagnosis: Outcome) -> list[dict[str, str]]:
 
 def _without_size(diagnosis: Outcome) -> dict[str, list[str]]:
     """Return the effects without a smallest detectable size: untried, or with several parameters."""
-    tried = {c.effect.label for c, _ in diagnosis.ranking}
+    tried = diagnosis.tried
     sized = {item.effect.label for item in diagnosis.detectable}
     labels = [effect.label for effect in catalogue()]
     return {

@@ -98,6 +98,10 @@ STANDSTILL = 0.05
 """Share of the rms shaft speed at which a torque from power has half weight."""
 
 
+class RunawayError(ValueError):
+    """The simulation of a ship with the recorded commands diverges."""
+
+
 class Balances:
     """Balances whose residuals the channels of a recording determine.
 
@@ -105,7 +109,7 @@ class Balances:
         replay: the recordings and the nominal ship.
 
     Raises:
-        ValueError: the simulation of the nominal ship with the recorded commands diverges.
+        RunawayError: the simulation of the nominal ship with the recorded commands diverges.
 
     Attributes:
         names: balances in the order of the residuals: ``engine``, ``propeller`` and so on.
@@ -170,7 +174,7 @@ class Balances:
         for column, values in self.nominal.items():
             if not np.isfinite(values).all():
                 when = float(self.replay.time_s[np.argmin(np.isfinite(values))])
-                raise ValueError(
+                raise RunawayError(
                     f"{self.replay.ship.name}: the simulated {column} is not finite from {when:g} s on "
                     "with the recorded commands; check that the recording is of this ship"
                 )

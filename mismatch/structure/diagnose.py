@@ -45,7 +45,7 @@ from ..search.catalogue import Effect, SizedEffect
 from ..search.fitting import Fit, Fitter, Whiteness, estimates_of
 from ..search.selection import INDISTINGUISHABLE, Candidate, Selection
 from ..setting import Setting
-from ..simulate.balances import Balances
+from ..simulate.balances import Balances, RunawayError
 from ..simulate.joint_replay import Floats, JointReplay
 from .model import MOST_SKEW, Model, Prior, guessed_prior
 from .noise_model import MOST_ROWS, coarser, reason_to_skip
@@ -85,6 +85,10 @@ parameters and effects that fit as well are preferred."""
 NO_CLOSER = "effects and parameters were also estimated together; the held-out data fit no better"
 """Remark where the first diagnosis stands."""
 
+NO_BASE = (
+    "effects and parameters were also estimated together: the likeliest model is not used, because the "
+    "ship with its parameters cannot be simulated without its effects"
+)
 NO_MODEL = (
     "effects and parameters were also estimated together: models with many values fit the held-out data "
     "better, but no model all of whose effects are significant does"
@@ -166,7 +170,10 @@ def diagnose_structure(
     model, replaced = replace_far_parameters(search, best.model)
     if replaced:
         best, alike = search.rank(model), []
-    diagnosis = _update_diagnosis(first, search, setting, together, best, alike, ranked)
+    try:
+        diagnosis = _update_diagnosis(first, search, setting, together, best, alike, ranked)
+    except RunawayError:  # The parameters are stable with the effects of the model only.
+        return _add_remark(first, NO_BASE)
     biased = [biased_parameter(first.ship, replaced, finding) for finding in diagnosis.findings]
     return replace(diagnosis, biased=biased)
 
@@ -283,6 +290,7 @@ def _update_diagnosis(
         balance_verdicts=balance_verdicts(whiteness, fit, setting.whiteness),
         explained=float(shares[-1]), left_over=colour,
         ranking=[(c, search.threshold(c.effect)) for c in selection.ranking],
+        tried=tuple(dict.fromkeys([*first.tried, *(effect.label for effect in search.effects)])),
         detectable=detectable_effects(fitter, search.threshold, fit, tried),
         fit_after=fit_percents(first.measured, after, problem.held_rows), held_out_gain=gain,
         warnings=[*together.warnings, *said],

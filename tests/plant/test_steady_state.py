@@ -198,3 +198,22 @@ def test_engine_that_gives_no_torque_has_no_steady_state(frigate: Ship) -> None:
         ValueError, match=r"frigate: no steady state .* drive 2 mm and pitch ratio 1"
     ):
         equilibrium(frigate, 2.0, 1.0)
+
+
+def test_motor_without_a_load_has_a_steady_state_against_dry_friction(tmp_path: Path) -> None:
+    """The torque at its meter is 0, so rounding errors of its own torque are large beside that."""
+    file = tmp_path / "motor.toml"
+    file.write_text(
+        'name = "motor"\n[hull]\nfixed = true\n[propeller]\nmodel = "none"\n[prime_mover]\n'
+        'type = "dc-motor"\nmotor_constant_V_s_rad = 0.045\n'
+        "armature_resistance_ohm = 2.345014598390954\nvoltage_max_V = 12.0\n[transmission]\n"
+        "gear_ratio = 1.0\nefficiency = 1.0\ninertia_engine_side_kg_m2 = 1.1798e-05\n"
+        "inertia_propeller_side_kg_m2 = 0.0\n"
+        "coulomb_friction_engine_side_N_m = 0.01506108504676442\n"
+        "[integration]\ntime_step_s = 0.0025\n"
+    )
+    for voltage in (6.0, 8.39979, 11.0):
+        found = equilibrium(load_ship(file), voltage, 1.0)
+        current = 0.01506108504676442 / 0.045
+        expected = (voltage - 2.345014598390954 * current) / 0.045
+        assert found.state.shaft_speed == pytest.approx(expected, rel=1e-9)

@@ -17,7 +17,12 @@ from shaftline.mismatch.identification.parameters import Start
 from shaftline.mismatch.options import Options
 from shaftline.mismatch.pipeline import candidates
 from shaftline.mismatch.recordings.columns import Source, load_map
-from shaftline.mismatch.recordings.course import estimate_current, speeds_remark, turning_rows
+from shaftline.mismatch.recordings.course import (
+    estimate_current,
+    speeds_remark,
+    turn_remark,
+    turning_rows,
+)
 from shaftline.mismatch.recordings.draft import draft_column_map
 from shaftline.mismatch.recordings.joint import load_jointly
 from shaftline.mismatch.recordings.load import EXTRA_SIGNALS, load_parts
@@ -192,13 +197,15 @@ def test_a_draft_keeps_the_given_map(tmp_path: Path, calm: pd.DataFrame, frigate
         '[file]\nheader_row = 3\n[columns]\nLoad = { column = "fuel_rack_mm", unit = "mm" }\n'
     )
     found = survey(tmp_path / "r.csv", frigate, tmp_path / "map.toml")
-    assert found.recording is None
+    assert found.recording is not None
+    assert found.recording.measured_pitch  # in the place of the order, which the draft finds
     (tmp_path / "draft.toml").write_text("\n".join(found.begin))
     drafted = load_map(tmp_path / "draft.toml")
     assert drafted.file.header_row == 3
     assert {*drafted.columns} == {"Load", "CPP order"}
     recording = load_recording(tmp_path / "r.csv", frigate, tmp_path / "draft.toml")
     np.testing.assert_allclose(recording["pitch_ratio_command"], calm["pitch_ratio_command"])
+    assert not recording.measured_pitch
 
 
 def logged(calm: pd.DataFrame, **columns: Any) -> pd.DataFrame:
@@ -358,6 +365,17 @@ def test_turns_are_found_by_heading_rudder_or_rate() -> None:
     by_rudder = turning_rows(time, {"rudder_rad": rudder})
     assert by_rudder[205:235].all()
     assert by_rudder.sum() < 75
+
+
+def test_a_recording_of_turns_alone_is_not_left_out() -> None:
+    time = np.arange(0.0, 600.0)
+    turning = turn_remark(time, {"heading_rad": 0.02 * time})
+    assert "in 100.0% of the rows" in turning
+    assert turning.endswith(
+        "Use a ship file with [manoeuvring] and [rudder], or record a straight course"
+    )
+    partly = turn_remark(time, {"heading_rad": np.clip(0.02 * (time - 300.0), 0.0, 1.0)})
+    assert partly.endswith("Set leave_out_turns = true under [rows] in the column map")
 
 
 def test_turns_can_be_left_out(calm: pd.DataFrame, frigate: Ship, tmp_path: Path) -> None:

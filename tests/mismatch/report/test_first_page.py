@@ -182,6 +182,20 @@ def test_a_calibrated_parameter_that_moved_is_a_change_of_the_ship(frigate: Ship
     ]
 
 
+def test_a_ship_without_a_speed_at_equal_power_has_the_other_numbers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    diagnosis = fouled()
+    service = first_page(diagnosis).service
+    left = {name: q for name, q in service.quantities.items() if name != EQUAL_POWER}
+    monkeypatch.setattr(
+        "shaftline.mismatch.report.first_page.service_of",
+        lambda *_: replace(service, quantities=left),
+    )
+    assert [tile.label for tile in first_page(diagnosis).tiles] == ["Extra power", "Extra fuel"]
+    assert first_page(diagnosis).to_dict()["speed_loss_percent"] is None
+
+
 def test_an_unknown_cause_orders_no_work() -> None:
     page = first_page(diagnosis_of("unexplained"))
     assert page.where == ["engine, cause unknown"]

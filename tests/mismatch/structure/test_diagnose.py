@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from shaftline.mismatch import Diagnosis, Options, diagnose
+from shaftline.mismatch.simulate.balances import RunawayError
+from shaftline.mismatch.structure.diagnose import NO_BASE
 from shaftline.mismatch.structure.model import Model
 from shaftline.mismatch.structure.search import StructureSearch
 from shaftline.plant import load_ship
@@ -130,6 +132,21 @@ def test_a_recording_too_dull_to_decide_is_not_healthy() -> None:
     assert found.verdict == "unexplained"
     assert found.undecidable
     assert found.sentence.startswith("Whether physics is missing cannot be decided, because ")
+
+
+def test_a_model_whose_parameters_alone_diverge_leaves_the_first_diagnosis(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def diverge(*_: object) -> Diagnosis:
+        raise RunawayError("motor: the simulated shaft_speed_rad_s is not finite")
+
+    truth = {COULOMB: 0.03, INERTIA: 1.25e-3}
+    data = motor(), run(truth, 1)
+    first = diagnose(*data, hold_out=[run(truth, 2)], options=replace(OPTIONS, quick=True))
+    monkeypatch.setattr("shaftline.mismatch.structure.diagnose._update_diagnosis", diverge)
+    found = diagnose(*data, hold_out=[run(truth, 2)], options=OPTIONS)
+    assert found.warnings[-1] == NO_BASE
+    assert found.to_dict()["effects"] == first.to_dict()["effects"]
 
 
 def test_no_more_is_reported_than_was_asked_for_and_no_parameter_moves_without_a_tolerance() -> (
