@@ -107,7 +107,6 @@ class TrialShip:
         self._scales = probe_scales(balances)
         self._longest_s = (HISTORY - 2) * min(run.dt for run in balances.replay.runs)
         self._numbers: dict[tuple[str, ...], ShipParameter] = {}
-        self._records: dict[tuple[str, ...], Any] = {(): self.nominal}
 
     def settings(self, effect: SizedEffect) -> dict[str, float]:
         """Return the values of an effect by dotted key of the ship file, inside their ranges."""
@@ -166,16 +165,10 @@ class TrialShip:
             ship = sized.effect.on(ship)
         return ship
 
-    def record_with_terms(self, effects: tuple[SizedEffect, ...]) -> Any:
-        """Return the record of the ship with the terms of some effects at neutral values."""
-        place = tuple(sized.effect.label for sized in effects)
-        if place not in self._records:
-            self._records[place] = self.with_terms(effects).record()
-        return self._records[place].copy()
-
     def record(self, effects: tuple[SizedEffect, ...]) -> Any:
         """Return the record of the ship with some effects."""
-        plant = self.record_with_terms(effects)
+        host = self.with_terms(effects)
+        plant = self.nominal.copy() if host is self.ship else host.record()
         self.write(plant, effects)
         return plant
 

@@ -110,7 +110,7 @@ class OutputError:
 
     def record(self, effects: tuple[SizedEffect, ...], shifts: Floats) -> Any:
         """Return the ship's record with shifted parameters and effects; effects take precedence."""
-        plant = self.trial_ship.record_with_terms(effects)
+        plant = self.trial_ship.with_terms(effects).record()
         for prior, shift in zip(self.priors, shifts, strict=True):
             prior.write(plant, prior.value_at(float(shift)))
         self.trial_ship.write(plant, effects)
