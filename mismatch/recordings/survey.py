@@ -208,7 +208,7 @@ def survey(
     wanted = [c for c in simulated_columns(ship) if c in COSTS and useful.get(c, True)]
     absent = {c: COSTS[c] for c in wanted if c not in have}
     needed = [c for c in input_columns(ship) if c not in have | stands_for]
-    absent |= {c: "the ship cannot be simulated" for c in needed}
+    absent |= dict.fromkeys(needed, "the ship cannot be simulated")
     layout = raw.attrs.get("layout")
     left = raw[[entry.name for entry in entries if not entry.column]]
     begin = tuple(draft_column_map(ship, left, raw.attrs.get("units", {}), have))

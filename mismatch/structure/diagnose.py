@@ -344,12 +344,14 @@ def _selection(
 ) -> Selection:
     """Return a model as a selection of the first search: gain, threshold and rivals of each effect.
 
-    ``rests`` has the model without each of its effects.
+    ``rests`` has the model without each of its effects. The ranking has the effects that were fitted
+    alone, with their gain over the ship with refitted parameters.
     """
 
-    def candidate(sized: SizedEffect, one: Ranked) -> Candidate:
-        """Return an effect of another model with that model's merit."""
-        return Candidate(sized.effect, replace(fitter.null, effects=(sized,)), one.merit)
+    def candidate(sized: SizedEffect, one: Ranked, without: Model) -> Candidate:
+        """Return an effect of another model with its gain over a model without it."""
+        gain = one.model.score - without.score
+        return Candidate(sized.effect, replace(fitter.null, effects=(sized,)), gain)
 
     labels, effects = best.model.labels, best.model.effects
     gains, rivals = [], []
@@ -359,11 +361,14 @@ def _selection(
         for one in alike:
             others = [other for other in one.model.effects if other.effect.label not in labels]
             if len(others) == 1 and labels - one.model.labels == {sized.effect.label}:
-                own.append(candidate(others[0], one))
+                own.append(candidate(others[0], one, rest))
         rivals.append(tuple(own))
     thresholds = tuple(search.threshold(sized.effect) for sized in effects)
-    singles = (one for one in ranked if len(one.model.effects) == 1)
-    ranking = tuple(candidate(one.model.effects[0], one) for one in singles)
+    bare = search.pool[frozenset()]
+    alone = [
+        candidate(*one.model.effects, one, bare) for one in ranked if len(one.model.effects) == 1
+    ]
+    ranking = tuple(sorted(alone, key=lambda one: -one.gain))
     return Selection(fit, tuple(gains), thresholds, tuple(rivals), ranking)
 
 

@@ -39,10 +39,9 @@ START_PRECISION = 0.01
 MOST_STEPS, MOST_TRIALS = 20, 6
 """Largest number of Gauss-Newton steps of a fit, and of trials of a step with increasing damping."""
 
-SETTLED, ABOUT = 0.5, 2.0
+SETTLED, ABOUT = 0.1, 1.0
 """Gain of a step in 2 log L, predicted or simulated, below which a fit ends: with its own derivatives,
-and with derivatives of another model, which only rank the models. Models that differ by less than 10
-are tied."""
+and with derivatives of another model, which only rank the models."""
 
 DIVERGED = 1e6
 """Multiple of the largest measured value from which a simulated channel counts as diverged."""
