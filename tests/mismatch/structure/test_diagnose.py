@@ -48,6 +48,17 @@ def test_friction_is_identified_and_the_inertia_estimated(found: Diagnosis) -> N
     assert number.shifts > 30.0
 
 
+def test_the_ranking_has_the_gain_of_each_effect_alone(found: Diagnosis) -> None:
+    (finding,) = found.findings
+    own = next(row for row in found.ranking if row[0].effect is finding.effect)
+    assert own[0].gain == pytest.approx(finding.score, rel=0.01)
+    assert own[1] == finding.threshold
+    gains = [candidate.gain for candidate, _ in found.ranking]
+    assert gains == sorted(gains, reverse=True)
+    # All candidates were tried, although screening fits the best ones alone.
+    assert len(found.tried) > len(found.ranking)
+
+
 def test_a_parameter_beyond_its_tolerance_leaves_the_verdict_partly(found: Diagnosis) -> None:
     assert found.verdict == "partly-explained"
     assert any("the value or its tolerance in the ship file is wrong" in w for w in found.warnings)
