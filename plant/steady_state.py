@@ -81,23 +81,26 @@ def equilibrium(
             return [shaft]
         return [shaft, rate.ship_speed * float(plant["mass"]) / max(outputs.resistance, 1.0)]
 
-    def rounding(unknown: Any) -> float:
-        """Return the largest residual of a balance to within 1e-9 of its torques.
+    def is_steady(unknown: Any) -> bool:
+        """Return whether each balance holds to 1e-9.
 
-        The torque of a drive may be far larger than that at the meter of a shaft with little load.
+        The torque of a drive may be far larger than that at the meter of a shaft with little load: the
+        balance of the shaft holds to 1e-9 of the larger one.
         """
-        state = complete(float(unknown[0]), float(unknown[1]) if moving else 0.0)
-        _, outputs = evaluate(plant, state, inputs, blade)
-        drive_torque = abs(outputs.brake_torque) * float(plant["gear_ratio"])
-        return float(1e-9 * max(1.0, drive_torque / max(abs(outputs.shaft_torque), 1e-9)))
+        errors = np.abs(residual(unknown))
+        if errors.max() >= 1e-9 and ship.turns_freely:
+            state = complete(float(unknown[0]), float(unknown[1]) if moving else 0.0)
+            _, outputs = evaluate(plant, state, inputs, blade)
+            drive_torque = abs(outputs.brake_torque) * float(plant["gear_ratio"])
+            errors[0] /= max(1.0, drive_torque / max(abs(outputs.shaft_torque), 1e-9))
+        return bool(errors.max() < 1e-9)
 
     idle = float(plant["engine_speed_min"] / plant["gear_ratio"])
     shaft_speed, ship_speed = 0.0, 0.0  # the fastest steady state so far
     for start in _starts(ship, drive):
         unknown = start if moving else start[:1]
         solution = scipy.optimize.root(residual, unknown, method="hybr", tol=1e-13)
-        settled = np.max(np.abs(residual(solution.x))) < rounding(solution.x)
-        if settled and solution.x[0] > max(shaft_speed, 1e-3):
+        if is_steady(solution.x) and solution.x[0] > max(shaft_speed, 1e-3):
             shaft_speed, ship_speed = float(solution.x[0]), float(solution.x[-1])
             if shaft_speed >= idle:
                 break

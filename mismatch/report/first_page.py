@@ -29,6 +29,7 @@ from .service import (
     service_of,
 )
 from .wording import (
+    CHANGED,
     biased_parameter_sentence,
     biased_parameters,
     capitalise,
@@ -193,9 +194,7 @@ def _headline(diagnosis: Outcome, service: Service) -> str:
     if wrong := _wrong_in_file(diagnosis):
         if not costs:
             return plain
-        begin = "Not as the ship file says:"
-        if changed_since_reference(wrong):
-            begin = "Changed since the reference period:"
+        begin = CHANGED if changed_since_reference(wrong) else "Not as the ship file says:"
         return _fitted(begin, [costs], "") or plain
     if status == NOTHING:
         return "No loss found: the ship performs as the ship file says."

@@ -11,6 +11,7 @@ from ..judge.held_out import rms_errors
 from ..judge.verdict import EXPLAINED, NOTHING, PARTLY, UNEXPLAINED, BalanceVerdict, Finding
 from ..outcome import Outcome, block_statistics
 from .wording import (
+    CHANGED,
     biased_parameter_sentence,
     biased_parameters,
     capitalise,
@@ -105,9 +106,7 @@ def headline(diagnosis: Outcome) -> str:
     if corrected := corrected_parameters(diagnosis, free=True, far=True):
         wrong = [parameter_words(n.key.rpartition(".")[2], n.unit) for n in corrected]
         left = "; a residual remains" if has_residual(diagnosis) else ""
-        begin = "The ship file is wrong in"
-        if changed_since_reference(corrected):
-            begin = "Changed since the reference period:"
+        begin = CHANGED if changed_since_reference(corrected) else "The ship file is wrong in"
         return _shortened(begin, wrong, left)
     if diagnosis.verdict == NOTHING:
         return f"{verdict}: the difference is within noise and the tolerances of the ship file."

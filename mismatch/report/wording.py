@@ -212,6 +212,10 @@ def percent(share: float) -> str:
     return "more than 99 %" if 0.995 <= share < 1.0 else f"{100.0 * share:.0f} %"
 
 
+CHANGED = "Changed since the reference period:"
+"""Begin of a headline on parameters of :func:`changed_since_reference`."""
+
+
 def changed_since_reference(parameters: Sequence[ParameterChange]) -> bool:
     """Return whether parameters were known from a reference period, so that the ship has changed."""
     return all(change.source == "calibrated" for change in parameters)
