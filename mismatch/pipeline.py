@@ -82,7 +82,7 @@ from .search.formulas import Formula, is_as_good, search_formula
 from .search.selection import Selection, Selector
 from .setting import Setting, Settings
 from .simulate.joint_replay import START_STEPS
-from .simulate.time_step import restore_time_step, simulates_equally, with_longest_time_step
+from .simulate.time_step import ABOUT, restore_time_step, with_longest_time_step
 from .structure.diagnose import diagnose_structure
 
 CURRENT = "current"
@@ -91,6 +91,9 @@ CURRENT = "current"
 MOST_IN_REFERENCE = 4
 """Largest number of effects of a reference period by default, one more than of a later recording: what
 the ship file lacks there must not appear as a change."""
+
+FINER = 4.0
+"""Ratio of the time step to the next shorter one that is tried where an effect acts faster."""
 
 ANOTHER_PERIOD = "calibrate on another period than is diagnosed"
 
@@ -177,21 +180,27 @@ def _find_cause_in_time(
 ) -> tuple[Diagnosis, Setting]:
     """Find the cause with the longest time step that simulates the recordings as the ship's own does."""
     effects = candidates(start, together, options)
-    slower = start.ship
-    if not together.steady:
-        hosts = [effect.on for effect in effects]
-        slower = with_longest_time_step(start.ship, together.tables, hosts)
-    found = _find_cause(replace(start, ship=slower), together, effects, options, tick)
-    if slower is start.ship:
-        return found
-    diagnosis, setting = found
-    restored = _with_ships(diagnosis, start.ship, lambda ship: restore_time_step(ship, start.file))
-    times = [e.value for f in restored.findings for e in f.estimates if e.unit == "s"]
-    limited = any(value <= 1.01 * slower.time_step_s for value in times)
-    if limited or not simulates_equally(restored.corrected, slower, together.tables):
-        # An effect that acts faster than the longer time step, such as a short delay.
-        return _find_cause(start, together, effects, options, tick)
-    return restored, setting
+    hosts = [effect.on for effect in effects]
+    slower, longest_s = start.ship, math.inf
+    while True:
+        if not together.steady:
+            slower = with_longest_time_step(start.ship, together.tables, hosts, longest_s)
+        found = _find_cause(replace(start, ship=slower), together, effects, options, tick)
+        if slower is start.ship:
+            return found
+        diagnosis, setting = found
+        restored = _with_ships(
+            diagnosis, start.ship, lambda ship: restore_time_step(ship, start.file)
+        )
+        step_s = slower.time_step_s
+        exact = with_longest_time_step(restored.corrected, together.tables, (), step_s, ABOUT)
+        longest_s = exact.time_step_s
+        times = [e.value for f in restored.findings for e in f.estimates if e.unit == "s"]
+        if any(value <= 1.01 * step_s for value in times):
+            # An effect that acts faster than the longer time step, such as a short lag.
+            longest_s = min(longest_s, step_s / FINER)
+        if longest_s > 0.99 * step_s:
+            return restored, setting
 
 
 def _find_cause(

@@ -28,6 +28,10 @@ MOST_WAYS = 3
 LOST = 0.25
 """Error of a channel on the held-out data, as a share of its size, above which a model loses it."""
 
+LEAST_LEFT = 0.3
+"""Share of the commands' range that the rows beside a held-out quarter must cover. Without a movement in
+the fitted rows no parameter and no effect can be estimated."""
+
 ROUNDING = 1e-12
 """Share of a channel's size within which it counts as constant, because means of equal values round."""
 
@@ -39,7 +43,8 @@ def split_held_out(replay: JointReplay, runs: int) -> list[tuple[Segments, Segme
     - Of :data:`SEVERAL` recordings or more, a quarter of them is held out, at least one: those without
       which the others cover most of the commands' range, and none with more than half of all rows.
     - Otherwise the last quarter of the longest recording is held out, or another quarter that covers the
-      commands' range clearly better.
+      commands' range clearly better. The other rows must still cover :data:`LEAST_LEFT` of the range, as
+      they do not where the commands move in one quarter only.
     """
     if runs:
         return [(replay.segments[:-runs], replay.segments[-runs:])]
@@ -52,13 +57,14 @@ def split_held_out(replay: JointReplay, runs: int) -> list[tuple[Segments, Segme
     starts = [last - length, first, first + length, first + 2 * length]
     covered = [_coverage(replay, [(first, last)], [(s, s + length)]) for s in starts]
     covered[0] /= 0.85
-    rest = [s for i, s in enumerate(replay.segments) if i != longest]
+    others = [s for i, s in enumerate(replay.segments) if i != longest]
     splits = []
     for start in (starts[i] for i in np.argsort(covered)[::-1]):
         pieces = [(first, start), (start + length, last)]
         kept = [(a, b) for a, b in pieces if b - a > 20]
-        splits.append(([*rest, *kept], [(start, start + length)]))
-    return splits
+        splits.append(([*others, *kept], [(start, start + length)]))
+    moving = [one for one in splits if _coverage(replay, replay.segments, one[0]) >= LEAST_LEFT]
+    return moving or splits
 
 
 def _split_whole(replay: JointReplay) -> list[tuple[Segments, Segments]]:

@@ -33,7 +33,7 @@ from .remarks import remarks
 from .steady_rows import NoDriveCommandError, drive_by_shaft_speed, missing_drive_remark
 
 COSTS = {
-    "shaft_torque_N_m": "losses of the engine and of the propeller are indistinguishable",
+    "shaft_torque_N_m": "losses of the drive and of its load are indistinguishable",
     "ship_speed_m_s": "effects on the hull, such as fouling or a current, are not identifiable",
     "pitch_ratio": "faults of the pitch actuator and of the propeller are indistinguishable",
     "thrust_N": "the propeller thrust is inferred from torque and ship speed alone",

@@ -7,6 +7,7 @@ row is then as exact as the short one, and several times faster.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
@@ -26,9 +27,17 @@ changes 2 log L by at most 1e-4 for each row and channel. Commands are held betw
 comparison. On a line, the command of a step is that of its middle, so that a longer step moves it by up
 to a quarter of a row; between two rows, a line is uncertain by more than that."""
 
+ABOUT = 0.1
+"""The same for a ship with identified effects, which lead by far more than the 0.01 by which 2 log L then
+changes for each row and channel. A delay between two multiples of the step is interpolated."""
+
 
 def with_longest_time_step(
-    ship: Ship, tables: Sequence[pd.DataFrame], changes: Iterable[Callable[[Ship], Ship]] = ()
+    ship: Ship,
+    tables: Sequence[pd.DataFrame],
+    changes: Iterable[Callable[[Ship], Ship]] = (),
+    longest_s: float = math.inf,
+    inexact: float = INEXACT,
 ) -> Ship:
     """Return the ship with the longest time step that simulates recordings as its own step does.
 
@@ -37,17 +46,20 @@ def with_longest_time_step(
         tables: canonical columns at an even interval; equal columns and intervals.
         changes: functions that return a ship with a candidate effect; the time step must resolve the
             effect's own time constants.
+        longest_s: upper limit of the time step [s].
+        inexact: largest rms change of a simulated channel, as a multiple of the channel's noise [-].
 
     Returns:
         The ship itself if no longer step is as exact, or if its time constants need its own step.
     """
     interval_s = float(np.ptp(tables[0][TIME])) / (len(tables[0]) - 1)
-    steps = [s for n in STEPS_PER_ROW if (s := interval_s / n) > 1.01 * ship.time_step_s]
+    steps = [interval_s / n for n in STEPS_PER_ROW]
+    steps = [s for s in steps if 1.01 * ship.time_step_s < s <= 1.01 * longest_s]
     if not steps:
         return ship
     own, changes = _Simulations(ship, tables), list(changes)
     for step_s in steps:
-        slower = own.equal_ship(step_s)
+        slower = own.equal_ship(step_s, inexact)
         if slower is not None and all(_is_valid(change, slower) for change in changes):
             return slower
     return ship
@@ -59,11 +71,6 @@ def _is_valid(change: Callable[[Ship], Ship], ship: Ship) -> bool:
     except ShipError:
         return False
     return True
-
-
-def simulates_equally(ship: Ship, other: Ship, tables: Sequence[pd.DataFrame]) -> bool:
-    """Return whether a ship simulates recordings with the time step of another ship as with its own."""
-    return _Simulations(ship, tables).equal_ship(other.time_step_s) is not None
 
 
 def restore_time_step(ship: Ship, file: Ship) -> Ship:
@@ -83,8 +90,8 @@ class _Simulations:
         self._ship, self._replay = ship, JointReplay(ship, *tables)
         self._exact = self._replay.simulate_channels(ship.record())
 
-    def equal_ship(self, time_step_s: float) -> Ship | None:
-        """Return the ship with another time step; None if a channel changes by over :data:`INEXACT`."""
+    def equal_ship(self, time_step_s: float, inexact: float) -> Ship | None:
+        """Return the ship with another time step; None if a channel changes by more than a limit."""
         try:
             other = _with_time_step(self._ship, time_step_s)
         except ShipError:  # too long for a time constant of the ship, or for any ship
@@ -92,6 +99,6 @@ class _Simulations:
         channels = self._replay.with_ship(other).simulate_channels(other.record())
         for name, values in self._exact.items():
             change = float(np.sqrt(np.mean((channels[name] - values) ** 2)))
-            if not change <= INEXACT * self._replay.noise_rms[name]:  # true of a ship that diverges
+            if not change <= inexact * self._replay.noise_rms[name]:  # true of a ship that diverges
                 return None
         return other

@@ -156,7 +156,7 @@ def diagnose_structure(
     best, alike = choose(ranked, problem.held_error(problem.file_model()), noise_limit(problem))
     if (pruned := search.prune(best)) is not best:
         best, alike = pruned, []
-    plain = parameters_alone(best, ranked)
+    plain = parameters_alone(best, ranked, search.price(best.model.effects))
     # A parameter of a reference period is no wrong file, so that it must have a cause.
     if plain is not None and not any(
         problem.priors[k].wrong == 0.0 for k in problem.far_parameters(plain.model)

@@ -497,15 +497,23 @@ def choose(
     return best, [o for o in others if o is not best and o.model.size <= best.model.size]
 
 
-def parameters_alone(best: Ranked, ranked: list[Ranked]) -> Ranked | None:
+def parameters_alone(best: Ranked, ranked: list[Ranked], price: float) -> Ranked | None:
     """Return the model without effects in place of the best one, if it is as good.
 
-    It is as good if the effects reduce the held-out error by less than :data:`BETTER`. It is not if more
-    of its parameters are far from the ship file than the best model has effects and far parameters.
+    It is as good if the effects neither reduce the held-out error to :data:`BETTER` of its own nor
+    increase 2 log L of the held-out data by their price, that is, its likelihood does not confirm them.
+    It is not if more of its parameters are far from the ship file than the best model has effects and
+    far parameters.
+
+    Args:
+        best: best model.
+        ranked: all models.
+        price: price of the best model's effects in 2 log L, from :meth:`StructureSearch.price`.
     """
     plain = next(one for one in ranked if not one.model.labels)
     more = plain.departures > best.departures
-    if not best.model.labels or more or total(best.held, plain.held) <= BETTER:
+    confirmed = best.likelihood - plain.likelihood >= price
+    if not best.model.labels or more or confirmed or total(best.held, plain.held) <= BETTER:
         return None
     return plain
 

@@ -64,6 +64,14 @@ def test_another_quarter_must_cover_the_demands_clearly_better(last: float, star
     assert first_choice(np.full(400, 20.0))[1] == [(300, 400)]
 
 
+def test_the_only_quarter_that_moves_is_not_held_out() -> None:
+    """Where the others move by 0.4 of the range, the quarter that covers the range is held out."""
+    ways = split_held_out(replay(quarters(1.0, 0.0, 0.0, 0.0)), 0)
+    assert sorted(held for _, held in ways) == [[(a, a + 100)] for a in (100, 200, 300)]
+    assert first_choice(quarters(1.0, 0.2, 0.2, 0.2))[1] == [(300, 400)]
+    assert first_choice(quarters(1.0, 0.4, 0.4, 0.4))[1] == [(0, 100)]
+
+
 def test_of_two_recordings_the_longer_is_parted() -> None:
     segments = [(0, 100), (100, 500)]
     train, held = first_choice(np.tile(np.linspace(0.0, 1.0, 50), 10), None, segments)
@@ -130,10 +138,11 @@ def test_bands_of_a_ship_that_turns_hold_more_than_her_many_numbers_explain() ->
 
 def test_a_rudder_that_moves_in_a_quarter_is_not_set_aside_with_it() -> None:
     still: Any = replay(np.ones(400))
-    still.rudder_rows = np.where(np.arange(400) < 300, 0.0, 0.4 * np.sin(np.arange(400)))
-    train, held = split_held_out(still, 0)[0]
-    assert held == [(300, 400)]  # the quarter that covers the rudder's range best
-    assert sum(b - a for a, b in train) == 300
+    rows = np.arange(400)
+    still.rudder_rows = np.where(rows < 300, 0.0, 0.4 * np.sin(rows))
+    assert [(300, 400)] not in [held for _, held in split_held_out(still, 0)]
+    still.rudder_rows[rows < 100] = 0.3 * np.sin(rows[:100])
+    assert split_held_out(still, 0)[0][1] == [(300, 400)]  # the quarter that covers most of the range
 
 
 def test_the_part_set_aside_is_judged_alone() -> None:

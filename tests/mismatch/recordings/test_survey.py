@@ -51,7 +51,7 @@ def test_what_is_missing_is_named_with_its_cost(calm: pd.DataFrame, tmp_path: Pa
     bare.to_csv(tmp_path / "r.csv", index=False)
     said = list(survey(tmp_path / "r.csv", load_ship("frigate")).sentences())
     assert "left out, neither canonical nor in the column map: weather" in said
-    assert any(s.startswith("without shaft_torque_N_m: losses of the engine and") for s in said)
+    assert any(s.startswith("without shaft_torque_N_m: losses of the drive and") for s in said)
     assert any(s.startswith("without ship_speed_m_s: effects on the hull") for s in said)
     assert said[-1].startswith("usable")
 

@@ -9,9 +9,9 @@ from shaftline.mismatch.options import Options
 from shaftline.mismatch.search.catalogue import applicable_effects
 from shaftline.mismatch.simulate.joint_replay import START_STEPS, JointReplay
 from shaftline.mismatch.simulate.time_step import (
+    ABOUT,
     INEXACT,
     restore_time_step,
-    simulates_equally,
     with_longest_time_step,
 )
 from shaftline.plant import Ship, ShipError, load_ship, simulate_recording
@@ -87,10 +87,10 @@ def test_every_effect_of_the_catalogue_allows_the_longest_step(
 
 
 def test_a_short_dead_time_needs_the_short_step(ship: Ship, log: pd.DataFrame) -> None:
-    slower = with_longest_time_step(ship, [log])
-    assert simulates_equally(ship, slower, [log])
-    late = ship.with_values({"prime_mover.dead_time_s": 0.1})
-    assert not simulates_equally(late, slower, [log])
+    for delay_s, step_s in ((0.0, 0.5), (0.1, 0.1)):
+        late = ship.with_values({"prime_mover.dead_time_s": delay_s})
+        found = with_longest_time_step(late, [log], (), 0.5, ABOUT)
+        assert found.time_step_s == pytest.approx(step_s)
 
 
 def test_the_step_is_restored_unless_it_became_shorter(ship: Ship) -> None:

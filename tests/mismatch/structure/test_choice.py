@@ -115,5 +115,16 @@ def test_parameters_alone_are_preferred_unless_more_of_them_leave_the_ship_file(
     plain = replace(_ranked("", 1.0), departures=2)
     for held, departures, chosen in ((0.96, 2, plain), (0.94, 2, None), (0.96, 1, None)):
         best = replace(_ranked("a", held), departures=departures)
-        assert parameters_alone(best, [best, plain]) is chosen
-    assert parameters_alone(plain, [plain]) is None
+        assert parameters_alone(best, [best, plain], 12.0) is chosen
+    assert parameters_alone(plain, [plain], 0.0) is None
+
+
+@pytest.mark.parametrize(("gain", "kept"), [(11.9, False), (12.1, True)])
+def test_effects_that_the_likelihood_of_held_out_data_confirms_are_kept(
+    gain: float, kept: bool
+) -> None:
+    """Effects with a price of 12 whose held-out rms error is no smaller."""
+    plain = _ranked("", 1.0)
+    best = replace(_ranked("a", 1.1), likelihood=plain.likelihood + gain)
+    chosen = None if kept else plain
+    assert parameters_alone(best, [best, plain], 12.0) is chosen
