@@ -19,8 +19,11 @@ if TYPE_CHECKING:
     from .learning.training import train
 
 _MODULES = {
-    "Recipe": "recipe", "RecipeError": "recipe", "read_recipe": "recipe", "train": "training",
-}  # fmt: skip
+    "Recipe": "recipe",
+    "RecipeError": "recipe",
+    "read_recipe": "recipe",
+    "train": "training",
+}
 
 __all__ = [
     "KPIS", "Clairvoyant", "Evaluation", "Policy", "PolicyError", "Recipe", "RecipeError", "Setting",

@@ -112,9 +112,14 @@ class _Optimum:
             for kind, function in (("eq", shortfall), ("ineq", self.constraints))
         ]
         found = solve(
-            cost, start, method="SLSQP", jac=by(cost), bounds=self.bounds, constraints=conditions,
+            cost,
+            start,
+            method="SLSQP",
+            jac=by(cost),
+            bounds=self.bounds,
+            constraints=conditions,
             options={"maxiter": 100, "ftol": 1e-9},
-        )  # fmt: skip
+        )
         reached = self.at(found.x)
         met = abs(reached.thrust / thrust - 1.0) < 1e-4
         met = met and slack(reached, self.torque_share) > -1e-3

@@ -78,9 +78,15 @@ def actions(plant: Record, pitch_ratio: Any, fuel_rack: Any) -> NDArray[np.float
 
 
 OBSERVED = (
-    "speed_order", "shaft_speed", "measured_shaft_torque", "measured_pitch_ratio", "fuel_rack",
-    "measured_ship_speed", "estimated_advance_velocity", "estimate_valid",
-)  # fmt: skip
+    "speed_order",
+    "shaft_speed",
+    "measured_shaft_torque",
+    "measured_pitch_ratio",
+    "fuel_rack",
+    "measured_ship_speed",
+    "estimated_advance_velocity",
+    "estimate_valid",
+)
 """Signals of an observation, in order; ``plant/signals.py`` lists their units and bounds."""
 
 

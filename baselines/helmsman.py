@@ -28,8 +28,13 @@ from . import loop_shaping
 from .controller import Ranges
 
 STEERED = (
-    "heading_order", "heading", "yaw_rate", "rudder_angle", "cross_track_order", "cross_track",
-)  # fmt: skip
+    "heading_order",
+    "heading",
+    "yaw_rate",
+    "rudder_angle",
+    "cross_track_order",
+    "cross_track",
+)
 """Signals that steering adds to an observation, in order; ``plant/signals.py`` lists their units."""
 
 _USUAL_LOAD = 0.6  # drive command over its highest value, for the default design speed

@@ -25,8 +25,13 @@ from .helmsman import ShapedHelmsman
 
 COMMANDS = ("pitch_command", "drive")  # in the order in which ``act`` returns them
 _MEASURED = (
-    "shaft_speed", "shaft_torque", "pitch_ratio", "fuel_rack", "ship_speed", "advance_velocity",
-)  # fmt: skip
+    "shaft_speed",
+    "shaft_torque",
+    "pitch_ratio",
+    "fuel_rack",
+    "ship_speed",
+    "advance_velocity",
+)
 _SHARE = 1e-5  # step of the finite differences over the size of a signal
 _LONGEST_S, _CHECK_S = 7200.0, 60.0  # longest time to a steady state; time over which it is judged
 _STEADY = 1e-9  # largest relative change of the commands in a steady state
@@ -158,9 +163,14 @@ def _solve_rest(controller: Controller, speed_m_s: float) -> RestPoint | None:
         return change(whole(part))[moves]
 
     found = scipy.optimize.least_squares(
-        change_of, best[moves], x_scale="jac",
-        bounds=(np.append(low, -ends), np.append(high, ends)), xtol=1e-14, ftol=1e-14, gtol=1e-14,
-    )  # fmt: skip
+        change_of,
+        best[moves],
+        x_scale="jac",
+        bounds=(np.append(low, -ends), np.append(high, ends)),
+        xtol=1e-14,
+        ftol=1e-14,
+        gtol=1e-14,
+    )
     if not np.abs(found.fun).max() < _AT_REST:
         return None
     pitch, drive, *memory = whole(found.x).tolist()
@@ -172,20 +182,27 @@ def observe(voyage: Voyage, order: float) -> Floats:
     """Return the observation without noise at the last step of a voyage, at a speed order [m/s]."""
     last = voyage.samples[-1]
     values = {
-        "speed_order": order, "fuel_rack": last["drive"], "estimate_valid": 1.0,
-        "estimated_advance_velocity": last["advance_velocity"], "shaft_speed": last["shaft_speed"],
-    }  # fmt: skip
+        "speed_order": order,
+        "fuel_rack": last["drive"],
+        "estimate_valid": 1.0,
+        "estimated_advance_velocity": last["advance_velocity"],
+        "shaft_speed": last["shaft_speed"],
+    }
     return np.array([float(values[n] if n in values else last[n]) for n in OBSERVED])
 
 
 def _observation(point: Equilibrium, order: float) -> Floats:
     state, outputs = point.state, point.outputs
     values = {
-        "speed_order": order, "shaft_speed": state.shaft_speed,
-        "measured_shaft_torque": outputs.shaft_torque, "measured_pitch_ratio": outputs.pitch_ratio,
-        "fuel_rack": point.inputs.drive, "measured_ship_speed": state.ship_speed,
-        "estimated_advance_velocity": outputs.advance_velocity, "estimate_valid": 1.0,
-    }  # fmt: skip
+        "speed_order": order,
+        "shaft_speed": state.shaft_speed,
+        "measured_shaft_torque": outputs.shaft_torque,
+        "measured_pitch_ratio": outputs.pitch_ratio,
+        "fuel_rack": point.inputs.drive,
+        "measured_ship_speed": state.ship_speed,
+        "estimated_advance_velocity": outputs.advance_velocity,
+        "estimate_valid": 1.0,
+    }
     return np.array([float(values[name]) for name in OBSERVED])
 
 
@@ -209,9 +226,15 @@ def linearise_controller(controller: Controller, rest: RestPoint) -> control.Sta
     found = np.column_stack([memory, pitch, drive])
     slopes = (found[: len(sizes)] - found[len(sizes) :]).T / (2.0 * sizes)
     return control.ss(
-        slopes[:held, :held], slopes[:held, held:], slopes[held:, :held], slopes[held:, held:],
-        controller.interval_s, inputs=list(inputs), outputs=list(COMMANDS), name="law",
-    )  # fmt: skip
+        slopes[:held, :held],
+        slopes[:held, held:],
+        slopes[held:, :held],
+        slopes[held:, held:],
+        controller.interval_s,
+        inputs=list(inputs),
+        outputs=list(COMMANDS),
+        name="law",
+    )
 
 
 def controller_loop(controller: Controller, speed_m_s: float, command: str = "drive") -> Loop:

@@ -88,9 +88,14 @@ class Prediction(NamedTuple):
 
 @compiled
 def predict_shaft(
-    plant: Record, interval_s: float, disturbance: float, velocity: Floats, pitch: Floats,
-    rack: Floats, shaft_speed: float,
-) -> Prediction:  # fmt: skip
+    plant: Record,
+    interval_s: float,
+    disturbance: float,
+    velocity: Floats,
+    pitch: Floats,
+    rack: Floats,
+    shaft_speed: float,
+) -> Prediction:
     """Predict shaft speed and torques along a plan.
 
     Args:
@@ -205,8 +210,18 @@ _LEAST_SQUARE = 1e-6  # of the inflow in m2/s2 and of its slope in m2/s4
 _MEASURED = Measurements._fields[: len(OBSERVED)]
 _MEASUREMENTS = len(_MEASURED)
 
-(INFLOW, SLOPE, INFLOW_SQUARE, SLOPE_SQUARE, SHAFT_MEAN, ENGINE_MEAN, BASE_PITCH, BASE_RACK, AHEAD,
- DISTURBANCE) = range(PILOT_COLUMNS, PILOT_COLUMNS + 10)  # fmt: skip
+(
+    INFLOW,
+    SLOPE,
+    INFLOW_SQUARE,
+    SLOPE_SQUARE,
+    SHAFT_MEAN,
+    ENGINE_MEAN,
+    BASE_PITCH,
+    BASE_RACK,
+    AHEAD,
+    DISTURBANCE,
+) = range(PILOT_COLUMNS, PILOT_COLUMNS + 10)
 """Columns of the controller state.
 
 e [m/s], e' [m/s2], their mean squares, M* [N m], M_b* [N m], p_0 [-] and X_0 [mm] of the last call, the
@@ -250,10 +265,15 @@ class ModelPredictive(SpeedPilot):
     base_settings = NO_WAVE_RESPONSE
     needs_variable_pitch = True
     tunable: ClassVar[Ranges] = {
-        **SpeedPilot.tunable, "shaft_weight": (0.0, 10.0), "engine_weight": (0.0, 100.0),
-        "pitch_weight": (0.0, 1.0), "rack_weight": (0.0, 1.0), "pitch_change_weight": (0.0, 10.0),
-        "rack_change_weight": (0.0, 10.0), "wave_memory_s": (0.5, 10.0),
-    }  # fmt: skip
+        **SpeedPilot.tunable,
+        "shaft_weight": (0.0, 10.0),
+        "engine_weight": (0.0, 100.0),
+        "pitch_weight": (0.0, 1.0),
+        "rack_weight": (0.0, 1.0),
+        "pitch_change_weight": (0.0, 10.0),
+        "rack_change_weight": (0.0, 10.0),
+        "wave_memory_s": (0.5, 10.0),
+    }
 
     def __init__(
         self,
@@ -273,10 +293,13 @@ class ModelPredictive(SpeedPilot):
     ) -> None:
         super().__init__(ship, interval_s, **settings)
         weights = {
-            "shaft_weight": shaft_weight, "engine_weight": engine_weight,
-            "pitch_weight": pitch_weight, "rack_weight": rack_weight,
-            "pitch_change_weight": pitch_change_weight, "rack_change_weight": rack_change_weight,
-        }  # fmt: skip
+            "shaft_weight": shaft_weight,
+            "engine_weight": engine_weight,
+            "pitch_weight": pitch_weight,
+            "rack_weight": rack_weight,
+            "pitch_change_weight": pitch_change_weight,
+            "rack_change_weight": rack_change_weight,
+        }
         for key, value in weights.items():
             if not (math.isfinite(value) and value >= 0.0):
                 raise ValueError(f"mpc: {key} = {value!r}: must be 0 or more")
@@ -437,10 +460,16 @@ class ModelPredictive(SpeedPilot):
         h, added = self.interval_s, np.diff(path)
         found = predict_shaft(self.plant, h, row[DISTURBANCE], velocity, path, racks, shaft_speed)
         slopes = np.vstack([found.slopes, self._fixed])
-        residuals = np.concatenate([
-            found.shaft - row[SHAFT_MEAN], found.engine - row[ENGINE_MEAN],
-            pitches - row[BASE_PITCH], racks - row[BASE_RACK], added, np.diff(racks, prepend=rack),
-        ])  # fmt: skip
+        residuals = np.concatenate(
+            [
+                found.shaft - row[SHAFT_MEAN],
+                found.engine - row[ENGINE_MEAN],
+                pitches - row[BASE_PITCH],
+                racks - row[BASE_RACK],
+                added,
+                np.diff(racks, prepend=rack),
+            ]
+        )
         slopes *= self._scale[:, None]
         slopes *= self._units_of_plan
         hessian = slopes.T @ slopes + 1e-9 * np.eye(2 * n)
@@ -454,12 +483,14 @@ class ModelPredictive(SpeedPilot):
         reached = pitches - self._keep * path[:-1]
         share, units = 1.0 - self._keep, self._units_of_plan
         best = solve(
-            h=hessian, g=gradient, a=matrix,
+            h=hessian,
+            g=gradient,
+            a=matrix,
             lbx=np.concatenate([low - pitches, least - racks]) / units,
             ubx=np.concatenate([high - pitches, most - racks]) / units,
             lba=np.concatenate([-reach - added, share * low - reached]) / units[0],
             uba=np.concatenate([reach - added, share * high - reached]) / units[0],
-        )  # fmt: skip
+        )
         plan = nominal + units * np.asarray(best["x"]).ravel()
         if not solve.stats()["success"] or not np.isfinite(plan).all():
             return None

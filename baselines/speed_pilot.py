@@ -91,10 +91,14 @@ class SpeedPilot(Controller):
     base_settings: ClassVar[Mapping[str, float]] = {}  # other defaults of the settings
     needs_variable_pitch: ClassVar[bool] = False  # whether a fixed pitch is refused
     tunable: ClassVar[Ranges] = {
-        "speed_gain": (0.25, 16.0), "integral_gain": (0.25, 4.0), "speed_offset": (-0.3, 0.3),
-        "pitch_offset": (-0.3, 0.15), "torque_gain": (0.0, 1.2), "shaft_gain": (0.0, 0.6),
+        "speed_gain": (0.25, 16.0),
+        "integral_gain": (0.25, 4.0),
+        "speed_offset": (-0.3, 0.3),
+        "pitch_offset": (-0.3, 0.15),
+        "torque_gain": (0.0, 1.2),
+        "shaft_gain": (0.0, 0.6),
         "pitch_gain": (0.0, 1.4),
-    }  # fmt: skip
+    }
 
     def __init__(
         self,

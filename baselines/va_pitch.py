@@ -118,8 +118,9 @@ class VaPitch(SpeedPilot):
     name = "va-pitch"
     source = "shaftline's own"
     variants: ClassVar[Variants] = {
-        "va-pitch-silent": {"cavitation": True}, "va-pitch-preview": {"preview": True},
-    }  # fmt: skip
+        "va-pitch-silent": {"cavitation": True},
+        "va-pitch-preview": {"preview": True},
+    }
     base_settings = NO_WAVE_RESPONSE
     needs_variable_pitch = True
     tunable: ClassVar[Ranges] = {**SpeedPilot.tunable, "share": (0.0, 1.0), "ahead_s": (0.0, 2.0)}

@@ -88,8 +88,10 @@ def challenge(
             return
         if folder is None or not given:
             needed = "RIVAL" if action is Action.RUN else "SUBMISSION.json"
-            raise ValueError(f"{action.value}: needs a folder and a {needed}: "
-                             f"shaftline challenge {action.value} DIR {needed}")  # fmt: skip
+            raise ValueError(
+                f"{action.value}: needs a folder and a {needed}: "
+                f"shaftline challenge {action.value} DIR {needed}"
+            )
         if action is Action.RUN:
             if len(given) > 1:
                 raise ValueError(f"run: one rival at a time, not {len(given)}: {', '.join(given)}")

@@ -20,17 +20,26 @@ REFUSED = 2
 
 
 def check(
-    recording: Annotated[Path, typer.Argument(
-        help="Recording: text file of a logger, spreadsheet or Parquet.", show_default=False)],
+    recording: Annotated[
+        Path,
+        typer.Argument(
+            help="Recording: text file of a logger, spreadsheet or Parquet.", show_default=False
+        ),
+    ],
     ship: BelievedShip,
     columns: ColumnMap = None,
     steady: SteadyRows = False,
-    draft: Annotated[Path | None, typer.Option(
-        help="New file (.toml) for a column map to start from.", show_default=False)] = None,
-    figure: Annotated[Path | None, typer.Option(
-        help="File for a picture of the channels as they are read (.png).",
-        show_default=False)] = None,
-) -> None:  # fmt: skip
+    draft: Annotated[
+        Path | None,
+        typer.Option(help="New file (.toml) for a column map to start from.", show_default=False),
+    ] = None,
+    figure: Annotated[
+        Path | None,
+        typer.Option(
+            help="File for a picture of the channels as they are read (.png).", show_default=False
+        ),
+    ] = None,
+) -> None:
     """Check a recording: report how it is read, what is missing and what that costs.
 
     The table lists each column of the file with the canonical column that it is taken for, its range,

@@ -151,34 +151,53 @@ class Backend(StrEnum):
     DASK = "dask"
 
 
-PresetShip = Annotated[str, typer.Option(
-    help="Ship: a preset (see `shaftline list`) or a .toml file.")]  # fmt: skip
+PresetShip = Annotated[
+    str, typer.Option(help="Ship: a preset (see `shaftline list`) or a .toml file.")
+]
 """``--ship`` of the commands that simulate or analyse one ship."""
 
-Jobs = Annotated[int | None, typer.Option(
-    min=1, help="Processes on this machine.", show_default="one a core")]  # fmt: skip
-Scheduler = Annotated[str | None, typer.Option(
-    help="Address of the dask cluster, such as tcp://10.0.0.1:8786.")]  # fmt: skip
+Jobs = Annotated[
+    int | None, typer.Option(min=1, help="Processes on this machine.", show_default="one a core")
+]
+Scheduler = Annotated[
+    str | None, typer.Option(help="Address of the dask cluster, such as tcp://10.0.0.1:8786.")
+]
 
-BelievedShip = Annotated[str, typer.Option(
-    help="Ship to compare with: a preset (see `shaftline list`) or a ship file (.toml).",
-    show_default=False)]  # fmt: skip
+BelievedShip = Annotated[
+    str,
+    typer.Option(
+        help="Ship to compare with: a preset (see `shaftline list`) or a ship file (.toml).",
+        show_default=False,
+    ),
+]
 """``--ship`` of the commands that compare a ship with recordings."""
 
-ColumnMap = Annotated[Path | None, typer.Option(
-    help="Column map MAP.toml for recordings with other names, units or signs.",
-    show_default=False)]  # fmt: skip
+ColumnMap = Annotated[
+    Path | None,
+    typer.Option(
+        help="Column map MAP.toml for recordings with other names, units or signs.",
+        show_default=False,
+    ),
+]
 """``--columns`` of these commands."""
 
-SteadyRows = Annotated[bool, typer.Option(
-    "--steady", help="Treat each row as an equilibrium of the ship at the inputs of that row.",
-    show_default="if rows are slower than the ship")]  # fmt: skip
+SteadyRows = Annotated[
+    bool,
+    typer.Option(
+        "--steady",
+        help="Treat each row as an equilibrium of the ship at the inputs of that row.",
+        show_default="if rows are slower than the ship",
+    ),
+]
 """``--steady`` of these commands."""
 
-OwnHeight = Annotated[float | None, typer.Option(
-    "--hs", help="Significant wave height [m] of a user-defined sea; needs --tp.")]  # fmt: skip
-OwnPeriod = Annotated[float | None, typer.Option(
-    "--tp", help="Peak period [s] of a user-defined sea; needs --hs.")]  # fmt: skip
+OwnHeight = Annotated[
+    float | None,
+    typer.Option("--hs", help="Significant wave height [m] of a user-defined sea; needs --tp."),
+]
+OwnPeriod = Annotated[
+    float | None, typer.Option("--tp", help="Peak period [s] of a user-defined sea; needs --hs.")
+]
 
 
 def read_own_sea(height: float | None, period: float | None) -> list[str]:

@@ -18,16 +18,23 @@ _QUALITIES = ["expert", "medium", "random"]
 
 def dataset(
     task: TaskName = "rough-sea",
-    quality: Annotated[list[str], typer.Option(
-        help=f"Quality of the data: {', '.join(_QUALITIES)}; repeatable.")] = _QUALITIES,
-    episodes: Annotated[int, typer.Option(
-        min=1, max=100_000, help="Number of episodes of each data set.")] = 100,
-    policy: Annotated[Path | None, typer.Option(
-        help="Policy file whose actions are recorded.", show_default="that of the package")] = None,
-    seed: Annotated[int, typer.Option(
-        min=0, help="Seed of the episodes; equal seeds record the same episodes.")] = 0,
+    quality: Annotated[
+        list[str], typer.Option(help=f"Quality of the data: {', '.join(_QUALITIES)}; repeatable.")
+    ] = _QUALITIES,
+    episodes: Annotated[
+        int, typer.Option(min=1, max=100_000, help="Number of episodes of each data set.")
+    ] = 100,
+    policy: Annotated[
+        Path | None,
+        typer.Option(
+            help="Policy file whose actions are recorded.", show_default="that of the package"
+        ),
+    ] = None,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the episodes; equal seeds record the same episodes.")
+    ] = 0,
     out: Annotated[Path, typer.Option(help="Folder of the data sets.")] = Path("out/datasets"),
-) -> None:  # fmt: skip
+) -> None:
     """Record episodes of a task for offline learning, as data sets of Minari.
 
     The quality `expert` records the actions of a trained policy, `medium` the same with half of the

@@ -170,9 +170,15 @@ def diagnose(
         vessel = load_ship(ship)
         keys = tuple(split_keys(free))
         options = Options(
-            columns, tuple(exclude or ()), tolerance, tuple(calibrate or ()), keys,
-            tuple(effects or ()), quick=quick, steady=steady,
-        )  # fmt: skip
+            columns,
+            tuple(exclude or ()),
+            tolerance,
+            tuple(calibrate or ()),
+            keys,
+            tuple(effects or ()),
+            quick=quick,
+            steady=steady,
+        )
         options.check(vessel)
         folders = [path for path in recordings if path.is_dir()]
         if folders:
@@ -205,9 +211,15 @@ def diagnose(
 
 
 def _folder(
-    folder: Path, ship: Ship, out: Path, options: Options, pdf: bool, jobs: int | None,
-    backend: str, scheduler: str | None,
-) -> None:  # fmt: skip
+    folder: Path,
+    ship: Ship,
+    out: Path,
+    options: Options,
+    pdf: bool,
+    jobs: int | None,
+    backend: str,
+    scheduler: str | None,
+) -> None:
     with progress("diagnosing", len(find_recordings(folder))) as tick:
         index = mismatch.diagnose_folder(
             folder,

@@ -46,14 +46,27 @@ _INTERVAL = DEFAULTS.control_interval_s
 _LONGEST_INTERVAL_S = 60.0
 _MOST_SEAS = 12  # seas, and seeds of one sea, that are listed one by one
 _SEA_COLUMNS = {
-    "hs_m": "Hs [m]", "tp_s": "Tp [s]", "gamma": "gamma [-]", "heading_deg": "heading [deg]",
+    "hs_m": "Hs [m]",
+    "tp_s": "Tp [s]",
+    "gamma": "gamma [-]",
+    "heading_deg": "heading [deg]",
     "wind_m_s": "wind [m/s]",
-}  # fmt: skip
+}
 _SHOWN = (
-    "reward", "fuel_kg_nmi", "speed_error_rms_m_s", "torque_sd_kN_m", "rack_travel_mm_min",
-    "overload_s", "overspeed_s", "cavitation_s", "ventilation_s", "heading_error_rms_deg",
-    "track_error_rms_m", "rudder_travel_deg_min", "failed",
-)  # fmt: skip
+    "reward",
+    "fuel_kg_nmi",
+    "speed_error_rms_m_s",
+    "torque_sd_kN_m",
+    "rack_travel_mm_min",
+    "overload_s",
+    "overspeed_s",
+    "cavitation_s",
+    "ventilation_s",
+    "heading_error_rms_deg",
+    "track_error_rms_m",
+    "rudder_travel_deg_min",
+    "failed",
+)
 
 
 def evaluate(
@@ -159,7 +172,7 @@ def evaluate(
                 c, task, s, o, seeds, ship, episode_s, interval_s=interval, order_profile=profile
             )
             for c, s, o in grid
-        ]  # fmt: skip
+        ]
 
         def make(setting: Setting) -> Predictor:
             return made[setting.controller]
@@ -205,10 +218,13 @@ def evaluate(
         ]
         add_results(
             {
-                "cells": found.table.to_dict(orient="records"), "control_interval_s": interval,
-                "seas": waves.to_dict(orient="records"), "stability": judged, "orders": profile,
+                "cells": found.table.to_dict(orient="records"),
+                "control_interval_s": interval,
+                "seas": waves.to_dict(orient="records"),
+                "stability": judged,
+                "orders": profile,
             }
-        )  # fmt: skip
+        )
         bad = ", ".join(dict.fromkeys(name for name, _ in unstable))
         found.save(out, f"{title}; unstable: {bad}" if bad else title, _SHOWN)
         write_atomically(out / "seas.csv", lambda file: waves.to_csv(file, index=False))
@@ -318,11 +334,13 @@ def _print_seas(cells: Sequence[Setting]) -> pd.DataFrame:
         for group in groups if len(groups) <= _MOST_SEAS else [table]:
             low, high = group[parameters].min(), group[parameters].max()
             ends = {
-                heading: "–" if np.isnan(low[key])
-                else f"{low[key]:.3g}" if low[key] == high[key]
+                heading: "–"
+                if np.isnan(low[key])
+                else f"{low[key]:.3g}"
+                if low[key] == high[key]
                 else f"{low[key]:.3g} to {high[key]:.3g}"
                 for key, heading in _SEA_COLUMNS.items()
-            }  # fmt: skip
+            }
             numbers = group["seed"].tolist()
             seeds = ", ".join(map(str, numbers[:_MOST_SEAS]))
             if len(numbers) > _MOST_SEAS:

@@ -88,8 +88,16 @@ def export(
             table.loc[table["causality"] == OUTPUT, "start"] = math.nan
             print_table(table, "variables", 4)
             return
-        given = [option for option, value in {"--speed": speed, "--drive": drive, "--pitch": pitch,
-                 "--step": step}.items() if value is not None]  # fmt: skip
+        given = [
+            option
+            for option, value in {
+                "--speed": speed,
+                "--drive": drive,
+                "--pitch": pitch,
+                "--step": step,
+            }.items()
+            if value is not None
+        ]
         if given:
             raise ValueError(f"{given[0]} is an option of `shaftline export fmu`, not of a policy")
         policy = load_policy(model)

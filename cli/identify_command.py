@@ -65,9 +65,15 @@ def identify(
         keys = read_free_keys(free, vessel)
         with stages("identifying") as tick:
             found = mismatch.identify(
-                vessel, *recordings, free=keys, method=method,
-                hold_out=hold_out or (), columns=columns, tolerance=tolerance, tick=tick,
-            )  # fmt: skip
+                vessel,
+                *recordings,
+                free=keys,
+                method=method,
+                hold_out=hold_out or (),
+                columns=columns,
+                tolerance=tolerance,
+                tick=tick,
+            )
             tick("writing the report", 0, 1)
             found.save(out)
         add_results(found.to_dict())

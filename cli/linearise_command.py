@@ -21,18 +21,28 @@ _USUAL = "pitch_ratio,shaft_speed,ship_speed,shaft_torque"
 
 def linearise_ship(
     ship: PresetShip = "frigate",
-    speed: Annotated[float | None, typer.Option(
-        help="Ship speed [m/s] of the working point.", show_default=False)] = None,
-    drive: Annotated[float | None, typer.Option(
-        help="Command of the prime mover in its unit, in place of --speed (fuel rack [mm], voltage "
-        "[V], torque [N m], shaft speed [rad/s]).", show_default=False)] = None,
-    pitch: Annotated[float | None, typer.Option(
-        help="P/D [-].", show_default="highest P/D of the ship")] = None,
-    output: Annotated[str, typer.Option(
-        help="Outputs, separated by commas: states or quantities such as thrust.")] = _USUAL,
-    out: Annotated[Path, typer.Option(
-        help="Folder for the model and the figure.")] = Path("out/linear"),
-) -> None:  # fmt: skip
+    speed: Annotated[
+        float | None,
+        typer.Option(help="Ship speed [m/s] of the working point.", show_default=False),
+    ] = None,
+    drive: Annotated[
+        float | None,
+        typer.Option(
+            help="Command of the prime mover in its unit, in place of --speed (fuel rack [mm], voltage "
+            "[V], torque [N m], shaft speed [rad/s]).",
+            show_default=False,
+        ),
+    ] = None,
+    pitch: Annotated[
+        float | None, typer.Option(help="P/D [-].", show_default="highest P/D of the ship")
+    ] = None,
+    output: Annotated[
+        str, typer.Option(help="Outputs, separated by commas: states or quantities such as thrust.")
+    ] = _USUAL,
+    out: Annotated[Path, typer.Option(help="Folder for the model and the figure.")] = Path(
+        "out/linear"
+    ),
+) -> None:
     """Linearise a ship about a working point: state-space model, poles, zeros, Bode plot and margins.
 
     The model is x' = A x + B u, y = C x + D u in deviations from a steady state, in SI units. Its

@@ -113,11 +113,17 @@ def tuning_ranges(name: str) -> pd.DataFrame:
 def _goals() -> pd.DataFrame:
     """Return the goals of every task with tolerance, weight and reason."""
     rows = [
-        (name, term, f"{goal.within:g}", f"{goal.margin:g}",
-         "factor" if goal.weight is None else f"{goal.weight:g}", goal.reason)
+        (
+            name,
+            term,
+            f"{goal.within:g}",
+            f"{goal.margin:g}",
+            "factor" if goal.weight is None else f"{goal.weight:g}",
+            goal.reason,
+        )
         for name, task in tasks(None).items()
         for term, goal in task.goals.used.items()
-    ]  # fmt: skip
+    ]
     heads = ["task", "term", "fully reached within", "margin (value 0.1)", "weight", "reason"]
     return pd.DataFrame(rows, columns=heads)
 
@@ -138,13 +144,27 @@ def effects() -> pd.DataFrame:
         if effect.windowed:
             parameters.append("start and end [s]")
         rows.append(
-            (effect.id, effect.form, effect.balance, description, "; ".join(parameters),
-             effect.equation, effect.excitation, ", ".join(effect.confused_with))
-        )  # fmt: skip
+            (
+                effect.id,
+                effect.form,
+                effect.balance,
+                description,
+                "; ".join(parameters),
+                effect.equation,
+                effect.excitation,
+                ", ".join(effect.confused_with),
+            )
+        )
     heads = [
-        "effect", "form", "balance", "description", "parameters", "equation", "identifiable with",
+        "effect",
+        "form",
+        "balance",
+        "description",
+        "parameters",
+        "equation",
+        "identifiable with",
         "confused with",
-    ]  # fmt: skip
+    ]
     return pd.DataFrame(rows, columns=heads)
 
 
@@ -156,16 +176,24 @@ def _range(number: TermParameter) -> str:
 
 
 def list_names(
-    name: Annotated[str | None, typer.Argument(
-        help="With --controllers: controller or helmsman whose tuning ranges are shown.",
-        show_default=False)] = None,
-    only_controllers: Annotated[bool, typer.Option(
-        "--controllers", help="List controllers only, or show NAME.")] = False,
-    only_effects: Annotated[bool, typer.Option(
-        "--effects", help="List the effects of a diagnosis only.")] = False,
-    markdown_file: Annotated[Path | None, typer.Option(
-        "--markdown", help="Write the tables to this file, not the terminal.")] = None,
-) -> None:  # fmt: skip
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            help="With --controllers: controller or helmsman whose tuning ranges are shown.",
+            show_default=False,
+        ),
+    ] = None,
+    only_controllers: Annotated[
+        bool, typer.Option("--controllers", help="List controllers only, or show NAME.")
+    ] = False,
+    only_effects: Annotated[
+        bool, typer.Option("--effects", help="List the effects of a diagnosis only.")
+    ] = False,
+    markdown_file: Annotated[
+        Path | None,
+        typer.Option("--markdown", help="Write the tables to this file, not the terminal."),
+    ] = None,
+) -> None:
     """List ships, seas, observers, controllers, tasks, effects, signals, and every key of a ship file.
 
     Effects are the physics that `shaftline diagnose` can identify; `--exclude` of that command takes

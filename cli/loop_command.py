@@ -108,9 +108,14 @@ def loop(
 
 
 def _loop(
-    text: str, ship: Ship, speed: float, interval: float, command: str, output: str | None,
+    text: str,
+    ship: Ship,
+    speed: float,
+    interval: float,
+    command: str,
+    output: str | None,
     pitch: float | None,
-) -> tuple[Loop, str]:  # fmt: skip
+) -> tuple[Loop, str]:
     """Return the loop and its description."""
     name = text.partition(":")[0]
     what = f"{text} on {ship.name} at {speed:g} m/s, every {interval:g} s"
@@ -123,8 +128,9 @@ def _loop(
         transfer = _transfer_function(text)
         plant = linear_plant(ship, approach(ship, speed, pitch))
         for known, wanted, kind in (
-            (plant.input_labels, command, "--command"), (plant.output_labels, output, "--output"),
-        ):  # fmt: skip
+            (plant.input_labels, command, "--command"),
+            (plant.output_labels, output, "--output"),
+        ):
             if wanted not in known:
                 raise ValueError(f"{kind} {wanted}: must be one of {', '.join(known)}")
         own = f"{text} from {output} to {command} of {ship.name} at {speed:g} m/s"

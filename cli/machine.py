@@ -21,10 +21,14 @@ from typing import Annotated, Any
 
 import typer
 
-Json = Annotated[Path | None, typer.Option(
-    "--json", show_default=False,
-    help="File for all results as JSON; `-` writes them to the standard output, without other text.",
-)]  # fmt: skip
+Json = Annotated[
+    Path | None,
+    typer.Option(
+        "--json",
+        show_default=False,
+        help="File for all results as JSON; `-` writes them to the standard output, without other text.",
+    ),
+]
 
 _STANDARD = Path("-")
 

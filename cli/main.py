@@ -31,8 +31,12 @@ COMMANDS = (
 """Sub-commands in the order of ``--help``; ``new-ship`` is ``new_ship`` in ``new_ship_command.py``."""
 
 HERE = Path(__file__).parent
-FUNCTION_NAMES = {"list": "list_names", "linearise": "linearise_ship", "plan-trial": "plan",
-                  "monitor": "condition"}  # fmt: skip
+FUNCTION_NAMES = {
+    "list": "list_names",
+    "linearise": "linearise_ship",
+    "plan-trial": "plan",
+    "monitor": "condition",
+}
 """Functions whose name differs from that of the command."""
 
 

@@ -17,20 +17,31 @@ from .machine import to_json
 
 
 def manoeuvre(
-    ship: Annotated[str, typer.Option(
-        help="Ship that turns: a preset (see `shaftline list`) or a .toml file.",
-        show_default=False)],
-    speed: Annotated[float, typer.Option(
-        help="Speed of the approach [m/s]; 1 kn is 0.5144 m/s.", show_default=False)],
-    pitch: Annotated[float | None, typer.Option(
-        help="Pitch ratio P/D; the highest by default.", show_default=False)] = None,
-    scale: Annotated[float, typer.Option(
-        help="For a model: length of the ship over that of the model.")] = 1.0,
-    out: Annotated[Path, typer.Option(
-        help="Folder for tracks, figures and results.")] = Path("out/manoeuvre"),
-    json: Annotated[Path | None, typer.Option(
-        help="File for the results; OUT/manoeuvres.json by default.")] = None,
-) -> None:  # fmt: skip
+    ship: Annotated[
+        str,
+        typer.Option(
+            help="Ship that turns: a preset (see `shaftline list`) or a .toml file.",
+            show_default=False,
+        ),
+    ],
+    speed: Annotated[
+        float,
+        typer.Option(help="Speed of the approach [m/s]; 1 kn is 0.5144 m/s.", show_default=False),
+    ],
+    pitch: Annotated[
+        float | None,
+        typer.Option(help="Pitch ratio P/D; the highest by default.", show_default=False),
+    ] = None,
+    scale: Annotated[
+        float, typer.Option(help="For a model: length of the ship over that of the model.")
+    ] = 1.0,
+    out: Annotated[Path, typer.Option(help="Folder for tracks, figures and results.")] = Path(
+        "out/manoeuvre"
+    ),
+    json: Annotated[
+        Path | None, typer.Option(help="File for the results; OUT/manoeuvres.json by default.")
+    ] = None,
+) -> None:
     """Simulate standard manoeuvres of a ship and compare them with IMO's limits.
 
     The manoeuvres are turning circles with the rudder hard over (35 degrees, or the largest angle of the

@@ -69,9 +69,17 @@ def condition(
         count = len(recordings_in(references)) + len(recordings_in(against))
         with progress("identifying", count) as tick:
             found = monitor(
-                vessel, references, against, out, free=keys,
-                method=method, columns=columns, risk=risk, jobs=jobs, tick=tick,
-            )  # fmt: skip
+                vessel,
+                references,
+                against,
+                out,
+                free=keys,
+                method=method,
+                columns=columns,
+                risk=risk,
+                jobs=jobs,
+                tick=tick,
+            )
         save_monitoring(found, out)
         add_results(monitoring_as_dict(found))
         for row in parameters_table(found).to_dict("records"):

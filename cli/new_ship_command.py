@@ -22,10 +22,15 @@ def new_ship(
         Path | None,
         typer.Option(help="TOML file with the main particulars of a ship.", show_default=False),
     ] = None,
-    out: Annotated[Path | None, typer.Option(
-        help="File to write (.toml); its name becomes the name of the ship. Without it the file is "
-        "printed.", show_default=False)] = None,
-) -> None:  # fmt: skip
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="File to write (.toml); its name becomes the name of the ship. Without it the file is "
+            "printed.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
     """Write a commented ship file to start from.
 
     The file can be used as it is. It contains every key with its meaning, unit and allowed range;

@@ -126,7 +126,11 @@ def _explain(
 
 
 _HEADS = {
-    "speed_loss_percent": "loss %", "ci95_half": "+-", "trend_percent_per_year": "trend %/year",
-    "trend_ci95_half": "+- ", "step_percent": "step %", "step_ci95_half": "+-  ",
-}  # fmt: skip
+    "speed_loss_percent": "loss %",
+    "ci95_half": "+-",
+    "trend_percent_per_year": "trend %/year",
+    "trend_ci95_half": "+- ",
+    "step_percent": "step %",
+    "step_ci95_half": "+-  ",
+}
 """Heads of the printed table."""

@@ -21,13 +21,16 @@ CHECKOUT = Path(__file__).resolve().parent.parent
 
 
 def reproduce(
-    table: Annotated[str, typer.Argument(
-        help=f"Name of a table (see below), or {ALL}.", metavar="TABLE")] = ALL,
-    out: Annotated[Path, typer.Option(
-        help="Folder for CSV, Markdown and figures.")] = Path("out/reproduce"),
-    json: Annotated[Path | None, typer.Option(
-        help="File for our values by table, row and column.")] = None,
-) -> None:  # fmt: skip
+    table: Annotated[
+        str, typer.Argument(help=f"Name of a table (see below), or {ALL}.", metavar="TABLE")
+    ] = ALL,
+    out: Annotated[Path, typer.Option(help="Folder for CSV, Markdown and figures.")] = Path(
+        "out/reproduce"
+    ),
+    json: Annotated[
+        Path | None, typer.Option(help="File for our values by table, row and column.")
+    ] = None,
+) -> None:
     """Reproduce the tables of the five sources and compare our values with the printed ones.
 
     Van der Kroft, TU Delft 2020, advance velocity observers: `working-points`, `poles`, `vaf`,

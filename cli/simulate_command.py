@@ -22,26 +22,37 @@ from .console import OwnHeight, OwnPeriod, PresetShip, read_own_sea, report_erro
 
 def simulate(
     ship: PresetShip = "frigate",
-    inputs: Annotated[Path | None, typer.Option(
-        help="Recording (CSV) whose commands drive the ship open loop.")] = None,
-    columns: Annotated[Path | None, typer.Option(
-        help="Column map of the recording, as for `shaftline diagnose`.")] = None,
-    case: Annotated[str | None, typer.Option(
-        help=f"Load case in place of a recording: {', '.join(CASES)}.")] = None,
-    sea: Annotated[str | None, typer.Option(
-        help="Sea: a preset (see `shaftline list`), calm, or hs=3.2,tp=9.1 with optional gamma=, "
-        "heading= and wind=.", show_default="that of the load case, or calm")] = None,
+    inputs: Annotated[
+        Path | None, typer.Option(help="Recording (CSV) whose commands drive the ship open loop.")
+    ] = None,
+    columns: Annotated[
+        Path | None, typer.Option(help="Column map of the recording, as for `shaftline diagnose`.")
+    ] = None,
+    case: Annotated[
+        str | None, typer.Option(help=f"Load case in place of a recording: {', '.join(CASES)}.")
+    ] = None,
+    sea: Annotated[
+        str | None,
+        typer.Option(
+            help="Sea: a preset (see `shaftline list`), calm, or hs=3.2,tp=9.1 with optional gamma=, "
+            "heading= and wind=.",
+            show_default="that of the load case, or calm",
+        ),
+    ] = None,
     hs: OwnHeight = None,
     tp: OwnPeriod = None,
-    observer: Annotated[str | None, typer.Option(
-        help="Observer whose estimate is added to the table.")] = None,
-    tuning: Annotated[str | None, typer.Option(
-        help="Tuning of the observer: low, moderate, high.")] = None,
+    observer: Annotated[
+        str | None, typer.Option(help="Observer whose estimate is added to the table.")
+    ] = None,
+    tuning: Annotated[
+        str | None, typer.Option(help="Tuning of the observer: low, moderate, high.")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="CSV file for the simulated signals.")] = None,
     figure: Annotated[Path | None, typer.Option(help="Picture of the run (.png).")] = None,
-    seed: Annotated[int, typer.Option(
-        min=0, help="Seed of the sea or the noise of the load case.")] = 0,
-) -> None:  # fmt: skip
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the sea or the noise of the load case.")
+    ] = 0,
+) -> None:
     """Simulate a ship open loop, driven by a recording or by a load case.
 
     A recording needs the columns `time_s`, `fuel_rack_mm` (`motor_voltage_V` for a DC motor) and

@@ -31,17 +31,27 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 OBSERVERS = (
-    "luenberger-low", "luenberger-moderate", "luenberger-high", "shaft-kalman", "power-balance",
-    "shaft-acceleration", "shaft-acceleration-derived", "immersion-invariance-low",
-    "immersion-invariance-moderate", "immersion-invariance-high", "random-walk-kalman-printed",
+    "luenberger-low",
+    "luenberger-moderate",
+    "luenberger-high",
+    "shaft-kalman",
+    "power-balance",
+    "shaft-acceleration",
+    "shaft-acceleration-derived",
+    "immersion-invariance-low",
+    "immersion-invariance-moderate",
+    "immersion-invariance-high",
+    "random-walk-kalman-printed",
     "random-walk-kalman",
-)  # fmt: skip
+)
 """Compared observers: the eleven of the thesis, and the last one with an estimated noise."""
 
 METER_NOISE = {
-    "shaft_speed_rad_s": 0.01, "shaft_torque_N_m": 1500.0, "pitch_ratio": 0.004,
+    "shaft_speed_rad_s": 0.01,
+    "shaft_torque_N_m": 1500.0,
+    "pitch_ratio": 0.004,
     "shaft_acceleration_rad_s2": 0.02,
-}  # fmt: skip
+}
 """Rms noise per sample at 20 Hz of good shipboard instruments, assumed as orders of magnitude."""
 
 PERFECT, NOISY = "VAF without noise [%]", "VAF with noise [%]"
@@ -144,16 +154,23 @@ def operating_points() -> pd.DataFrame:
             simulated_speed, simulated_current = _settled(ship, volt)
             motor = volt - constant * speed - ohm * current
             shaft = constant * current - friction - load * speed**2
-            rows.append({
-                "model": name, "point": point.Index, "voltage_V": volt,
-                "motor_speed_rad_s_measured": speed, "motor_speed_rad_s": simulated_speed,
-                "speed_error_percent": 100.0 * (simulated_speed / speed - 1.0),
-                "motor_current_A_measured": current, "motor_current_A": simulated_current,
-                "current_error_percent": 100.0 * (simulated_current / current - 1.0),
-                "motor_balance_V": motor, "motor_balance_percent": 100.0 * motor / volt,
-                "shaft_balance_N_m": shaft,
-                "shaft_balance_percent": 100.0 * shaft / (constant * current),
-            })  # fmt: skip
+            rows.append(
+                {
+                    "model": name,
+                    "point": point.Index,
+                    "voltage_V": volt,
+                    "motor_speed_rad_s_measured": speed,
+                    "motor_speed_rad_s": simulated_speed,
+                    "speed_error_percent": 100.0 * (simulated_speed / speed - 1.0),
+                    "motor_current_A_measured": current,
+                    "motor_current_A": simulated_current,
+                    "current_error_percent": 100.0 * (simulated_current / current - 1.0),
+                    "motor_balance_V": motor,
+                    "motor_balance_percent": 100.0 * motor / volt,
+                    "shaft_balance_N_m": shaft,
+                    "shaft_balance_percent": 100.0 * shaft / (constant * current),
+                }
+            )
     return pd.DataFrame(rows)
 
 
@@ -281,7 +298,7 @@ def _draw_drive_train(points: pd.DataFrame, response: pd.DataFrame) -> Figure:
 def tour(
     out: Annotated[Path, typer.Option(help="Folder for pictures and tables.")] = Path("out/tour"),
     seed: Annotated[int, typer.Option(min=0, help="Seed of the sea and of the sensor noise.")] = 0,
-) -> None:  # fmt: skip
+) -> None:
     """Show a first example: a frigate in a seaway, then a real drive train.
 
     First, the frigate of van der Kroft's thesis is simulated for 300 s in head seas (significant wave
@@ -313,11 +330,14 @@ def tour(
         display.figures.save(sea.figure, out / "seaway.png")
         points, response = operating_points(), frequency_response()
         columns = {
-            "voltage_V": "U [V]", "motor_speed_rad_s_measured": "speed measured [rad/s]",
-            "motor_speed_rad_s": "simulated", "speed_error_percent": "error [%]",
-            "motor_current_A_measured": "current measured [A]", "motor_current_A": "simulated ",
+            "voltage_V": "U [V]",
+            "motor_speed_rad_s_measured": "speed measured [rad/s]",
+            "motor_speed_rad_s": "simulated",
+            "speed_error_percent": "error [%]",
+            "motor_current_A_measured": "current measured [A]",
+            "motor_current_A": "simulated ",
             "current_error_percent": "error [%] ",
-        }  # fmt: skip
+        }
         for model, own in points.groupby("model", sort=False):
             shown = own[list(columns)].rename(columns=columns)
             print_table(shown, f"2. Real measurements of a drive train, against {model}")
@@ -335,8 +355,10 @@ def tour(
             )
         display.figures.save(_draw_drive_train(points, response), out / "tito-neri.png")
         for name, table in {
-            "seaway": sea.table, "tito-neri-points": points, "tito-neri-response": response,
-        }.items():  # fmt: skip
+            "seaway": sea.table,
+            "tito-neri-points": points,
+            "tito-neri-response": response,
+        }.items():
             write_atomically(out / f"{name}.csv", partial(table.to_csv, index=False))
         say(
             f"\nPictures: {out / 'seaway.png'} and {out / 'tito-neri.png'}; the tables are in the "

@@ -28,22 +28,43 @@ class Device(StrEnum):
 
 TaskName = Annotated[str, typer.Option(help=f"Task: {', '.join(tasks(None))}.")]
 ObserverName = Annotated[str, typer.Option(help="Observer of the advance velocity.")]
-EpisodeLength = Annotated[float, typer.Option(
-    min=1.0, max=LONGEST_S, help="Length of an episode [s].")]  # fmt: skip
+EpisodeLength = Annotated[
+    float, typer.Option(min=1.0, max=LONGEST_S, help="Length of an episode [s].")
+]
 Algorithm = Annotated[str, typer.Option(help="Algorithm: `ppo` or `sac`.")]
-Timesteps = Annotated[int | None, typer.Option(
-    min=1, help="Control intervals of all environments together.",
-    show_default="that of the recipe")]  # fmt: skip
-Envs = Annotated[int | None, typer.Option(
-    min=1, max=4096, help="Number of environments in parallel.",
-    show_default="that of the recipe")]  # fmt: skip
-Plans = Annotated[int | None, typer.Option(
-    min=0, max=1000, show_default="that of the recipe",
-    help="Episodes to plan with known waves and to imitate before reinforcement learning.")]  # fmt: skip
-TaskShip = Annotated[str | None, typer.Option(
-    help="Ship: a preset or a .toml file.", show_default="that of the task")]  # fmt: skip
-OnDevice = Annotated[Device, typer.Option(
-    help="Device of torch; `auto` uses a GPU if there is one.")]  # fmt: skip
+Timesteps = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        help="Control intervals of all environments together.",
+        show_default="that of the recipe",
+    ),
+]
+Envs = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        max=4096,
+        help="Number of environments in parallel.",
+        show_default="that of the recipe",
+    ),
+]
+Plans = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        max=1000,
+        show_default="that of the recipe",
+        help="Episodes to plan with known waves and to imitate before reinforcement learning.",
+    ),
+]
+TaskShip = Annotated[
+    str | None,
+    typer.Option(help="Ship: a preset or a .toml file.", show_default="that of the task"),
+]
+OnDevice = Annotated[
+    Device, typer.Option(help="Device of torch; `auto` uses a GPU if there is one.")
+]
 
 
 def sizes(timesteps: int | None, envs: int | None, plans: int | None) -> dict[str, int]:
@@ -61,10 +82,13 @@ def check_device(device: Device) -> None:
 
 
 _CURVE = {
-    "steps": "steps", "reward": "reward", "fuel_kg_nmi": "fuel [kg/nmi]",
-    "speed_error_rms_m_s": "speed error rms [m/s]", "torque_sd_kN_m": "torque sd [kN m]",
+    "steps": "steps",
+    "reward": "reward",
+    "fuel_kg_nmi": "fuel [kg/nmi]",
+    "speed_error_rms_m_s": "speed error rms [m/s]",
+    "torque_sd_kN_m": "torque sd [kN m]",
     "failed": "failed [share]",
-}  # fmt: skip
+}
 
 
 def train(
@@ -125,10 +149,12 @@ def train(
             from ..agents.learning.recipe import read_recipe
         given = {"observer": observer, "sensor_noise": sensor_noise}
         plan = read_recipe(
-            algorithm, task, recipe,
+            algorithm,
+            task,
+            recipe,
             env_kwargs={key: value for key, value in given.items() if value is not None},
             **sizes(timesteps, envs, plans),
-        )  # fmt: skip
+        )
         folder = out or Path("out/train") / f"{task}-{algorithm}-{seed}"
         check_folder(folder)
         check_device(device)
@@ -138,9 +164,13 @@ def train(
         try:
             with stages("training") as tick:
                 policy = training.train(
-                    plan, seed, folder, ship=ship, device=device.value,
+                    plan,
+                    seed,
+                    folder,
+                    ship=ship,
+                    device=device.value,
                     tick=lambda done, total, said: tick(said, done, total),
-                )  # fmt: skip
+                )
         except KeyboardInterrupt:
             kept = len(list((folder / "plans").glob("*.json")))
             said = f"{_evaluations(folder)} evaluations" + (f" and {kept} plans" if kept else "")

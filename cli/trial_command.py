@@ -14,11 +14,17 @@ from ..performance.trial_report import runs_table, save_trial
 from .console import check_folder, print_table, report_errors, say
 
 _HEADS = {
-    "run": "run", "heading_deg": "heading deg", "speed_over_ground_kn": "SOG kn",
-    "shaft_power_kW": "shaft kW", "wind_resistance_kN": "wind kN", "wave_resistance_kN": "waves kN",
-    "water_resistance_kN": "water kN", "current_kn": "current kn", "corrected_speed_kn": "calm kn",
+    "run": "run",
+    "heading_deg": "heading deg",
+    "speed_over_ground_kn": "SOG kn",
+    "shaft_power_kW": "shaft kW",
+    "wind_resistance_kN": "wind kN",
+    "wave_resistance_kN": "waves kN",
+    "water_resistance_kN": "water kN",
+    "current_kn": "current kn",
+    "corrected_speed_kn": "calm kn",
     "corrected_shaft_power_kW": "calm kW",
-}  # fmt: skip
+}
 """Columns of the printed table with their heads."""
 
 

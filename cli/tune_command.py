@@ -17,23 +17,34 @@ from .train_command import EpisodeLength, ObserverName, TaskName, TaskShip
 
 
 def tune(
-    controller: Annotated[str, typer.Option(
-        help=f"Controller: {', '.join(controller_names())}; or NAME:option=number,... with fixed "
-        "options; HELMSMAN+NAME where the rudder is an action.")] = "speed-pilot",
+    controller: Annotated[
+        str,
+        typer.Option(
+            help=f"Controller: {', '.join(controller_names())}; or NAME:option=number,... with fixed "
+            "options; HELMSMAN+NAME where the rudder is an action."
+        ),
+    ] = "speed-pilot",
     task: TaskName = "rough-sea",
-    vary: Annotated[list[str] | None, typer.Option(
-        help="OPTION=LOW:HIGH; repeatable.", show_default="ranges of the controller")] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(help="OPTION=LOW:HIGH; repeatable.", show_default="ranges of the controller"),
+    ] = None,
     rounds: Annotated[int, typer.Option(min=1, help="Generations of the search.")] = 40,
-    seeds: Annotated[int, typer.Option(
-        min=1, max=MOST_SEEDS, help="Number of episodes for each candidate.")] = 24,
+    seeds: Annotated[
+        int, typer.Option(min=1, max=MOST_SEEDS, help="Number of episodes for each candidate.")
+    ] = 24,
     episode_s: EpisodeLength = EPISODE_S,
     seed: Annotated[int, typer.Option(min=0, help="Seed; equal seeds give equal constants.")] = 0,
     observer: ObserverName = DEFAULTS.observer,
     ship: TaskShip = None,
-    sea: Annotated[str, typer.Option(
-        help="Sea: a preset; hs=3.2,tp=9.1 with optional gamma=, heading= and wind=; or `task` for the "
-        "seas of the task.")] = "task",
-) -> None:  # fmt: skip
+    sea: Annotated[
+        str,
+        typer.Option(
+            help="Sea: a preset; hs=3.2,tp=9.1 with optional gamma=, heading= and wind=; or `task` for "
+            "the seas of the task."
+        ),
+    ] = "task",
+) -> None:
     """Tune the constants of a classic controller for a task.
 
     CMA-ES draws constants within their ranges. All candidates are simulated in the same episodes of the
@@ -58,10 +69,18 @@ def tune(
             from ..agents.learning.tuning import tune as search
         with stages("tuning") as tick:
             found = search(
-                controller, task, ranges=ranges, rounds=rounds, episodes=seeds,
-                episode_s=episode_s, seed=seed, observer=observer, ship=ship, sea=sea,
+                controller,
+                task,
+                ranges=ranges,
+                rounds=rounds,
+                episodes=seeds,
+                episode_s=episode_s,
+                seed=seed,
+                observer=observer,
+                ship=ship,
+                sea=sea,
                 tick=lambda done, total, said: tick(said, done, total),
-            )  # fmt: skip
+            )
         add_results(found._asdict())
         say(f"{found.candidates} candidates on {seeds} episodes of {task}")
         say(f"reward on {seeds} unused episodes: {found.fresh:.5g}, untuned {found.untuned:.5g}")

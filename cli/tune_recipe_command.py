@@ -20,25 +20,36 @@ _SHOWN = 8  # best trials in the table
 def tune_recipe(
     task: training.TaskName = "rough-sea",
     algorithm: training.Algorithm = "ppo",
-    recipe: Annotated[Path | None, typer.Option(
-        help="Recipe file (.yml) to start from.", show_default="that of the package")] = None,
-    vary: Annotated[list[str] | None, typer.Option(
-        help="KEY=LOW:HIGH or KEY=A,B,C; repeatable.", show_default="see below")] = None,
-    trials: Annotated[int, typer.Option(
-        min=1, help="Number of proposals, including the given recipe.")] = 20,
+    recipe: Annotated[
+        Path | None,
+        typer.Option(help="Recipe file (.yml) to start from.", show_default="that of the package"),
+    ] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(help="KEY=LOW:HIGH or KEY=A,B,C; repeatable.", show_default="see below"),
+    ] = None,
+    trials: Annotated[
+        int, typer.Option(min=1, help="Number of proposals, including the given recipe.")
+    ] = 20,
     seeds: Annotated[int, typer.Option(min=1, help="Number of trainings of each proposal.")] = 1,
-    fresh: Annotated[int, typer.Option(
-        min=1, help="Number of final trainings of the given and of the best recipe.")] = 2,
+    fresh: Annotated[
+        int,
+        typer.Option(min=1, help="Number of final trainings of the given and of the best recipe."),
+    ] = 2,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the proposals.")] = 0,
     timesteps: training.Timesteps = None,
     envs: training.Envs = None,
     plans: training.Plans = None,
     ship: training.TaskShip = None,
     device: training.OnDevice = training.Device.AUTO,
-    out: Annotated[Path | None, typer.Option(
-        help="Folder for the recipe, the trials and the picture.",
-        show_default="out/tune/TASK-ALGORITHM-SEED")] = None,
-) -> None:  # fmt: skip
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder for the recipe, the trials and the picture.",
+            show_default="out/tune/TASK-ALGORITHM-SEED",
+        ),
+    ] = None,
+) -> None:
     """Search the hyperparameters of a recipe for a task.
 
     Optuna's tree-structured Parzen estimator proposes values; each proposal is trained with the same
@@ -73,10 +84,17 @@ def tune_recipe(
         training.check_device(device)
         with stages("searching") as tick:
             found = search_recipe(
-                plan, folder, vary=dict(map(_pair, vary)) if vary else None, trials=trials,
-                seeds=seeds, fresh=fresh, seed=seed, ship=ship, device=device.value,
+                plan,
+                folder,
+                vary=dict(map(_pair, vary)) if vary else None,
+                trials=trials,
+                seeds=seeds,
+                fresh=fresh,
+                seed=seed,
+                ship=ship,
+                device=device.value,
                 tick=lambda done, total, said: tick(said, done, total),
-            )  # fmt: skip
+            )
         _print(found, folder, task, algorithm)
 
 

@@ -25,16 +25,24 @@ from .console import Jobs, check_folder, print_table, progress, report_errors, s
 def validate(
     cases: Annotated[int, typer.Option(min=1, max=100_000, help="Number of cases.")] = 200,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the cases.")] = 1,
-    out: Annotated[Path, typer.Option(
-        help="Folder for the cases, the page and its tables.")] = Path("out/validate"),
+    out: Annotated[
+        Path, typer.Option(help="Folder for the cases, the page and its tables.")
+    ] = Path("out/validate"),
     jobs: Jobs = None,
-    with_sindy: Annotated[bool, typer.Option(
-        "--sindy", help="Also analyse by PySINDy (`pip install 'shaftline[sindy]'`).")] = False,
-    variant: Annotated[str, typer.Option(
-        help="Variant of the recordings: " + ", ".join(VARIANTS) + ".", metavar="VARIANT")] = PLAIN,
-    reports: Annotated[bool, typer.Option(
-        "--reports", help="Also write report.html of each case.")] = False,
-) -> None:  # fmt: skip
+    with_sindy: Annotated[
+        bool,
+        typer.Option("--sindy", help="Also analyse by PySINDy (`pip install 'shaftline[sindy]'`)."),
+    ] = False,
+    variant: Annotated[
+        str,
+        typer.Option(
+            help="Variant of the recordings: " + ", ".join(VARIANTS) + ".", metavar="VARIANT"
+        ),
+    ] = PLAIN,
+    reports: Annotated[
+        bool, typer.Option("--reports", help="Also write report.html of each case.")
+    ] = False,
+) -> None:
     """Validate the diagnosis on recordings with concealed effects.
 
     The recordings come from an independent simulator that shares no code with the package: its own
@@ -128,9 +136,13 @@ def _run(
 
 
 def _tool(
-    page: bool, recording: Path, ship: str, folder: Path, exclude: tuple[str, ...],
+    page: bool,
+    recording: Path,
+    ship: str,
+    folder: Path,
+    exclude: tuple[str, ...],
     healthy: Path | None = None,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Diagnose a recording as ``shaftline diagnose`` does, with or without calibration."""
     options = Options(exclude=exclude, calibrate=() if healthy is None else (healthy,))
     diagnosis = diagnose(load_ship(ship), recording, options=options)

@@ -19,19 +19,27 @@ _MOST = 4
 
 
 def video(
-    controllers: Annotated[list[str], typer.Argument(
-        help="Controllers as for `shaftline evaluate`, one for each column: NAME, "
-        "NAME:option=number, policy:FILE.npz, module:Class.")],
-    task: Annotated[str, typer.Option(
-        help=f"Task, or TASK:held-out: {', '.join(tasks(None))}.")] = "rough-sea",
-    seed: Annotated[int, typer.Option(
-        min=0, help="Seed of the episode, which is the same for all controllers.")] = 1,
+    controllers: Annotated[
+        list[str],
+        typer.Argument(
+            help="Controllers as for `shaftline evaluate`, one for each column: NAME, "
+            "NAME:option=number, policy:FILE.npz, module:Class."
+        ),
+    ],
+    task: Annotated[
+        str, typer.Option(help=f"Task, or TASK:held-out: {', '.join(tasks(None))}.")
+    ] = "rough-sea",
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the episode, which is the same for all controllers.")
+    ] = 1,
     begin_s: Annotated[float, typer.Option(min=0.0, help="Start of the animation [s].")] = 60.0,
-    seconds: Annotated[float, typer.Option(
-        min=1.0, max=600.0, help="Length of the animation in simulated time [s].")] = 40.0,
+    seconds: Annotated[
+        float,
+        typer.Option(min=1.0, max=600.0, help="Length of the animation in simulated time [s]."),
+    ] = 40.0,
     observer: ObserverName = DEFAULTS.observer,
     out: Annotated[Path, typer.Option(help="File to write (.gif).")] = Path("out/film.gif"),
-) -> None:  # fmt: skip
+) -> None:
     """Animate controllers in the same waves, side by side.
 
     The animation shows the ship in the passing waves, and below it the last seconds of shaft torque,

@@ -38,10 +38,15 @@ class SweepError(ValueError):
 
 
 def sweep(
-    work: Callable[[Cell], Any], cells: Mapping[str, Cell], folder: Path, *,
-    jobs: int | None = None, backend: str = "processes", scheduler: str | None = None,
+    work: Callable[[Cell], Any],
+    cells: Mapping[str, Cell],
+    folder: Path,
+    *,
+    jobs: int | None = None,
+    backend: str = "processes",
+    scheduler: str | None = None,
     tick: Callable[[], None] = lambda: None,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Compute every cell whose result is not yet in the folder; return all results by name.
 
     This process writes each result as soon as it arrives. So workers need no shared disk, and a sweep
@@ -137,9 +142,12 @@ def _machine(
     jobs = min(jobs or joblib.cpu_count(), len(cells))
     # A batch size above 1 would hold finished cells back.
     parallel = joblib.Parallel(
-        jobs, return_as="generator_unordered", batch_size=1, initializer=_watch_parent,
+        jobs,
+        return_as="generator_unordered",
+        batch_size=1,
+        initializer=_watch_parent,
         initargs=(os.getpid(),),
-    )  # fmt: skip
+    )
     try:
         with warnings.catch_warnings():
             # loky replaces a process whose memory has grown; no cell is lost.

@@ -122,8 +122,11 @@ def _wide_encoding(head: bytes) -> str:
     """
     zero = [1.0 - sum(map(bool, head[k::4])) / max(len(head[k::4]), 1) for k in range(4)]
     for name, places in (
-        ("utf-32-be", (0, 1, 2)), ("utf-32-le", (1, 2, 3)), ("utf-16-be", (0, 2)), ("utf-16-le", (1, 3))
-    ):  # fmt: skip
+        ("utf-32-be", (0, 1, 2)),
+        ("utf-32-le", (1, 2, 3)),
+        ("utf-16-be", (0, 2)),
+        ("utf-16-le", (1, 3)),
+    ):
         letters = [zero[k] for k in range(4) if k not in places]
         if min(zero[k] for k in places) > _WIDE and max(letters) == 0.0:
             return name

@@ -16,9 +16,12 @@ from ..plant.signals import SIGNALS
 from .figures import TRUTH, new_figure
 
 _UNITS = {
-    "resistance_factor": "-", "inflow": "m/s", "engine_torque": "N m", "thrust": "N",
+    "resistance_factor": "-",
+    "inflow": "m/s",
+    "engine_torque": "N m",
+    "thrust": "N",
     **{signal.name: signal.unit for signal in SIGNALS},
-}  # fmt: skip
+}
 _NO_RESPONSE = 1e-12
 """Gain, relative to the largest of the output, below which a channel counts as zero."""
 

@@ -34,9 +34,14 @@ def loop_figure(
     if asked is not None:
         gain.hlines(asked[1], grid[0], asked[0], color=PALETTE[0], linewidth=2.0)
         gain.annotate(
-            f"at least {asked[1]:g} dB", (asked[0], asked[1]), (6, -3), fontsize=8,
-            textcoords="offset points", color=PALETTE[0], va="top",
-        )  # fmt: skip
+            f"at least {asked[1]:g} dB",
+            (asked[0], asked[1]),
+            (6, -3),
+            fontsize=8,
+            textcoords="offset points",
+            color=PALETTE[0],
+            va="top",
+        )
     degrees = np.degrees(np.unwrap(np.angle(response)))
     if np.isfinite(margins.crossover):  # A loop with a gain below 1 has no crossover.
         at = float(np.interp(margins.crossover, grid, degrees))
@@ -49,15 +54,23 @@ def loop_figure(
         top = margins.phase_margin_deg - 180.0
         phase.vlines(margins.crossover, -180.0, top, color=PALETTE[0], lw=2)
         phase.annotate(
-            f"{margins.phase_margin_deg:.1f}°", (margins.crossover, -175.0), (6, 0), fontsize=9,
-            textcoords="offset points", color=PALETTE[0],
-        )  # fmt: skip
+            f"{margins.phase_margin_deg:.1f}°",
+            (margins.crossover, -175.0),
+            (6, 0),
+            fontsize=9,
+            textcoords="offset points",
+            color=PALETTE[0],
+        )
     if np.isfinite(margins.gain_margin_dB):
         gain.vlines(margins.phase_crossover, -margins.gain_margin_dB, 0.0, color=PALETTE[0], lw=2)
         gain.annotate(
-            f"{margins.gain_margin_dB:.1f} dB", (margins.phase_crossover, 0.0), (6, -12), fontsize=9,
-            textcoords="offset points", color=PALETTE[0],
-        )  # fmt: skip
+            f"{margins.gain_margin_dB:.1f} dB",
+            (margins.phase_crossover, 0.0),
+            (6, -12),
+            fontsize=9,
+            textcoords="offset points",
+            color=PALETTE[0],
+        )
     sensitivity = 1.0 / (1.0 + response)
     for values, name, colour in (
         (sensitivity, "S, from a disturbance", PALETTE[1]),
@@ -92,6 +105,11 @@ def _draw_step(axis: Axes, loop: Loop, unit: str) -> None:
     axis.axhspan(0.98 * last, 1.02 * last, color=PALETTE[3], alpha=0.25, lw=0)
     axis.axvline(measures.settling, color=PALETTE[0], linewidth=0.9, linestyle="--")
     settled = f"within 2 % after {measures.settling:.3g} {unit}"
-    axis.annotate(f"overshoot {measures.overshoot_percent:.1f} %, {settled}", (0.97, 0.06),
-                  xycoords="axes fraction", ha="right", fontsize=9)  # fmt: skip
+    axis.annotate(
+        f"overshoot {measures.overshoot_percent:.1f} %, {settled}",
+        (0.97, 0.06),
+        xycoords="axes fraction",
+        ha="right",
+        fontsize=9,
+    )
     axis.set(ylabel="response to a step of the set-point", xlabel=f"time [{unit}]")

@@ -70,8 +70,10 @@ def turning_circles(turns: dict[str, TurningCircle], title: str) -> Figure:
     map_.annotate("rudder ordered", (0.0, 0.0), (8, -14), textcoords="offset points", fontsize=8)
     map_.set_aspect("equal", adjustable="datalim")
     map_.margins(0.12, 0.1)
-    map_.set(xlabel="to starboard of the initial course [ship lengths]",
-             ylabel="along the initial course [ship lengths]")  # fmt: skip
+    map_.set(
+        xlabel="to starboard of the initial course [ship lengths]",
+        ylabel="along the initial course [ship lengths]",
+    )
     map_.legend(fontsize=8, frameon=False, loc="lower right")
     speeds.set(ylabel="speed / approach\nspeed [-]", ylim=(0.0, 1.05))
     rates.axhline(0.0, color=THESIS, linewidth=0.6)
@@ -91,10 +93,15 @@ def _measures(axis: Axes, turn: TurningCircle, colour: str) -> None:
         place = tuple(turn.track[["cross_track_m", "position_m"]].iloc[row] / turn.length_m)
         axis.plot(*place, "o", color=colour, markeredgecolor="white", markersize=7, zorder=4)
         axis.annotate(
-            f"{name} {value:.2f} L", place, away, textcoords="offset points", fontsize=9,
-            color=colour, ha="center" if degrees < 180.0 else "right" if side > 0.0 else "left",
+            f"{name} {value:.2f} L",
+            place,
+            away,
+            textcoords="offset points",
+            fontsize=9,
+            color=colour,
+            ha="center" if degrees < 180.0 else "right" if side > 0.0 else "left",
             arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.6},
-        )  # fmt: skip
+        )
 
 
 def zig_zags(results: dict[tuple[int, str], ZigZag], title: str) -> Figure:
@@ -134,14 +141,24 @@ def _zig_zag(axis: Axes, found: ZigZag, colour: str) -> None:
         row = int(np.flatnonzero(part)[np.argmax(np.abs(heading[part]))])
         above = np.sign(heading[row])
         axis.fill_between(
-            time, heading, above * reach, where=part & (above * heading > reach), color=colour,
-            alpha=0.2, linewidth=0.0,
-        )  # fmt: skip
+            time,
+            heading,
+            above * reach,
+            where=part & (above * heading > reach),
+            color=colour,
+            alpha=0.2,
+            linewidth=0.0,
+        )
         axis.annotate(
-            f"{overshoot:.1f}°", (time[row], heading[row]), (0, 4.0 * above),
-            textcoords="offset points", fontsize=8, color=colour, ha="center",
+            f"{overshoot:.1f}°",
+            (time[row], heading[row]),
+            (0, 4.0 * above),
+            textcoords="offset points",
+            fontsize=8,
+            color=colour,
+            ha="center",
             va="bottom" if above > 0 else "top",
-        )  # fmt: skip
+        )
     axis.margins(y=0.16)
     axis.tick_params(labelsize=8)
 
@@ -156,11 +173,14 @@ def spirals(result: Spiral, title: str) -> Figure:
             near = np.abs(degrees) <= reach
             to_port = leg == "to port"
             axis.plot(
-                degrees[near], part["rate_of_turn"].to_numpy()[near],
+                degrees[near],
+                part["rate_of_turn"].to_numpy()[near],
                 color=SIDE_COLOURS["port" if to_port else "starboard"],
-                marker="<" if to_port else ">", markersize=4, linewidth=1.0,
+                marker="<" if to_port else ">",
+                markersize=4,
+                linewidth=1.0,
                 label=f"rudder moving {leg}",
-            )  # fmt: skip
+            )
         axis.axhline(0.0, color=THESIS, linewidth=0.6)
         axis.axvline(0.0, color=THESIS, linewidth=0.6)
         axis.set_xlabel("rudder angle [deg], positive turns to starboard")

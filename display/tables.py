@@ -31,8 +31,9 @@ def write_csv(folder: Path, name: str, frame: pd.DataFrame, digits: int = 6) -> 
     )
 
 
-def write_table(folder: Path, name: str, title: str, command: str, frame: pd.DataFrame,
-                body: str) -> None:  # fmt: skip
+def write_table(
+    folder: Path, name: str, title: str, command: str, frame: pd.DataFrame, body: str
+) -> None:
     """Write ``name.csv`` and ``name.md`` into a folder."""
     write_csv(folder, name, frame)
     write_text(folder / f"{name}.md", f"# {title}\n\nMade by `{command}`.\n\n{body}\n")

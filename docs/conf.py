@@ -27,8 +27,10 @@ nb_execution_show_tb = True
 nb_merge_streams = True
 
 autodoc_default_options = {
-    "members": True, "imported-members": True, "exclude-members": "model_config",
-}  # fmt: skip
+    "members": True,
+    "imported-members": True,
+    "exclude-members": "model_config",
+}
 autodoc_member_order = "alphabetical"
 autodoc_typehints = "description"
 napoleon_google_docstring = True
@@ -42,10 +44,14 @@ html_search_scorer = str(Path(__file__).with_name("_static") / "scorer.js")
 templates_path = ["_templates"]
 html_sidebars = {
     "**": [
-        "sidebar/brand.html", "sidebar/search.html", "sidebar/versions.html",
-        "sidebar/scroll-start.html", "sidebar/navigation.html", "sidebar/scroll-end.html",
+        "sidebar/brand.html",
+        "sidebar/search.html",
+        "sidebar/versions.html",
+        "sidebar/scroll-start.html",
+        "sidebar/navigation.html",
+        "sidebar/scroll-end.html",
     ]
-}  # fmt: skip
+}
 copybutton_exclude = ".linenos, .gp, .go"
 
 

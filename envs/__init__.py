@@ -22,14 +22,28 @@ for _name in ("Steering", "Frigate"):
     if (_id := f"shaftline/{_name}-v0") not in registry:
         _place = f"shaftline.envs.{_name.lower()}:{_name}"
         register(
-            _id, f"{_place}Env", vector_entry_point=f"{_place}VectorEnv",
+            _id,
+            f"{_place}Env",
+            vector_entry_point=f"{_place}VectorEnv",
             max_episode_steps=DEFAULTS.max_episode_steps,
-        )  # fmt: skip
+        )
 
 __all__ = [
-    "CLASSIC", "DEFAULTS", "TERMS", "FrigateEnv", "FrigateVectorEnv", "Goal", "Goals", "Sb3Frigates",
-    "Settings", "SteeringEnv", "SteeringVectorEnv", "Task", "get_task", "tasks",
-]  # fmt: skip
+    "CLASSIC",
+    "DEFAULTS",
+    "TERMS",
+    "FrigateEnv",
+    "FrigateVectorEnv",
+    "Goal",
+    "Goals",
+    "Sb3Frigates",
+    "Settings",
+    "SteeringEnv",
+    "SteeringVectorEnv",
+    "Task",
+    "get_task",
+    "tasks",
+]
 
 
 def __getattr__(name: str) -> Any:

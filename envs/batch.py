@@ -57,9 +57,11 @@ def _governor_gains(ship: Ship) -> Floats:
 def add_drift_force(ship: Ship) -> Ship:
     """Return a ship with an additional slow side force, as the steered environments have it."""
     force = Term(
-        id="drift-force", acts_on="side_force", expression="drift_force",
+        id="drift-force",
+        acts_on="side_force",
+        expression="drift_force",
         also={"yaw_moment": f"{DRIFT_ARM * ship.manoeuvring.length_m!r} * drift_force"},
-    )  # fmt: skip
+    )
     return ship.with_signals({"drift_force": "N"}).with_values({"term": [*ship.term, force]})
 
 
@@ -214,9 +216,12 @@ class Batch:
         # A field of a record array is not contiguous, so this array is a strided view of the memory.
         offset = _FIELDS["observation"][1]
         return np.ndarray(
-            (self.n, len(_SIGNALS)), np.float32, self.environments.view(np.uint8), offset,
+            (self.n, len(_SIGNALS)),
+            np.float32,
+            self.environments.view(np.uint8),
+            offset,
             (records.ENVIRONMENT.itemsize, 4),
-        )  # fmt: skip
+        )
 
     def observation(self, which: Ints | None = None) -> Singles:
         """Return observations, shape (k, o), in the form of the settings; all of them by default."""
@@ -268,9 +273,16 @@ class Batch:
             self.arrays.plants[number.field][place] = number.value * factors
         raw = self.environments.view(np.uint8).reshape(self.n, records.ENVIRONMENT.itemsize)
         starts.start_episodes(
-            self.environments, raw, which, np.ascontiguousarray(uniform[:, :draws]),
-            beginning.ranges, beginning.seas, self._tables, self.ship.propeller.depth_m, self.dt,
-        )  # fmt: skip
+            self.environments,
+            raw,
+            which,
+            np.ascontiguousarray(uniform[:, :draws]),
+            beginning.ranges,
+            beginning.seas,
+            self._tables,
+            self.ship.propeller.depth_m,
+            self.dt,
+        )
 
     def observe(self, which: Ints) -> None:
         """Fill the observations of environments that were just reset."""

@@ -23,9 +23,15 @@ _PANELS = (
     ("shaft torque [kN m]", (("measured_shaft_torque", "", _DARK),), 1e-3),
     ("pitch ratio P/D [-]", (("measured_pitch_ratio", "", _DARK),), 1.0),
     ("fuel rack [mm]", (("fuel_rack", "", _DARK),), 1.0),
-    ("advance velocity [m/s]",
-     (("true_advance_velocity", "true", _DARK), ("estimated_advance_velocity", "estimated", _RED)), 1.0),
-)  # fmt: skip
+    (
+        "advance velocity [m/s]",
+        (
+            ("true_advance_velocity", "true", _DARK),
+            ("estimated_advance_velocity", "estimated", _RED),
+        ),
+        1.0,
+    ),
+)
 """Panels: title; signals with label and colour; factor from the signal's unit to that of the title."""
 _STEERED = (
     "heading [deg]",
@@ -80,8 +86,11 @@ class Dashboard:
         figure.suptitle(
             f"{self.batch.ship.name} · {task} · {settings.observer} · {now:.0f} s · "
             f"reward {self.rewarded:.1f}",
-            fontsize=10, x=0.01, ha="left", color=_DARK,
-        )  # fmt: skip
+            fontsize=10,
+            x=0.01,
+            ha="left",
+            color=_DARK,
+        )
         canvas.draw()
         return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 

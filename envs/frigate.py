@@ -436,8 +436,11 @@ class FrigateVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
                 last[i] = row
             self._start(which)
             info = self._info(np.zeros_like(done), everywhere) | {
-                "final_info": final_info, "_final_info": done, "final_obs": last, "_final_obs": done
-            }  # fmt: skip
+                "final_info": final_info,
+                "_final_info": done,
+                "final_obs": last,
+                "_final_obs": done,
+            }
         return batch.observation(), reward, terminated, truncated, info
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:

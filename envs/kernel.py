@@ -73,9 +73,15 @@ def first_observation(
         env = environments[i]
         state, episode = env.state, env.episode
         outputs = observe(
-            env.plant, state, env.memory, env.sea, episode.pitch_command, 0.0,
-            disturbance(episode, 0.0), dt,
-        )  # fmt: skip
+            env.plant,
+            state,
+            env.memory,
+            env.sea,
+            episode.pitch_command,
+            0.0,
+            disturbance(episode, 0.0),
+            dt,
+        )
         attack = effective_attack(
             env.plant, outputs.advance_velocity, state.shaft_speed, outputs.pitch_ratio
         )
@@ -88,9 +94,13 @@ def first_observation(
         clear_terms(env.terms)
         sensing.fill_truth(env, get_state(state), outputs, attack, outside, fuel, 0.0)
         sensing.measure(
-            env, common.noise, outputs.shaft_acceleration,
-            outputs.advance_velocity, env.memory.speed_log, sensing.speed_order(episode, 0.0),
-        )  # fmt: skip
+            env,
+            common.noise,
+            outputs.shaft_acceleration,
+            outputs.advance_velocity,
+            env.memory.speed_log,
+            sensing.speed_order(episode, 0.0),
+        )
         if env.plant.turns != 0:
             sensing.measure_course(env, common.noise, get_state(state), 0.0, 0.0)
         if common.preview != 0:
@@ -160,9 +170,15 @@ def state_sum(state):
 
 @compiled
 def control_interval(
-    environments: Any, commons: Any, gains: Floats, action: NDArray[np.float32], steps: int,
-    dt: float, first: int, last: int,
-) -> int:  # fmt: skip
+    environments: Any,
+    commons: Any,
+    gains: Floats,
+    action: NDArray[np.float32],
+    steps: int,
+    dt: float,
+    first: int,
+    last: int,
+) -> int:
     """Simulate environments ``first`` to ``last`` over one control interval; all changes in place.
 
     Returns the index of the first environment whose state is not finite at the end, or -1.
@@ -204,9 +220,13 @@ def control_interval(
             if common.second == SHAFT_SPEED:
                 proportional, integral_gain = _gains_at(gains, episode.measured_shaft_speed)
                 drive, episode.integral = govern(
-                    plant, episode.shaft_speed_command, episode.measured_shaft_speed,
-                    episode.integral, proportional, integral_gain,
-                )  # fmt: skip
+                    plant,
+                    episode.shaft_speed_command,
+                    episode.measured_shaft_speed,
+                    episode.integral,
+                    proportional,
+                    integral_gain,
+                )
             elif common.second == LIMITED_RACK:
                 drive = limit_rack(
                     plant, episode.rack_command, episode.measured_shaft_speed, common.limiter_slope
@@ -232,17 +252,26 @@ def control_interval(
             episode.mean_attack += fading * (attack - episode.mean_attack)
             fuel = total_fuel_flow(plant, shaft_speed, outputs.brake_torque)
             now = Instant(
-                order=order, ship_speed=before.ship_speed, shaft_speed=shaft_speed,
-                rack=memory.rack, drive=drive, drive_before=episode.drive,
-                mean_torque=episode.mean_torque, mean_brake_torque=episode.mean_brake_torque,
-                attack=attack, mean_attack=episode.mean_attack, outside_bucket=outside,
-                pitch_before=pitch_before, mean_speed=episode.mean_speed,
+                order=order,
+                ship_speed=before.ship_speed,
+                shaft_speed=shaft_speed,
+                rack=memory.rack,
+                drive=drive,
+                drive_before=episode.drive,
+                mean_torque=episode.mean_torque,
+                mean_brake_torque=episode.mean_brake_torque,
+                attack=attack,
+                mean_attack=episode.mean_attack,
+                outside_bucket=outside,
+                pitch_before=pitch_before,
+                mean_speed=episode.mean_speed,
                 reference_fuel=episode.reference_fuel[which],
                 reference_power=episode.reference_power[which],
                 heading_error=sensing.wrap_angle(before.heading - episode.heading_orders[which]),
                 track_error=before.cross_track - episode.track_orders[which],
-                rudder_turn=laid - laid_before, dt=dt,
-            )  # fmt: skip
+                rudder_turn=laid - laid_before,
+                dt=dt,
+            )
             add_terms(terms, plant, outputs, now, share, fuel)
             episode.drive = drive
             sensing.fill_truth(env, before, outputs, attack, outside, fuel, laid_before)

@@ -34,21 +34,32 @@ def observed_ranges(ship: Ship, top: float, observed: Sequence[str]) -> NDArray[
     slowest, turns = (float(plant[f"engine_speed_{end}"]) / gear for end in ("min", "max"))
     length, stop = max(float(plant["length"]), 1.0), float(plant["rudder_max"]) or 1.0
     ends = {
-        "speed_order": (0.0, top), "measured_ship_speed": (0.0, top),
-        "estimated_advance_velocity": (0.0, top), "shaft_speed": (0.0, turns),
-        "measured_shaft_torque": (0.0, torque * gear), "fuel_rack": drive,
+        "speed_order": (0.0, top),
+        "measured_ship_speed": (0.0, top),
+        "estimated_advance_velocity": (0.0, top),
+        "shaft_speed": (0.0, turns),
+        "measured_shaft_torque": (0.0, torque * gear),
+        "fuel_rack": drive,
         "measured_pitch_ratio": (float(plant["pitch_ratio_min"]), float(plant["pitch_ratio_max"])),
-        "estimate_valid": (0.0, 1.0), "estimated_angle_of_attack": (0.0, 10.0),
+        "estimate_valid": (0.0, 1.0),
+        "estimated_angle_of_attack": (0.0, 10.0),
         "shaft_speed_command": (slowest, turns),
-    }  # fmt: skip
+    }
     both_ways = {
-        "heading_order": math.pi, "heading": math.pi, "yaw_rate": top / length, "rudder_angle": stop,
-        "cross_track_order": length, "cross_track": length, "speed_error": 2.0,
+        "heading_order": math.pi,
+        "heading": math.pi,
+        "yaw_rate": top / length,
+        "rudder_angle": stop,
+        "cross_track_order": length,
+        "cross_track": length,
+        "speed_error": 2.0,
         "shaft_torque_deviation": _TORQUE_DEVIATION * torque * gear,
-        "engine_torque_deviation": _TORQUE_DEVIATION * torque, "angle_of_attack_deviation": 4.0,
-        "heading_error": math.radians(30.0), "track_error": 0.5 * length,
+        "engine_torque_deviation": _TORQUE_DEVIATION * torque,
+        "angle_of_attack_deviation": 4.0,
+        "heading_error": math.radians(30.0),
+        "track_error": 0.5 * length,
         **dict.fromkeys(PREVIEW, 2.0),
-    }  # fmt: skip
+    }
     ends |= {name: (-half, half) for name, half in both_ways.items()}
     ends["pitch_command"] = ends["base_pitch_ratio"] = ends["measured_pitch_ratio"]
     ends["fuel_rack_command"] = ends["base_fuel_rack"] = ends["fuel_rack"]

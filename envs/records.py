@@ -51,16 +51,28 @@ EPISODE = np.dtype(
 """Memory of an episode, beside the state of the plant."""
 
 _INSTRUMENTS = (
-    "shaft_speed", "shaft_torque", "pitch_ratio", "shaft_acceleration", "ship_speed", "heading",
-    "yaw_rate", "rudder_angle", "cross_track", "wave_inflow",
-)  # fmt: skip
+    "shaft_speed",
+    "shaft_torque",
+    "pitch_ratio",
+    "shaft_acceleration",
+    "ship_speed",
+    "heading",
+    "yaw_rate",
+    "rudder_angle",
+    "cross_track",
+    "wave_inflow",
+)
 NOISE = np.dtype([(name, np.float64) for name in _INSTRUMENTS])
 """Rms noise of each instrument per sample [rad/s, N m, -, rad/s2, m/s, rad, rad/s, rad, m, m/s]."""
 
 LEARNER_SIGNALS = (
-    "speed_error", "pitch_command", "shaft_torque_deviation", "engine_torque_deviation",
-    "estimated_angle_of_attack", "angle_of_attack_deviation",
-)  # fmt: skip
+    "speed_error",
+    "pitch_command",
+    "shaft_torque_deviation",
+    "engine_torque_deviation",
+    "estimated_angle_of_attack",
+    "angle_of_attack_deviation",
+)
 """Signals that an observation adds to those of the classic controllers; the rewards depend on them."""
 
 COURSE_ERRORS = ("heading_error", "track_error")  # further signals where the rudder is an action
@@ -68,9 +80,15 @@ SHAFT_SPEED_COMMAND, RACK_COMMAND = "shaft_speed_command", "fuel_rack_command"
 BASE_COMMANDS = ("base_pitch_ratio", "base_fuel_rack", "base_rudder_angle")
 
 _EVERY_SIGNAL = (
-    *OBSERVED, *STEERED, *PREVIEW, *LEARNER_SIGNALS, *COURSE_ERRORS, SHAFT_SPEED_COMMAND, RACK_COMMAND,
+    *OBSERVED,
+    *STEERED,
+    *PREVIEW,
+    *LEARNER_SIGNALS,
+    *COURSE_ERRORS,
+    SHAFT_SPEED_COMMAND,
+    RACK_COMMAND,
     *BASE_COMMANDS,
-)  # fmt: skip
+)
 
 OBSERVATION = np.dtype([(name, np.float32) for name in _EVERY_SIGNAL])
 """All signals that an observation can contain, in physical units."""

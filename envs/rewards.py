@@ -177,9 +177,13 @@ def add_terms(
     limit = torque_limit(plant, engine_speed)
     asked = rack_torque(plant, engine_speed, now.rack)
     burrill = burrill_ratio(
-        plant, outputs.thrust, outputs.advance_velocity, now.shaft_speed, outputs.pitch_ratio,
+        plant,
+        outputs.thrust,
+        outputs.advance_velocity,
+        now.shaft_speed,
+        outputs.pitch_ratio,
         outputs.submergence,
-    )  # fmt: skip
+    )
     shaft_torque = abs(outputs.shaft_torque - now.mean_torque)
     engine_torque = abs(outputs.brake_torque - now.mean_brake_torque)
     terms.speed_error_m_s += share * abs(now.ship_speed - now.order)

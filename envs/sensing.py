@@ -137,9 +137,14 @@ def measure_course(env: Record, noise: Record, now: State, laid: float, time: fl
 
 @compiled
 def fill_truth(
-    env: Record, before: State, outputs: Outputs, attack: float, outside: float, fuel: float,
+    env: Record,
+    before: State,
+    outputs: Outputs,
+    attack: float,
+    outside: float,
+    fuel: float,
     laid: float,
-) -> None:  # fmt: skip
+) -> None:
     """Fill the true state of a plant step: its state before and its outputs."""
     truth, state = env.truth, env.state
     truth.advance_velocity = outputs.advance_velocity

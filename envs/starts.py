@@ -266,9 +266,16 @@ def follow_profile(
 
 @compiled
 def start_episodes(
-    environments: Any, raw: NDArray[np.uint8], which: NDArray[np.int64], uniform: Floats,
-    ranges: Any, seas: Floats, tables: SteadyTables, depth: float, dt: float,
-) -> None:  # fmt: skip
+    environments: Any,
+    raw: NDArray[np.uint8],
+    which: NDArray[np.int64],
+    uniform: Floats,
+    ranges: Any,
+    seas: Floats,
+    tables: SteadyTables,
+    depth: float,
+    dt: float,
+) -> None:
     """Start episodes in a steady state at the initial speeds; the environments change in place.
 
     The steady state is that under the mean resistance. Slow fluctuation and waves act afterwards.

@@ -24,10 +24,13 @@ def clone_actions(dataset: Any, epochs: int, seed: int) -> torch.nn.Module:
     seen = torch.tensor(np.concatenate([one.observations[:-1] for one in episodes]))
     acted = torch.tensor(np.concatenate([one.actions for one in episodes]))
     net = torch.nn.Sequential(
-        torch.nn.Linear(seen.shape[1], 64), torch.nn.Tanh(),
-        torch.nn.Linear(64, 64), torch.nn.Tanh(),
-        torch.nn.Linear(64, acted.shape[1]), torch.nn.Tanh(),
-    )  # fmt: skip
+        torch.nn.Linear(seen.shape[1], 64),
+        torch.nn.Tanh(),
+        torch.nn.Linear(64, 64),
+        torch.nn.Tanh(),
+        torch.nn.Linear(64, acted.shape[1]),
+        torch.nn.Tanh(),
+    )
     optimiser = torch.optim.Adam(net.parameters(), lr=1e-3)
     for epoch in range(epochs):
         order, total = torch.randperm(len(seen)), 0.0

@@ -74,9 +74,12 @@ def train(s: Settings) -> tuple[Agent, list[float]]:
     torch.set_num_threads(1)
     # NextStep: the step after an end starts the next episode; it is not part of the experience.
     env = gymnasium.make_vec(
-        "shaftline/Frigate-v0", num_envs=s.environments, vectorization_mode="vector_entry_point",
-        task=s.task, autoreset_mode="NextStep",
-    )  # fmt: skip
+        "shaftline/Frigate-v0",
+        num_envs=s.environments,
+        vectorization_mode="vector_entry_point",
+        task=s.task,
+        autoreset_mode="NextStep",
+    )
     width = gymnasium.spaces.flatdim(env.single_observation_space)
     outputs = gymnasium.spaces.flatdim(env.single_action_space)
     agent = Agent(width, outputs)
@@ -149,9 +152,12 @@ def train(s: Settings) -> tuple[Agent, list[float]]:
 def evaluate(agent: Agent, s: Settings, episodes: int = 20) -> float:
     """Return the mean return of the mean actions on seeds that training did not use."""
     env = gymnasium.make_vec(
-        "shaftline/Frigate-v0", num_envs=episodes, vectorization_mode="vector_entry_point",
-        task=s.task, autoreset_mode="NextStep",
-    )  # fmt: skip
+        "shaftline/Frigate-v0",
+        num_envs=episodes,
+        vectorization_mode="vector_entry_point",
+        task=s.task,
+        autoreset_mode="NextStep",
+    )
     now, _ = env.reset(seed=900_000)
     total, open_ = np.zeros(episodes), np.ones(episodes, dtype=bool)
     while open_.any():
@@ -175,8 +181,10 @@ def main(arguments: list[str] | None = None) -> None:
     s = Settings(task=options.task, steps=options.steps, seed=options.seed)
     agent, _ = train(s)
     combinator = make_controller("combinator", get_task(s.task).load_ship(), 0.5)
-    kpis, _ = run_episodes(Setting("combinator", s.task, "task", "random-walk-kalman", 20,
-                                   first_seed=900_000), combinator)  # fmt: skip
+    kpis, _ = run_episodes(
+        Setting("combinator", s.task, "task", "random-walk-kalman", 20, first_seed=900_000),
+        combinator,
+    )
     print(
         f"mean return of 20 episodes of other seeds: {evaluate(agent, s):.1f}, "
         f"combinator {kpis['reward'].mean():.1f}"

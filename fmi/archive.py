@@ -69,9 +69,14 @@ def write_fmu(path: Path, model: Model) -> None:
         raise FmuError(f"FMUs cannot be built on the platform {sys.platform}")
     portable = () if model.machine_code else ("slave.c",)
     description = model_description(
-        identifier, guid, model.description, model.variables, model.step_s, version("shaftline"),
+        identifier,
+        guid,
+        model.description,
+        model.variables,
+        model.step_s,
+        version("shaftline"),
         portable,
-    )  # fmt: skip
+    )
     members = {
         "modelDescription.xml": description,
         f"binaries/{folder}/{identifier}{ending}": _compile(sources, model.machine_code),
@@ -120,8 +125,19 @@ def _compile(sources: Mapping[str, str], machine_code: bytes) -> bytes:
         (folder / "machine.o").write_bytes(machine_code)
         parts = ["slave.c", *(["machine.o"] if machine_code else [])]
         complete = ["-Wl,-z,defs"] if sys.platform == "linux" else []  # elsewhere by default
-        command = [compiler, "-std=c99", "-O2", "-shared", "-fPIC", "-fvisibility=hidden", *complete,
-                   "-o", "fmu", *parts, "-lm"]  # fmt: skip
+        command = [
+            compiler,
+            "-std=c99",
+            "-O2",
+            "-shared",
+            "-fPIC",
+            "-fvisibility=hidden",
+            *complete,
+            "-o",
+            "fmu",
+            *parts,
+            "-lm",
+        ]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
         if done.returncode:
             raise FmuError(f"{compiler} cannot compile the FMU: {done.stderr.strip()[-500:]}")

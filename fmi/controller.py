@@ -112,9 +112,12 @@ class FmuController:
             )
 
     def predict(
-        self, observation: Any, state: Any = None, episode_start: Any = None,
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
         deterministic: bool = True,
-    ) -> tuple[NDArray[np.float32], Any]:  # fmt: skip
+    ) -> tuple[NDArray[np.float32], Any]:
         """Return the actions for one observation or a batch, as the classic controllers do.
 
         The state of an FMU is inside the FMU. The returned state only counts its steps, and a state

@@ -13,11 +13,17 @@ from ..plant.signals import get_signal
 INPUT, PARAMETER, OUTPUT = "input", "parameter", "output"
 
 _SYMBOLS: dict[str, tuple[float, dict[str, int]]] = {
-    "m": (1.0, {"m": 1}), "mm": (1e-3, {"m": 1}), "s": (1.0, {"s": 1}), "kg": (1.0, {"kg": 1}),
-    "rad": (1.0, {"rad": 1}), "deg": (math.pi / 180.0, {"rad": 1}), "A": (1.0, {"A": 1}),
-    "N": (1.0, {"kg": 1, "m": 1, "s": -2}), "W": (1.0, {"kg": 1, "m": 2, "s": -3}),
+    "m": (1.0, {"m": 1}),
+    "mm": (1e-3, {"m": 1}),
+    "s": (1.0, {"s": 1}),
+    "kg": (1.0, {"kg": 1}),
+    "rad": (1.0, {"rad": 1}),
+    "deg": (math.pi / 180.0, {"rad": 1}),
+    "A": (1.0, {"A": 1}),
+    "N": (1.0, {"kg": 1, "m": 1, "s": -2}),
+    "W": (1.0, {"kg": 1, "m": 2, "s": -3}),
     "V": (1.0, {"kg": 1, "m": 2, "s": -3, "A": -1}),
-}  # fmt: skip
+}
 """Units of the signal registry: factor to SI base units, and their exponents."""
 
 
@@ -74,9 +80,14 @@ def fmi_unit(unit: str) -> str:
 
 
 def model_description(
-    identifier: str, guid: str, description: str, variables: Sequence[Variable], step_s: float,
-    version: str, sources: Collection[str] = (),
-) -> bytes:  # fmt: skip
+    identifier: str,
+    guid: str,
+    description: str,
+    variables: Sequence[Variable],
+    step_s: float,
+    version: str,
+    sources: Collection[str] = (),
+) -> bytes:
     """Return the XML text of a co-simulation FMU.
 
     Args:
@@ -88,11 +99,21 @@ def model_description(
         version: version of the tool.
         sources: C files in the folder ``sources``, if any.
     """
-    root = Element("fmiModelDescription", fmiVersion="2.0", modelName=identifier, guid=guid,
-                   description=description, generationTool=f"shaftline {version}",
-                   variableNamingConvention="flat")  # fmt: skip
-    yes = ("canHandleVariableCommunicationStepSize", "canNotUseMemoryManagementFunctions",
-           "canGetAndSetFMUstate", "canSerializeFMUstate")  # fmt: skip
+    root = Element(
+        "fmiModelDescription",
+        fmiVersion="2.0",
+        modelName=identifier,
+        guid=guid,
+        description=description,
+        generationTool=f"shaftline {version}",
+        variableNamingConvention="flat",
+    )
+    yes = (
+        "canHandleVariableCommunicationStepSize",
+        "canNotUseMemoryManagementFunctions",
+        "canGetAndSetFMUstate",
+        "canSerializeFMUstate",
+    )
     part = SubElement(
         root, "CoSimulation", {"modelIdentifier": identifier, **dict.fromkeys(yes, "true")}
     )
@@ -112,8 +133,12 @@ def model_description(
     SubElement(root, "DefaultExperiment", startTime="0", stopTime="600", stepSize=repr(step_s))
     entries = SubElement(root, "ModelVariables")
     for variable in variables:
-        about = {"name": variable.name, "valueReference": str(variable.slot),
-                 "description": variable.description, "causality": variable.causality}  # fmt: skip
+        about = {
+            "name": variable.name,
+            "valueReference": str(variable.slot),
+            "description": variable.description,
+            "causality": variable.causality,
+        }
         if variable.causality == PARAMETER:
             about["variability"] = "fixed"
         real = {"unit": fmi_unit(variable.unit)}

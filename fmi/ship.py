@@ -57,18 +57,33 @@ def _run(
         state.rudder_angle = rudder
         first = with_motion(get_state(state), x[_INITIAL], x[_INITIAL + 1], x[_INITIAL + 2])
         inputs = inputs_without_sea(
-            drive, pitch, acting.inflow, acting.elevation, acting.resistance_factor, 0.0, 0.0, rudder,
+            drive,
+            pitch,
+            acting.inflow,
+            acting.elevation,
+            acting.resistance_factor,
+            0.0,
+            0.0,
+            rudder,
             outside,
-        )  # fmt: skip
+        )
         set_state(state, settle_lags(plant, first, inputs))
         prepare(plant, state, memory, sea, drive, acting, dt)
     for _ in range(steps):
         step(plant, state, memory, sea, drive, pitch, rudder, acting, acting, acting, dt)
     outputs = observe(plant, state, memory, sea, pitch, rudder, acting, dt)
     write_sample(
-        plant, sample, memory.cursor * dt, drive, pitch, rudder, get_state(state), memory,
-        memory.speed_log, outputs,
-    )  # fmt: skip
+        plant,
+        sample,
+        memory.cursor * dt,
+        drive,
+        pitch,
+        rudder,
+        get_state(state),
+        memory,
+        memory.speed_log,
+        outputs,
+    )
     for k in range(_SAMPLE, _SLOTS):
         if not (abs(x[k]) <= LIMITS[k - _SAMPLE] and np.isfinite(x[k])):
             return k + 1
@@ -106,10 +121,17 @@ def export_ship(ship: Ship, point: Equilibrium, path: Path, sea: Any = None) -> 
     code += [c_bytes(f"ship_{name}", record.tobytes()) for name, record in records.items()]
     code.append('#include "ship.c"')
     model = Model(
-        f"propulsion and motion of the ship {ship.name}", variables, ship.time_step_s, starts.tolist(),
-        _INITIAL, _SAMPLE, "\n".join(code), {"ship.c": c_file("ship.c")}, _machine_code(),
+        f"propulsion and motion of the ship {ship.name}",
+        variables,
+        ship.time_step_s,
+        starts.tolist(),
+        _INITIAL,
+        _SAMPLE,
+        "\n".join(code),
+        {"ship.c": c_file("ship.c")},
+        _machine_code(),
         {"ship.toml": ship_text(ship)},
-    )  # fmt: skip
+    )
     write_fmu(path, model)
     return variables
 
@@ -117,8 +139,15 @@ def export_ship(ship: Ship, point: Equilibrium, path: Path, sea: Any = None) -> 
 def _variables(ship: Ship, starts: list[float]) -> Iterator[Variable]:
     """Yield the variables of a ship: commands, disturbances, initial values, and signals."""
     plant, demand = ship.record(), ship.prime_mover.demand
-    commands = {_DRIVE: (drive_column(ship), demand.unit, demand.description,
-                         float(plant["drive_min"]), float(plant["drive_max"]))}  # fmt: skip
+    commands = {
+        _DRIVE: (
+            drive_column(ship),
+            demand.unit,
+            demand.description,
+            float(plant["drive_min"]),
+            float(plant["drive_max"]),
+        )
+    }
     if ship.has_variable_pitch:
         signal = get_signal("pitch_command")
         ends = float(plant["pitch_ratio_min"]), float(plant["pitch_ratio_max"])

@@ -110,9 +110,11 @@ def change_of(normal: Baseline, estimate: Estimated, risk: float) -> Change:
     freedom = max(min(normal.freedom, estimate.freedom, 1e9), 1.0)
     threshold = float(scipy.special.stdtrit(freedom, 1.0 - 0.5 * risk)) * sd
     return Change(
-        estimate.value - normal.value, half_95(freedom) * sd, threshold,
+        estimate.value - normal.value,
+        half_95(freedom) * sd,
+        threshold,
         threshold + float(scipy.special.stdtrit(freedom, DETECTED)) * sd,
-    )  # fmt: skip
+    )
 
 
 class Trend(NamedTuple):

@@ -57,9 +57,15 @@ class Estimate:
 
     @classmethod
     def of(
-        cls, ship: Ship, key: str, value: float, standard_error: float, *, form_error: float = 0.0,
+        cls,
+        ship: Ship,
+        key: str,
+        value: float,
+        standard_error: float,
+        *,
+        form_error: float = 0.0,
         neutral: float | None = None,
-    ) -> Estimate:  # fmt: skip
+    ) -> Estimate:
         """Return the estimate of a parameter, with unit, bounds and neutral value from the ship.
 
         Args:

@@ -171,8 +171,11 @@ class Identification(Result):
             },
             "parameters": {
                 e.key: {
-                    "value": e.value, "se": e.standard_error, "ci95": list(e.ci95),
-                    "unit": e.unit, "before": e.neutral,
+                    "value": e.value,
+                    "se": e.standard_error,
+                    "ci95": list(e.ci95),
+                    "unit": e.unit,
+                    "before": e.neutral,
                     "degrees_of_freedom": e.freedom,
                 }
                 for e in self.estimates
@@ -181,13 +184,14 @@ class Identification(Result):
             "left_out": self.left_out,
             "fit": {
                 "held_out" if self.held_out else "fitted": {
-                    "before": self.fit_before, "after": self.fit_after,
+                    "before": self.fit_before,
+                    "after": self.fit_after,
                 }
             },
             "demands_between_rows": "lines" if self.line else "held",
             "limits": self.limits,
             "warnings": self.warnings,
-        }  # fmt: skip
+        }
         plain: dict[str, Any] = replace_non_finite(report)
         return plain
 
@@ -211,16 +215,25 @@ def identification_without_fit(
     """Return the estimates of a method without a simulation to compare."""
     numbers = Free(ship, found.keys).numbers
     estimates = [
-        Estimate(n.key, v, n.info.unit, (n.info.low, n.info.high), n.value, float(e), freedom=float(f))
+        Estimate(
+            n.key, v, n.info.unit, (n.info.low, n.info.high), n.value, float(e), freedom=float(f)
+        )
         for n, v, e, f in zip(
             numbers, found.values, found.standard_errors, found.degrees, strict=True
         )
-    ]  # fmt: skip
+    ]
     return Identification(
-        method, ship, identified_ship(ship, found), tuple(estimates), found.correlation, left_out,
-        found.tables, warnings=[*found.remarks], line=found.line,
+        method,
+        ship,
+        identified_ship(ship, found),
+        tuple(estimates),
+        found.correlation,
+        left_out,
+        found.tables,
+        warnings=[*found.remarks],
+        line=found.line,
         joint=None if found.joint is None else identified_ship(ship, found.with_tolerances()),
-    )  # fmt: skip
+    )
 
 
 def _add_fit(
@@ -236,12 +249,17 @@ def _add_fit(
     after = replay.simulated(replay.simulate(bare.identified.record()))
     _refuse_diverged(bare, after)
     return replace(
-        bare, time_s=replay.time_s, held_out=[(a * interval, b * interval) for a, b in held],
-        measured=replay.recorded, before=balances.nominal, after=after,
+        bare,
+        time_s=replay.time_s,
+        held_out=[(a * interval, b * interval) for a, b in held],
+        measured=replay.recorded,
+        before=balances.nominal,
+        after=after,
         fit_before=fit_percents(replay.recorded, balances.nominal, rows),
-        fit_after=fit_percents(replay.recorded, after, rows), limits=list(together.limits),
+        fit_after=fit_percents(replay.recorded, after, rows),
+        limits=list(together.limits),
         warnings=[*together.warnings, *bare.warnings],
-    )  # fmt: skip
+    )
 
 
 def _refuse_diverged(found: Identification, after: dict[str, Array]) -> None:
@@ -367,9 +385,12 @@ def _identify(
         effects: list[Effect] = []
         if own.cut:
             effects = applicable_effects(
-                ship, tables[0].columns, turning=course_changes(tables),
-                one_way=shaft_runs_one_way(ship, tables), steady=together.steady,
-            )  # fmt: skip
+                ship,
+                tables[0].columns,
+                turning=course_changes(tables),
+                one_way=shaft_runs_one_way(ship, tables),
+                steady=together.steady,
+            )
         if own.cut and not together.steady:
             slower = with_longest_time_step(ship, tables, [effect.on for effect in effects])
             over_s = START_STEPS * ship.time_step_s
@@ -500,10 +521,12 @@ def _find_by_output_error(
         held, *others = (
             output_error(
                 Fitter(some, bands_of(some, work.train, highest), work.tolerance, free.keys),
-                free, work.tick, values,
+                free,
+                work.tick,
+                values,
             )
             for some in ways
-        )  # fmt: skip
+        )
         drawn = next(iter(others), held)
         gain = drawn.score - held.score
         # Commands of a controller are held, so lines must be clearly likelier, as in a diagnosis.
@@ -552,7 +575,9 @@ def _on_whole_recordings(
 
 METHODS: dict[str, Method] = {
     "output-error": Method(
-        _find_by_output_error, cut=True, steady=True,
+        _find_by_output_error,
+        cut=True,
+        steady=True,
         words="any recording: simulation error under noise of any colour",
     ),
     "output-error-linear": Method(
@@ -561,24 +586,29 @@ METHODS: dict[str, Method] = {
         cut=True,
     ),
     "ekf": Method(
-        _find_by_filter, cut=True,
+        _find_by_filter,
+        cut=True,
         words="recordings with white noise: states and parameters together, row by row",
     ),
     "steady": Method(
-        _on_whole_recordings(steady), steady=True,
+        _on_whole_recordings(steady),
+        steady=True,
         words="plateaus, or a table of steady states: least squares on steady states",
     ),
     "step": Method(
-        _on_whole_recordings(step), response=True,
+        _on_whole_recordings(step),
+        response=True,
         words="steps of a motor's voltage: inertia and inductance",
     ),
     "sine": Method(
-        _on_whole_recordings(sine), response=True,
+        _on_whole_recordings(sine),
+        response=True,
         words="sines of the drive command: frequency response by correlation",
     ),
     "welch": Method(
-        _on_whole_recordings(welch), response=True,
+        _on_whole_recordings(welch),
+        response=True,
         words="noise on the drive command: frequency response and coherence",
     ),
-}  # fmt: skip
+}
 """Methods of identification by name, the default first."""

@@ -150,8 +150,9 @@ def monitor(
     for path in normal:
         if "error" in found[path]:
             raise MonitorError(f"{path}: this reference cannot be used: {found[path]['error']}")
-    return _compare(ship, method, risk, keys, {p: found[p] for p in normal},
-                    {p: found[p] for p in later})  # fmt: skip
+    return _compare(
+        ship, method, risk, keys, {p: found[p] for p in normal}, {p: found[p] for p in later}
+    )
 
 
 def _estimate(result: Mapping[str, Any], key: str) -> Estimated:
@@ -160,9 +161,13 @@ def _estimate(result: Mapping[str, Any], key: str) -> Estimated:
 
 
 def _compare(
-    ship: Ship, method: str, risk: float, keys: tuple[str, ...],
-    normal: Mapping[Path, dict[str, Any]], later: Mapping[Path, dict[str, Any]],
-) -> Monitoring:  # fmt: skip
+    ship: Ship,
+    method: str,
+    risk: float,
+    keys: tuple[str, ...],
+    normal: Mapping[Path, dict[str, Any]],
+    later: Mapping[Path, dict[str, Any]],
+) -> Monitoring:
     """Compare the estimates of the later recordings with the normal values."""
     files = [path.name for path in (*normal, *later)]
     name = {
@@ -177,10 +182,17 @@ def _compare(
         for key in keys:
             estimate = _estimate(result, key)
             one = change_of(baselines[key], estimate, risk / len(keys))
-            rows.append({
-                "recording": name[path], "date": result["date"], "key": key, "estimate": estimate.value,
-                "standard_error": estimate.standard_error, **one._asdict(), "alarm": one.alarm,
-            })  # fmt: skip
+            rows.append(
+                {
+                    "recording": name[path],
+                    "date": result["date"],
+                    "key": key,
+                    "estimate": estimate.value,
+                    "standard_error": estimate.standard_error,
+                    **one._asdict(),
+                    "alarm": one.alarm,
+                }
+            )
     dates = pd.to_datetime([result["date"] for result in used.values()])
     by_day = dates.nunique() > 1
     times = (dates - dates.min()).days.tolist() if by_day else list(range(len(used)))
@@ -192,11 +204,16 @@ def _compare(
         }
     columns = ["recording", "date", "key", "estimate", "standard_error", *Change._fields, "alarm"]
     references = [
-        {"recording": name[path], "date": result["date"], "key": key,
-         "estimate": _estimate(result, key).value,
-         "standard_error": _estimate(result, key).standard_error}
-        for path, result in normal.items() for key in keys
-    ]  # fmt: skip
+        {
+            "recording": name[path],
+            "date": result["date"],
+            "key": key,
+            "estimate": _estimate(result, key).value,
+            "standard_error": _estimate(result, key).standard_error,
+        }
+        for path, result in normal.items()
+        for key in keys
+    ]
     remarks = []
     if len(normal) == 1:
         remarks.append(
@@ -210,9 +227,15 @@ def _compare(
         )
     units = next(iter(normal.values()))["units"]
     return Monitoring(
-        ship, method, risk, {key: units[key] for key in keys}, baselines,
-        pd.DataFrame(rows, columns=columns).astype({"alarm": bool}), pd.DataFrame(references), trends,
+        ship,
+        method,
+        risk,
+        {key: units[key] for key in keys},
+        baselines,
+        pd.DataFrame(rows, columns=columns).astype({"alarm": bool}),
+        pd.DataFrame(references),
+        trends,
         "day" if by_day else "recording",
         {name[path]: result["error"] for path, result in later.items() if "error" in result},
         tuple(remarks),
-    )  # fmt: skip
+    )

@@ -173,8 +173,12 @@ def steps_of(ship: Ship, chosen: Sequence[Manoeuvre]) -> pd.DataFrame:
     rows, start = [], 0.0
     for m in chosen:
         end = start + len(m.drive) * INTERVAL_S / 60.0
-        row = {"from_min": start, "to_min": end, "manoeuvre": m.text,
-               drive_column(ship): _span(m.drive)}  # fmt: skip
+        row = {
+            "from_min": start,
+            "to_min": end,
+            "manoeuvre": m.text,
+            drive_column(ship): _span(m.drive),
+        }
         if ship.has_variable_pitch:
             row["pitch_ratio_command"] = _span(m.pitch)
         if ship.turns:

@@ -79,8 +79,14 @@ RANDOM = 6
 STEP = 0.02
 """Step of the derivatives, in prior standard deviations."""
 
-INSTRUMENTS = ("shaft_torque_N_m", "thrust_N", "ship_speed_m_s", "pitch_ratio", SHAFT_SPEED,
-               "motor_current_A")  # fmt: skip
+INSTRUMENTS = (
+    "shaft_torque_N_m",
+    "thrust_N",
+    "ship_speed_m_s",
+    "pitch_ratio",
+    SHAFT_SPEED,
+    "motor_current_A",
+)
 """Channels that a further instrument may measure."""
 
 SENSOR_NOISE = 0.01
@@ -233,9 +239,10 @@ class _Evidence(NamedTuple):
         cross = self.c[np.ix_(rest, own)]
         fitted = np.linalg.solve(inner, np.column_stack([self.b[own], cross.T]))
         return _Evidence(
-            self.a - self.b[own] @ fitted[:, 0], self.b[rest] - cross @ fitted[:, 0],
+            self.a - self.b[own] @ fitted[:, 0],
+            self.b[rest] - cross @ fitted[:, 0],
             self.c[np.ix_(rest, rest)] - cross @ fitted[:, 1:],
-        )  # fmt: skip
+        )
 
     def value(self) -> float:
         """Return lambda; all unknowns have unit prior variance."""
@@ -358,12 +365,14 @@ def plan_trial(
     whole = table_of(ship, best)
     predictions = search.predict(whole)
     return TrialPlan(
-        table=whole, steps=steps_of(ship, best),
+        table=whole,
+        steps=steps_of(ship, best),
         pairs=_table_of_pairs(search, predictions, whole, noise, others),
         history=_history(predictions, search.noise),
         predicted={name: one.own for name, one in predictions.items()},
-        channels=channels, noise=search.noise,
-    )  # fmt: skip
+        channels=channels,
+        noise=search.noise,
+    )
 
 
 @dataclass(frozen=True)
@@ -532,9 +541,12 @@ def _history(predictions: Mapping[str, Prediction], noise: Sequence[Noise]) -> p
 
 
 def _table_of_pairs(
-    search: _Search, predictions: Mapping[str, Prediction], table: pd.DataFrame,
-    noise: Mapping[str, Noise], others: Sequence[Mapping[Pair, float]],
-) -> pd.DataFrame:  # fmt: skip
+    search: _Search,
+    predictions: Mapping[str, Prediction],
+    table: pd.DataFrame,
+    noise: Mapping[str, Noise],
+    others: Sequence[Mapping[Pair, float]],
+) -> pd.DataFrame:
     """Return the table of pairs, with the minutes that each further instrument would need."""
     value = worst_of(evidence_of(predictions, search.noise))
     columns: dict[Pair, dict[str, float]] = {

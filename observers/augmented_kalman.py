@@ -249,8 +249,10 @@ class AugmentedKalman(Observer):
             p,
             (shaft_by_speed, shaft_by_inflow, wake * shaft_by_inflow, shaft_by_parameter),
             (ship_by_speed, ship_by_inflow, wake * ship_by_inflow + damping, ship_by_parameter),
-            observer.gain, observer.process, dt,
-        )  # fmt: skip
+            observer.gain,
+            observer.process,
+            dt,
+        )
         innovation = m.shaft_speed - x[_SHAFT]
         explained = innovation * innovation < GATE * (p[_SHAFT, _SHAFT] + observer.measurement)
         _correct(x, p, innovation, observer.measurement)

@@ -152,11 +152,23 @@ def _perturb_parameter(model: Model, i: int, step: float) -> None:
 def _add_inflow(inputs: Inputs, more: Real) -> Inputs:
     """Return the inputs with an additional inflow [m/s]."""
     return Inputs(
-        inputs.drive, inputs.pitch_command, inputs.inflow + more, inputs.inflow_slope,
-        inputs.inflow_place, inputs.wave_along, inputs.wave_across, inputs.elevation,
-        inputs.resistance_factor, inputs.time, inputs.drive_rate, inputs.head_sea,
-        inputs.rudder_command, inputs.elevation_slope, inputs.wind, inputs.outside,
-    )  # fmt: skip
+        inputs.drive,
+        inputs.pitch_command,
+        inputs.inflow + more,
+        inputs.inflow_slope,
+        inputs.inflow_place,
+        inputs.wave_along,
+        inputs.wave_across,
+        inputs.elevation,
+        inputs.resistance_factor,
+        inputs.time,
+        inputs.drive_rate,
+        inputs.head_sea,
+        inputs.rudder_command,
+        inputs.elevation_slope,
+        inputs.wind,
+        inputs.outside,
+    )
 
 
 @compiled_apart
@@ -212,9 +224,16 @@ def _limit_parameters(model: Model, z: Floats, p: Floats) -> None:
 
 @compiled_apart
 def _correct_by_measurements(
-    model: Model, z: Floats, p: Floats, inputs: Inputs, memory: Record, h: Floats,
-    row: Floats, measurements: Floats, innovations: Floats,
-) -> float:  # fmt: skip
+    model: Model,
+    z: Floats,
+    p: Floats,
+    inputs: Inputs,
+    memory: Record,
+    h: Floats,
+    row: Floats,
+    measurements: Floats,
+    innovations: Floats,
+) -> float:
     """Correct an estimate by the measurements of one instant; return their 2 log L."""
     _write_estimate(model, z)
     now, blade = get_state(model.state[0]), memory.blade_pitch
@@ -261,16 +280,29 @@ def _inputs_at(
         rate = (memory.rack - shaft) / dt
         drive = shaft + 0.5 * edge * (memory.rack - shaft)
     return inputs_without_sea(
-        drive, command, inflow, elevation, factor, (memory.cursor + 0.5 * edge) * dt, rate, helm,
+        drive,
+        command,
+        inflow,
+        elevation,
+        factor,
+        (memory.cursor + 0.5 * edge) * dt,
+        rate,
+        helm,
         external_at(recorded.signals, at),
-    )  # fmt: skip
+    )
 
 
 @compiled_apart
 def _predict(
-    model: Model, z: Floats, p: Floats, recorded: RecordedInputs, step: int, memory: Record, f: Floats,
+    model: Model,
+    z: Floats,
+    p: Floats,
+    recorded: RecordedInputs,
+    step: int,
+    memory: Record,
+    f: Floats,
     work: Floats,
-) -> None:  # fmt: skip
+) -> None:
     """Predict the estimate and its covariance over one step of the plant."""
     plant, dt = model.plant[0], recorded.dt
     fades = np.exp(-0.5 * dt * model.forgetting)
@@ -297,9 +329,16 @@ def _predict(
 
 @compiled
 def follow_course(
-    model: Model, z: Floats, p: Floats, recorded: RecordedInputs, memory: Any, measurements: Floats,
-    estimates: Floats, variances: Floats, innovations: Floats,
-) -> float:  # fmt: skip
+    model: Model,
+    z: Floats,
+    p: Floats,
+    recorded: RecordedInputs,
+    memory: Any,
+    measurements: Floats,
+    estimates: Floats,
+    variances: Floats,
+    innovations: Floats,
+) -> float:
     """Run the filter along one recording of n rows, and return 2 log L of the measurements.
 
     The records of the model, the estimate ``z`` before the first row and its covariance ``p`` are

@@ -116,9 +116,12 @@ class RandomWalkKalman(Observer):
         by_speed, by_velocity = torque_slopes(ship, v, middle, pitch)
         predicted = w + dt * (torque - model_torque(ship, v, middle, pitch)) / inertia
         propagate_covariance(
-            estimate, 1.0 - dt * by_speed / inertia, -dt * by_velocity / inertia,
-            observer.process[0], observer.process[1],
-        )  # fmt: skip
+            estimate,
+            1.0 - dt * by_speed / inertia,
+            -dt * by_velocity / inertia,
+            observer.process[0],
+            observer.process[1],
+        )
         return _correct_by_speed(observer, estimate, m, predicted, m.shaft_speed)
 
 

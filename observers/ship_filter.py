@@ -31,14 +31,23 @@ from .base import ObserverError
 from .records import Floats
 
 _DELAY_KEYS = (
-    "torque_delay_s", "torque_lag_s", "speed_delay_s", "speed_lag_s", "thrust_lag_s",
-    "current_lag_s", "power_lag_s", "speed_log_lag_s",
-)  # fmt: skip
+    "torque_delay_s",
+    "torque_lag_s",
+    "speed_delay_s",
+    "speed_lag_s",
+    "thrust_lag_s",
+    "current_lag_s",
+    "power_lag_s",
+    "speed_log_lag_s",
+)
 """Keys of ``[sensors]`` that delay a measurement."""
 
 _INFLOW_KEYS = (
-    "hull.wake_fraction", "hull.wake_slope_s_m", "hull.wake_reference_speed_m_s", "hull.current_m_s",
-)  # fmt: skip
+    "hull.wake_fraction",
+    "hull.wake_slope_s_m",
+    "hull.wake_reference_speed_m_s",
+    "hull.current_m_s",
+)
 
 _STEERING_GEAR_KEYS = ("rudder.time_constant_s", "rudder.rate_limit_rad_s")
 DISTURBANCE = "disturbance"  # name of the disturbance of the inflow [m/s] among the states
@@ -201,9 +210,15 @@ class ShipFilter:
         count_rows = replay.rows if rows is None else min(rows, replay.rows)
         measurements = np.ascontiguousarray(np.array(columns).reshape(-1, count_rows).T)
         recorded = RecordedInputs(
-            replay.drive, replay.pitch, replay.rudder, inflow, replay.elevation, replay.signals,
-            replay.per_row, replay.dt,
-        )  # fmt: skip
+            replay.drive,
+            replay.pitch,
+            replay.rudder,
+            inflow,
+            replay.elevation,
+            replay.signals,
+            replay.per_row,
+            replay.dt,
+        )
         shape = (len(measurements), len(self.z))
         estimates, variances = np.empty(shape), np.empty(shape)
         innovations = np.empty(measurements.shape)
@@ -214,9 +229,14 @@ class ShipFilter:
 
 
 def _model(
-    ship: Ship, record: Any, keys: Sequence[str], states: Sequence[str], walk: Floats,
-    noise: Mapping[str, float], forgetting: float,
-) -> Model:  # fmt: skip
+    ship: Ship,
+    record: Any,
+    keys: Sequence[str],
+    states: Sequence[str],
+    walk: Floats,
+    noise: Mapping[str, float],
+    forgetting: float,
+) -> Model:
     """Return the model of a ship with its free parameters."""
     parameters = [parameter_slope(ship, key) for key in keys]
     plant, twin = np.zeros(1, PLANT), np.zeros(1, COMPLEX_PLANT)

@@ -113,9 +113,12 @@ class ReferenceShip(FileModel):
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             logs = np.interp(
-                np.log(power), np.log(np.multiply(self.power_kW, 1e3)), np.log(self.speed_kn),
-                left=math.nan, right=math.nan,
-            )  # fmt: skip
+                np.log(power),
+                np.log(np.multiply(self.power_kW, 1e3)),
+                np.log(self.speed_kn),
+                left=math.nan,
+                right=math.nan,
+            )
         return np.asarray(np.exp(logs) * KNOT)
 
 
@@ -440,9 +443,14 @@ def fit_period(daily: pd.DataFrame) -> Period:
     deviation = math.sqrt(residual @ residual / count * independent / (independent - 2.0))
     factor = float(student.ppf(0.975, independent - 2.0)) * deviation / math.sqrt(independent)
     return Period(
-        float(time[0]), float(time[-1]), count, float(loss.mean()), factor, slope,
+        float(time[0]),
+        float(time[-1]),
+        count,
+        float(loss.mean()),
+        factor,
+        slope,
         factor / math.sqrt(spread / count),
-    )  # fmt: skip
+    )
 
 
 def _remarks(ship: ReferenceShip, log: pd.DataFrame) -> list[str]:
@@ -455,9 +463,11 @@ def _remarks(ship: ReferenceShip, log: pd.DataFrame) -> list[str]:
             "no [superstructure] in the ship file: strong wind is filtered, weaker wind not corrected"
         )
     for column, what in (
-        ("draught", "draught"), ("depth", "water depth"), ("water_temperature", "water temperature"),
+        ("draught", "draught"),
+        ("depth", "water depth"),
+        ("water_temperature", "water temperature"),
         ("rudder", "rudder angle"),
-    ):  # fmt: skip
+    ):
         if log[column].isna().all():
             said.append(f"no {what} in the log: not filtered")
     return said

@@ -80,9 +80,13 @@ def speed_loss_figure(report: PerformanceReport) -> Figure:
 
     daily = report.daily
     axis.plot(
-        place(daily["time"]), daily["speed_loss_percent"], ".", markersize=3, color=figures.THESIS,
+        place(daily["time"]),
+        daily["speed_loss_percent"],
+        ".",
+        markersize=3,
+        color=figures.THESIS,
         label="daily median",
-    )  # fmt: skip
+    )
     for k, period in enumerate(report.periods):
         times = np.linspace(period.start_s, period.end_s, 30)
         line = period.mean + period.slope * (times - times.mean()) / YEAR_S

@@ -71,13 +71,17 @@ class TrialShip(FileModel):
         default=0.99, gt=0.5, le=1, description="P_D over the shaft power"
     )
     propulsive_efficiency: float | None = Field(
-        default=None, gt=0.2, le=1,
+        default=None,
+        gt=0.2,
+        le=1,
         description="eta_D; without it, from the resistance by Holtrop and the measured power",
-    )  # fmt: skip
+    )
     overload_factor: float = Field(
-        default=-0.1, ge=-1, le=0,
+        default=-0.1,
+        ge=-1,
+        le=0,
         description="xi_P: change of eta_D over itself per relative change of the resistance",
-    )  # fmt: skip
+    )
     gyradius: float = Field(
         default=0.25, gt=0.1, lt=0.4, description="pitch gyradius over the length"
     )
@@ -113,22 +117,30 @@ def load_trial_ship(path: str | Path) -> TrialShip:
 COLUMNS: dict[str, Column] = {
     "heading": Column(("heading", "hdg", "course", "cog"), DEGREES, None, -7, 7),
     "speed_over_ground": Column(("speed_over_ground", "sog", "speed"), SPEEDS, None, 0.3, 40),
-    "shaft_power": Column(
-        ("shaft_power", "power", "ps"), POWERS, None, 1, 2e8
-    ),
+    "shaft_power": Column(("shaft_power", "power", "ps"), POWERS, None, 1, 2e8),
     "shaft_speed": Column(
-        ("shaft_speed", "rpm", "n"), {"rpm": 1 / 60, "1/min": 1 / 60, "1/s": 1.0}, math.nan, 0.01, 60
+        ("shaft_speed", "rpm", "n"),
+        {"rpm": 1 / 60, "1/min": 1 / 60, "1/s": 1.0},
+        math.nan,
+        0.01,
+        60,
     ),
     "time": Column(
         ("time", "start", "start_time"), {"h": 3600.0, "min": 60.0, "s": 1.0}, math.nan, -1e9, 1e10
     ),
     "wind_speed": Column(
         ("wind_speed", "relative_wind_speed", "apparent_wind_speed", "rel_wind_speed", "aws"),
-        {"m/s": 1.0} | SPEEDS, math.nan, 0, 60,
+        {"m/s": 1.0} | SPEEDS,
+        math.nan,
+        0,
+        60,
     ),
     "wind_angle": Column(
         WIND_ANGLES,
-        DEGREES, math.nan, -7, 7,
+        DEGREES,
+        math.nan,
+        -7,
+        7,
     ),
     "wave_height": Column(("wave_height", "hs"), METRES, 0.0, 0, 15),
     "wave_period": Column(("wave_period", "t01", "tm"), {"s": 1.0}, 6.0, 1, 25),
@@ -144,7 +156,7 @@ COLUMNS: dict[str, Column] = {
         ("water_density", "density"), {"kg/m3": 1.0, "t/m3": 1e3}, SEA_WATER, 950, 1100
     ),
     "air_density": Column(("air_density",), {"kg/m3": 1.0}, AIR_DENSITY, 0.9, 1.5),
-}  # fmt: skip
+}
 """Columns of the table of runs by quantity. Wind and waves are relative to the bow, from ahead 0."""
 
 
@@ -416,11 +428,16 @@ def _corrected_run(
     speed, hull = run["speed_over_ground"], ship.hull
     seas = sum(
         wave_resistance(
-            hull, speed, run[f"{sea}_height"], run[f"{sea}_period"], run[f"{sea}_angle"], ship.gyradius,
+            hull,
+            speed,
+            run[f"{sea}_height"],
+            run[f"{sea}_period"],
+            run[f"{sea}_angle"],
+            ship.gyradius,
             run["water_density"],
         )
         for sea in ("wave", "swell")
-    )  # fmt: skip
+    )
     calm = resistance(hull, speed, SEA_WATER).total
     water = water_resistance(hull, speed, calm, run["water_temperature"], run["water_density"])
     blow = 0.0
@@ -439,9 +456,12 @@ def _corrected_run(
             f"at {speed / KNOT:.1f} kn; check the units of wind and waves and the dimensions of the ship"
         )
     return {
-        "wind_resistance_N": blow, "wave_resistance_N": seas, "water_resistance_N": water,
-        "propulsive_efficiency": efficiency, "power_W": 0.5 * (rest + math.sqrt(inside)),
-    }  # fmt: skip
+        "wind_resistance_N": blow,
+        "wave_resistance_N": seas,
+        "water_resistance_N": water,
+        "propulsive_efficiency": efficiency,
+        "power_W": 0.5 * (rest + math.sqrt(inside)),
+    }
 
 
 TIDE_S = 44712.0

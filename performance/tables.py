@@ -46,10 +46,18 @@ POWERS = {"kW": 1e3, "MW": 1e6, "W": 1.0, "hp": 745.6999}
 
 
 WIND_ANGLES = (
-    "wind_angle", "relative_wind_angle", "apparent_wind_angle", "wind_direction",
-    "relative_wind_direction", "apparent_wind_direction", "rel_wind_angle", "rel_wind_dir",
-    "rel_wind_direction", "awa", "awd",
-)  # fmt: skip
+    "wind_angle",
+    "relative_wind_angle",
+    "apparent_wind_angle",
+    "wind_direction",
+    "relative_wind_direction",
+    "apparent_wind_direction",
+    "rel_wind_angle",
+    "rel_wind_dir",
+    "rel_wind_direction",
+    "awa",
+    "awd",
+)
 """Names of the angle from the bow from which the relative wind comes."""
 
 

@@ -62,13 +62,20 @@ def speed_power_figure(trial: SpeedTrial) -> Figure:
     figure, axes = figures.new_figure(1, 1, (7.5, 5.0))
     axis, table, curve = axes[0, 0], runs_table(trial), curve_table(trial, 60)
     axis.plot(
-        table["speed_over_ground_kn"], table["shaft_power_kW"], "o", mfc="none",
-        color=figures.THESIS, label="measured, over ground",
-    )  # fmt: skip
+        table["speed_over_ground_kn"],
+        table["shaft_power_kW"],
+        "o",
+        mfc="none",
+        color=figures.THESIS,
+        label="measured, over ground",
+    )
     axis.plot(
-        table["corrected_speed_kn"], table["corrected_shaft_power_kW"], "o",
-        color=figures.ESTIMATE, label="corrected, through calm water",
-    )  # fmt: skip
+        table["corrected_speed_kn"],
+        table["corrected_shaft_power_kW"],
+        "o",
+        color=figures.ESTIMATE,
+        label="corrected, through calm water",
+    )
     axis.plot(curve["speed_kn"], curve["shaft_power_kW"], color=figures.TRUTH, label="curve")
     if np.isfinite(curve["half_interval_kW"]).all():
         low, high = (curve["shaft_power_kW"] + sign * curve["half_interval_kW"] for sign in (-1, 1))
@@ -104,22 +111,32 @@ def trial_as_dict(
         "method": trial.method,
         "curve": {
             "equation": "delivered power [W] = constant + factor * speed^exponent, speed in m/s",
-            "constant": curve.constant, "factor": curve.factor, "exponent": curve.exponent,
+            "constant": curve.constant,
+            "factor": curve.factor,
+            "exponent": curve.exponent,
             "degrees_of_freedom": curve.freedom,
         },
         "speed_at_power": [
-            {"shaft_power_kW": p, "speed_kn": v / KNOT, "ci95_half_kn": _known(half / KNOT),
-             "extrapolated": _outside(trial, v)}
+            {
+                "shaft_power_kW": p,
+                "speed_kn": v / KNOT,
+                "ci95_half_kn": _known(half / KNOT),
+                "extrapolated": _outside(trial, v),
+            }
             for p, v, half in at_power
         ],
         "power_at_speed": [
-            {"speed_kn": v, "shaft_power_kW": p / 1e3, "ci95_half_kW": _known(half / 1e3),
-             "extrapolated": _outside(trial, v * KNOT)}
+            {
+                "speed_kn": v,
+                "shaft_power_kW": p / 1e3,
+                "ci95_half_kW": _known(half / 1e3),
+                "extrapolated": _outside(trial, v * KNOT),
+            }
             for v, p, half in at_speed
         ],
         "runs": runs_table(trial).to_dict("records"),
         "remarks": list(trial.remarks),
-    }  # fmt: skip
+    }
 
 
 def _known(value: float) -> float | None:

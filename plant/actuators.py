@@ -19,14 +19,17 @@ class PitchActuator(Section):
     needs = "has_variable_pitch"
     validity: ClassVar[tuple[Validity, ...]] = (
         Validity(
-            "pitch command", "-",
+            "pitch command",
+            "-",
             lambda plant, samples: np.where(
-                plant["pitch_ratio_min"] < plant["pitch_ratio_max"], samples["pitch_command"], np.nan
+                plant["pitch_ratio_min"] < plant["pitch_ratio_max"],
+                samples["pitch_command"],
+                np.nan,
             ),
             lambda plant: (float(plant["pitch_ratio_min"]), float(plant["pitch_ratio_max"])),
             "outside it the pitch stays at its end stop",
         ),
-    )  # fmt: skip
+    )
 
     # fmt: off
     time_constant_s: float = parameter("time constant tau_p of the pitch", "s",

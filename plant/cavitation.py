@@ -41,9 +41,13 @@ def burrill_limit(sigma: Real) -> Real:
 
 @compiled
 def burrill_ratio(
-    plant: Record, thrust: Real, advance_velocity: Real, shaft_speed: Real, pitch_ratio: Real,
+    plant: Record,
+    thrust: Real,
+    advance_velocity: Real,
+    shaft_speed: Real,
+    pitch_ratio: Real,
     submergence: Real,
-) -> Real:  # fmt: skip
+) -> Real:
     """Return the thrust loading over Burrill's 5 % limit, tau_c / tau_limit [-]; 0 for a thrust below 0.
 
     Above 1, more than 5 % of the back of the blades cavitates. ``thrust`` [N] is that of one propeller

@@ -119,11 +119,14 @@ def complex_record(record: Any) -> Any:
 
 _imaginary_rate, _imaginary_outputs = (
     generate_tuple_kernel(
-        f"imaginary_{kind.__name__}(value, scale)", kind.__name__, "value.{field}.imag * scale",
-        kind._fields, globals(),
+        f"imaginary_{kind.__name__}(value, scale)",
+        kind.__name__,
+        "value.{field}.imag * scale",
+        kind._fields,
+        globals(),
     )
     for kind in (State, Outputs)
-)  # fmt: skip
+)
 
 
 @compiled

@@ -106,10 +106,20 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
     if plant.turns != 0:
         rudder = rudder_angle(plant, state.rudder_angle, inputs.rudder_command)
     input_signals = InputSignals(
-        omega, state.ship_speed, blade, inputs.pitch_command, demand, kinematic,
-        submergence, inputs.time, state.sway_speed, state.yaw_rate, state.heading, rudder,
+        omega,
+        state.ship_speed,
+        blade,
+        inputs.pitch_command,
+        demand,
+        kinematic,
+        submergence,
+        inputs.time,
+        state.sway_speed,
+        state.yaw_rate,
+        state.heading,
+        rudder,
         state.shaft_angle,
-    )  # fmt: skip
+    )
     if plant.term_early > 0:
         before = sum_input_terms(plant, input_signals, states, inputs.outside)
         kinematic = kinematic + before.inflow_velocity
@@ -133,9 +143,14 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
         drag = drag + wave_resistance(plant, inputs.head_sea, speed)
     if plant.wind_area.real > 0.0 and inputs.wind.real != 0.0:
         drag = drag + wind_resistance(
-            plant, inputs.wind, inputs.wave_along, inputs.wave_across, state.ship_speed,
-            state.sway_speed, state.heading,
-        )  # fmt: skip
+            plant,
+            inputs.wind,
+            inputs.wave_along,
+            inputs.wave_across,
+            state.ship_speed,
+            state.sway_speed,
+            state.heading,
+        )
     thrust = load.thrust
     surge_force = side_force = yaw_moment = 0.0
     if plant.turns != 0:
@@ -145,9 +160,12 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
     added_pitch_rate = term_rate_1 = term_rate_2 = term_rate_3 = 0.0
     if plant.term_count > 0:
         load_signals = LoadSignals(
-            thrust, propeller_torque, mover.brake_torque, drag,
+            thrust,
+            propeller_torque,
+            mover.brake_torque,
+            drag,
             pitch_rate(plant, inputs.pitch_command, state.pitch_ratio),
-        )  # fmt: skip
+        )
         more = sum_load_terms(plant, input_signals, load_signals, states, inputs.outside)
         thrust = thrust + more.thrust
         drive = drive + more.drive_torque
@@ -199,10 +217,15 @@ def evaluate(
         track_rate, cross_rate = over_ground(state)
         turning_rate = state.yaw_rate
         ship_acceleration, sway_acceleration, yaw_acceleration = planar_acceleration(
-            plant, acting.ahead, acting.across, state.yaw_rate, state.heading,
-            acting.push - acting.resistance + acting.surge_force, acting.side_force,
+            plant,
+            acting.ahead,
+            acting.across,
+            state.yaw_rate,
+            state.heading,
+            acting.push - acting.resistance + acting.surge_force,
+            acting.side_force,
             acting.yaw_moment,
-        )  # fmt: skip
+        )
         if plant.rudder_lag.real > 0.0:
             helm_rate = rudder_rate(plant, inputs.rudder_command, state.rudder_angle)
     torque = shaft_meter_torque(plant, acting.drive_torque, acting.load_torque, acceleration)
@@ -215,22 +238,41 @@ def evaluate(
         suction = suction_head(plant, acting.thrust_coefficient, acting.shaft_speed)
         air_rate = ventilation_rate(plant, state.ventilation, relative, suction)
     rates = State(
-        pitch_ratio=blade_rate, shaft_speed=acceleration, ship_speed=ship_acceleration,
-        position=track_rate, brake_torque=acting.mover.brake_torque_rate,
-        charge=acting.mover.charge_rate, warmth=acting.mover.warmth_rate, inflow=acting.inflow_rate,
-        ventilation=air_rate, motor_current=acting.mover.current_rate,
-        shaft_angle=acting.shaft_speed, sway_speed=sway_acceleration, yaw_rate=yaw_acceleration,
-        heading=turning_rate, cross_track=cross_rate, rudder_angle=helm_rate,
-        term_1=acting.term_rate_1, term_2=acting.term_rate_2, term_3=acting.term_rate_3,
-    )  # fmt: skip
+        pitch_ratio=blade_rate,
+        shaft_speed=acceleration,
+        ship_speed=ship_acceleration,
+        position=track_rate,
+        brake_torque=acting.mover.brake_torque_rate,
+        charge=acting.mover.charge_rate,
+        warmth=acting.mover.warmth_rate,
+        inflow=acting.inflow_rate,
+        ventilation=air_rate,
+        motor_current=acting.mover.current_rate,
+        shaft_angle=acting.shaft_speed,
+        sway_speed=sway_acceleration,
+        yaw_rate=yaw_acceleration,
+        heading=turning_rate,
+        cross_track=cross_rate,
+        rudder_angle=helm_rate,
+        term_1=acting.term_rate_1,
+        term_2=acting.term_rate_2,
+        term_3=acting.term_rate_3,
+    )
     return rates, Outputs(
-        pitch_ratio=blade, advance_velocity=acting.advance_velocity, thrust=acting.thrust,
-        propeller_torque=acting.propeller_torque, shaft_torque=torque,
-        brake_torque=acting.brake_torque, shaft_acceleration=acceleration,
-        resistance=acting.resistance, motor_current=acting.mover.current,
-        thrust_coefficient=acting.thrust_coefficient, submergence=acting.submergence,
-        shaft_power=torque * acting.shaft_speed, electric_power=acting.electric_power,
-    )  # fmt: skip
+        pitch_ratio=blade,
+        advance_velocity=acting.advance_velocity,
+        thrust=acting.thrust,
+        propeller_torque=acting.propeller_torque,
+        shaft_torque=torque,
+        brake_torque=acting.brake_torque,
+        shaft_acceleration=acceleration,
+        resistance=acting.resistance,
+        motor_current=acting.mover.current,
+        thrust_coefficient=acting.thrust_coefficient,
+        submergence=acting.submergence,
+        shaft_power=torque * acting.shaft_speed,
+        electric_power=acting.electric_power,
+    )
 
 
 @compiled_apart

@@ -135,10 +135,17 @@ def equilibrium_near(
 
 @compiled
 def fill_equilibria(
-    plant: Record, state: Record, memory: Record, drive: NDArray[np.float64],
-    pitch: NDArray[np.float64], inflow: NDArray[np.float64], elevation: NDArray[np.float64],
-    signals: NDArray[np.float64], interval: float, samples: Any,
-) -> None:  # fmt: skip
+    plant: Record,
+    state: Record,
+    memory: Record,
+    drive: NDArray[np.float64],
+    pitch: NDArray[np.float64],
+    inflow: NDArray[np.float64],
+    elevation: NDArray[np.float64],
+    signals: NDArray[np.float64],
+    interval: float,
+    samples: Any,
+) -> None:
     """Fill a SAMPLE array of shape (n,) with the equilibrium at each row.
 
     ``plant`` has no lags; the search for the first row starts from the STATE record ``state``. At each
@@ -156,8 +163,16 @@ def fill_equilibria(
         time = k * interval
         factor = episode_factor(plant, time - 0.5 * interval, interval)
         inputs = inputs_without_sea(
-            command, pitch[k], inflow[k], elevation[k], factor, time, 0.0, 0.0, external_at(signals, k)
-        )  # fmt: skip
+            command,
+            pitch[k],
+            inflow[k],
+            elevation[k],
+            factor,
+            time,
+            0.0,
+            0.0,
+            external_at(signals, k),
+        )
         if abs(now.shaft_speed) < STALLED * abs(first.shaft_speed):
             now = first
         shaft = command if leads else now.shaft_speed
@@ -173,9 +188,17 @@ def fill_equilibria(
         memory.thrust = measured_thrust_of(plant, outputs.thrust)
         memory.motor_current = measured_current_of(plant, outputs.motor_current)
         write_sample(
-            plant, samples[k], time, command, pitch[k], 0.0, here, memory,
-            measured_ship_speed_of(plant, here.ship_speed), outputs,
-        )  # fmt: skip
+            plant,
+            samples[k],
+            time,
+            command,
+            pitch[k],
+            0.0,
+            here,
+            memory,
+            measured_ship_speed_of(plant, here.ship_speed),
+            outputs,
+        )
         if math.isfinite(here.shaft_speed) and math.isfinite(here.ship_speed):
             now = here
 
@@ -225,9 +248,17 @@ class SteadyReplay(Replay):
         state = np.array([tuple(first)], STATE)
         samples = np.zeros(self.rows, SAMPLE)
         fill_equilibria(
-            without_lags(plant), state[0], np.zeros(1, MEMORY)[0], self.drive, self.pitch,
-            self.inflow(plant), self.elevation_rows, self.signals, self.interval_s, samples,
-        )  # fmt: skip
+            without_lags(plant),
+            state[0],
+            np.zeros(1, MEMORY)[0],
+            self.drive,
+            self.pitch,
+            self.inflow(plant),
+            self.elevation_rows,
+            self.signals,
+            self.interval_s,
+            samples,
+        )
         return samples
 
 

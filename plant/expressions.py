@@ -94,8 +94,13 @@ def external_at(signals: Any, row: int) -> tuple[float, ...]:
     """Return the external signals at a row of an array, shape (rows, MAX_SIGNALS) or a single row."""
     k = min(row, len(signals) - 1)
     return (
-        signals[k, 0], signals[k, 1], signals[k, 2], signals[k, 3], signals[k, 4], signals[k, 5],
-    )  # fmt: skip
+        signals[k, 0],
+        signals[k, 1],
+        signals[k, 2],
+        signals[k, 3],
+        signals[k, 4],
+        signals[k, 5],
+    )
 
 
 @compiled_apart
@@ -116,9 +121,12 @@ def sum_input_terms(
 
 @compiled_apart
 def sum_load_terms(
-    plant: Record, inputs: InputSignals, loads: LoadSignals, states: tuple[Real, ...],
+    plant: Record,
+    inputs: InputSignals,
+    loads: LoadSignals,
+    states: tuple[Real, ...],
     outside: tuple[float, ...],
-) -> LoadTermSums:  # fmt: skip
+) -> LoadTermSums:
     """Return the sums of a ship's terms that act on results of the models, by location."""
     signals = _signals(inputs, loads, states, outside)
     t = q = m = r = p = y = n = rate_1 = rate_2 = rate_3 = signals[0] * 0.0
@@ -301,10 +309,20 @@ def _of_one(code: int, x: Real) -> Real:
 
 
 FUNCTIONS = {
-    "abs": (ABS, 1), "sign": (SIGN, 1), "step": (STEP, 1), "sqrt": (SQRT, 1), "exp": (EXP, 1),
-    "log": (LOG, 1), "tanh": (TANH, 1), "sin": (SIN, 1), "cos": (COS, 1), "atan": (ARCTAN, 1),
-    "min": (MIN, 2), "max": (MAX, 2), "table": (TABLE, 0),
-}  # fmt: skip
+    "abs": (ABS, 1),
+    "sign": (SIGN, 1),
+    "step": (STEP, 1),
+    "sqrt": (SQRT, 1),
+    "exp": (EXP, 1),
+    "log": (LOG, 1),
+    "tanh": (TANH, 1),
+    "sin": (SIN, 1),
+    "cos": (COS, 1),
+    "atan": (ARCTAN, 1),
+    "min": (MIN, 2),
+    "max": (MAX, 2),
+    "table": (TABLE, 0),
+}
 """Code and number of arguments of each function.
 
 ``step`` is 1 above 0 and 0 elsewhere; ``sign`` is 0 at 0. ``table(x, x1, y1, x2, y2, ...)``

@@ -37,8 +37,14 @@ _DRIVE, _PITCH, _RUDDER = range(3)  # rows of the commands
 
 @compiled
 def prepare_ship(
-    i: int, plants: Any, states: Any, memories: Any, seas: Any, drive: NDArray[np.float64], dt: float
-) -> None:  # fmt: skip
+    i: int,
+    plants: Any,
+    states: Any,
+    memories: Any,
+    seas: Any,
+    drive: NDArray[np.float64],
+    dt: float,
+) -> None:
     """Prepare ship ``i``; see :func:`advance_ship`."""
     plant = plants[i if len(plants) > 1 else 0]
     prepare(plant, states[i], memories[i], seas[0], drive[i], UNDISTURBED, dt)
@@ -46,9 +52,15 @@ def prepare_ship(
 
 @compiled
 def advance_ship(
-    i: int, plants: Any, states: Any, memories: Any, seas: Any, commands: NDArray[np.float64],
-    steps: int, dt: float,
-) -> None:  # fmt: skip
+    i: int,
+    plants: Any,
+    states: Any,
+    memories: Any,
+    seas: Any,
+    commands: NDArray[np.float64],
+    steps: int,
+    dt: float,
+) -> None:
     """Advance ship ``i`` of a batch of n ships in calm water; states and memories change in place.
 
     Args:
@@ -64,9 +76,18 @@ def advance_ship(
     plant = plants[i if len(plants) > 1 else 0]
     for _ in range(steps):
         step(
-            plant, states[i], memories[i], seas[0], commands[_DRIVE, i], commands[_PITCH, i],
-            commands[_RUDDER, i], UNDISTURBED, UNDISTURBED, UNDISTURBED, dt,
-        )  # fmt: skip
+            plant,
+            states[i],
+            memories[i],
+            seas[0],
+            commands[_DRIVE, i],
+            commands[_PITCH, i],
+            commands[_RUDDER, i],
+            UNDISTURBED,
+            UNDISTURBED,
+            UNDISTURBED,
+            dt,
+        )
 
 
 @cuda.jit
@@ -193,10 +214,11 @@ class GpuBatch:
         adapt_to_gpu()
         command = cuda.to_device(self._per_ship("drive", drive))
         self._ships = (
-            cuda.to_device(plants), cuda.to_device(np.ascontiguousarray(states)),
+            cuda.to_device(plants),
+            cuda.to_device(np.ascontiguousarray(states)),
             cuda.device_array(self.n, MEMORY),
             cuda.to_device(np.zeros(1, SEA)),
-        )  # fmt: skip
+        )
         _prepare_all[self._blocks, _THREADS](*self._ships, command, self._dt)
 
     @property

@@ -59,9 +59,11 @@ class HullForm(FileModel):
     appendage_area_m2: float = Field(default=0.0, ge=0, description="wetted area of the appendages")
     appendage_factor: float = Field(default=1.5, ge=1, le=5, description="1 + k2 of the appendages")
     stern_shape: float = Field(
-        default=0.0, ge=-25, le=10,
+        default=0.0,
+        ge=-25,
+        le=10,
         description="C_stern: -25 pram with gondola, -10 V-shaped, 0 normal, 10 U-shaped sections",
-    )  # fmt: skip
+    )
     entrance_angle_deg: float | None = Field(
         default=None, gt=0, lt=90, description="half angle of entrance; by regression without it"
     )
@@ -128,9 +130,12 @@ class HullForm(FileModel):
             return self.wetted_surface_m2
         block, midship = self.block_coefficient, self.midship_coefficient
         shape = (
-            0.453 + 0.4425 * block - 0.2862 * midship - 0.003467 * self.beam_m / self.draught_m
+            0.453
+            + 0.4425 * block
+            - 0.2862 * midship
+            - 0.003467 * self.beam_m / self.draught_m
             + 0.3696 * self.waterplane_coefficient
-        )  # fmt: skip
+        )
         girth = 2.0 * self.draught_m + self.beam_m
         return self.length_m * girth * math.sqrt(midship) * shape + 2.38 * self.bulb_area_m2 / block
 
@@ -141,11 +146,12 @@ class HullForm(FileModel):
             return self.entrance_angle_deg
         length, beam = self.length_m, self.beam_m
         exponent = (
-            (length / beam) ** 0.80856 * (1.0 - self.waterplane_coefficient) ** 0.30484
+            (length / beam) ** 0.80856
+            * (1.0 - self.waterplane_coefficient) ** 0.30484
             * (1.0 - self.prismatic_coefficient - 0.0225 * self.lcb_percent) ** 0.6367
             * (self.length_of_run / beam) ** 0.34574
             * (100.0 * self.displacement_m3 / length**3) ** 0.16302
-        )  # fmt: skip
+        )
         return 1.0 + 89.0 * math.exp(-exponent)
 
     @property
@@ -154,11 +160,12 @@ class HullForm(FileModel):
         length = self.length_m
         stern = 1.0 + 0.011 * self.stern_shape
         slope = (
-            (self.beam_m / length) ** 1.06806 * (self.draught_m / length) ** 0.46106
+            (self.beam_m / length) ** 1.06806
+            * (self.draught_m / length) ** 0.46106
             * (length / self.length_of_run) ** 0.121563
             * (length**3 / self.displacement_m3) ** 0.36486
             * (1.0 - self.prismatic_coefficient) ** -0.604247
-        )  # fmt: skip
+        )
         return float(0.93 + 0.487118 * stern * slope)
 
     @property
@@ -263,9 +270,11 @@ def _slow_waves(hull: HullForm, froude: float) -> float:
     else:
         c7 = ratio if ratio <= 0.25 else 0.5 - 0.0625 / ratio
     c1 = (
-        2223105.0 * c7**3.78613 * (draught / beam) ** 1.07961
+        2223105.0
+        * c7**3.78613
+        * (draught / beam) ** 1.07961
         * (90.0 - hull.entrance_angle) ** -1.37565
-    )  # fmt: skip
+    )
     c16 = (
         8.07981 * prismatic - 13.8673 * prismatic**2 + 6.984388 * prismatic**3
         if prismatic < 0.8
@@ -280,9 +289,11 @@ def _slow_waves(hull: HullForm, froude: float) -> float:
 def _fast_waves(hull: HullForm, froude: float) -> float:
     length, beam = hull.length_m, hull.beam_m
     c17 = (
-        6919.3 * hull.midship_coefficient**-1.3346 * (hull.displacement_m3 / length**3) ** 2.00977
+        6919.3
+        * hull.midship_coefficient**-1.3346
+        * (hull.displacement_m3 / length**3) ** 2.00977
         * (length / beam - 2.0) ** 1.40692
-    )  # fmt: skip
+    )
     m3 = -7.2035 * (beam / length) ** 0.326869 * (hull.draught_m / beam) ** 0.605375
     exponent = m3 * froude**-0.9 + _interference(hull, froude)
     return float(c17 * _bulb_and_transom(hull) * math.exp(exponent))
@@ -393,9 +404,11 @@ def interaction(
         + c19 * c20
     )
     deduction = (
-        0.25014 * (beam / length) ** 0.28956 * (section / diameter_m) ** 0.2624
+        0.25014
+        * (beam / length) ** 0.28956
+        * (section / diameter_m) ** 0.2624
         / (1.0 - prismatic + 0.0225 * lcb) ** 0.01762
         + 0.0015 * hull.stern_shape
-    )  # fmt: skip
+    )
     rotative = 0.9922 - 0.05908 * expanded_area_ratio + 0.07424 * (prismatic - 0.0225 * lcb)
     return Interaction(wake, deduction, rotative)

@@ -48,9 +48,15 @@ MISSING_PROPERTIES = {
 
 
 def parameter(
-    description: str, unit: str = "-", *, record: str, needs: str = "", required: str = "",
-    lag: bool = False, **limits: Any,
-) -> Any:  # fmt: skip
+    description: str,
+    unit: str = "-",
+    *,
+    record: str,
+    needs: str = "",
+    required: str = "",
+    lag: bool = False,
+    **limits: Any,
+) -> Any:
     """Declare a parameter of a ship.
 
     Args:
@@ -63,8 +69,13 @@ def parameter(
         lag: whether it is the time constant [s] of a state that the Runge-Kutta steps integrate.
         limits: ``ge``, ``gt``, ``le``, ``lt`` and ``default``, as in pydantic.
     """
-    extra: dict[str, Any] = {"unit": unit, "record": record, "needs": needs, "required": required,
-                             "lag": lag}  # fmt: skip
+    extra: dict[str, Any] = {
+        "unit": unit,
+        "record": record,
+        "needs": needs,
+        "required": required,
+        "lag": lag,
+    }
     if limits.get("default") == INF:  # The lower bound of each such key refuses nan and -inf.
         limits["allow_inf_nan"] = True
     return Field(description=description, json_schema_extra=extra, **limits)

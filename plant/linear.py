@@ -69,10 +69,15 @@ def linearise(
             "whether a mass, an inertia or a time constant of the ship file is many orders too small"
         )
     return control.ss(
-        model.a, model.b, model.c, model.d,
-        states=states, inputs=list(by), outputs=list(outputs),
+        model.a,
+        model.b,
+        model.c,
+        model.d,
+        states=states,
+        inputs=list(by),
+        outputs=list(outputs),
         name=ship.name.replace(".", " "),  # python-control allows no dot in a name
-    )  # fmt: skip
+    )
 
 
 class Tangent(NamedTuple):
@@ -87,9 +92,14 @@ class Tangent(NamedTuple):
 
 
 def tangent(
-    plant: Any, state: State, inputs: Inputs, blade: Any, states: Sequence[str],
-    outputs: Sequence[str], by: Mapping[str, str] = MappingProxyType(INPUTS),
-) -> Tangent:  # fmt: skip
+    plant: Any,
+    state: State,
+    inputs: Inputs,
+    blade: Any,
+    states: Sequence[str],
+    outputs: Sequence[str],
+    by: Mapping[str, str] = MappingProxyType(INPUTS),
+) -> Tangent:
     """Return rates and outputs with their derivatives, by complex steps.
 
     Args:
@@ -132,9 +142,13 @@ def tangent(
     by_states = [rates_and_outputs(step_in(here, name), acts) for name in states]
     by_inputs = [rates_and_outputs(here, step_in(acts, name)) for name in by.values()]
     return Tangent(
-        rates, values, slopes(by_states, 0), slopes(by_inputs, 0), slopes(by_states, 1),
+        rates,
+        values,
+        slopes(by_states, 0),
+        slopes(by_inputs, 0),
+        slopes(by_states, 1),
         slopes(by_inputs, 1),
-    )  # fmt: skip
+    )
 
 
 class LocalModel(NamedTuple):

@@ -266,9 +266,14 @@ def sample_plant(plant: control.StateSpace, interval: float) -> control.StateSpa
     b = np.vstack([held.B, np.eye(inputs)[kept]])
     c = np.hstack([held.C, plant.D[:, kept]])
     return control.ss(
-        a, b, c, np.zeros((held.noutputs, inputs)), interval,
-        inputs=plant.input_labels, outputs=plant.output_labels,
-    )  # fmt: skip
+        a,
+        b,
+        c,
+        np.zeros((held.noutputs, inputs)),
+        interval,
+        inputs=plant.input_labels,
+        outputs=plant.output_labels,
+    )
 
 
 def drop_unconnected_states(system: control.StateSpace) -> control.StateSpace:
@@ -285,9 +290,15 @@ def drop_unconnected_states(system: control.StateSpace) -> control.StateSpace:
     kept = np.flatnonzero(affected & observed)
     labels = [system.state_labels[k] for k in kept]
     return control.ss(
-        system.A[np.ix_(kept, kept)], system.B[kept], system.C[:, kept], system.D, system.dt,
-        states=labels or None, inputs=system.input_labels, outputs=system.output_labels,
-    )  # fmt: skip
+        system.A[np.ix_(kept, kept)],
+        system.B[kept],
+        system.C[:, kept],
+        system.D,
+        system.dt,
+        states=labels or None,
+        inputs=system.input_labels,
+        outputs=system.output_labels,
+    )
 
 
 def loop_at_command(

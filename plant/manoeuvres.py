@@ -206,9 +206,14 @@ def zig_zag(
     track = helm.track()
     first = int(np.argmax(side * track["heading_rad"].to_numpy() >= heading_rad))
     return ZigZag(
-        rudder_rad, heading_rad, tuple(overshoots), _way(track, side, heading_rad, first) / helm.length,
-        times[-1] - times[-3], tuple(times), track,
-    )  # fmt: skip
+        rudder_rad,
+        heading_rad,
+        tuple(overshoots),
+        _way(track, side, heading_rad, first) / helm.length,
+        times[-1] - times[-3],
+        tuple(times),
+        track,
+    )
 
 
 def _furthest_heading(helm: Helm, rudder: float) -> float:

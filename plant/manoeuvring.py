@@ -97,8 +97,17 @@ class Manoeuvring(Section):
     @model_validator(mode="after")
     def _complete(self) -> Manoeuvring:
         if self.length_m > 0.0:
-            needed = ("draught_m", "displacement_kg", "radius_of_gyration_m", "Y_vdot", "N_rdot",
-                      "Y_v", "Y_r", "N_v", "N_r")  # fmt: skip
+            needed = (
+                "draught_m",
+                "displacement_kg",
+                "radius_of_gyration_m",
+                "Y_vdot",
+                "N_rdot",
+                "Y_v",
+                "Y_r",
+                "N_v",
+                "N_r",
+            )
             require(self, needed, WITH)
         return self
 
@@ -186,9 +195,15 @@ def planar_inertia(plant: Record) -> tuple[Real, Real, Real, Real]:
 
 @compiled
 def planar_acceleration(
-    plant: Record, ahead: Real, across: Real, yaw_rate: Real, heading: Real, surge: Real,
-    side: Real, moment: Real,
-) -> tuple[Real, Real, Real]:  # fmt: skip
+    plant: Record,
+    ahead: Real,
+    across: Real,
+    yaw_rate: Real,
+    heading: Real,
+    surge: Real,
+    side: Real,
+    moment: Real,
+) -> tuple[Real, Real, Real]:
     """Return the accelerations over ground in surge and sway [m/s2] and in yaw [rad/s2].
 
     u and v [m/s] are through the water, r in rad/s, the heading in rad; X [N] includes thrust and

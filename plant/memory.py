@@ -228,9 +228,14 @@ def settle_memory(
     memory.torques[:] = outputs.shaft_torque
     memory.speeds[:] = state.shaft_speed
     for k, value in enumerate(
-        (state.shaft_speed, outputs.shaft_torque, outputs.thrust, outputs.motor_current,
-         outputs.electric_power)
-    ):  # fmt: skip
+        (
+            state.shaft_speed,
+            outputs.shaft_torque,
+            outputs.thrust,
+            outputs.motor_current,
+            outputs.electric_power,
+        )
+    ):
         for now in range(2):
             memory.true[k, now] = memory.lagged[k, now] = value
     memory.speed_log = measured_ship_speed_of(plant, state.ship_speed)

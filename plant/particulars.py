@@ -139,13 +139,19 @@ def hull_form(given: Particulars) -> HullForm:
     plane = given.waterplane_coefficient or min((1.0 + 2.0 * block) / 3.0, 1.0)
     centre = given.lcb_percent
     return HullForm(
-        length_m=given.length_m, beam_m=given.beam_m, draught_m=given.draught_m, displacement_m3=volume,
-        midship_coefficient=midship, waterplane_coefficient=plane,
+        length_m=given.length_m,
+        beam_m=given.beam_m,
+        draught_m=given.draught_m,
+        displacement_m3=volume,
+        midship_coefficient=midship,
+        waterplane_coefficient=plane,
         lcb_percent=float(np.clip(8.8 - 38.9 * froude, -3.0, 3.0)) if centre is None else centre,
-        bulb_area_m2=given.bulb_area_m2, bulb_centre_m=given.bulb_centre_m,
-        transom_area_m2=given.transom_area_m2, appendage_area_m2=given.appendage_area_m2,
+        bulb_area_m2=given.bulb_area_m2,
+        bulb_centre_m=given.bulb_centre_m,
+        transom_area_m2=given.transom_area_m2,
+        appendage_area_m2=given.appendage_area_m2,
         stern_shape=given.stern_shape,
-    )  # fmt: skip
+    )
 
 
 class DesignPoint(NamedTuple):
@@ -339,10 +345,13 @@ def estimate_sections(given: Particulars) -> Sections:
         "propeller": _propeller(given, point),
         "prime_mover": _engine(given),
         "transmission": _transmission(given, point),
-        **({"pitch_actuator": {"time_constant_s": Estimate(2.0, "assumed")}}
-           if given.controllable_pitch else {}),
+        **(
+            {"pitch_actuator": {"time_constant_s": Estimate(2.0, "assumed")}}
+            if given.controllable_pitch
+            else {}
+        ),
         "tolerances": _tolerances(given),
-    }  # fmt: skip
+    }
 
 
 _TOLERANCES = {
@@ -438,8 +447,10 @@ def _engine(given: Particulars) -> dict[str, Estimate]:
     values["torque_limit_N_m"] = Estimate(torque, "rated power over rated speed")
     values["rack_max_mm"] = Estimate(engine.rack_max_mm, "assumed: the scale of the rack")
     if given.full_load_rack_mm is not None:
-        b, c, e = (values[key].value for key in ("torque_per_rack_N_m_mm", "torque_offset_N_m",
-                                                 "torque_per_speed_N_m_s_rad"))  # fmt: skip
+        b, c, e = (
+            values[key].value
+            for key in ("torque_per_rack_N_m_mm", "torque_offset_N_m", "torque_per_speed_N_m_s_rad")
+        )
         scale = given.full_load_rack_mm / ((torque - c - e * rated_speed) / b)
         values["torque_per_rack_N_m_mm"] = Estimate(b / scale, "from the rack at full load")
         values["rack_max_mm"] = Estimate(engine.rack_max_mm * scale, "from the rack at full load")

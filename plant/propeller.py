@@ -96,19 +96,28 @@ def _pitch_ratios(plant: Any) -> tuple[float, float]:
 
 VALIDITY = (
     Validity(
-        "the propeller's advance ratio J", "-", _advance_ratio, _advance_ratios,
+        "the propeller's advance ratio J",
+        "-",
+        _advance_ratio,
+        _advance_ratios,
         "KT and KQ are constant outside the range, so a shaft at rest in a flow has no force",
     ),
     Validity(
-        "the propeller's shaft speed", "rad/s", lambda _, samples: samples["shaft_speed"],
-        _shaft_speeds, "astern the curves for rotation ahead are used with n |n|",
+        "the propeller's shaft speed",
+        "rad/s",
+        lambda _, samples: samples["shaft_speed"],
+        _shaft_speeds,
+        "astern the curves for rotation ahead are used with n |n|",
     ),
     Validity(
-        "the blades' pitch ratio P/D", "-", lambda _, samples: samples["pitch_ratio"], _pitch_ratios,
+        "the blades' pitch ratio P/D",
+        "-",
+        lambda _, samples: samples["pitch_ratio"],
+        _pitch_ratios,
         "the B-series was tested in the range; outside it the polynomials are extrapolated and the "
         "four-quadrant curves are constant",
     ),
-)  # fmt: skip
+)
 """Ranges of the open-water curves. The range of P/D is that of Oosterveld & van Oossanen (1975)."""
 
 
@@ -464,9 +473,13 @@ class PropellerLoad(NamedTuple):
 
 @compiled
 def propeller_load(
-    plant: Record, advance_velocity: Real, shaft_speed: Real, pitch_ratio: Real, submergence: Real,
+    plant: Record,
+    advance_velocity: Real,
+    shaft_speed: Real,
+    pitch_ratio: Real,
+    submergence: Real,
     ventilation: Real,
-) -> PropellerLoad:  # fmt: skip
+) -> PropellerLoad:
     """Return thrust and torque of one propeller (thesis eqs. 2-3 and 2-4), with optional losses.
 
     v_a is in m/s, omega in rad/s, the depth of the propeller's centre in m; the degree of ventilation is

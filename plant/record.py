@@ -23,9 +23,20 @@ from .ventilation import Ventilation
 from .wind import Superstructure
 
 SECTIONS: tuple[type[Section], ...] = (
-    Water, Hull, Superstructure, Manoeuvring, Rudder, Propeller, Ventilation, CavitationBucket, *DRIVES,
-    Transmission, PitchActuator, Sensors, Integration,
-)  # fmt: skip
+    Water,
+    Hull,
+    Superstructure,
+    Manoeuvring,
+    Rudder,
+    Propeller,
+    Ventilation,
+    CavitationBucket,
+    *DRIVES,
+    Transmission,
+    PitchActuator,
+    Sensors,
+    Integration,
+)
 """All sections whose parameters the kernels use."""
 
 
@@ -47,9 +58,11 @@ PLANT = _plant_dtype()
 
 
 def record_of(
-    sections: Iterable[Section], prime_mover: int, terms: Iterable[Term] = (),
+    sections: Iterable[Section],
+    prime_mover: int,
+    terms: Iterable[Term] = (),
     signals: Sequence[str] = (),
-) -> Any:  # fmt: skip
+) -> Any:
     """Return the record of a ship: one element of dtype :data:`PLANT`.
 
     ``prime_mover`` is the code of its kind, ``signals`` are the names of the external signals in their

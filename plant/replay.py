@@ -208,10 +208,13 @@ class Replay(RecordedInputs):
     def first_inputs(self, inflow: NDArray[np.float64]) -> Inputs:
         """Return the inputs at the first row, for an inflow from :meth:`inflow`."""
         return Inputs(
-            float(self.drive[0]), float(self.pitch[0]), float(inflow[0]),
-            elevation=float(self.elevation[0]), rudder_command=float(self.rudder[0]),
+            float(self.drive[0]),
+            float(self.pitch[0]),
+            float(inflow[0]),
+            elevation=float(self.elevation[0]),
+            rudder_command=float(self.rudder[0]),
             outside=external_at(self.signals, 0),
-        )  # fmt: skip
+        )
 
     def simulate(
         self, plant: Any, start: tuple[float, ...] | None = None, sea: Any = None
@@ -241,10 +244,20 @@ class Replay(RecordedInputs):
             _own.samples = np.zeros(steps + 1, SAMPLE)
         samples: NDArray[Any] = _own.samples[: steps + 1]
         trajectory(
-            plant, state[0], np.zeros(1, MEMORY)[0], calm_sea() if sea is None else sea.copy(),
-            self.drive, self.pitch, self.rudder, inflow, self.elevation,
-            self.resistance_factor, self.signals, self.dt, samples,
-        )  # fmt: skip
+            plant,
+            state[0],
+            np.zeros(1, MEMORY)[0],
+            calm_sea() if sea is None else sea.copy(),
+            self.drive,
+            self.pitch,
+            self.rudder,
+            inflow,
+            self.elevation,
+            self.resistance_factor,
+            self.signals,
+            self.dt,
+            samples,
+        )
         return np.asarray(samples[:: self.per_row])
 
 

@@ -76,8 +76,13 @@ def presets() -> dict[str, Sea]:
     return {name: Sea(**values) for name, values in tomllib.loads(text).items()}
 
 
-_TEXT_KEYS = {"hs": "hs_m", "tp": "tp_s", "gamma": "gamma", "heading": "heading_deg",
-              "wind": "wind_m_s"}  # fmt: skip
+_TEXT_KEYS = {
+    "hs": "hs_m",
+    "tp": "tp_s",
+    "gamma": "gamma",
+    "heading": "heading_deg",
+    "wind": "wind_m_s",
+}
 
 
 def get_sea(text: str) -> Sea | None:

@@ -271,8 +271,11 @@ class Ship(Section):
     sensors: Sensors = Sensors()
     integration: Integration = Integration()
     tolerances: Tolerances = Tolerances()
-    signals: dict[Name, str] = Field(default={}, max_length=MAX_SIGNALS,
-        description="external signals that terms use, each with its unit")  # fmt: skip
+    signals: dict[Name, str] = Field(
+        default={},
+        max_length=MAX_SIGNALS,
+        description="external signals that terms use, each with its unit",
+    )
     term: Annotated[tuple[Term, ...], Field(strict=False, max_length=MAX_TERMS)] = ()
 
     def __hash__(self) -> int:

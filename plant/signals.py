@@ -160,9 +160,17 @@ LOG_SIGNALS = (
 
 RECORDED_SIGNALS = (
     *LOG_SIGNALS,
-    Signal("inflow_velocity", "v_a", "m/s", -200, 200, "sensor", "inflow_velocity_m_s",
-           "measured speed of the fluid at the propeller"),
-)  # fmt: skip
+    Signal(
+        "inflow_velocity",
+        "v_a",
+        "m/s",
+        -200,
+        200,
+        "sensor",
+        "inflow_velocity_m_s",
+        "measured speed of the fluid at the propeller",
+    ),
+)
 """Further signals of recordings; commands to prime movers are declared in ``drives/``."""
 
 

@@ -25,9 +25,17 @@ from .waves import calm_sea
 
 @compiled
 def write_sample(
-    plant: Record, sample: Record, time: float, drive: float, pitch_command: float,
-    rudder_command: float, state: State, memory: Record, speed_log: float, outputs: Outputs,
-) -> None:  # fmt: skip
+    plant: Record,
+    sample: Record,
+    time: float,
+    drive: float,
+    pitch_command: float,
+    rudder_command: float,
+    state: State,
+    memory: Record,
+    speed_log: float,
+    outputs: Outputs,
+) -> None:
     """Fill a SAMPLE record: the commands over a step, and the state and outputs at its start."""
     sample.time = time
     sample.drive = drive
@@ -65,11 +73,20 @@ def write_sample(
 
 @compiled
 def trajectory(
-    plant: Record, state: Record, memory: Record, sea: Record, drive: NDArray[np.float64],
-    pitch_command: NDArray[np.float64], rudder_command: NDArray[np.float64],
-    inflow: NDArray[np.float64], elevation: NDArray[np.float64],
-    resistance_factor: NDArray[np.float64], signals: NDArray[np.float64], dt: float, samples: Any,
-) -> None:  # fmt: skip
+    plant: Record,
+    state: Record,
+    memory: Record,
+    sea: Record,
+    drive: NDArray[np.float64],
+    pitch_command: NDArray[np.float64],
+    rudder_command: NDArray[np.float64],
+    inflow: NDArray[np.float64],
+    elevation: NDArray[np.float64],
+    resistance_factor: NDArray[np.float64],
+    signals: NDArray[np.float64],
+    dt: float,
+    samples: Any,
+) -> None:
     """Simulate one ship record and keep all samples: :func:`simulate` without its checks.
 
     STATE, MEMORY and SEA records are changed in place; the state holds the initial and afterwards the
@@ -87,15 +104,30 @@ def trajectory(
         now = get_state(state)
         log = memory.speed_log
         outputs = step(
-            plant, state, memory, sea, drive[k], pitch_command[k], rudder_command[k],
+            plant,
+            state,
+            memory,
+            sea,
+            drive[k],
+            pitch_command[k],
+            rudder_command[k],
             Disturbance(inflow[a], elevation[a], resistance_factor[a], external_at(signals, a)),
             Disturbance(inflow[b], elevation[b], resistance_factor[b], external_at(signals, b)),
-            Disturbance(inflow[c], elevation[c], resistance_factor[c], external_at(signals, c)), dt,
-        )  # fmt: skip
+            Disturbance(inflow[c], elevation[c], resistance_factor[c], external_at(signals, c)),
+            dt,
+        )
         write_sample(
-            plant, samples[k], k * dt, drive[k], pitch_command[k], rudder_command[k], now, memory,
-            log, outputs,
-        )  # fmt: skip
+            plant,
+            samples[k],
+            k * dt,
+            drive[k],
+            pitch_command[k],
+            rudder_command[k],
+            now,
+            memory,
+            log,
+            outputs,
+        )
     last = steps - 1
     finish = Disturbance(
         inflow[-1], elevation[-1], resistance_factor[-1], external_at(signals, 2 * steps)
@@ -104,9 +136,17 @@ def trajectory(
         plant, state, memory, sea, pitch_command[last], rudder_command[last], finish, dt
     )
     write_sample(
-        plant, samples[steps], steps * dt, drive[last], pitch_command[last], rudder_command[last],
-        get_state(state), memory, memory.speed_log, outputs,
-    )  # fmt: skip
+        plant,
+        samples[steps],
+        steps * dt,
+        drive[last],
+        pitch_command[last],
+        rudder_command[last],
+        get_state(state),
+        memory,
+        memory.speed_log,
+        outputs,
+    )
 
 
 @dataclass(frozen=True)
@@ -158,9 +198,14 @@ def _values_at(value: Any, times: NDArray[np.float64], name: str) -> NDArray[np.
 
 
 def simulate(
-    ship: Ship, schedule: Schedule, duration_s: float, *, initial: State, sea: Any = None,
+    ship: Ship,
+    schedule: Schedule,
+    duration_s: float,
+    *,
+    initial: State,
+    sea: Any = None,
     dt: float | None = None,
-) -> NDArray[Any]:  # fmt: skip
+) -> NDArray[Any]:
     """Simulate one ship and keep all samples.
 
     Args:
@@ -213,15 +258,20 @@ def simulate(
         raise ValueError(f"the initial state contains a value that is not finite: {initial}")
     samples = np.zeros(steps + 1, SAMPLE)
     trajectory(
-        ship.record(), state[0], np.zeros(1, MEMORY)[0], calm_sea() if sea is None else sea.copy(),
+        ship.record(),
+        state[0],
+        np.zeros(1, MEMORY)[0],
+        calm_sea() if sea is None else sea.copy(),
         _values_at(schedule.drive, grid, "drive"),
         _values_at(schedule.pitch_command, grid, "pitch_command"),
         _values_at(schedule.rudder_command, grid, "rudder_command"),
         _values_at(schedule.inflow, half_grid, "inflow"),
         _values_at(schedule.elevation, half_grid, "elevation"),
         _values_at(schedule.resistance_factor, half_grid, "resistance_factor"),
-        ship.external_rows(signals), dt, samples,
-    )  # fmt: skip
+        ship.external_rows(signals),
+        dt,
+        samples,
+    )
     refuse_divergence(ship, samples)
     warn_of_departures(ship, samples)
     return samples

@@ -98,15 +98,17 @@ def _state_kernel(signature: str, entry: str, fields: Iterable[str] = State._fie
 
 
 motion_state: Callable[[Real, Real, Real], State] = _state_kernel(
-    "motion_state(pitch_ratio, shaft_speed, ship_speed)", "{field}",
+    "motion_state(pitch_ratio, shaft_speed, ship_speed)",
+    "{field}",
     [name if name in _MOTION else "0.0" for name in State._fields],
-)  # fmt: skip
+)
 """Return the state of pitch, shaft and hull alone. Kernels cannot use the defaults of a tuple."""
 
 with_motion: Callable[[State, Real, Real, Real], State] = _state_kernel(
-    "with_motion(state, pitch_ratio, shaft_speed, ship_speed)", "{field}",
+    "with_motion(state, pitch_ratio, shaft_speed, ship_speed)",
+    "{field}",
     [name if name in _MOTION else f"state.{name}" for name in State._fields],
-)  # fmt: skip
+)
 """Return a state with other values of pitch ratio, shaft speed and ship speed."""
 
 shift_state: Callable[[State, State, Real], State] = _state_kernel(
@@ -124,8 +126,9 @@ set_state: Callable[[Record, State], None] = generate_kernel(
 
 directional_rate: Callable[[State, State], Real] = generate_kernel(
     "def along(rate, direction):\n    return (\n+ rate.{field} * direction.{field}\n)",
-    State._fields, globals(),
-)  # fmt: skip
+    State._fields,
+    globals(),
+)
 """Return the component of a rate along a direction: the sum of their products."""
 
 
@@ -140,12 +143,14 @@ VENTILATION_DIRECTION = _unit_state("ventilation")
 """Unit direction of the degree of ventilation."""
 
 LAGGING, WAITING = (
-    State(*(
-        mark.probe if isinstance(mark, Lag) and mark.after == after else 0.0
-        for mark in _DECLARED.values()
-    ))
+    State(
+        *(
+            mark.probe if isinstance(mark, Lag) and mark.after == after else 0.0
+            for mark in _DECLARED.values()
+        )
+    )
     for after in (False, True)
-)  # fmt: skip
+)
 """Probe steps of the lag states, 0 for all other states: lags that depend on no other lag, and lags that
 follow the state of another one."""
 
@@ -187,9 +192,16 @@ class Inputs(NamedTuple):
 
 @compiled
 def inputs_without_sea(
-    drive: Real, pitch_command: Real, inflow: Real, elevation: Real, resistance_factor: Real,
-    time: Real, drive_rate: Real, rudder_command: Real, outside: tuple[Real, ...],
-) -> Inputs:  # fmt: skip
+    drive: Real,
+    pitch_command: Real,
+    inflow: Real,
+    elevation: Real,
+    resistance_factor: Real,
+    time: Real,
+    drive_rate: Real,
+    rudder_command: Real,
+    outside: tuple[Real, ...],
+) -> Inputs:
     """Return inputs without waves and wind. Kernels cannot use the defaults of a tuple."""
     return Inputs(
         drive, pitch_command, inflow, 0.0, 0.0, 0.0, 0.0, elevation, resistance_factor, time,

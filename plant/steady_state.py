@@ -24,9 +24,14 @@ class Equilibrium(NamedTuple):
 
 
 def equilibrium(
-    ship: Ship, drive: float, pitch_ratio: float, *, inflow: float = 0.0,
-    resistance_factor: float = 1.0, signals: Mapping[str, float] = MappingProxyType({}),
-) -> Equilibrium:  # fmt: skip
+    ship: Ship,
+    drive: float,
+    pitch_ratio: float,
+    *,
+    inflow: float = 0.0,
+    resistance_factor: float = 1.0,
+    signals: Mapping[str, float] = MappingProxyType({}),
+) -> Equilibrium:
     """Return the steady state at constant commands.
 
     The torque limit of a diesel engine may hold it far below its idle speed as well. The steady state
@@ -52,9 +57,12 @@ def equilibrium(
     """
     plant = ship.record()
     inputs = Inputs(
-        float(drive), float(pitch_ratio), float(inflow),
-        resistance_factor=float(resistance_factor), outside=ship.external_values(signals),
-    )  # fmt: skip
+        float(drive),
+        float(pitch_ratio),
+        float(inflow),
+        resistance_factor=float(resistance_factor),
+        outside=ship.external_values(signals),
+    )
     moving = ship.moves
     blade = float(np.clip(pitch_ratio, plant["pitch_ratio_min"], plant["pitch_ratio_max"]))
     blade += float(plant["pitch_actuator_offset"])

@@ -37,10 +37,15 @@ def sway_yaw_model(ship: Ship, point: Equilibrium) -> control.StateSpace:
     kept = [whole.state_labels.index(name) for name in ("sway_speed", "yaw_rate")]
     helm = whole.input_labels.index("rudder_command")
     return control.ss(
-        whole.A[np.ix_(kept, kept)], whole.B[kept][:, [helm]], np.eye(2), np.zeros((2, 1)),
-        states=["sway_speed", "yaw_rate"], inputs=["rudder_angle"],
-        outputs=["sway_speed", "yaw_rate"], name=ship.name,
-    )  # fmt: skip
+        whole.A[np.ix_(kept, kept)],
+        whole.B[kept][:, [helm]],
+        np.eye(2),
+        np.zeros((2, 1)),
+        states=["sway_speed", "yaw_rate"],
+        inputs=["rudder_angle"],
+        outputs=["sway_speed", "yaw_rate"],
+        name=ship.name,
+    )
 
 
 def nomoto(ship: Ship, point: Equilibrium) -> Nomoto:

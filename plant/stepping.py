@@ -68,23 +68,46 @@ UNDISTURBED = Disturbance(0.0, 0.0, 1.0)
 
 @compiled
 def _inputs(
-    drive: float, pitch_command: float, rudder_command: float, sea: Record,
-    disturbance: Disturbance, episode: float, time: float, drive_rate: float,
-) -> Inputs:  # fmt: skip
+    drive: float,
+    pitch_command: float,
+    rudder_command: float,
+    sea: Record,
+    disturbance: Disturbance,
+    episode: float,
+    time: float,
+    drive_rate: float,
+) -> Inputs:
     wave = wave_motion(sea)
     return Inputs(
-        drive, pitch_command, disturbance.inflow + wave.inflow, wave.inflow_slope, wave.place,
-        sea.along, sea.across, disturbance.elevation + wave.elevation,
-        disturbance.resistance_factor * episode, time, drive_rate, wave.head_sea, rudder_command,
-        wave.elevation_slope, sea.wind, disturbance.outside,
-    )  # fmt: skip
+        drive,
+        pitch_command,
+        disturbance.inflow + wave.inflow,
+        wave.inflow_slope,
+        wave.place,
+        sea.along,
+        sea.across,
+        disturbance.elevation + wave.elevation,
+        disturbance.resistance_factor * episode,
+        time,
+        drive_rate,
+        wave.head_sea,
+        rudder_command,
+        wave.elevation_slope,
+        sea.wind,
+        disturbance.outside,
+    )
 
 
 @compiled
 def runge_kutta(
-    plant: Record, state: State, k1: State, middle: Inputs, end: Inputs, blade_before: float,
+    plant: Record,
+    state: State,
+    k1: State,
+    middle: Inputs,
+    end: Inputs,
+    blade_before: float,
     dt: float,
-) -> State:  # fmt: skip
+) -> State:
     """Return the state after a fourth-order Runge-Kutta step of ``dt`` [s], given its first slope."""
     k2, _ = evaluate(plant, shift_state(state, k1, 0.5 * dt), middle, blade_before)
     k3, _ = evaluate(plant, shift_state(state, k2, 0.5 * dt), middle, blade_before)
@@ -97,9 +120,18 @@ def runge_kutta(
 
 @compiled
 def step(
-    plant: Record, state: Record, memory: Record, sea: Record, drive: float, pitch_command: float,
-    rudder_command: float, start: Disturbance, middle: Disturbance, end: Disturbance, dt: float,
-) -> Outputs:  # fmt: skip
+    plant: Record,
+    state: Record,
+    memory: Record,
+    sea: Record,
+    drive: float,
+    pitch_command: float,
+    rudder_command: float,
+    start: Disturbance,
+    middle: Disturbance,
+    end: Disturbance,
+    dt: float,
+) -> Outputs:
     """Advance one ship by one time step [s]; state, memory and sea are changed in place.
 
     The commands are constant over the step: drive [mm | V | N m], P/D [-], rudder angle [rad]. A held
@@ -143,9 +175,15 @@ def step(
 
 @compiled
 def observe(
-    plant: Record, state: Record, memory: Record, sea: Record, pitch_command: float,
-    rudder_command: float, disturbance: Disturbance, dt: float,
-) -> Outputs:  # fmt: skip
+    plant: Record,
+    state: Record,
+    memory: Record,
+    sea: Record,
+    pitch_command: float,
+    rudder_command: float,
+    disturbance: Disturbance,
+    dt: float,
+) -> Outputs:
     """Return the outputs at the present instant under the last drive input, and update measurements."""
     now, time = get_state(state), memory.cursor * dt
     episode = episode_factor(plant, time, dt)
@@ -159,9 +197,14 @@ def observe(
 
 @compiled
 def prepare(
-    plant: Record, state: Record, memory: Record, sea: Record, drive: float,
-    disturbance: Disturbance, dt: float,
-) -> None:  # fmt: skip
+    plant: Record,
+    state: Record,
+    memory: Record,
+    sea: Record,
+    drive: float,
+    disturbance: Disturbance,
+    dt: float,
+) -> None:
     """Prepare a simulation at time 0: synchronise the sea and settle the memory on the initial state."""
     now = get_state(state)
     if sea.present != 0:

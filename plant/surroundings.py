@@ -22,8 +22,15 @@ class Water(Section):
 
     needs = "has_propeller"
 
-    density_kg_m3: float = parameter("density of the fluid: about 1.2 for air, 1000 for water", "kg/m3",
-        record="density", required="with a propeller", ge=0.5, le=14e3, default=1000.0)  # fmt: skip
+    density_kg_m3: float = parameter(
+        "density of the fluid: about 1.2 for air, 1000 for water",
+        "kg/m3",
+        record="density",
+        required="with a propeller",
+        ge=0.5,
+        le=14e3,
+        default=1000.0,
+    )
 
 
 class Integration(Section):

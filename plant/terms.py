@@ -136,8 +136,17 @@ class TermParameter(FileModel):
 
 
 Name: TypeAlias = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=40)]
-Place: TypeAlias = Literal["drive", "inflow_velocity", "thrust", "drive_torque", "load_torque",
-                           "resistance", "pitch_rate", "side_force", "yaw_moment"]  # fmt: skip
+Place: TypeAlias = Literal[
+    "drive",
+    "inflow_velocity",
+    "thrust",
+    "drive_torque",
+    "load_torque",
+    "resistance",
+    "pitch_rate",
+    "side_force",
+    "yaw_moment",
+]
 Expression: TypeAlias = Annotated[str, Field(max_length=1000)]
 
 
@@ -149,8 +158,9 @@ class Term(Section):
     )
     acts_on: Place = Field(description="location in the model: quantity to which the term is added")
     expression: Expression = Field(description="expression in signals and parameters")
-    also: dict[Place, Expression] = Field(default={},
-        description="expressions for further locations, by location")  # fmt: skip
+    also: dict[Place, Expression] = Field(
+        default={}, description="expressions for further locations, by location"
+    )
     state: Name | None = Field(default=None, description="name of a dynamic state of the term")
     rate: Expression | None = Field(default=None, description="rate of the state [per s]")
     parameters: dict[Name, TermParameter] = Field(default_factory=dict, strict=False)

@@ -127,9 +127,14 @@ def _spare_inertia(ship: Ship, key: str) -> Callable[[float], float]:
 
 @functools.lru_cache(maxsize=1024)
 def _turning_range(
-    hull: Hull, manoeuvring: Manoeuvring, density: float, step: float, name: str, low: float,
+    hull: Hull,
+    manoeuvring: Manoeuvring,
+    density: float,
+    step: float,
+    name: str,
+    low: float,
     high: float,
-) -> tuple[float, float]:  # fmt: skip
+) -> tuple[float, float]:
     """Return the range of a manoeuvring parameter in which a step [s] resolves sway and yaw."""
 
     def spare(at: float) -> float:
@@ -190,12 +195,15 @@ def _surroundings(ship: Ship) -> tuple[tuple[str, ...], tuple[tuple[float, ...],
     rest = rest._replace(submergence=ship.propeller.depth_m)
     moving = (
         rest._replace(
-            shaft_speed=share * top, ship_speed=2.0 * share * speed, pitch_ratio=pitch,
-            pitch_command=pitch, drive=share * float(plant["drive_max"]),
+            shaft_speed=share * top,
+            ship_speed=2.0 * share * speed,
+            pitch_ratio=pitch,
+            pitch_command=pitch,
+            drive=share * float(plant["drive_max"]),
             advance_velocity=2.0 * share * speed * (1.0 - ship.hull.wake_fraction),
         )
         for share in (0.5, 1.0)
-    )  # fmt: skip
+    )
     return tuple(sorted(ship.signals)), (rest, *moving)
 
 
@@ -251,9 +259,13 @@ def resolved_term_range(ship: Ship, term: Term, name: str, info: KeyInfo) -> Key
 
 @functools.lru_cache(maxsize=256)
 def _slowed(
-    term: Term, name: str, bound: float, step: float, signals: tuple[str, ...],
+    term: Term,
+    name: str,
+    bound: float,
+    step: float,
+    signals: tuple[str, ...],
     conditions: tuple[tuple[float, ...], ...],
-) -> float:  # fmt: skip
+) -> float:
     """Return how far a term's parameter may change towards a bound while a step resolves its state."""
     value = term.parameters[name].value
 

@@ -21,15 +21,32 @@ _INITIAL_SAMPLES = 4096  # length of the first sample buffer
 
 @compiled
 def _run(
-    plant: Record, state: Record, memory: Record, sea: Record, drive: float, pitch_command: float,
-    rudder_command: float, acting: Disturbance, dt: float, samples: Any,
-) -> None:  # fmt: skip
+    plant: Record,
+    state: Record,
+    memory: Record,
+    sea: Record,
+    drive: float,
+    pitch_command: float,
+    rudder_command: float,
+    acting: Disturbance,
+    dt: float,
+    samples: Any,
+) -> None:
     for k in range(len(samples)):
         now, log, time = get_state(state), memory.speed_log, memory.cursor * dt
         outputs = step(
-            plant, state, memory, sea, drive, pitch_command, rudder_command, acting, acting, acting,
+            plant,
+            state,
+            memory,
+            sea,
+            drive,
+            pitch_command,
+            rudder_command,
+            acting,
+            acting,
+            acting,
             dt,
-        )  # fmt: skip
+        )
         write_sample(
             plant, samples[k], time, drive, pitch_command, rudder_command, now, memory, log, outputs
         )
@@ -78,9 +95,13 @@ class Voyage:
         return self._samples[: self._steps]
 
     def run(
-        self, drive: float, pitch_command: float, rudder_command: float = 0.0, steps: int = 1,
+        self,
+        drive: float,
+        pitch_command: float,
+        rudder_command: float = 0.0,
+        steps: int = 1,
         acting: Disturbance = UNDISTURBED,
-    ) -> State:  # fmt: skip
+    ) -> State:
         """Simulate some time steps with constant commands.
 
         Args:
@@ -102,10 +123,17 @@ class Voyage:
             longer[: self._steps] = self.samples
             self._samples = longer
         _run(
-            self._plant, self._state[0], self._memory, self._sea, float(drive),
-            float(pitch_command), float(rudder_command), acting, self.dt,
+            self._plant,
+            self._state[0],
+            self._memory,
+            self._sea,
+            float(drive),
+            float(pitch_command),
+            float(rudder_command),
+            acting,
+            self.dt,
             self._samples[self._steps : end],
-        )  # fmt: skip
+        )
         refuse_divergence(self.ship, self._samples[self._steps : end])
         self._steps = end
         return self.state

@@ -112,9 +112,15 @@ def realise(sea: Sea, depth_m: float, seed: int) -> Any:
 
 @compiled
 def fill_sea(
-    sea: Record, hs_m: float, tp_s: float, gamma: float, heading_deg: float, wind_m_s: float,
-    depth_m: float, shares: NDArray[np.float64],
-) -> None:  # fmt: skip
+    sea: Record,
+    hs_m: float,
+    tp_s: float,
+    gamma: float,
+    heading_deg: float,
+    wind_m_s: float,
+    depth_m: float,
+    shares: NDArray[np.float64],
+) -> None:
     """Fill a calm sea record with one realisation of a JONSWAP sea; a height of 0 adds no waves.
 
     The arguments are those of :func:`realise`, with the heading relative to the initial course [deg].
@@ -290,10 +296,13 @@ def wave_motion(sea: Record) -> WaveMotion:
     i = sea.passed
     if sea.present != 0:
         return WaveMotion(
-            sea.met * sea.inflow[i], sea.met * sea.inflow_slope[i], sea.elevation[i],
-            sea.reference_place + i * sea.reference_advance, sea.head_sea,
+            sea.met * sea.inflow[i],
+            sea.met * sea.inflow_slope[i],
+            sea.elevation[i],
+            sea.reference_place + i * sea.reference_advance,
+            sea.head_sea,
             sea.elevation_slope[i],
-        )  # fmt: skip
+        )
     return WaveMotion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 

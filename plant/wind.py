@@ -22,9 +22,13 @@ POINTS = 81
 """Number of points of the ship record's table of the coefficient, from a wind ahead to one astern."""
 
 _REGRESSION = (
-    "length_overall_m", "beam_m", "lateral_area_m2", "deck_area_m2", "lateral_centre_height_m",
+    "length_overall_m",
+    "beam_m",
+    "lateral_area_m2",
+    "deck_area_m2",
+    "lateral_centre_height_m",
     "bridge_height_m",
-)  # fmt: skip
+)
 
 
 class Superstructure(Section):
@@ -132,13 +136,19 @@ class Superstructure(Section):
             induced = 0.585 + 0.906 * deck / lateral - 3.239 * beam / length
         else:
             along = (
-                -0.018 + 5.091 * beam / length - 10.367 * centre / length + 3.011 * deck / length**2
+                -0.018
+                + 5.091 * beam / length
+                - 10.367 * centre / length
+                + 3.011 * deck / length**2
                 + 0.341 * frontal / beam**2
-            )  # fmt: skip
+            )
             lift = (
-                1.901 - 12.727 * lateral / (length * bridge) - 24.407 * frontal / lateral
-                + 40.310 * beam / length + 5.481 * frontal / (beam * bridge)
-            )  # fmt: skip
+                1.901
+                - 12.727 * lateral / (length * bridge)
+                - 24.407 * frontal / lateral
+                + 40.310 * beam / length
+                + 5.481 * frontal / (beam * bridge)
+            )
             induced = 0.314 + 1.117 * deck / lateral
         sine, cosine = math.sin(angle), math.cos(angle)
         return (
@@ -158,9 +168,14 @@ class Superstructure(Section):
 
 @compiled
 def wind_resistance(
-    plant: Record, wind: Real, wave_along: float, wave_across: float, ship_speed: Real,
-    sway_speed: Real, heading: Real,
-) -> Real:  # fmt: skip
+    plant: Record,
+    wind: Real,
+    wave_along: float,
+    wave_across: float,
+    ship_speed: Real,
+    sway_speed: Real,
+    heading: Real,
+) -> Real:
     """Return the resistance increase [N] by a true wind (ISO 15016:2015, Annex C).
 
     The wind [m/s] travels with the waves, whose direction has the cosine ``wave_along`` and the sine

@@ -138,16 +138,33 @@ class Cell:
         return self.words or f"{self.printed:.6g}"
 
 
-def number(table: str, row: str, column: str, ours: float, printed: float, tolerance: float,
-           basis: str, kind: Kind = Kind.FREE, reason: Reason | None = None) -> Cell:  # fmt: skip
+def number(
+    table: str,
+    row: str,
+    column: str,
+    ours: float,
+    printed: float,
+    tolerance: float,
+    basis: str,
+    kind: Kind = Kind.FREE,
+    reason: Reason | None = None,
+) -> Cell:
     """Return the cell of a printed number with a symmetric tolerance."""
     low, high = printed - tolerance, printed + tolerance
     return Cell(table, row, column, float(ours), low, high, basis, kind, printed, "", reason)
 
 
-def printed_number(table: str, row: str, column: str, ours: float, text: str, kind: Kind = Kind.FREE,
-                   more: float = 0.0, basis: str = HALF_DIGIT,
-                   reason: Reason | None = None) -> Cell:  # fmt: skip
+def printed_number(
+    table: str,
+    row: str,
+    column: str,
+    ours: float,
+    text: str,
+    kind: Kind = Kind.FREE,
+    more: float = 0.0,
+    basis: str = HALF_DIGIT,
+    reason: Reason | None = None,
+) -> Cell:
     """Return the cell of a number as printed, met within half of its last digit and ``more``."""
     return number(
         table, row, column, ours, float(text), half_digit(text) + more, basis, kind, reason
@@ -181,13 +198,21 @@ def counts(cells: Iterable[Cell]) -> pd.DataFrame:
 def _line(cell: Cell) -> dict[str, Any]:
     reason = cell.reason
     return {
-        "table": cell.table, "row": cell.row, "column": cell.column, "kind": str(cell.kind),
-        "printed": cell.printed, "words": cell.words, "ours": cell.ours, "low": cell.low,
-        "high": cell.high, "basis": cell.basis, "verdict": str(cell.verdict),
+        "table": cell.table,
+        "row": cell.row,
+        "column": cell.column,
+        "kind": str(cell.kind),
+        "printed": cell.printed,
+        "words": cell.words,
+        "ours": cell.ours,
+        "low": cell.low,
+        "high": cell.high,
+        "basis": cell.basis,
+        "verdict": str(cell.verdict),
         "shift": reason.shift if reason else math.nan,
         "within": reason.within if reason and reason.within is not None else math.nan,
         "reason": reason.text if reason else "",
-    }  # fmt: skip
+    }
 
 
 def write(folder: Path, name: str, cells: Iterable[Cell]) -> None:
@@ -203,9 +228,20 @@ def read(path: Path) -> list[Cell]:
         within = None if math.isnan(line.within) else line.within
         reason = Reason(line.reason, line.shift, within) if line.reason else None
         found.append(
-            Cell(line.table, line.row, str(line.column), line.ours, line.low, line.high, line.basis,
-                 Kind(line.kind), line.printed, line.words, reason)
-        )  # fmt: skip
+            Cell(
+                line.table,
+                line.row,
+                str(line.column),
+                line.ours,
+                line.low,
+                line.high,
+                line.basis,
+                Kind(line.kind),
+                line.printed,
+                line.words,
+                reason,
+            )
+        )
     return found
 
 

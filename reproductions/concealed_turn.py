@@ -97,11 +97,12 @@ def make_recording(seed: int, windy: bool = False) -> pd.DataFrame:
     fouled, blown, calm = 1.0 + TRUTH["hull-fouling"], np.zeros_like(time), ship.record()
     for _ in range(3 if windy else 1):
         schedule = Schedule(
-            drive=functools.partial(over, fp=rack), pitch_command=functools.partial(over, fp=pitch),
+            drive=functools.partial(over, fp=rack),
+            pitch_command=functools.partial(over, fp=pitch),
             rudder_command=functools.partial(over, fp=rudder),
             inflow=functools.partial(over, fp=inflow),
             resistance_factor=functools.partial(over, fp=fouled + blown),
-        )  # fmt: skip
+        )
         start = equilibrium(ship, rack[0], pitch[0], resistance_factor=fouled + blown[0]).state
         samples = simulate(ship, schedule, DURATION_S, initial=start)
         samples = samples[:: round(INTERVAL_S / ship.time_step_s)][: len(time)]
@@ -112,12 +113,21 @@ def make_recording(seed: int, windy: bool = False) -> pd.DataFrame:
             blown = AIR * drag * seen**2 / np.array([resistance(calm, v, 1.0) for v in speed])
     torque = TRUTH["torque-sensor-gain"] * samples["shaft_torque"]
     table = pd.DataFrame(
-        {"time_s": time, "fuel_rack_mm": rack, "pitch_ratio_command": pitch, RUDDER_COMMAND: rudder,
-         "pitch_ratio": samples["pitch_ratio"], "shaft_speed_rad_s": samples["shaft_speed"],
-         "shaft_torque_N_m": torque, "ship_speed_m_s": samples["ship_speed"],
-         "rudder_rad": samples["rudder_angle"], "heading_rad": heading,
-         "wind_speed_m_s": seen, "wind_angle_rad": angle}
-    )  # fmt: skip
+        {
+            "time_s": time,
+            "fuel_rack_mm": rack,
+            "pitch_ratio_command": pitch,
+            RUDDER_COMMAND: rudder,
+            "pitch_ratio": samples["pitch_ratio"],
+            "shaft_speed_rad_s": samples["shaft_speed"],
+            "shaft_torque_N_m": torque,
+            "ship_speed_m_s": samples["ship_speed"],
+            "rudder_rad": samples["rudder_angle"],
+            "heading_rad": heading,
+            "wind_speed_m_s": seen,
+            "wind_angle_rad": angle,
+        }
+    )
     if not windy:
         table = table.drop(columns=["wind_speed_m_s", "wind_angle_rad"])
     for column, deviation in NOISE.items():
@@ -133,7 +143,9 @@ def diagnose_recording(cell: tuple[int, bool]) -> dict[str, Any]:
     named = {finding.effect.id: finding.estimates[0] for finding in found.findings}
     concealed = {*TRUTH, *(["wind"] if windy else [])}
     return {
-        "seed": seed, "wind": "yes" if windy else "no", "verdict": found.verdict,
+        "seed": seed,
+        "wind": "yes" if windy else "no",
+        "verdict": found.verdict,
         **{name: interval(named[name]) if name in named else "–" for name in TRUTH},
         "wind named": "yes" if "wind" in named else "no" if windy else "–",
         "others named": ", ".join(name for name in named if name not in concealed) or "–",
@@ -141,7 +153,7 @@ def diagnose_recording(cell: tuple[int, bool]) -> dict[str, Any]:
             name in named and named[name].ci95[0] <= value <= named[name].ci95[1]
             for name, value in TRUTH.items()
         ),
-    }  # fmt: skip
+    }
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -161,7 +173,14 @@ def main(arguments: list[str] | None = None) -> None:
         columns={"inside": "both truths inside"}
     )
     write_results(
-        __file__, options.out, TITLE, table, {}, f"--seeds {' '.join(map(str, options.seeds))}",
-        shown=shown, right=int(table["inside"].sum()), count=len(table),
+        __file__,
+        options.out,
+        TITLE,
+        table,
+        {},
+        f"--seeds {' '.join(map(str, options.seeds))}",
+        shown=shown,
+        right=int(table["inside"].sum()),
+        count=len(table),
         wrong=int((table["others named"] != "–").sum()),
-    )  # fmt: skip
+    )

@@ -78,9 +78,11 @@ def key_of(effect: str, names: list[str]) -> str | None:
     """
     keys = (
         str(parameter.key)
-        for one in catalogue() if f"{one.id}/{one.balance}" == effect
-        for parameter in one.parameters if parameter.key.rpartition(".")[2] in names
-    )  # fmt: skip
+        for one in catalogue()
+        if f"{one.id}/{one.balance}" == effect
+        for parameter in one.parameters
+        if parameter.key.rpartition(".")[2] in names
+    )
     return next(keys, None)
 
 
@@ -127,11 +129,12 @@ def prepare(cell: tuple[Truth, Path]) -> dict[str, Any]:
     write_ship(found.corrected, place / "corrected.toml")
     corrected = {key: float(found.corrected.parameter(key).value) for key in values}
     return {
-        "true": values, "verdict": str(found.verdict),
+        "true": values,
+        "verdict": str(found.verdict),
         # An infinite value is an absent limit, for which JSON has no number.
         "corrected": {k: value if np.isfinite(value) else None for k, value in corrected.items()},
         "named": [one.effect.id for one in found.findings],
-    }  # fmt: skip
+    }
 
 
 def ship_of(made_for: str, folder: Path) -> str:
@@ -186,16 +189,23 @@ def run(
 
     judged = list(itertools.product(truths, kinds))
     learned = {
-        f"learned_{kind}_{place(made, name)}".replace("/", "-").replace(" ", "-"):
-            (kind, place(made, name), folder)
-        for name, kind in judged if kind in LEARNED for made in _designs(kind)
-    }  # fmt: skip
+        f"learned_{kind}_{place(made, name)}".replace("/", "-").replace(" ", "-"): (
+            kind,
+            place(made, name),
+            folder,
+        )
+        for name, kind in judged
+        if kind in LEARNED
+        for made in _designs(kind)
+    }
     texts = sweep(tune_or_train, learned, folder, **common)
     made_by = {learned[key][:2]: found["controller"] for key, found in texts.items()}
     cells = {
         (name, kind, made): (made_by.get((kind, where), kind), where, name, folder)
-        for name, kind in judged for made in _designs(kind) for where in [place(made, name)]
-    }  # fmt: skip
+        for name, kind in judged
+        for made in _designs(kind)
+        for where in [place(made, name)]
+    }
     keys = {f"judged_{c[1]}_{c[2]}_{c[0]}".replace(" ", "-"): c for c in cells}
     found = sweep(evaluate, {key: cells[cell] for key, cell in keys.items()}, folder, **common)
     rows = [
@@ -229,10 +239,12 @@ def recovered_share(table: pd.DataFrame, kind: str) -> dict[str, Any]:
     return {
         "controller": kind,
         **{made: float(wide[made].mean()) for made in wide.columns},
-        "lost": float(lost.mean()), "recovered": float(back.mean()),
+        "lost": float(lost.mean()),
+        "recovered": float(back.mean()),
         "share": float(back.sum() / lost.sum()) if lost.sum() > 0.0 else np.nan,
-        "share_low": float(low), "share_high": float(high),
-    }  # fmt: skip
+        "share_low": float(low),
+        "share_high": float(high),
+    }
 
 
 _RESAMPLED = 2000
@@ -251,13 +263,17 @@ def write(folder: Path, ships: Mapping[str, Any], table: pd.DataFrame) -> Path:
         f"{share:.0f} % ({low:.0f} to {high:.0f})" for share, low, high in percent.to_numpy()
     ]
     found = pd.DataFrame(
-        {"ship": name,
-         "true ship": "; ".join(f"{key} = {value:.3g}" for key, value in one["true"].items()),
-         "corrected ship":
-             "; ".join("none" if v is None else f"{v:.3g}" for v in one["corrected"].values()),
-         "verdict": one["verdict"], "identified effects": ", ".join(one["named"])}
+        {
+            "ship": name,
+            "true ship": "; ".join(f"{key} = {value:.3g}" for key, value in one["true"].items()),
+            "corrected ship": "; ".join(
+                "none" if v is None else f"{v:.3g}" for v in one["corrected"].values()
+            ),
+            "verdict": one["verdict"],
+            "identified effects": ", ".join(one["named"]),
+        }
         for name, one in ships.items()
-    )  # fmt: skip
+    )
     each = pd.concat({kind: _wide(table, kind)[list(MADE_FOR)] for kind in kinds}, axis=1)
     each.columns = [", ".join(column) for column in each.columns]
     return write_results(

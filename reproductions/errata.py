@@ -70,11 +70,16 @@ def _signs() -> list[Values]:
             if abs(changes.where(~changes.index.isin(pair), -changes).std() - cells["sd"]) < 0.005
         ]
         rows.append(
-            {"row": row, "column": column, "cells": cells, "changes": changes,
-             "turned": changes.where(changes.index != column, -changes),
-             "listed": ", ".join(f"{value:+.2f}" for value in changes),
-             "others": f"; so would {', or '.join(pairs)} together" if pairs else ""}
-        )  # fmt: skip
+            {
+                "row": row,
+                "column": column,
+                "cells": cells,
+                "changes": changes,
+                "turned": changes.where(changes.index != column, -changes),
+                "listed": ", ".join(f"{value:+.2f}" for value in changes),
+                "others": f"; so would {', or '.join(pairs)} together" if pairs else "",
+            }
+        )
     return rows
 
 
@@ -96,13 +101,20 @@ def _equations() -> Values:
     advance = 11.2 * 2.0 * math.pi / (omega * float(record["diameter"]))
     blades = {n: ship.with_values({"propeller.blades": n}).record()["kq"] for n in (4, 6)}
     return {
-        "drag": float(record["resistance_coefficient"]), "mass": float(record["mass"]),
-        "speed": 11.8, "zero": printed_line("2-12", "D").zeros[0], "gear": gear, "loss": loss,
-        "omega": omega, "torque": torque, "slip": torque / (scale * omega**2 / (2.0 * math.pi)),
-        "right": torque / (scale * (omega / (2.0 * math.pi)) ** 2), "advance": advance,
+        "drag": float(record["resistance_coefficient"]),
+        "mass": float(record["mass"]),
+        "speed": 11.8,
+        "zero": printed_line("2-12", "D").zeros[0],
+        "gear": gear,
+        "loss": loss,
+        "omega": omega,
+        "torque": torque,
+        "slip": torque / (scale * omega**2 / (2.0 * math.pi)),
+        "right": torque / (scale * (omega / (2.0 * math.pi)) ** 2),
+        "advance": advance,
         "curve": open_water(record["kq"], advance, 1.4),
         "other": {n: open_water(kq, advance, 1.4) for n, kq in blades.items()},
-    }  # fmt: skip
+    }
 
 
 def _repeated_row() -> Values:
@@ -112,11 +124,18 @@ def _repeated_row() -> Values:
     to_speed, to_ship = (printed_line(table, "D").gain for table in ("2-6", "2-7"))
     row, worst = printed_plant.common_row()
     return {
-        "pitch": pitch, "speed": speed, "ahead": ahead, "rack": rack, "row": row, "worst": worst,
-        "to_speed": to_speed, "to_ship": to_ship, "printed_line": printed_line,
+        "pitch": pitch,
+        "speed": speed,
+        "ahead": ahead,
+        "rack": rack,
+        "row": row,
+        "worst": worst,
+        "to_speed": to_speed,
+        "to_ship": to_ship,
+        "printed_line": printed_line,
         "by_own": own[0][1] * to_speed + own[0][2] * to_ship + own[1][1],
         "by_row": row["omega"] * to_speed + row["v_s"] * to_ship + row["X"],
-    }  # fmt: skip
+    }
 
 
 def _two_slopes() -> Values:
@@ -133,10 +152,14 @@ def _two_slopes() -> Values:
     }
     ratios = {p: (engine - observer) / (engine - plant) for p, (observer, plant) in numbers.items()}
     return {
-        "engine": engine, "behind": behind, "inertia": inertia, "ratios": ratios,
-        "observer": numbers["A"][0], "plant": numbers["A"][1],
+        "engine": engine,
+        "behind": behind,
+        "inertia": inertia,
+        "ratios": ratios,
+        "observer": numbers["A"][0],
+        "plant": numbers["A"][1],
         "listed": ", ".join(f"{point} {ratio:.3f}" for point, ratio in ratios.items()),
-    }  # fmt: skip
+    }
 
 
 class _PointC(NamedTuple):
@@ -194,10 +217,13 @@ def _drive_train() -> Values:
         return fourth._replace(electric_time=inductance / resistance).phase(500.0) - kept
 
     return {
-        "first": first, "fourth": fourth, "measured": response["current_gain"], "kept": kept,
+        "first": first,
+        "fourth": fourth,
+        "measured": response["current_gain"],
+        "kept": kept,
         "printed": -first.stiffness * first.efficiency / first.slow_pole,
         "by_phase": scipy.optimize.brentq(phase_error, 1e-5, 1e-3),
-    }  # fmt: skip
+    }
 
 
 def _block_coefficient(draught_ft: float) -> float:
@@ -219,21 +245,30 @@ def _steering() -> Values:
     own = loop_shaping.heading_plant(TAYLOR, loop_shaping.TAYLOR_GEAR)
     loop = Loop.from_plant(own.system, loop_shaping.shape_controller(loop_shaping.COURSE_LOOP, own))
     return {
-        "middle": middle, "rightmost": roots[np.argmax(roots.real)], "length": length, "speed": speed,
-        "seconds": length / speed, "crossover": loop.margins().crossover, "gain": TAYLOR.gain,
+        "middle": middle,
+        "rightmost": roots[np.argmax(roots.real)],
+        "length": length,
+        "speed": speed,
+        "seconds": length / speed,
+        "crossover": loop.margins().crossover,
+        "gain": TAYLOR.gain,
         "swing": TAYLOR.gain * math.radians(10.0),  # rate of turn, rad/s or rad per ship length
-        "wave": math.sqrt(2.0 * math.pi * 9.81 / (400.0 * FOOT)), "block": _block_coefficient,
-        "slope": _lift_slope, "pi": math.pi,
-    }  # fmt: skip
+        "wave": math.sqrt(2.0 * math.pi * 9.81 / (400.0 * FOOT)),
+        "block": _block_coefficient,
+        "slope": _lift_slope,
+        "pi": math.pi,
+    }
 
 
 def _optimiser() -> Values:
     held, plain = printed_levers("optimal"), printed_levers("combinator")
     off = held["sfoc_g_kwh_before"] - plain["sfoc_g_kwh_before"]
     return {
-        "held": held, "plain": plain, "differ": ", ".join(f"{value:+.1f}" for value in off),
+        "held": held,
+        "plain": plain,
+        "differ": ", ".join(f"{value:+.1f}" for value in off),
         "most": 100.0 * float((off / plain["sfoc_g_kwh_before"]).abs().max()),
-    }  # fmt: skip
+    }
 
 
 def _anti_spin() -> Values:
@@ -244,11 +279,16 @@ def _anti_spin() -> Values:
 def errata() -> list[Erratum]:
     """Return every contradiction, by source."""
     values = {
-        "signs": _signs(), "random-walk": [_random_walk()], "equations": [_equations()],
-        "repeated-row": [_repeated_row()], "two-slopes": [_two_slopes()],
-        "drive-train": [_drive_train()], "steering": [_steering()], "optimiser": [_optimiser()],
+        "signs": _signs(),
+        "random-walk": [_random_walk()],
+        "equations": [_equations()],
+        "repeated-row": [_repeated_row()],
+        "two-slopes": [_two_slopes()],
+        "drive-train": [_drive_train()],
+        "steering": [_steering()],
+        "optimiser": [_optimiser()],
         "anti-spin": [_anti_spin()],
-    }  # fmt: skip
+    }
     found = []
     for entry in tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))[
         "erratum"

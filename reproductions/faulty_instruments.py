@@ -144,9 +144,18 @@ def main(arguments: list[str] | None = None) -> None:
         before = outcome_table(pd.read_csv(options.before, na_filter=False))
         more = f"--before {options.before}"
     write_results(
-        __file__, options.out, "Diagnosis with failing sensors", rows, {}, more, null_cases=NULLS,
-        singles=SINGLES, seed=SEED, table=outcome_table(rows), before=before,
-    )  # fmt: skip
+        __file__,
+        options.out,
+        "Diagnosis with failing sensors",
+        rows,
+        {},
+        more,
+        null_cases=NULLS,
+        singles=SINGLES,
+        seed=SEED,
+        table=outcome_table(rows),
+        before=before,
+    )
 
 
 if __name__ == "__main__":

@@ -169,11 +169,21 @@ def main(arguments: list[str] | None = None) -> None:
     shown = table.drop(columns="controller")
     learned = table[table["kind"] == LEARNED]
     write_results(
-        __file__, options.out, TITLE, table, {"": draw_front(table)},
-        f"--seeds {options.seeds}", table=shown, rounds=ROUNDS, intervals=INTERVALS, base=BASE,
-        episodes=EPISODES, seeds=options.seeds, below=int((learned["load_at_equal_fuel"] < 1.0).sum()),
+        __file__,
+        options.out,
+        TITLE,
+        table,
+        {"": draw_front(table)},
+        f"--seeds {options.seeds}",
+        table=shown,
+        rounds=ROUNDS,
+        intervals=INTERVALS,
+        base=BASE,
+        episodes=EPISODES,
+        seeds=options.seeds,
+        below=int((learned["load_at_equal_fuel"] < 1.0).sum()),
         learned=len(learned),
-    )  # fmt: skip
+    )
 
 
 if __name__ == "__main__":

@@ -43,16 +43,28 @@ STEPS, REPEATS = 200, 3
 CPU_SHIPS = 1024  # of each core
 COMPARED = 1000  # ships whose states are compared
 COLUMNS = {
-    "program": "program", "ships": "ships", "steps/s": "steps/s", "ratio": "per step on one core",
-    "to_gpu_s": "begin, s", "from_gpu_s": "read the states, s", "difference": "difference",
-}  # fmt: skip
+    "program": "program",
+    "ships": "ships",
+    "steps/s": "steps/s",
+    "ratio": "per step on one core",
+    "to_gpu_s": "begin, s",
+    "from_gpu_s": "read the states, s",
+    "difference": "difference",
+}
 
 
 @compiled
 def _advance_range(
-    first: int, last: int, plants: Any, states: Any, memories: Any, seas: Any,
-    commands: NDArray[np.float64], steps: int, dt: float,
-) -> None:  # fmt: skip
+    first: int,
+    last: int,
+    plants: Any,
+    states: Any,
+    memories: Any,
+    seas: Any,
+    commands: NDArray[np.float64],
+    steps: int,
+    dt: float,
+) -> None:
     """Advance ships ``first`` to ``last`` on the CPU; see :func:`advance_ship`."""
     for i in range(first, last):
         advance_ship(i, plants, states, memories, seas, commands, steps, dt)
@@ -61,7 +73,7 @@ def _advance_range(
 @compiled
 def _prepare_range(
     plants: Any, states: Any, memories: Any, seas: Any, drive: NDArray[np.float64], dt: float
-) -> None:  # fmt: skip
+) -> None:
     """Prepare all ships on the CPU; see :func:`prepare_ship`."""
     for i in range(len(states)):
         prepare_ship(i, plants, states, memories, seas, drive, dt)
@@ -74,8 +86,11 @@ class CpuBatch:
         n = len(states)
         self._dt = ship.time_step_s
         self._ships = (
-            np.full(1, ship.record(), PLANT), states.copy(), np.zeros(n, MEMORY), np.zeros(1, SEA)
-        )  # fmt: skip
+            np.full(1, ship.record(), PLANT),
+            states.copy(),
+            np.zeros(n, MEMORY),
+            np.zeros(1, SEA),
+        )
         _prepare_range(*self._ships, drive, self._dt)
 
     def step(self, steps: int, commands: NDArray[np.float64], threads: int = 1) -> None:
@@ -168,10 +183,13 @@ def measure_gpu(
         raise SystemExit(f"GPU, {n} ships: a state is not finite")
     k = min(n, len(reference))
     return {
-        "program": "GPU, own parameters of each ship" if own else "GPU", "ships": n,
-        "steps/s": n * STEPS / best, "to_gpu_s": begin, "from_gpu_s": read,
+        "program": "GPU, own parameters of each ship" if own else "GPU",
+        "ships": n,
+        "steps/s": n * STEPS / best,
+        "to_gpu_s": begin,
+        "from_gpu_s": read,
         "difference": difference(found[:k], reference[:k]),
-    }  # fmt: skip
+    }
 
 
 def simulate_reference(ship: Ship) -> NDArray[Any]:

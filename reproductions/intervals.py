@@ -56,10 +56,12 @@ def coverage_by_episodes(repeats: int) -> Iterator[dict[str, object]]:
         plain = np.array([_percentile(row, seed) for seed, row in enumerate(samples)])
         oracle = 2.0 * float(scipy.stats.norm.ppf(0.975)) * spread
         yield {
-            "distribution": name, "episodes": count, "bootstrap": _share(plain, truth),
+            "distribution": name,
+            "episodes": count,
+            "bootstrap": _share(plain, truth),
             "stretched": _share(ends, truth),
             "width": round(float(np.mean(ends[:, 1] - ends[:, 0])) / oracle, 2),
-        }  # fmt: skip
+        }
 
 
 def _percentile(row: NDArray[np.float64], seed: int) -> tuple[float, float]:
@@ -83,9 +85,12 @@ def coverage_by_trainings(repeats: int) -> Iterator[dict[str, object]]:
             means.append(statistics.mean_with_interval(table)[1:])
             changes.append(statistics.relative_change(table, 2.0 + sea)[1:])
         yield {
-            "trainings": runs, "episodes": episodes, "variance": share,
-            "mean": _share(np.array(means), 3.0), "change": _share(np.array(changes), 0.0),
-        }  # fmt: skip
+            "trainings": runs,
+            "episodes": episodes,
+            "variance": share,
+            "mean": _share(np.array(means), 3.0),
+            "change": _share(np.array(changes), 0.0),
+        }
 
 
 def _share(ends: NDArray[np.float64], truth: float) -> float:
@@ -102,10 +107,16 @@ def main(arguments: list[str] | None = None) -> None:
     episodes = pd.DataFrame(coverage_by_episodes(options.repeats))
     trainings = pd.DataFrame(coverage_by_trainings(options.repeats))
     write_results(
-        __file__, options.out, "Coverage of the intervals of evaluations",
-        pd.concat([episodes, trainings]), repeats=options.repeats, least=statistics.LEAST_SEEDS,
-        error=100.0 * math.sqrt(0.95 * 0.05 / options.repeats), episodes=episodes, trainings=trainings,
-    )  # fmt: skip
+        __file__,
+        options.out,
+        "Coverage of the intervals of evaluations",
+        pd.concat([episodes, trainings]),
+        repeats=options.repeats,
+        least=statistics.LEAST_SEEDS,
+        error=100.0 * math.sqrt(0.95 * 0.05 / options.repeats),
+        episodes=episodes,
+        trainings=trainings,
+    )
 
 
 if __name__ == "__main__":

@@ -47,12 +47,18 @@ def compute_margins() -> pd.DataFrame:
 def _row(ship: str, speed: float, controller: str, opened: str, loop: Loop) -> dict[str, Any]:
     margins, step = loop.margins(), loop.step_measures()
     return {
-        "ship": ship, "speed [m/s]": speed, "controller": controller, "opened at": opened,
-        "gain margin [dB]": margins.gain_margin_dB, "phase margin [deg]": margins.phase_margin_deg,
-        "dead time [s]": margins.delay_margin, "largest |S|": margins.peak_sensitivity,
-        "crossover [rad/s]": margins.crossover, "overshoot [%]": step.overshoot_percent,
+        "ship": ship,
+        "speed [m/s]": speed,
+        "controller": controller,
+        "opened at": opened,
+        "gain margin [dB]": margins.gain_margin_dB,
+        "phase margin [deg]": margins.phase_margin_deg,
+        "dead time [s]": margins.delay_margin,
+        "largest |S|": margins.peak_sensitivity,
+        "crossover [rad/s]": margins.crossover,
+        "overshoot [%]": step.overshoot_percent,
         "settled after [s]": step.settling,
-    }  # fmt: skip
+    }
 
 
 def main() -> None:

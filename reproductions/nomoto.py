@@ -24,9 +24,11 @@ from .writing import Panel, against_measured, rms
 SPEED = "ship_speed_m_s"
 CHANNELS = (YAW_RATE, HEADING, SWAY_SPEED, SPEED)  # compared channels, in the order of the tables
 TITLES = {
-    YAW_RATE: "rate of turn, deg/s", HEADING: "heading, deg", SWAY_SPEED: "sway, m/s",
+    YAW_RATE: "rate of turn, deg/s",
+    HEADING: "heading, deg",
+    SWAY_SPEED: "sway, m/s",
     SPEED: "speed ahead, m/s",
-}  # fmt: skip
+}
 """Titles of the channels in tables."""
 
 LEAST_SPEED = 0.05  # lower limit of U over the highest speed of a recording
@@ -91,10 +93,13 @@ def simulate_response(response: Response, table: pd.DataFrame, length_m: float) 
     step = float(table[TIME].diff().mean())
     turned = scipy.integrate.cumulative_trapezoid(rate, dx=step, initial=0)
     return pd.DataFrame(
-        {TIME: table[TIME].to_numpy(), YAW_RATE: rate,
-         HEADING: float(table[HEADING].iloc[0]) + turned,
-         SWAY_SPEED: -response.pivot * length_m * rate}
-    )  # fmt: skip
+        {
+            TIME: table[TIME].to_numpy(),
+            YAW_RATE: rate,
+            HEADING: float(table[HEADING].iloc[0]) + turned,
+            SWAY_SPEED: -response.pivot * length_m * rate,
+        }
+    )
 
 
 def run_errors(
@@ -128,9 +133,11 @@ def format_error(channel: str, value: float, heading_digits: int) -> str:
 
 
 def errors_table(
-    errors: Mapping[str, pd.DataFrame], groups: Mapping[str, Sequence[str]],
-    titles: Mapping[str, str], heading_digits: int,
-) -> pd.DataFrame:  # fmt: skip
+    errors: Mapping[str, pd.DataFrame],
+    groups: Mapping[str, Sequence[str]],
+    titles: Mapping[str, str],
+    heading_digits: int,
+) -> pd.DataFrame:
     """Return the errors as text, a row for each model and group of runs, a column for each title."""
     rows = []
     for what, own in errors.items():
@@ -145,8 +152,12 @@ def errors_table(
 
 
 def channel_panel(
-    table: pd.DataFrame, simulated: Mapping[str, pd.DataFrame], channel: str, title: str, legend: int = 0
-) -> Panel:  # fmt: skip
+    table: pd.DataFrame,
+    simulated: Mapping[str, pd.DataFrame],
+    channel: str,
+    title: str,
+    legend: int = 0,
+) -> Panel:
     """Return the panel of a channel, measured and simulated; Nomoto's model is dotted."""
     factor = np.degrees(1.0) if channel == YAW_RATE else 1.0
     values = {what: factor * own[channel] for what, own in simulated.items()}

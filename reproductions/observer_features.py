@@ -139,10 +139,17 @@ def evaluate_arms(
             texts[name] = f"policy:{path}"
             keys.append((condition.words, arm))
             settings.append(
-                Setting(name, f"{arm.task}:{HELD_OUT}", "task", arm.observer, seeds,
-                        sensor_noise=condition.sensor_noise, first_seed=FIRST_SEED,
-                        randomise=condition.wrong)
-            )  # fmt: skip
+                Setting(
+                    name,
+                    f"{arm.task}:{HELD_OUT}",
+                    "task",
+                    arm.observer,
+                    seeds,
+                    sensor_noise=condition.sensor_noise,
+                    first_seed=FIRST_SEED,
+                    randomise=condition.wrong,
+                )
+            )
 
     def load(setting: Setting) -> Predictor:
         return load_controller(texts[setting.controller], get_task(TASK).load_ship(), 0.5)
@@ -165,10 +172,16 @@ def table_of(values: dict[tuple[str, Arm], NDArray[np.float64]]) -> pd.DataFrame
         spread = scale * float(np.sqrt(np.var(own, ddof=1) / RUNS + np.var(without, ddof=1) / RUNS))
         half = spread * float(scipy.stats.t.ppf(1.0 - 0.5 * LEVEL / FAMILY, 2 * RUNS - 2))
         rows.append(
-            {"condition": condition, **arm._asdict(), KPI: float(own.mean()),
-             "between_runs_percent": scale * float(np.std(own, ddof=1)), "gain_percent": gain,
-             "gain_low": gain - half, "gain_high": gain + half}
-        )  # fmt: skip
+            {
+                "condition": condition,
+                **arm._asdict(),
+                KPI: float(own.mean()),
+                "between_runs_percent": scale * float(np.std(own, ddof=1)),
+                "gain_percent": gain,
+                "gain_low": gain - half,
+                "gain_high": gain + half,
+            }
+        )
         rows[-1]["said"] = "" if arm.observer == NONE else decision(gain - half, gain + half)
     return pd.DataFrame(rows)
 

@@ -58,11 +58,18 @@ def run_conditions(folder: Path, seeds: int, jobs: int | None) -> dict[tuple[str
     """Return the KPI of each episode by condition and observer, each of shape (seeds,)."""
     settings = {
         (condition.words, observer): Setting(
-            LAW, condition.task, "task", observer, seeds, sensor_noise=condition.noise,
-            first_seed=FIRST_SEED, randomise=condition.wrong,
+            LAW,
+            condition.task,
+            "task",
+            observer,
+            seeds,
+            sensor_noise=condition.noise,
+            first_seed=FIRST_SEED,
+            randomise=condition.wrong,
         )
-        for condition in CONDITIONS for observer in observer_names()
-    }  # fmt: skip
+        for condition in CONDITIONS
+        for observer in observer_names()
+    }
     found = episodes(list(settings.values()), _load, folder, jobs=jobs, tick=print_dot)
     return {
         key: one.kpis[KPI].to_numpy(np.float64) for key, one in zip(settings, found, strict=True)
@@ -76,9 +83,17 @@ def table_of(values: dict[tuple[str, str], NDArray[np.float64]]) -> pd.DataFrame
         middle, low, high = mean_with_interval(own)
         change = relative_change(own, values[condition, NONE])
         rows.append(
-            {"condition": condition, "observer": observer, KPI: middle, "low": low, "high": high,
-             "change_percent": change[0], "change_low": change[1], "change_high": change[2]}
-        )  # fmt: skip
+            {
+                "condition": condition,
+                "observer": observer,
+                KPI: middle,
+                "low": low,
+                "high": high,
+                "change_percent": change[0],
+                "change_low": change[1],
+                "change_high": change[2],
+            }
+        )
     return pd.DataFrame(rows)
 
 
@@ -92,9 +107,12 @@ def page_table(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def draw_changes(
-    parts: Mapping[str, pd.DataFrame], names: Sequence[str], change: str, xlabel: str,
+    parts: Mapping[str, pd.DataFrame],
+    names: Sequence[str],
+    change: str,
+    xlabel: str,
     size: tuple[float, float],
-) -> Figure:  # fmt: skip
+) -> Figure:
     """Draw changes with their intervals, a panel for each condition and a row for each name, from below.
 
     ``change`` begins the names of the columns ``..._percent``, ``..._low`` and ``..._high``; ``size`` is
@@ -134,9 +152,15 @@ def main(arguments: list[str] | None = None) -> None:
     table = table_of(run_conditions(options.kept, options.seeds, options.jobs))
     print()
     write_results(
-        __file__, options.out, "Observers in a pitch controller", table, {"": figure_of(table)},
-        seeds=options.seeds, first=FIRST_SEED, table=page_table(table),
-    )  # fmt: skip
+        __file__,
+        options.out,
+        "Observers in a pitch controller",
+        table,
+        {"": figure_of(table)},
+        seeds=options.seeds,
+        first=FIRST_SEED,
+        table=page_table(table),
+    )
 
 
 if __name__ == "__main__":

@@ -36,8 +36,15 @@ def fill_text(text: str, /, **fields: Any) -> str:
     return _ENVIRONMENT.from_string(text).render(fields).strip()
 
 
-def write_page(folder: Path, name: str, title: str, command: str, table: pd.DataFrame,
-               template: Path, **fields: Any) -> None:  # fmt: skip
+def write_page(
+    folder: Path,
+    name: str,
+    title: str,
+    command: str,
+    table: pd.DataFrame,
+    template: Path,
+    **fields: Any,
+) -> None:
     """Fill a template, and write ``NAME.md`` with its table ``NAME.csv`` into a folder.
 
     ``command`` follows ``python -m reproductions`` in the line that says how the page is made.
@@ -46,8 +53,15 @@ def write_page(folder: Path, name: str, title: str, command: str, table: pd.Data
     write_table(folder, name, title, made_by, table, fill_template(template, **fields))
 
 
-def label_axis(axis: Axes, x: str = "", y: str = "", title: str = "", size: float = 8.0,
-               ticks: float | None = 8.0, legend: float = 0.0) -> None:  # fmt: skip
+def label_axis(
+    axis: Axes,
+    x: str = "",
+    y: str = "",
+    title: str = "",
+    size: float = 8.0,
+    ticks: float | None = 8.0,
+    legend: float = 0.0,
+) -> None:
     """Write labels [points] and title of an axis; ``legend`` is the size of its legend, 0 for none."""
     axis.set_xlabel(x, fontsize=size)
     axis.set_ylabel(y, fontsize=size)
@@ -58,8 +72,15 @@ def label_axis(axis: Axes, x: str = "", y: str = "", title: str = "", size: floa
         axis.legend(fontsize=legend, frameon=False)
 
 
-def make_parser(name: str, description: str | None, out: str, *, recordings: str = "", kept: str = "",
-                jobs: int | bool | None = False) -> argparse.ArgumentParser:  # fmt: skip
+def make_parser(
+    name: str,
+    description: str | None,
+    out: str,
+    *,
+    recordings: str = "",
+    kept: str = "",
+    jobs: int | bool | None = False,
+) -> argparse.ArgumentParser:
     """Return the parser of a command with the shared options.
 
     Args:

@@ -102,8 +102,11 @@ def decide(cell: Cell) -> dict[str, Any]:
     true = cell.key.split("/")[0]
     recording = simulated.recording
     first = diagnose(ship, recording)
-    result: dict[str, Any] = {"effect": cell.key, "first": outcome_of(first, true),
-                              "alternatives": len(first.alternatives)}  # fmt: skip
+    result: dict[str, Any] = {
+        "effect": cell.key,
+        "first": outcome_of(first, true),
+        "alternatives": len(first.alternatives),
+    }
     if not first.alternatives:
         return result
     models = {"corrected ship": first.corrected, **first.alternatives}
@@ -129,10 +132,15 @@ def summarise(results: Sequence[dict[str, Any]]) -> pd.DataFrame:
         minutes = [one[f"{name}_minutes"] for one in asked]
         known = [np.inf if m is None or np.isnan(m) else m for m in minutes]
         rows.append(
-            {"programme": name, "cases": len(asked), "right alone": right,
-             "share (95 %)": f"{right / len(asked):.2f} ({low:.2f} to {high:.2f})",
-             "a wrong name": wrong, "expected minutes, median": float(np.median(known))}
-        )  # fmt: skip
+            {
+                "programme": name,
+                "cases": len(asked),
+                "right alone": right,
+                "share (95 %)": f"{right / len(asked):.2f} ({low:.2f} to {high:.2f})",
+                "a wrong name": wrong,
+                "expected minutes, median": float(np.median(known)),
+            }
+        )
     return pd.DataFrame(rows)
 
 
@@ -148,12 +156,19 @@ def main(arguments: list[str] | None = None) -> None:
     results = [found[name] for name in wanted]
     table = pd.DataFrame(results)
     write_results(
-        __file__, options.out, TITLE, table, {},
-        f"--cases {options.cases} --seed {options.seed}", summary=summarise(results),
-        table=table.fillna("–"), minutes=MINUTES, count=len(results),
+        __file__,
+        options.out,
+        TITLE,
+        table,
+        {},
+        f"--cases {options.cases} --seed {options.seed}",
+        summary=summarise(results),
+        table=table.fillna("–"),
+        minutes=MINUTES,
+        count=len(results),
         decided=sum(not one["alternatives"] for one in results),
         right=sum(one["first"] == "right" for one in results),
-    )  # fmt: skip
+    )
 
 
 if __name__ == "__main__":

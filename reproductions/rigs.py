@@ -97,8 +97,12 @@ def _propeller(folder: Path) -> Given:
     tree["propeller"] |= {"thrust_coefficient": 0.104, "torque_coefficient": 0.0173}
     tree["prime_mover"]["speed_max_rad_s"] = 1400.0
     tree["transmission"]["inertia_propeller_side_kg_m2"] = 1e-5
-    names = {"t_s": "time_s", "rpm": "shaft_speed_rad_s", "airspeed_mps": "inflow_velocity_m_s",
-             "elec_power_W": "electric_power_W"}  # fmt: skip
+    names = {
+        "t_s": "time_s",
+        "rpm": "shaft_speed_rad_s",
+        "airspeed_mps": "inflow_velocity_m_s",
+        "elec_power_W": "electric_power_W",
+    }
     tunnel, flight = (
         pd.read_csv(folder / f"{name}_10Hz.csv")[[*names]].rename(columns=names)
         for name in ("windtunnel", "flight")
@@ -158,19 +162,31 @@ def diagnose_rig(rig: Rig, folder: Path) -> dict[str, object]:
     """Diagnose a rig by either search; return a row of the table."""
     given = rig.load(folder / rig.folder)
     quick, full = (
-        diagnose(given.ship, *given.fitted, hold_out=given.unseen,
-                 options=Options(columns=given.columns, quick=quick))
+        diagnose(
+            given.ship,
+            *given.fitted,
+            hold_out=given.unseen,
+            options=Options(columns=given.columns, quick=quick),
+        )
         for quick in (True, False)
-    )  # fmt: skip
+    )
     before, after = errors(full)
     moved = [f"{n.key} {n.file:.3g} to {n.value:.3g}" for n in full.parameters]
     return {
-        "rig": rig.title, "missing": rig.missing, "verdict": full.verdict,
-        "named": describe_findings(full), "parameters": "; ".join(moved) or "none", "unit": rig.unit,
-        "file": rig.scale * before, "quick": rig.scale * errors(quick)[1], "full": rig.scale * after,
-        "bound": rig.bound, "quick_named": describe_findings(quick), "quick_verdict": quick.verdict,
+        "rig": rig.title,
+        "missing": rig.missing,
+        "verdict": full.verdict,
+        "named": describe_findings(full),
+        "parameters": "; ".join(moved) or "none",
+        "unit": rig.unit,
+        "file": rig.scale * before,
+        "quick": rig.scale * errors(quick)[1],
+        "full": rig.scale * after,
+        "bound": rig.bound,
+        "quick_named": describe_findings(quick),
+        "quick_verdict": quick.verdict,
         "trap": rig.trap,
-    }  # fmt: skip
+    }
 
 
 def write(folder: Path, table: pd.DataFrame) -> Path:
@@ -178,12 +194,17 @@ def write(folder: Path, table: pd.DataFrame) -> Path:
     named = table[["rig", "missing", "verdict", "named", "parameters"]]
     first = table[["rig", "quick_verdict", "quick_named"]]
     page = write_results(
-        __file__, folder, "Real rigs: effects and parameters together", table, {},
-        "--recordings FOLDER", rigs=RIGS,
+        __file__,
+        folder,
+        "Real rigs: effects and parameters together",
+        table,
+        {},
+        "--recordings FOLDER",
+        rigs=RIGS,
         errors=table[["rig", "unit", "file", "quick", "full", "bound"]],
         named=named.rename(columns={"named": "identified"}),
         first=first.rename(columns={"quick_verdict": "verdict", "quick_named": "identified"}),
-    )  # fmt: skip
+    )
     write_csv(folder, "rigs", table, digits=4)
     return page
 

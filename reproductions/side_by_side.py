@@ -57,8 +57,19 @@ def compare(
             if text:
                 kind, tolerance, basis = judge(str(row), str(column), text)
                 mine, reason = float(ours.loc[row, column]), (reasons or {}).get((row, column))
-                found.append(number(table, str(row), str(column), mine, float(text), tolerance, basis,
-                                    kind, reason))  # fmt: skip
+                found.append(
+                    number(
+                        table,
+                        str(row),
+                        str(column),
+                        mine,
+                        float(text),
+                        tolerance,
+                        basis,
+                        kind,
+                        reason,
+                    )
+                )
     return found
 
 
@@ -131,10 +142,15 @@ def verdicts(study: str, cells: Iterable[Cell]) -> str:
 def cell_table(cells: Iterable[Cell]) -> pd.DataFrame:
     """Return cells as a table for a page: quantity, ours, printed, kind and verdict."""
     rows = [
-        (" / ".join(part for part in (cell.row, cell.column) if part), f"{cell.ours:.4g}",
-         cell.print_text, str(cell.kind), str(cell.verdict))
+        (
+            " / ".join(part for part in (cell.row, cell.column) if part),
+            f"{cell.ours:.4g}",
+            cell.print_text,
+            str(cell.kind),
+            str(cell.verdict),
+        )
         for cell in cells
-    ]  # fmt: skip
+    ]
     return pd.DataFrame(rows, columns=["quantity", "ours", "printed", "kind", "verdict"])
 
 
@@ -172,8 +188,15 @@ def numbers_by_row(frame: pd.DataFrame) -> dict[str, dict[str, float]]:
     }
 
 
-def page_of_table(ours: pd.DataFrame, cells: Sequence[Cell], figures: dict[str, Figure], dpi: int,
-                  template: Path, digits: int = 2, **fields: Any) -> Page:  # fmt: skip
+def page_of_table(
+    ours: pd.DataFrame,
+    cells: Sequence[Cell],
+    figures: dict[str, Figure],
+    dpi: int,
+    template: Path,
+    digits: int = 2,
+    **fields: Any,
+) -> Page:
     """Return the page of one printed table; its template gets the comparison as ``shown``."""
     shown = side_by_side(ours, cells, digits)
     body = fill_template(template, shown=shown, **fields)

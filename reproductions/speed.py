@@ -37,9 +37,17 @@ from .pages import fill_template
 
 @compiled
 def simulate_batch(
-    plants: Any, states: Any, memories: Any, seas: Any, observers: Any, estimates: Any,
-    drive: NDArray[np.float64], pitch_command: NDArray[np.float64], steps: int, dt: float,
-) -> None:  # fmt: skip
+    plants: Any,
+    states: Any,
+    memories: Any,
+    seas: Any,
+    observers: Any,
+    estimates: Any,
+    drive: NDArray[np.float64],
+    pitch_command: NDArray[np.float64],
+    steps: int,
+    dt: float,
+) -> None:
     """Simulate a batch of ships with held commands; observers are updated at every step.
 
     Args:
@@ -59,14 +67,26 @@ def simulate_batch(
             state = states[i]
             shaft_speed = state.shaft_speed
             outputs = step(
-                plants[i], state, memories[i], seas[i], drive[i], pitch_command[i], 0.0, UNDISTURBED,
-                UNDISTURBED, UNDISTURBED, dt,
-            )  # fmt: skip
+                plants[i],
+                state,
+                memories[i],
+                seas[i],
+                drive[i],
+                pitch_command[i],
+                0.0,
+                UNDISTURBED,
+                UNDISTURBED,
+                UNDISTURBED,
+                dt,
+            )
             if len(observers) > 0:
                 reading = Measurement(
-                    shaft_speed, memories[i].shaft_torque, memories[i].pitch_ratio,
-                    outputs.shaft_acceleration, outputs.advance_velocity,
-                )  # fmt: skip
+                    shaft_speed,
+                    memories[i].shaft_torque,
+                    memories[i].pitch_ratio,
+                    outputs.shaft_acceleration,
+                    outputs.advance_velocity,
+                )
                 update(observers[i], estimates[i], reading)
 
 
@@ -81,9 +101,13 @@ def best_rate(work: Callable[[], object], count: int, repeats: int = REPEATS) ->
 
 
 def _plant_rate(
-    ships: int, sea: str | None = None, observer: str | None = None, vessel: str = "frigate",
-    steps: int = STEPS, repeats: int = REPEATS,
-) -> float:  # fmt: skip
+    ships: int,
+    sea: str | None = None,
+    observer: str | None = None,
+    vessel: str = "frigate",
+    steps: int = STEPS,
+    repeats: int = REPEATS,
+) -> float:
     """Return the steps per second of a batch at the working point of the load cases, or in a turn."""
     frigate = load_ship(vessel)
     dt = frigate.time_step_s
@@ -124,8 +148,12 @@ def _solve_ivp_rate(sea: str | None) -> float:
     return best_rate(work, round(20.0 / frigate.time_step_s), repeats=3)
 
 
-def _single_rate(environment: gymnasium.Env[Any, Any], action: Callable[[], Any], count: int,
-                 repeats: int = REPEATS) -> float:  # fmt: skip
+def _single_rate(
+    environment: gymnasium.Env[Any, Any],
+    action: Callable[[], Any],
+    count: int,
+    repeats: int = REPEATS,
+) -> float:
     """Return the steps per second of one environment."""
     environment.reset(seed=0)
 
@@ -172,10 +200,15 @@ def _cart_pole_rates() -> list[tuple[str, float]]:
     one = gymnasium.make("CartPole-v1")
     one.action_space.seed(0)
     return [
-        (f"Gymnasium CartPole-v1, {MANY} in its vector form",
-         best_rate(lambda: many.step(actions), MANY, 60)),
-        ("Gymnasium CartPole-v1, one environment", _single_rate(one, one.action_space.sample, 5000, 5)),
-    ]  # fmt: skip
+        (
+            f"Gymnasium CartPole-v1, {MANY} in its vector form",
+            best_rate(lambda: many.step(actions), MANY, 60),
+        ),
+        (
+            "Gymnasium CartPole-v1, one environment",
+            _single_rate(one, one.action_space.sample, 5000, 5),
+        ),
+    ]
 
 
 def measure() -> list[tuple[str, float]]:
@@ -200,14 +233,19 @@ def measure() -> list[tuple[str, float]]:
         ("plant, calm water, one step a call", _plant_rate(1, steps=1, repeats=2000)),
         ("solve_ivp on the same equations, calm water", _solve_ivp_rate(None)),
         ("solve_ivp on the same equations, waves", _solve_ivp_rate("thesis")),
-        ("environment Frigate-v0, one, a step is 10 plant steps",
-         _single_rate(FrigateEnv(), lambda: action, 500)),
+        (
+            "environment Frigate-v0, one, a step is 10 plant steps",
+            _single_rate(FrigateEnv(), lambda: action, 500),
+        ),
         (f"environment Frigate-v0, {on_all}", _vector_rate(FrigateVectorEnv(MANY))),
-        (f"environment Frigate-v0, rough-sea, {on_all}",
-         _vector_rate(FrigateVectorEnv(MANY, task="rough-sea"))),
+        (
+            f"environment Frigate-v0, rough-sea, {on_all}",
+            _vector_rate(FrigateVectorEnv(MANY, task="rough-sea")),
+        ),
         (f"environment Steering-v0, course-keeping, {on_all}", _vector_rate(turning)),
-        *_tensor_rates(), *_cart_pole_rates(),
-    ]  # fmt: skip
+        *_tensor_rates(),
+        *_cart_pole_rates(),
+    ]
 
 
 def main() -> None:

@@ -23,11 +23,14 @@ SPEEDS = np.arange(7.0, 18.0)
 ANGLES, DRAG = [0, 30, 60, 90, 120, 150, 180], [0.8, 0.9, 0.5, 0.1, -0.3, -0.6, -0.6]
 SHIP = ReferenceShip.model_validate(
     {
-        "name": "bulk carrier", "beam_m": 32.0, "draught_m": 10.0, "speed_kn": SPEEDS.tolist(),
+        "name": "bulk carrier",
+        "beam_m": 32.0,
+        "draught_m": 10.0,
+        "speed_kn": SPEEDS.tolist(),
         "power_kW": (6000.0 * (SPEEDS / 12.0) ** EXPONENT).tolist(),
         "superstructure": {"frontal_area_m2": 600.0, "angle_deg": ANGLES, "coefficient": DRAG},
     }
-)  # fmt: skip
+)
 
 
 class Truth(NamedTuple):
@@ -134,17 +137,34 @@ def score(count: int, seed: int) -> pd.DataFrame:
                     slope = -100.0 * truth.rate / EXPONENT * (1.0 + truth.rate / 2.0) ** (-1.3)
                     covered += abs(period.slope - slope) < period.slope_half + 0.1 * abs(slope)
         rows.append(
-            (f"{hours:g}", f"{100 * noise:g}", count, cleanings, found, false,
-             float(np.mean(distances)) if distances else np.nan,
-             float(np.sqrt(np.mean(np.square(errors)))) if errors else np.nan,
-             max(missed, default=np.nan), 100.0 * covered / periods if periods else np.nan)
-        )  # fmt: skip
+            (
+                f"{hours:g}",
+                f"{100 * noise:g}",
+                count,
+                cleanings,
+                found,
+                false,
+                float(np.mean(distances)) if distances else np.nan,
+                float(np.sqrt(np.mean(np.square(errors)))) if errors else np.nan,
+                max(missed, default=np.nan),
+                100.0 * covered / periods if periods else np.nan,
+            )
+        )
     return pd.DataFrame(
         rows,
-        columns=["rows every [h]", "power noise [%]", "logs", "cleanings", "found", "false events",
-                 "error of the day, mean", "error of the step, rms [%]", "largest missed step [%]",
-                 "trend within its interval [%]"],
-    )  # fmt: skip
+        columns=[
+            "rows every [h]",
+            "power noise [%]",
+            "logs",
+            "cleanings",
+            "found",
+            "false events",
+            "error of the day, mean",
+            "error of the step, rms [%]",
+            "largest missed step [%]",
+            "trend within its interval [%]",
+        ],
+    )
 
 
 def main(arguments: list[str] | None = None) -> None:

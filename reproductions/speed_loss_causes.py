@@ -54,12 +54,10 @@ CAUSES = {
     "rough propeller": Cause(
         "propeller.roughness_drag", 0.002, 0.006, ("propeller-roughness",), relative=False
     ),
-    "weak engine": Cause(
-        "prime_mover.torque_per_rack_N_m_mm", -0.06, -0.02, ("engine-derating",)
-    ),
+    "weak engine": Cause("prime_mover.torque_per_rack_N_m_mm", -0.06, -0.02, ("engine-derating",)),
     "torque meter": Cause("sensors.torque_gain", 0.02, 0.06, ("torque-sensor-gain",)),
     "speed log": Cause("sensors.speed_log_gain", -0.04, -0.015, ("speed-log-gain",)),
-}  # fmt: skip
+}
 
 
 def make_log(cause: Cause, seed: int) -> tuple[pd.DataFrame, float]:
@@ -101,10 +99,12 @@ def reference_ship(ship: Ship, pitch: float) -> ReferenceShip:
     """Return the reference curve of the clean ship at a pitch ratio."""
     points = [equilibrium(ship, float(rack), pitch) for rack in np.linspace(8.0, 26.0, 10)]
     return ReferenceShip(
-        name=ship.name, beam_m=25.0, draught_m=6.0,
+        name=ship.name,
+        beam_m=25.0,
+        draught_m=6.0,
         speed_kn=tuple(one.state.ship_speed / KNOT for one in points),
         power_kW=tuple(1e-3 * ship.hull.propellers * one.outputs.shaft_power for one in points),
-    )  # fmt: skip
+    )
 
 
 def explain(log: pd.DataFrame) -> tuple[float | None, list[PhysicalCause]]:
@@ -113,7 +113,7 @@ def explain(log: pd.DataFrame) -> tuple[float | None, list[PhysicalCause]]:
     power = 1e-3 * ship.hull.propellers * log["shaft_torque_N_m"] * log["shaft_speed_rad_s"]
     table = pd.DataFrame(
         {"time_d": log["time_s"] / DAY_S, "stw_kn": log["ship_speed_m_s"] / KNOT, "power_kW": power}
-    )  # fmt: skip
+    )
     reference = reference_ship(ship, float(log["pitch_ratio_command"].median()))
     report = analyse_performance(reference, canonical_log(table))
     if len(report.periods) < 2:
@@ -131,10 +131,12 @@ def rows(count: int, seed: int) -> Iterator[dict[str, object]]:
             first = found[0] if found else None
             named = first is not None and first.effect.id in cause.effects
             yield {
-                "cause": name, "size": size, "loss": math.nan if loss is None else loss,
+                "cause": name,
+                "size": size,
+                "loss": math.nan if loss is None else loss,
                 "result": results[-1].headline if results else "no event found",
                 "right": named and len(found) == 1,
-            }  # fmt: skip
+            }
             print_dot()
 
 
@@ -150,8 +152,14 @@ def main(arguments: list[str] | None = None) -> None:
         size=table["size"].map("{:+.3f}".format),
         loss=table["loss"].map("{:+.2f}".format, na_action="ignore").fillna("–"),
         right=table["right"].map({True: "yes", False: "no"}),
-    ).rename(columns={"size": "concealed size", "loss": "speed loss [%]"})  # fmt: skip
+    ).rename(columns={"size": "concealed size", "loss": "speed loss [%]"})
     write_results(
-        __file__, options.out, TITLE, table, {}, f"--logs {options.logs} --seed {options.seed}",
-        shown=shown, right=", ".join(f"{c} {r['sum']} of {r['size']}" for c, r in right.iterrows()),
-    )  # fmt: skip
+        __file__,
+        options.out,
+        TITLE,
+        table,
+        {},
+        f"--logs {options.logs} --seed {options.seed}",
+        shown=shown,
+        right=", ".join(f"{c} {r['sum']} of {r['size']}" for c, r in right.iterrows()),
+    )

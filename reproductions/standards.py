@@ -19,23 +19,48 @@ from .pages import fill_template, make_parser
 TITLE = "Resistance and trial corrections compared with published examples"
 
 SHIP_1982 = HullForm(
-    length_m=205, beam_m=32, draught_m=10, displacement_m3=37500, midship_coefficient=0.98,
-    waterplane_coefficient=0.75, lcb_percent=-0.75, transom_area_m2=16, bulb_area_m2=20,
-    bulb_centre_m=4, appendage_area_m2=50, appendage_factor=1.5, stern_shape=10,
-)  # fmt: skip
+    length_m=205,
+    beam_m=32,
+    draught_m=10,
+    displacement_m3=37500,
+    midship_coefficient=0.98,
+    waterplane_coefficient=0.75,
+    lcb_percent=-0.75,
+    transom_area_m2=16,
+    bulb_area_m2=20,
+    bulb_centre_m=4,
+    appendage_area_m2=50,
+    appendage_factor=1.5,
+    stern_shape=10,
+)
 SHIP_1984 = HullForm(
-    length_m=50, beam_m=12, draught_m=3.2, draught_forward_m=3.1, draught_aft_m=3.3,
-    displacement_m3=900, midship_coefficient=0.78, waterplane_coefficient=0.8, lcb_percent=-4.5,
-    transom_area_m2=10, appendage_area_m2=50, appendage_factor=3, entrance_angle_deg=25,
+    length_m=50,
+    beam_m=12,
+    draught_m=3.2,
+    draught_forward_m=3.1,
+    draught_aft_m=3.3,
+    displacement_m3=900,
+    midship_coefficient=0.78,
+    waterplane_coefficient=0.8,
+    lcb_percent=-4.5,
+    transom_area_m2=10,
+    appendage_area_m2=50,
+    appendage_factor=3,
+    entrance_angle_deg=25,
     wetted_surface_m2=584.9,
-)  # fmt: skip
+)
 PRINTED_1984 = {25: 662.0, 27: 715.0, 29: 756.0, 31: 807.0, 33: 864.0, 35: 925.0}
 """Total resistance [kN] by speed [kn]."""
 
 TANKER = HullForm(
-    length_m=320, beam_m=58, draught_m=20.8, displacement_m3=312622, midship_coefficient=0.998,
-    waterplane_coefficient=0.9, lcb_percent=3.5,
-)  # fmt: skip
+    length_m=320,
+    beam_m=58,
+    draught_m=20.8,
+    displacement_m3=312622,
+    midship_coefficient=0.998,
+    waterplane_coefficient=0.9,
+    lcb_percent=3.5,
+)
 """KVLCC2 at full scale."""
 
 STAWAVE = {
@@ -74,9 +99,14 @@ def compare() -> list[Row]:
         Row(first, "resistance of appendages", "kN", 8.83, parts.appendages / 1e3),
         Row(first, "resistance of the bulb", "kN", 0.049, parts.bulb / 1e3),
         Row(first, "model-ship correlation", "kN", 221.98, parts.correlation / 1e3),
-        Row(first, "relative rotative efficiency", "-", 0.9931,
-            interaction(SHIP_1982, 8.0, 25.0 * KNOT, 1, 0.7393).relative_rotative_efficiency),
-    ]  # fmt: skip
+        Row(
+            first,
+            "relative rotative efficiency",
+            "-",
+            0.9931,
+            interaction(SHIP_1982, 8.0, 25.0 * KNOT, 1, 0.7393).relative_rotative_efficiency,
+        ),
+    ]
     for knots, printed in PRINTED_1984.items():
         total = resistance(SHIP_1984, knots * KNOT).total / 1e3
         rows.append(Row(second, f"total resistance at {knots} kn", "kN", printed, total))
@@ -88,16 +118,31 @@ def compare() -> list[Row]:
     sea = wave_resistance(TANKER, 15.1 * KNOT, 1.5, 6.0, density=1025.0) / 1e3
     rows.append(Row("sta.js", "STAWAVE-2, sea of 1.5 m and 6 s", "kN", 73.61, sea))
     given = Particulars(
-        name="kvlcc2", length_m=325.5, beam_m=58, draught_m=20.8, displacement_t=320438,
-        design_speed_kn=15.5, mcr_kW=28000, engine_speed_rpm=76, shaft_speed_rpm=76,
-        propeller_diameter_m=9.86, midship_coefficient=0.998, lcb_percent=3.5, stern_shape=10,
-    )  # fmt: skip
+        name="kvlcc2",
+        length_m=325.5,
+        beam_m=58,
+        draught_m=20.8,
+        displacement_t=320438,
+        design_speed_kn=15.5,
+        mcr_kW=28000,
+        engine_speed_rpm=76,
+        shaft_speed_rpm=76,
+        propeller_diameter_m=9.86,
+        midship_coefficient=0.998,
+        lcb_percent=3.5,
+        stern_shape=10,
+    )
     point = design_point(given, hull_form(given))
     rows += [
         Row("KVLCC2 (SIMMAN 2008)", "pitch ratio from particulars", "-", 0.721, point.pitch_ratio),
-        Row("KVLCC2 (SIMMAN 2008)", "expanded area ratio from particulars", "-", 0.431,
-            point.expanded_area_ratio),
-    ]  # fmt: skip
+        Row(
+            "KVLCC2 (SIMMAN 2008)",
+            "expanded area ratio from particulars",
+            "-",
+            0.431,
+            point.expanded_area_ratio,
+        ),
+    ]
     return rows
 
 

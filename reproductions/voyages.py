@@ -63,8 +63,12 @@ def steady_segment(ship: Ship, sea: str, speeds: NDArray[np.float64] = _SPEEDS) 
         least = np.inf
         for pitch in pitches:
 
-            def lacking(shaft_speed: float, inflow: float = inflow, needed: float = needed,
-                        pitch: float = pitch) -> float:  # fmt: skip
+            def lacking(
+                shaft_speed: float,
+                inflow: float = inflow,
+                needed: float = needed,
+                pitch: float = pitch,
+            ) -> float:
                 point = working_point(plant, fit.thrust, fit.torque, inflow, shaft_speed, pitch)
                 return point.thrust - needed
 
@@ -164,9 +168,15 @@ def compare(segments: Mapping[str, Segment], count: int, seed: int) -> pd.DataFr
                 for name, plan in PLANS.items()
             }
             rows.append(
-                {"mean speed [m/s]": mean, "voyage": voyage, "least fuel [kg]": best.fuel_kg,
-                 "fastest [m/s]": best.speeds.max(), "slowest [m/s]": best.speeds.min(), **extra}
-            )  # fmt: skip
+                {
+                    "mean speed [m/s]": mean,
+                    "voyage": voyage,
+                    "least fuel [kg]": best.fuel_kg,
+                    "fastest [m/s]": best.speeds.max(),
+                    "slowest [m/s]": best.speeds.min(),
+                    **extra,
+                }
+            )
     return pd.DataFrame(rows)
 
 
@@ -207,12 +217,20 @@ def main(arguments: list[str] | None = None) -> None:
     ]
     settings = {"ylabel": "fuel per distance [kg/m]", "xlabel": "ship speed [m/s]"}
     write_results(
-        __file__, options.out, TITLE, voyages, {"": draw([Panel(curves, settings, 2)], (6.4, 3.6))},
-        f"--voyages {options.voyages} --seed {options.seed}", table=summarise(voyages),
-        worst=voyages["constant speed"].max(), least=LEAST_PERCENT, segments=SEGMENTS,
+        __file__,
+        options.out,
+        TITLE,
+        voyages,
+        {"": draw([Panel(curves, settings, 2)], (6.4, 3.6))},
+        f"--voyages {options.voyages} --seed {options.seed}",
+        table=summarise(voyages),
+        worst=voyages["constant speed"].max(),
+        least=LEAST_PERCENT,
+        segments=SEGMENTS,
         segment_km=SEGMENT_M / 1e3,
-        kinetic=kinetic_percent(ship, voyages), ship=SHIP,
-    )  # fmt: skip
+        kinetic=kinetic_percent(ship, voyages),
+        ship=SHIP,
+    )
 
 
 if __name__ == "__main__":

@@ -24,17 +24,28 @@ WORDS = "the limit that the words name"
 
 
 def near(
-    where: str, what: str, ours: float, printed: float, within: float, basis: str = DIGIT,
+    where: str,
+    what: str,
+    ours: float,
+    printed: float,
+    within: float,
+    basis: str = DIGIT,
     kind: Kind = Kind.FREE,
-) -> Cell:  # fmt: skip
+) -> Cell:
     """Return the cell of a printed number of a section without columns."""
     return number(where, what, "", ours, printed, within, basis, kind)
 
 
 def claim(
-    where: str, what: str, ours: float, words: str, low: float, high: float, basis: str = WORDS,
+    where: str,
+    what: str,
+    ours: float,
+    words: str,
+    low: float,
+    high: float,
+    basis: str = WORDS,
     kind: Kind = Kind.FREE,
-) -> Cell:  # fmt: skip
+) -> Cell:
     """Return the cell of printed words that hold between two limits."""
     return Cell(where, what, "", ours, low, high, basis, kind, words=words)
 
@@ -100,15 +111,20 @@ def against_measured(
     """Return the line of a measurement and those of simulations by label."""
     return [
         Line(time, measured, "measured", width=1.4),
-        *(Line(time, y, label, color, width=1.1)
-          for color, (label, y) in zip(colors, simulated.items(), strict=False)),
-    ]  # fmt: skip
+        *(
+            Line(time, y, label, color, width=1.1)
+            for color, (label, y) in zip(colors, simulated.items(), strict=False)
+        ),
+    ]
 
 
 def draw(
-    panels: Sequence[Panel], size: tuple[float, float], columns: int = 1, xlabel: str = "",
+    panels: Sequence[Panel],
+    size: tuple[float, float],
+    columns: int = 1,
+    xlabel: str = "",
     title: str = "",
-) -> Figure:  # fmt: skip
+) -> Figure:
     """Draw panels row by row, with the label of the x axes below the last row; ``size`` in inches."""
     figure, axes = new_figure(len(panels) // columns, columns, size)
     if title:
@@ -130,9 +146,15 @@ def draw(
 
 
 def write_results(
-    module: str, folder: Path, title: str, table: pd.DataFrame,
-    figures: Mapping[str, Figure] = MappingProxyType({}), options: str = "", /, **fields: Any,
-) -> Path:  # fmt: skip
+    module: str,
+    folder: Path,
+    title: str,
+    table: pd.DataFrame,
+    figures: Mapping[str, Figure] = MappingProxyType({}),
+    options: str = "",
+    /,
+    **fields: Any,
+) -> Path:
     """Write ``NAME.md``, ``NAME.csv`` and the figures of a reproduction; print and return the page.
 
     Args:

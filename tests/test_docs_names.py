@@ -20,8 +20,13 @@ SOURCES = [
     for file in folder.rglob("*.py")
 ]
 VERDICTS = {verdict.EXPLAINED, verdict.PARTLY, verdict.NOTHING, verdict.UNEXPLAINED}
-REPORTS = ("report/data.py", "report/wording.py", "identification/parameters.py", "identify.py",
-           "estimate.py")  # fmt: skip
+REPORTS = (
+    "report/data.py",
+    "report/wording.py",
+    "identification/parameters.py",
+    "identify.py",
+    "estimate.py",
+)
 """Modules of ``mismatch`` that write the keys of report.json."""
 
 COMMANDS = {

@@ -76,8 +76,15 @@ def test_hyperparameters_for_rl_zoo_are_ppos() -> None:
     text = (EXAMPLES / "rl-zoo3/ppo.yml").read_text(encoding="utf-8")
     ((name, given),) = yaml.safe_load(text).items()
     assert name == "shaftline/Frigate-v0"
-    outside = ("env_kwargs", "n_envs", "n_timesteps", "policy", "normalize", "policy_kwargs",
-               "learning_rate")  # fmt: skip
+    outside = (
+        "env_kwargs",
+        "n_envs",
+        "n_timesteps",
+        "policy",
+        "normalize",
+        "policy_kwargs",
+        "learning_rate",
+    )
     rest: dict[str, Any] = {k: v for k, v in given.items() if k not in outside}
     env = Sb3Frigates(given["n_envs"], **given["env_kwargs"])
     stable.PPO(given["policy"], env, learning_rate=5e-4, device="cpu", **rest)
@@ -85,8 +92,10 @@ def test_hyperparameters_for_rl_zoo_are_ppos() -> None:
     module = load_example("ppo_single_file")
     s = module.Settings()
     assert (given["n_envs"], given["n_steps"], given["n_timesteps"]) == (
-        s.environments, s.rollout, s.steps,
-    )  # fmt: skip
+        s.environments,
+        s.rollout,
+        s.steps,
+    )
 
 
 def test_an_own_controller_runs() -> None:

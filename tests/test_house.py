@@ -25,7 +25,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "mismatch": {"core", "plant", "observers", "display"},
     "performance": {"core", "plant", "display", "mismatch"},
     "validation": {"core", "plant", "observers", "mismatch", "display"},
-}  # fmt: skip
+}
 MAY_IMPORT["cli"] = {*MAY_IMPORT}
 FOLDERS = tuple(MAY_IMPORT)
 

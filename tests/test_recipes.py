@@ -19,12 +19,28 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PRODUCT = (
-    "core", "plant", "display", "observers", "baselines", "envs", "agents", "mismatch", "cli",
-)  # fmt: skip
+    "core",
+    "plant",
+    "display",
+    "observers",
+    "baselines",
+    "envs",
+    "agents",
+    "mismatch",
+    "cli",
+)
 MOST = {
-    "observer": 2, "controller": 2, "reward-term": 2, "term": 2, "compiled-effect": 2,
-    "effect-with-state": 4, "drive": 3, "ship": 1, "sea": 1, "task": 1,
-}  # fmt: skip
+    "observer": 2,
+    "controller": 2,
+    "reward-term": 2,
+    "term": 2,
+    "compiled-effect": 2,
+    "effect-with-state": 4,
+    "drive": 3,
+    "ship": 1,
+    "sea": 1,
+    "task": 1,
+}
 """Places that each may ask for, its test counted."""
 
 _TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")

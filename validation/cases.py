@@ -17,9 +17,13 @@ from .simulator.parameters import Parameters
 from .variants import PLAIN, vary_case
 
 BLOCK = (
-    ("single",) * 8 + ("two",) * 2 + ("ablated",) * 2 + ("null-calm",) * 2 + ("null-waves",) * 2
+    ("single",) * 8
+    + ("two",) * 2
+    + ("ablated",) * 2
+    + ("null-calm",) * 2
+    + ("null-waves",) * 2
     + ("null-wrong-number", "unknown", "unknown", "confounded")
-)  # fmt: skip
+)
 """Kinds of every twenty cases; eight have no effect, an unknown effect or a confounded one."""
 
 KINDS = tuple(dict.fromkeys(BLOCK))
@@ -32,10 +36,14 @@ TOLERANCES = {
     BENCH: {"inertia": 0.01, "kq": 0.005, "ohm": 0.005},
 }
 NOISE = {
-    FRIGATE: {"encoder_noise": (0.005, 0.02), "gauge_noise": (500.0, 1500.0),
-              "pitch_noise": (0.001, 0.003), "log_noise": (0.02, 0.06)},
+    FRIGATE: {
+        "encoder_noise": (0.005, 0.02),
+        "gauge_noise": (500.0, 1500.0),
+        "pitch_noise": (0.001, 0.003),
+        "log_noise": (0.02, 0.06),
+    },
     BENCH: {"encoder_noise": (0.03, 0.15), "current_noise": (0.01, 0.05)},
-}  # fmt: skip
+}
 """Range of the standard deviation of each instrument's noise."""
 
 
@@ -113,10 +121,12 @@ def _two(seed: int, number: int) -> list[TrueEffect]:
     ours = tuple(effect for effect in EFFECTS if effect.ship == FRIGATE)
     first = _turn(seed, "first", ours, number)
     others = tuple(
-        e for e in ours
-        if e.balance != first.balance and e.family != first.family
+        e
+        for e in ours
+        if e.balance != first.balance
+        and e.family != first.family
         and set(e.programmes) & set(first.programmes)
-    )  # fmt: skip
+    )
     return [first, _turn(seed, "second", others, number)]
 
 
@@ -187,16 +197,24 @@ def _plain(seed: int, index: int, keys: tuple[str, ...] | None) -> Case:
     if airy or (wavy and rng.random() < 0.5):
         columns.append("propeller_submergence_m")
     return Case(
-        seed=seed, index=index, kind=kind, ship=ship, strength=strength, effects=concealed,
+        seed=seed,
+        index=index,
+        kind=kind,
+        ship=ship,
+        strength=strength,
+        effects=concealed,
         exclude=(effects[0].id,) if kind == "ablated" else (),
         programme=_programme(kind, ship, effects, rng),
-        programme_seed=int(rng.integers(2**31)), noise_seed=int(rng.integers(2**31)),
-        seconds=float(rng.integers(6, 13) * (50.0 if ship == BENCH else 100.0)), period=0.1,
+        programme_seed=int(rng.integers(2**31)),
+        noise_seed=int(rng.integers(2**31)),
+        seconds=float(rng.integers(6, 13) * (50.0 if ship == BENCH else 100.0)),
+        period=0.1,
         wave_height=height if wavy else 0.0,
         wave_period=float(4.3 * height**0.5 + rng.uniform(0.0, 2.5)),
         instruments=_instruments(ship, rng),
-        factors=_factors(ship, kind == "null-wrong-number", rng), columns=tuple(columns),
-    )  # fmt: skip
+        factors=_factors(ship, kind == "null-wrong-number", rng),
+        columns=tuple(columns),
+    )
 
 
 def truth_of(case: Case, sizes: dict[str, float], ratios: dict[str, float], notes: Any) -> Any:
@@ -205,9 +223,11 @@ def truth_of(case: Case, sizes: dict[str, float], ratios: dict[str, float], note
     A nonce prevents a guess of the case by comparison of hashes.
     """
     nonce = hashlib.sha256(f"nonce/{case.seed}/{case.index}/{case.noise_seed}".encode()).hexdigest()
-    return json.loads(json.dumps(
-        {"nonce": nonce, "case": asdict(case), "sizes": sizes, "ratios": ratios, **notes}
-    ))  # fmt: skip
+    return json.loads(
+        json.dumps(
+            {"nonce": nonce, "case": asdict(case), "sizes": sizes, "ratios": ratios, **notes}
+        )
+    )
 
 
 def hash_truth(truth: Any) -> str:

@@ -105,9 +105,14 @@ def check_challenge_size(cases: int, variant: str) -> None:
 
 
 def make_challenge(
-    folder: Path, seed: int, cases: int, variant: str = PLAIN, truth: Path | None = None,
-    jobs: int | None = None, tick: Callable[[], None] = lambda: None,
-) -> str:  # fmt: skip
+    folder: Path,
+    seed: int,
+    cases: int,
+    variant: str = PLAIN,
+    truth: Path | None = None,
+    jobs: int | None = None,
+    tick: Callable[[], None] = lambda: None,
+) -> str:
     """Write a challenge and its truth; the same arguments give identical files.
 
     Args:
@@ -236,16 +241,15 @@ FIGURES = {
     "balance right": "single effects: balance right",
     "parameter error, median": "relative error of the parameter (median, quartiles)",
     "95 % interval covers": "95 % interval of the parameter covers the truth",
-    "effect absent from the catalogue: unexplained":
-        "effect absent from the catalogue: called unexplained",
+    "effect absent from the catalogue: unexplained": "effect absent from the catalogue: called "
+    "unexplained",
     "effect absent from the catalogue: a wrong name": "effect absent from the catalogue: a wrong name",
     "two effects: both named": "two effects: both named",
-    "insufficient excitation and confounded: not a wrong effect":
-        "confounded effects: no wrong name",
+    "insufficient excitation and confounded: not a wrong effect": "confounded effects: no wrong name",
     "wrong confident name: explained, first name neither true nor of its class or family, none "
     "beside it": "all cases: wrong name without an alternative",
     "seconds a diagnosis": "seconds for a case (median, quartiles)",
-}  # fmt: skip
+}
 """Figures of :func:`.scoring.summary` that a challenge reports, with their labels there."""
 
 FAILED = "cases failed"
@@ -278,8 +282,11 @@ class Scores:
             found = []
             if own["names"].any():
                 found = summary(own).to_dict("records")
-                found = [row | {"figure": FIGURES[row["figure"]]} for row in found
-                         if row["figure"] in FIGURES]  # fmt: skip
+                found = [
+                    row | {"figure": FIGURES[row["figure"]]}
+                    for row in found
+                    if row["figure"] in FIGURES
+                ]
                 found += [
                     share_figure(FAILED, own["outcome"] == "failed"),
                     median_figure(WINDOW_F1, own["window_f1"]),
@@ -312,13 +319,16 @@ class Scores:
         write_csv(out, "challenge", figures)
         write_csv(out, "challenge-cases", self.cases)
         records = json.loads(figures.to_json(orient="records"))
-        write_json(out / "challenge.json", {"cases": self.count, "variant": self.variant,
-                                            "figures": records})  # fmt: skip
+        write_json(
+            out / "challenge.json",
+            {"cases": self.count, "variant": self.variant, "figures": records},
+        )
         parts = [
             "# Challenge on concealed effects",
             f"{self.count} cases of the variant `{self.variant}`, scored by `{command}`.",
-            PREFACE, markdown(figures, 3),
-        ]  # fmt: skip
+            PREFACE,
+            markdown(figures, 3),
+        ]
         write_text(out / "challenge.md", "\n\n".join(parts) + "\n")
         return out / "challenge.md"
 
@@ -388,9 +398,10 @@ def score_entry(tool: str, name: str, entry: CaseEntry, sealed: Mapping[str, Any
     before, truth = sealed["before"], sealed["truth"]
     after = {
         channel: rms(np.array(entry.predictions[channel]) - np.array(sealed["held_out"][channel]))
-        if channel in entry.predictions else before[channel]
+        if channel in entry.predictions
+        else before[channel]
         for channel in before
-    }  # fmt: skip
+    }
     # The scores depend on ratios of errors only, so that any common scale serves.
     fit = {
         key: {channel: 100.0 * (1.0 - errors[channel] / before[channel]) for channel in before}
@@ -425,9 +436,12 @@ def data_card(cases: int, variant: str) -> str:
         variant: one of :data:`.variants.VARIANTS`.
     """
     return CARD_TEXT.format(
-        cases=cases, variant=variant, about=VARIANTS[variant], version=version("shaftline"),
+        cases=cases,
+        variant=variant,
+        about=VARIANTS[variant],
+        version=version("shaftline"),
         share=f"{100.0 * HELD_OUT_SHARE:.0f} %",
-    )  # fmt: skip
+    )
 
 
 CARD_TEXT = """\

@@ -55,22 +55,34 @@ KEYS = {
 
 CHOICES = {
     FRIGATE: (
-        ("resistance", "inertia_front", "inertia_back", "map_rack"), ("resistance", "map_rack"),
-        ("inertia_front", "inertia_back"), ("resistance",), ("inertia_front", "map_rack"),
+        ("resistance", "inertia_front", "inertia_back", "map_rack"),
+        ("resistance", "map_rack"),
+        ("inertia_front", "inertia_back"),
+        ("resistance",),
+        ("inertia_front", "map_rack"),
     ),
     BENCH: (("inertia", "kq", "ohm"), ("kq", "ohm", "constant"), ("inertia",), ("inertia", "kq")),
-}  # fmt: skip
+}
 """Choices of free parameters, by ship."""
 
 TOLERANCE_OF_KEY = {
     FRIGATE: {
-        "resistance": "resistance", "mass": "mass", "kt_scale": "thrust_curve",
-        "rotative": "torque_curve", "inertia_front": "inertia", "inertia_back": "inertia",
-        "map_rack": "torque_per_rack", "pitch_time": "pitch_time_constant",
+        "resistance": "resistance",
+        "mass": "mass",
+        "kt_scale": "thrust_curve",
+        "rotative": "torque_curve",
+        "inertia_front": "inertia",
+        "inertia_back": "inertia",
+        "map_rack": "torque_per_rack",
+        "pitch_time": "pitch_time_constant",
     },
-    BENCH: {"inertia": "inertia", "kq": "torque_curve", "ohm": "armature_resistance",
-            "constant": "motor_constant"},
-}  # fmt: skip
+    BENCH: {
+        "inertia": "inertia",
+        "kq": "torque_curve",
+        "ohm": "armature_resistance",
+        "constant": "motor_constant",
+    },
+}
 """Relative tolerances of the ship file by the simulator's name of the parameter."""
 
 INERTIA_BEHIND = 0.010
@@ -168,14 +180,16 @@ def coverage_row(own: np.ndarray) -> dict[str, Any]:
     half, off = 0.5 * (high - low), value - truth
     return {
         "intervals": len(own),
-        "covered %": 100.0 * inside / len(own), "from %": 100.0 * least, "to %": 100.0 * most,
+        "covered %": 100.0 * inside / len(own),
+        "from %": 100.0 * least,
+        "to %": 100.0 * most,
         "mean error / s.e.": float(np.mean(off / error)),
         "sd of error / s.e.": float(np.std(off / error)),
         "median s.e. %": 100.0 * float(np.median(error / truth)),
         "median error %": 100.0 * float(np.median(np.abs(off / truth))),
         "width / calibrated": 1.0 / float(np.quantile(np.abs(off) / half, 0.95)),
         "width / oracle": float(np.median(half / truth) / np.quantile(np.abs(off / truth), 0.95)),
-    }  # fmt: skip
+    }
 
 
 def coverage(found: list[dict[str, Any]]) -> pd.DataFrame:
@@ -239,11 +253,14 @@ def study(folder: Path, work: Path, count: int, seed: int, jobs: int | None) -> 
         f"{''.join(f'; {words}' for words in refused)}."
     )
     write_table(
-        folder, "coverage", "Coverage of the 95 % intervals of identify",
+        folder,
+        "coverage",
+        "Coverage of the 95 % intervals of identify",
         f"python -m shaftline.validation.coverage --out docs/results/identify "
         f"--records {count} --seed {seed}",
-        table, body,
-    )  # fmt: skip
+        table,
+        body,
+    )
     return table
 
 

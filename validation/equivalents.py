@@ -212,8 +212,9 @@ def equivalent(effect: TrueEffect, numbers: Parameters, measurements: pd.DataFra
     names, form = _FORMS[effect.key]
     # The ship file of the thruster has some friction.
     absent = {
-        "torque-sensor-gain/sensor": 1.0, "speed-log-gain/sensor": 1.0,
+        "torque-sensor-gain/sensor": 1.0,
+        "speed-log-gain/sensor": 1.0,
         "coulomb-friction/motor": numbers["rub"],
-    }  # fmt: skip
+    }
     neutral = absent.get(effect.key, 0.0)
     return {"names": list(names), "value": float(form(numbers, measurements)), "neutral": neutral}

@@ -29,11 +29,14 @@ BEGINS = "2026-05-03 23:54:12.5"  # so that midnight falls into it
 _RPM = 30.0 / math.pi
 _HEAD = "Propulsion data log;;;;;;\nShip: example frigate;;;;;;\n"
 _NAMES = {
-    "Time": ("hh:mm:ss", 1, "time_s"), "Fuel rack": ("%", 1, "fuel_rack_mm"),
-    "Pitch order": ("%", 1, "pitch_ratio_command"), "Pitch": ("%", 1, "pitch_ratio"),
-    "Shaft speed": ("rpm", 2, "shaft_speed_rad_s"), "Shaft torque": ("kN m", 2, "shaft_torque_N_m"),
+    "Time": ("hh:mm:ss", 1, "time_s"),
+    "Fuel rack": ("%", 1, "fuel_rack_mm"),
+    "Pitch order": ("%", 1, "pitch_ratio_command"),
+    "Pitch": ("%", 1, "pitch_ratio"),
+    "Shaft speed": ("rpm", 2, "shaft_speed_rad_s"),
+    "Shaft torque": ("kN m", 2, "shaft_torque_N_m"),
     "Log": ("kn", 2, "ship_speed_m_s"),
-}  # fmt: skip
+}
 """Name in the file: unit, decimals, canonical column."""
 
 

@@ -26,8 +26,12 @@ from .simulator.voyage import StalledError, simulate_voyage, varies_every_sample
 from .variants import CLOSED_LOOP, LOGGED_S, calibrated_parameters, reference_case, true_parameters
 
 CHANNELS = (
-    "pitch_ratio", "shaft_speed_rad_s", "shaft_torque_N_m", "ship_speed_m_s", "motor_current_A",
-)  # fmt: skip
+    "pitch_ratio",
+    "shaft_speed_rad_s",
+    "shaft_torque_N_m",
+    "ship_speed_m_s",
+    "motor_current_A",
+)
 CLOSE = 0.08  # relative tolerance of the strength
 TRIALS = 9
 WIND = 0.003  # slow variation of the resistance in waves, as a share
@@ -76,9 +80,14 @@ class Scenario:
             truth = run_bench_governed(numbers, self.orders, case.period, case.noise_seed)
         else:
             truth = simulate_governed(
-                numbers, self.orders, self.pitch, case.period, case.noise_seed, waves=self.waves,
+                numbers,
+                self.orders,
+                self.pitch,
+                case.period,
+                case.noise_seed,
+                waves=self.waves,
                 wind_seed=case.programme_seed,
-            )  # fmt: skip
+            )
         demand = truth["motor_voltage_V" if case.ship == BENCH else "fuel_rack_mm"].to_numpy()
         return add_instruments(truth, numbers, case.period, None), demand
 
@@ -125,8 +134,9 @@ class Scenario:
             sea = self.waves if waves else calm()
             own = numbers if waves else numbers | {"wind": 0.0}
             way = simulate_held if varies_every_sample(self.drive) else simulate_voyage
-            truth = way(own, self.drive, self.pitch, case.period, waves=sea,
-                         wind_seed=case.programme_seed)  # fmt: skip
+            truth = way(
+                own, self.drive, self.pitch, case.period, waves=sea, wind_seed=case.programme_seed
+            )
         return add_instruments(truth, numbers, case.period, None)
 
     def noisy(self, readings: pd.DataFrame) -> pd.DataFrame:
@@ -176,10 +186,12 @@ class Scenario:
         return {c: rms(null[c] - self.file_run[c]) for c in CHANNELS if c in null}
 
     def _stacked(self, table: pd.DataFrame, reference: pd.DataFrame) -> NDArray[np.float64]:
-        return np.array([
-            (table[c] - reference[c]).to_numpy()[::THINNED] / size
-            for c, size in self.residual_rms.items()
-        ])  # fmt: skip
+        return np.array(
+            [
+                (table[c] - reference[c]).to_numpy()[::THINNED] / size
+                for c, size in self.residual_rms.items()
+            ]
+        )
 
     @cached_property
     def imitations(self) -> NDArray[np.float64]:
@@ -245,9 +257,19 @@ class Scenario:
 LEAST = 0.15  # strength below which another programme is drawn
 ATTEMPTS = 4
 OPTIONAL = ("thrust_N", "propeller_submergence_m")
-_DIGITS = {"time_s": 4, "fuel_rack_mm": 4, "pitch_ratio_command": 5, "pitch_ratio": 5,
-           "shaft_speed_rad_s": 5, "shaft_torque_N_m": 1, "ship_speed_m_s": 5, "thrust_N": 3,
-           "propeller_submergence_m": 3, "motor_voltage_V": 4, "motor_current_A": 5}  # fmt: skip
+_DIGITS = {
+    "time_s": 4,
+    "fuel_rack_mm": 4,
+    "pitch_ratio_command": 5,
+    "pitch_ratio": 5,
+    "shaft_speed_rad_s": 5,
+    "shaft_torque_N_m": 1,
+    "ship_speed_m_s": 5,
+    "thrust_N": 3,
+    "propeller_submergence_m": 3,
+    "motor_voltage_V": 4,
+    "motor_current_A": 5,
+}
 
 
 @dataclass(frozen=True)

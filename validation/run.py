@@ -73,8 +73,11 @@ def _lay_out(case: Case, simulated: SimulatedCase, place: Path) -> tuple[str, st
 
 
 def run_case(
-    case: Case, folder: Path, diagnose: Diagnose, beside: Mapping[str, Diagnose] | None = None,
-) -> list[dict[str, Any]]:  # fmt: skip
+    case: Case,
+    folder: Path,
+    diagnose: Diagnose,
+    beside: Mapping[str, Diagnose] | None = None,
+) -> list[dict[str, Any]]:
     """Simulate, seal, diagnose and score one case, or read the score of a finished case.
 
     Args:

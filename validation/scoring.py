@@ -216,9 +216,21 @@ def score_with_gains(tool: str, report: Row, truth: Row, gains: Mapping[str, flo
 
 def table_of(rows: list[Row]) -> pd.DataFrame:
     """Return rows of :func:`score` as a table with all columns."""
-    wanted = ("balance", "balance_right", "balance_among", "parameter_error", "covered",
-              "gain_channel", "oracle_gain", "gain", "gain_fraction", "iou", "seconds",
-              "wrong_and_sure", "undecided")  # fmt: skip
+    wanted = (
+        "balance",
+        "balance_right",
+        "balance_among",
+        "parameter_error",
+        "covered",
+        "gain_channel",
+        "oracle_gain",
+        "gain",
+        "gain_fraction",
+        "iou",
+        "seconds",
+        "wrong_and_sure",
+        "undecided",
+    )
     table = pd.DataFrame(rows)
     for name in wanted:
         if name not in table:
@@ -243,16 +255,28 @@ def share_figure(figure: str, hits: Any, target: str = "") -> Row:
     """Return a share with its interval by :func:`wilson`."""
     flags = pd.Series(hits).dropna().astype(bool)
     low, high = wilson(int(flags.sum()), len(flags))
-    return {"figure": figure, "value": float(flags.mean()) if len(flags) else math.nan, "low": low,
-            "high": high, "cases": len(flags), "target": target}  # fmt: skip
+    return {
+        "figure": figure,
+        "value": float(flags.mean()) if len(flags) else math.nan,
+        "low": low,
+        "high": high,
+        "cases": len(flags),
+        "target": target,
+    }
 
 
 def median_figure(figure: str, values: Any, target: str = "") -> Row:
     """Return the median with the quartiles as ``low`` and ``high``."""
     numbers = pd.to_numeric(pd.Series(values), errors="coerce").dropna()
     low, middle, high = (float(numbers.quantile(share)) for share in (0.25, 0.5, 0.75))
-    return {"figure": figure, "value": middle, "low": low, "high": high, "cases": len(numbers),
-            "target": target}  # fmt: skip
+    return {
+        "figure": figure,
+        "value": middle,
+        "low": low,
+        "high": high,
+        "cases": len(numbers),
+        "target": target,
+    }
 
 
 def summary(cases: pd.DataFrame) -> pd.DataFrame:
@@ -265,14 +289,19 @@ def summary(cases: pd.DataFrame) -> pd.DataFrame:
         confounded = own.loc[own["kind"] == "confounded", "outcome"]
         unexplained = null["outcome"] == "unexplained"
         figures = [
-            share_figure(f"effects reported in null cases: {kind}", part["outcome"] == "false alarm",
-                   "at most 0.02" if kind == "all" else "")
+            share_figure(
+                f"effects reported in null cases: {kind}",
+                part["outcome"] == "false alarm",
+                "at most 0.02" if kind == "all" else "",
+            )
             for kind, part in [("all", null), *null.groupby("kind")]
-        ]  # fmt: skip
+        ]
         figures += [
             share_figure("null cases called unexplained", unexplained),
-            share_figure("null cases called unexplained despite sufficient excitation",
-                   unexplained & ~null["undecided"].astype(bool)),
+            share_figure(
+                "null cases called unexplained despite sufficient excitation",
+                unexplained & ~null["undecided"].astype(bool),
+            ),
             share_figure("true id or its class first", one["outcome"].isin(RIGHT), "0.92"),
             share_figure("true id first", one["outcome"] == "named"),
             share_figure("balance right", one["balance_right"], "0.97"),
@@ -281,18 +310,27 @@ def summary(cases: pd.DataFrame) -> pd.DataFrame:
             median_figure("parameter error, median", one["parameter_error"], "0.04"),
             share_figure("95 % interval covers", one["covered"], "0.90 to 0.98"),
             median_figure("hold-out gain over the oracle's, median", one["gain_fraction"], "0.9"),
-            share_figure("effect absent from the catalogue: unexplained or its class",
-                   absent.isin(GOOD_UNNAMED), "0.85"),
+            share_figure(
+                "effect absent from the catalogue: unexplained or its class",
+                absent.isin(GOOD_UNNAMED),
+                "0.85",
+            ),
             share_figure("effect absent from the catalogue: unexplained", absent == "unexplained"),
             share_figure("effect absent from the catalogue: a wrong name", absent == "wrong name"),
             share_figure("two effects: both named", two["found"] == 2, "0.70"),
             share_figure("two effects: at least one named", two["found"] >= 1),
-            share_figure("insufficient excitation and confounded: not a wrong effect",
-                   ~confounded.isin(["wrong name", "family"])),
-            share_figure("wrong confident name: explained, first name neither true nor of its class or "
-                   "family, none beside it", own["wrong_and_sure"], "at most 0.05"),
+            share_figure(
+                "insufficient excitation and confounded: not a wrong effect",
+                ~confounded.isin(["wrong name", "family"]),
+            ),
+            share_figure(
+                "wrong confident name: explained, first name neither true nor of its class or "
+                "family, none beside it",
+                own["wrong_and_sure"],
+                "at most 0.05",
+            ),
             median_figure("seconds a diagnosis", own["seconds"], "60"),
-        ]  # fmt: skip
+        ]
         rows += [{"tool": str(tool)} | figure for figure in figures]
     return pd.DataFrame(rows)
 
@@ -306,16 +344,20 @@ def by_strength(cases: pd.DataFrame) -> pd.DataFrame:
             part = single[(single["tool"] == tool) & (single["strength"] == strength)]
             outcome = part["outcome"]
             if len(part):
-                rows.append({
-                    "tool": tool, "strength": strength, "cases": len(part),
-                    "true id first": (outcome == "named").mean(),
-                    "id or class first": outcome.isin(RIGHT).mean(),
-                    "names in the class": part["class_size"].mean(),
-                    "balance right": part["balance_right"].astype(float).mean(),
-                    "nothing missing": (outcome == "nothing-missing").mean(),
-                    "unexplained": (outcome == "unexplained").mean(),
-                    "wrong name": outcome.isin(["wrong name", "family"]).mean(),
-                })  # fmt: skip
+                rows.append(
+                    {
+                        "tool": tool,
+                        "strength": strength,
+                        "cases": len(part),
+                        "true id first": (outcome == "named").mean(),
+                        "id or class first": outcome.isin(RIGHT).mean(),
+                        "names in the class": part["class_size"].mean(),
+                        "balance right": part["balance_right"].astype(float).mean(),
+                        "nothing missing": (outcome == "nothing-missing").mean(),
+                        "unexplained": (outcome == "unexplained").mean(),
+                        "wrong name": outcome.isin(["wrong name", "family"]).mean(),
+                    }
+                )
     return pd.DataFrame(rows)
 
 
@@ -333,13 +375,17 @@ def by_effect(cases: pd.DataFrame) -> pd.DataFrame:
     single = cases[cases["kind"] == "single"]
     for (tool, true), part in single.groupby(["tool", "true"]):
         wrong = part.loc[~part["outcome"].isin(RIGHT), "first"]
-        rows.append({
-            "tool": tool, "effect": true, "cases": len(part),
-            "id or class first": part["outcome"].isin(RIGHT).mean(),
-            "balance right": part["balance_right"].astype(float).mean(),
-            "parameter error": pd.to_numeric(part["parameter_error"]).median(),
-            "instead": ", ".join(f"{n}× {name}" for name, n in wrong.value_counts().items()),
-        })  # fmt: skip
+        rows.append(
+            {
+                "tool": tool,
+                "effect": true,
+                "cases": len(part),
+                "id or class first": part["outcome"].isin(RIGHT).mean(),
+                "balance right": part["balance_right"].astype(float).mean(),
+                "parameter error": pd.to_numeric(part["parameter_error"]).median(),
+                "instead": ", ".join(f"{n}× {name}" for name, n in wrong.value_counts().items()),
+            }
+        )
     return pd.DataFrame(rows)
 
 
@@ -349,12 +395,16 @@ def by_parameter(cases: pd.DataFrame) -> pd.DataFrame:
     single = cases[cases["kind"] == "single"]
     single = single.assign(error=pd.to_numeric(single["parameter_error"], errors="coerce"))
     for (tool, strength), part in single.dropna(subset="error").groupby(["tool", "strength"]):
-        rows.append({
-            "tool": tool, "strength": strength, "cases": len(part),
-            "median error": part["error"].median(),
-            "90th percentile": part["error"].quantile(0.9),
-            "interval covers": pd.to_numeric(part["covered"], errors="coerce").mean(),
-        })  # fmt: skip
+        rows.append(
+            {
+                "tool": tool,
+                "strength": strength,
+                "cases": len(part),
+                "median error": part["error"].median(),
+                "90th percentile": part["error"].quantile(0.9),
+                "interval covers": pd.to_numeric(part["covered"], errors="coerce").mean(),
+            }
+        )
     return pd.DataFrame(rows)
 
 
@@ -366,8 +416,13 @@ def confusion(cases: pd.DataFrame, tool: str) -> pd.DataFrame:
 
 def tables_of(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Return all tables of a validation."""
-    made = {"summary": summary, "strength": by_strength, "kinds": by_kind, "effects": by_effect,
-            "parameters": by_parameter}  # fmt: skip
+    made = {
+        "summary": summary,
+        "strength": by_strength,
+        "kinds": by_kind,
+        "effects": by_effect,
+        "parameters": by_parameter,
+    }
     return {"cases": cases} | {name: make(cases) for name, make in made.items()}
 
 

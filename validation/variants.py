@@ -22,8 +22,12 @@ if TYPE_CHECKING:
 
 PLAIN = "plain"
 REALISTIC, SLOW, RAW, ONE_MISSING, CLOSED_LOOP = (
-    "realistic", "1-hz", "100-hz", "one-missing", "closed-loop",
-)  # fmt: skip
+    "realistic",
+    "1-hz",
+    "100-hz",
+    "one-missing",
+    "closed-loop",
+)
 
 VARIANTS = {
     PLAIN: "ten rows per second, all channels, a ship file that is right within its tolerances",
@@ -38,20 +42,26 @@ VARIANTS = {
 """Description of each variant by name."""
 
 TITLES = {
-    PLAIN: "Validation on concealed effects", REALISTIC: "Validation with realistic ship files",
-    SLOW: "Validation with one row a second", RAW: "Validation with a hundred rows a second",
+    PLAIN: "Validation on concealed effects",
+    REALISTIC: "Validation with realistic ship files",
+    SLOW: "Validation with one row a second",
+    RAW: "Validation with a hundred rows a second",
     ONE_MISSING: "Validation with a channel missing",
     CLOSED_LOOP: "Validation with a governor in the loop",
-}  # fmt: skip
+}
 """Title of the page of each variant."""
 
 OFF = {
     FRIGATE: {
-        "inertia_front": 0.1, "inertia_back": 0.1, "rub": 0.1, "resistance": 0.05, "kt_scale": 0.05,
+        "inertia_front": 0.1,
+        "inertia_back": 0.1,
+        "rub": 0.1,
+        "resistance": 0.05,
+        "kt_scale": 0.05,
         "rotative": 0.05,
     },
     BENCH: {"inertia": 0.1, "rub": 0.1, "kt": 0.05, "kq": 0.05},
-}  # fmt: skip
+}
 """Relative errors of a realistic ship file, of either sign."""
 
 FRIGATE_RUB = 3000.0
@@ -61,8 +71,10 @@ LOGGED_S = {SLOW: 1.0, RAW: 0.01}
 """Sampling interval of the log [s] where it differs from the case's."""
 
 MISSING = {
-    "shaft_torque_N_m": "torque-sensor", "ship_speed_m_s": "speed-log", "pitch_ratio": "pitch-sensor",
-}  # fmt: skip
+    "shaft_torque_N_m": "torque-sensor",
+    "ship_speed_m_s": "speed-log",
+    "pitch_ratio": "pitch-sensor",
+}
 """Columns that may be missing, with the beginning of the ids of their instrument effects."""
 
 HEALTHY_S = {FRIGATE: 900.0, BENCH: 450.0}
@@ -95,10 +107,14 @@ def reference_case(case: Case) -> Case | None:
     if not case.healthy_programme:
         return None
     return replace(
-        case, kind="null-calm", effects=(), programme=case.healthy_programme,
-        programme_seed=case.healthy_seed, noise_seed=case.healthy_seed + 1,
+        case,
+        kind="null-calm",
+        effects=(),
+        programme=case.healthy_programme,
+        programme_seed=case.healthy_seed,
+        noise_seed=case.healthy_seed + 1,
         seconds=HEALTHY_S[case.ship],
-    )  # fmt: skip
+    )
 
 
 def file_parameters(case: Case) -> Parameters:

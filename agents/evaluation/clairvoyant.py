@@ -39,13 +39,24 @@ from ...plant.waves import SEA
 _FAST = 1.3
 """Bound of the pitch rate over that of the actuator: the blades reach a command in an interval."""
 
-_MEMORIES = {("memory", "rack"): 1e-2, ("episode", "drive"): 1e-2, ("episode", "mean_speed"): 1e-3,
-             ("episode", "mean_torque"): 10.0,
-             ("episode", "mean_brake_torque"): 10.0, ("episode", "mean_attack"): 1e-3}  # fmt: skip
+_MEMORIES = {
+    ("memory", "rack"): 1e-2,
+    ("episode", "drive"): 1e-2,
+    ("episode", "mean_speed"): 1e-3,
+    ("episode", "mean_torque"): 10.0,
+    ("episode", "mean_brake_torque"): 10.0,
+    ("episode", "mean_attack"): 1e-3,
+}
 """Quantities beside the states that pass from interval to interval, with their difference steps."""
 
-_STATES = {"pitch_ratio": 1e-4, "shaft_speed": 1e-3, "ship_speed": 1e-3, "position": 1e-2,
-           "brake_torque": 10.0, "inflow": 1e-3}  # fmt: skip
+_STATES = {
+    "pitch_ratio": 1e-4,
+    "shaft_speed": 1e-3,
+    "ship_speed": 1e-3,
+    "position": 1e-2,
+    "brake_torque": 10.0,
+    "inflow": 1e-3,
+}
 _SHARE = 1e-3  # difference step of states that are shares
 _COMMAND_STEPS = (1e-4, 1e-2)  # difference steps of the pitch rate [1/s] and the rack [mm]
 _AT_ONCE = 16  # intervals whose derivatives are computed in one call
@@ -179,9 +190,15 @@ class Clairvoyant:
             values[2 * j + 1 :: width] -= scale
         pitch = rows["state"]["pitch_ratio"] + self._lag * given[:, 0]
         control_interval(
-            rows, beside.commons, beside.gains, actions(self._plant, pitch, given[:, 1]),
-            beside.steps, beside.dt, 0, len(rows),
-        )  # fmt: skip
+            rows,
+            beside.commons,
+            beside.gains,
+            actions(self._plant, pitch, given[:, 1]),
+            beside.steps,
+            beside.dt,
+            0,
+            len(rows),
+        )
         scales = 2.0 * np.array([scale for _, scale in varied])
 
         def slope(values: Any) -> NDArray[np.float64]:
@@ -259,9 +276,13 @@ class Clairvoyant:
         best, least = ((begin - self.low) / span).ravel(), np.inf
         while count < rounds:  # The reward has kinks at which L-BFGS-B can stop early: restart it.
             found = scipy.optimize.minimize(
-                cost, best, jac=True, method="L-BFGS-B", bounds=[(0.0, 1.0)] * begin.size,
+                cost,
+                best,
+                jac=True,
+                method="L-BFGS-B",
+                bounds=[(0.0, 1.0)] * begin.size,
                 options={"maxfun": rounds - count, "maxcor": 30, "ftol": 1e-7},
-            )  # fmt: skip
+            )
             gained = least - float(found.fun)
             best, least = found.x, float(found.fun)
             if gained < _GAIN * abs(least):

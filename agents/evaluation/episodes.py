@@ -91,12 +91,18 @@ class Setting:
     def environment(self, controller: Any) -> dict[str, Any]:
         """Return the keywords of the environment of a controller."""
         return {
-            "ship": self.vessel, "task": self.model, "sea": None if self.sea == "task" else self.sea,
-            "observer": self.observer, "sensor_noise": self.sensor_noise,
-            "max_episode_steps": self.intervals, "control_interval_s": self.interval_s,
-            "randomise": self.randomise, "tuning": self.tuning, "order_profile": self.order_profile,
+            "ship": self.vessel,
+            "task": self.model,
+            "sea": None if self.sea == "task" else self.sea,
+            "observer": self.observer,
+            "sensor_noise": self.sensor_noise,
+            "max_episode_steps": self.intervals,
+            "control_interval_s": self.interval_s,
+            "randomise": self.randomise,
+            "tuning": self.tuning,
+            "order_profile": self.order_profile,
             **getattr(controller, "interface", CLASSIC),
-        }  # fmt: skip
+        }
 
     @property
     def intervals(self) -> int:
@@ -131,9 +137,11 @@ class Setting:
 
 
 def run_episodes(
-    setting: Setting, controller: Predictor, first_seed: int | None = None,
+    setting: Setting,
+    controller: Predictor,
+    first_seed: int | None = None,
     threads: int | None = None,
-) -> tuple[pd.DataFrame, NDArray[np.float64]]:  # fmt: skip
+) -> tuple[pd.DataFrame, NDArray[np.float64]]:
     """Simulate one episode for each seed.
 
     Args:
@@ -158,9 +166,11 @@ def run_episodes(
         (2, True)
     """
     env = environment_classes(setting.model.steered).vector(
-        setting.seeds, threads=threads, **setting.environment(controller),
+        setting.seeds,
+        threads=threads,
+        **setting.environment(controller),
         autoreset_mode="NextStep",  # so that the last info belongs to the ended episode
-    )  # fmt: skip
+    )
     interval = env.batch.interval_s
     observation, _ = env.reset(seed=setting.first_seed if first_seed is None else first_seed)
     sums = EpisodeSums(setting.seeds, interval, env.batch.ship.transmission.gear_ratio)
@@ -177,9 +187,16 @@ def run_episodes(
             seen = measurements_of(_measured(env)[0])
             truth = [float(info[name][0]) for name in TRUTHS]
             trace.append(
-                [len(trace) * interval, order[0], seen.pitch_ratio[0], seen.fuel_rack[0], *truth,
-                 seen.advance_velocity[0], seen.estimate_valid[0]]
-            )  # fmt: skip
+                [
+                    len(trace) * interval,
+                    order[0],
+                    seen.pitch_ratio[0],
+                    seen.fuel_rack[0],
+                    *truth,
+                    seen.advance_velocity[0],
+                    seen.estimate_valid[0],
+                ]
+            )
         starting = terminated | truncated
         alive &= ~starting
         order = _measured(env)[:, _ORDER]
@@ -199,7 +216,7 @@ def drawn_seas(setting: Setting) -> pd.DataFrame:
     """
     env = environment_classes(setting.model.steered).vector(
         setting.seeds, threads=1, **setting.environment(object())
-    )  # fmt: skip
+    )
     env.reset(seed=setting.first_seed)
     table = pd.DataFrame(env.batch.arrays.episodes["sea"].copy(), columns=list(Sea.model_fields))
     env.close()

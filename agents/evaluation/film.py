@@ -30,10 +30,14 @@ _GREY, _LIGHT, _DARK, _RED = "#7d858c", "#a3abb1", "#3d4349", "#9c3b34"
 _PARTS = (
     (_DARK, "-0.475,-0.6 -0.447,-0.6 -0.45,-3.9 -0.47,-3.9"),  # rudder
     (_DARK, "-0.43,-2.75 -0.43,-3.25 -0.3,-3.5 -0.3,-2.9"),  # shaft
-    (_RED, "-0.5,0.6 -0.48,-0.6 -0.4,-1.6 -0.3,-4.2 0.4,-4.2 "
-            "0.47,-3.9 0.485,-3 0.462,-2 0.466,0.6"),  # hull
-    (_GREY, "-0.5,0.6 -0.508,4.8 -0.25,4.8 0,5.2 0.25,6.2 "
-            "0.4,7.4 0.505,8.8 0.485,5 0.466,0.6"),  # topsides
+    (
+        _RED,
+        "-0.5,0.6 -0.48,-0.6 -0.4,-1.6 -0.3,-4.2 0.4,-4.2 0.47,-3.9 0.485,-3 0.462,-2 0.466,0.6",
+    ),  # hull
+    (
+        _GREY,
+        "-0.5,0.6 -0.508,4.8 -0.25,4.8 0,5.2 0.25,6.2 0.4,7.4 0.505,8.8 0.485,5 0.466,0.6",
+    ),  # topsides
     (_LIGHT, "-0.29,4.8 -0.28,10 -0.14,10.4 -0.14,5"),  # hangar
     (_LIGHT, "-0.13,5 -0.12,8 0.02,8.2 0.03,12.6 0.15,12.6 0.185,5.8"),  # bridge
     (_DARK, "0.125,11.1 0.156,11.1 0.16,12 0.125,12"),  # windows of the bridge
@@ -43,7 +47,7 @@ _PARTS = (
     (_DARK, "0.046,17.6 0.098,17.6 0.098,18.1 0.046,18.1"),
     (_LIGHT, "0.285,6.4 0.292,8.6 0.325,8.8 0.335,6.8"),  # gun
     (_DARK, "0.325,8.3 0.385,9.1 0.385,9.35 0.325,8.7"),
-)  # fmt: skip
+)
 """Colour and corners of each part: distance ahead of midship over the length, and height [m]."""
 
 _PROPELLER = (-0.432, -3.0, 3.0)  # position as in _PARTS, and diameter [m]
@@ -94,9 +98,13 @@ def build_animation(runs: list[Run], sea: Any, span: Span) -> tuple[Figure, Any,
     """
     figure = Figure(figsize=(4.2 * len(runs), 5.2), dpi=80, layout="constrained")
     axes = figure.subplots(
-        1 + len(_ROWS), len(runs), sharex="row", sharey="row", height_ratios=[1.5, 1, 1, 1],
+        1 + len(_ROWS),
+        len(runs),
+        sharex="row",
+        sharey="row",
+        height_ratios=[1.5, 1, 1, 1],
         squeeze=False,
-    )  # fmt: skip
+    )
     offsets = np.linspace(-_AROUND_M, _AROUND_M, 90)
     moving: list[Any] = []
     for column, run in enumerate(runs):

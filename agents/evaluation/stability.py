@@ -68,14 +68,25 @@ def calm_setting(setting: Setting) -> Setting:
         orders = (min(speeds), max(speeds))
     calm = task.model_copy(
         update={
-            "seas": ("calm",), "speed_order_m_s": orders, "order_interval_s": _FOREVER_S,
-            "resistance_swing": 0.0, "drift_force_kN": (0.0, 0.0), "randomise": {},
+            "seas": ("calm",),
+            "speed_order_m_s": orders,
+            "order_interval_s": _FOREVER_S,
+            "resistance_swing": 0.0,
+            "drift_force_kN": (0.0, 0.0),
+            "randomise": {},
         }
-    )  # fmt: skip
+    )
     return replace(
-        setting, sea="task", task_model=calm, seeds=RUNS, first_seed=0, sensor_noise=0.0,
-        episode_s=DURATION_S, randomise=None, order_profile=None,
-    )  # fmt: skip
+        setting,
+        sea="task",
+        task_model=calm,
+        seeds=RUNS,
+        first_seed=0,
+        sensor_noise=0.0,
+        episode_s=DURATION_S,
+        randomise=None,
+        order_profile=None,
+    )
 
 
 def find_oscillation(setting: Setting, controller: Predictor) -> Oscillation | None:
@@ -188,9 +199,10 @@ def margins(controller: Predictor, found: Oscillation) -> tuple[dict[str, float 
         f"{words} {'none' if value is None else f'{value:.1f} {unit}'}"
         for (words, unit), value in zip(
             (("gain margin", "dB"), ("phase margin", "deg"), ("delay margin", "s")),
-            finite.values(), strict=True,
+            finite.values(),
+            strict=True,
         )
-    ]  # fmt: skip
+    ]
     return finite, f"{', '.join(texts)} ({about})"
 
 

@@ -66,9 +66,14 @@ def estimate_with_interval(
     if np.ptp(sample) == 0.0:
         return middle, middle, middle
     found = scipy.stats.bootstrap(
-        (sample,), statistic, n_resamples=_RESAMPLES, confidence_level=_LEVEL, method="percentile",
-        rng=np.random.default_rng(seed), vectorized=True,
-    ).confidence_interval  # fmt: skip
+        (sample,),
+        statistic,
+        n_resamples=_RESAMPLES,
+        confidence_level=_LEVEL,
+        method="percentile",
+        rng=np.random.default_rng(seed),
+        vectorized=True,
+    ).confidence_interval
     normal = float(scipy.stats.norm.ppf(0.5 * (1.0 + _LEVEL)))
     stretch = math.sqrt(count / (count - 1)) * _quantile(count - 1) / normal
     low, high = middle - float(found.low), float(found.high) - middle

@@ -78,9 +78,11 @@ class Episodes(NamedTuple):
 
 
 def evaluate(
-    settings: Sequence[Setting], make: Callable[[Setting], Predictor], folder: str | Path,
+    settings: Sequence[Setting],
+    make: Callable[[Setting], Predictor],
+    folder: str | Path,
     **spread: Any,
-) -> Evaluation:  # fmt: skip
+) -> Evaluation:
     """Simulate every setting and summarise the KPIs.
 
     Args:
@@ -100,10 +102,15 @@ def evaluate(
 
 
 def episodes(
-    settings: Sequence[Setting], make: Callable[[Setting], Predictor], folder: Path, *,
-    jobs: int | None = None, backend: str = "processes", scheduler: str | None = None,
+    settings: Sequence[Setting],
+    make: Callable[[Setting], Predictor],
+    folder: Path,
+    *,
+    jobs: int | None = None,
+    backend: str = "processes",
+    scheduler: str | None = None,
     tick: Callable[[], None] = lambda: None,
-) -> list[Episodes]:  # fmt: skip
+) -> list[Episodes]:
     """Simulate every setting; cells that the folder already contains are not simulated again.
 
     Args:

@@ -87,9 +87,11 @@ def _is_array(value: Any) -> bool:
 def _state(model: Any) -> dict[str, Any]:
     """Return all of a model that training changes, without its replay buffer."""
     return {
-        "parameters": model.get_parameters(), "num_timesteps": model.num_timesteps,
-        "n_updates": model._n_updates, "log_ent_coef": getattr(model, "log_ent_coef", None),
-    }  # fmt: skip
+        "parameters": model.get_parameters(),
+        "num_timesteps": model.num_timesteps,
+        "n_updates": model._n_updates,
+        "log_ent_coef": getattr(model, "log_ent_coef", None),
+    }
 
 
 def _contents(replay: Any) -> dict[str, Any]:

@@ -33,9 +33,15 @@ _BYTES_A_STEP = 2000.0
 
 
 def record(
-    task: str, quality: str, episodes: int, folder: str | Path, *, policy: Policy | None = None,
-    seed: int = 0, tick: Callable[[int, int], None] = lambda done, total: None,
-) -> str:  # fmt: skip
+    task: str,
+    quality: str,
+    episodes: int,
+    folder: str | Path,
+    *,
+    policy: Policy | None = None,
+    seed: int = 0,
+    tick: Callable[[int, int], None] = lambda done, total: None,
+) -> str:
     """Record episodes of a task as a Minari data set, and return its id.
 
     Args:
@@ -82,10 +88,15 @@ def record(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # It asks for an e-mail address and a link.
         minari.create_dataset_from_buffers(
-            name, buffers, env=env, eval_env=env, author={"shaftline"},
+            name,
+            buffers,
+            env=env,
+            eval_env=env,
+            author={"shaftline"},
             algorithm_name=f"packaged policy, {100 * random_share:.0f} % of its actions random",
-            description=get_task(task).description, requirements=["shaftline"],
-        )  # fmt: skip
+            description=get_task(task).description,
+            requirements=["shaftline"],
+        )
     env.close()
     return name
 
@@ -96,9 +107,12 @@ def _record_episodes(
     """Return the episodes as keywords of ``EpisodeBuffer`` of Minari."""
     task = policy.about["recipe"]["task"]
     env = environment_classes(get_task(task).steered).vector(
-        episodes, task=task, ship=policy.about["ship_source"], autoreset_mode="NextStep",
+        episodes,
+        task=task,
+        ship=policy.about["ship_source"],
+        autoreset_mode="NextStep",
         **policy.interface,
-    )  # fmt: skip
+    )
     rng = np.random.default_rng(seed)
     seen, _ = env.reset(seed=first_seed)
     observations, actions, rewards, ends = [seen], [], [], []

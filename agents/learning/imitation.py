@@ -70,9 +70,12 @@ def plan_cell(cell: tuple[Mapping[str, Any], str, int]) -> list[list[float]]:
 
 
 def make_plans(
-    recipe: Recipe, ship: str, folder: Path, jobs: int | None = None,
+    recipe: Recipe,
+    ship: str,
+    folder: Path,
+    jobs: int | None = None,
     tick: Callable[[], None] = lambda: None,
-) -> dict[int, NDArray[np.float32]]:  # fmt: skip
+) -> dict[int, NDArray[np.float32]]:
     """Optimise the plans that a recipe imitates, or read the plans that a folder already holds.
 
     Args:

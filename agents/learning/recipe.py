@@ -28,19 +28,32 @@ from ..policy.policy import MOST_FRAMES
 ALGORITHMS = ("ppo", "sac", "td3")
 _SET_HERE = {"env", "policy", "verbose", "seed", "device", "tensorboard_log", "_init_setup_model"}
 _ENVIRONMENT = (
-    "observer", "tuning", "sea", "sensor_noise", "max_episode_steps", "randomise", "action_mode",
+    "observer",
+    "tuning",
+    "sea",
+    "sensor_noise",
+    "max_episode_steps",
+    "randomise",
+    "action_mode",
     "command",
-)  # fmt: skip
+)
 """Keywords of the environment that a recipe can set."""
 
 _ON_TUNED = "residual:tuned"
 """Action mode of a recipe: a residual on the tuned classic controller of the task."""
 
 _RANGES = {
-    "gamma": (0.0, 1.0), "gae_lambda": (0.0, 1.0), "learning_rate": (0.0, 10.0), "tau": (0.0, 1.0),
-    "clip_range": (0.0, 10.0), "n_steps": (0.0, 1e9), "batch_size": (0.0, 1e9), "n_epochs": (0.0, 1e6),
-    "buffer_size": (0.0, 1e12), "max_grad_norm": (0.0, 1e9),
-}  # fmt: skip
+    "gamma": (0.0, 1.0),
+    "gae_lambda": (0.0, 1.0),
+    "learning_rate": (0.0, 10.0),
+    "tau": (0.0, 1.0),
+    "clip_range": (0.0, 10.0),
+    "n_steps": (0.0, 1e9),
+    "batch_size": (0.0, 1e9),
+    "n_epochs": (0.0, 1e6),
+    "buffer_size": (0.0, 1e12),
+    "max_grad_norm": (0.0, 1e9),
+}
 """Range of hyperparameters: above the first value, at most the second."""
 
 _WHOLE = ("n_steps", "batch_size", "n_epochs", "buffer_size")

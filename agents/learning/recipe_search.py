@@ -36,9 +36,11 @@ Tick = Callable[[int, int, str], None]
 Distribution = optuna.distributions.BaseDistribution
 
 _FIXED = {
-    "algorithm": "use --algorithm", "task": "use --task", "evaluations": "trials are compared by it",
+    "algorithm": "use --algorithm",
+    "task": "use --task",
+    "evaluations": "trials are compared by it",
     "n_timesteps": "the longest training would win",
-}  # fmt: skip
+}
 _EASIER = {"sensor_noise", "max_episode_steps"}  # keys of env_kwargs that change the evaluation
 _WIDE = 10.0  # ratio of the ends from which a range is searched on a logarithmic scale
 
@@ -158,10 +160,19 @@ def _space(recipe: Recipe, vary: Mapping[str, str]) -> dict[str, Distribution]:
 
 
 def search_recipe(
-    recipe: Recipe, folder: Path, *, vary: Mapping[str, str] | None = None, trials: int = 20,
-    seeds: int = 1, fresh: int = 2, seed: int = 0, ship: str | None = None, device: str = "auto",
-    threads: int | None = None, tick: Tick = lambda done, total, said: None,
-) -> RecipeSearch:  # fmt: skip
+    recipe: Recipe,
+    folder: Path,
+    *,
+    vary: Mapping[str, str] | None = None,
+    trials: int = 20,
+    seeds: int = 1,
+    fresh: int = 2,
+    seed: int = 0,
+    ship: str | None = None,
+    device: str = "auto",
+    threads: int | None = None,
+    tick: Tick = lambda done, total, said: None,
+) -> RecipeSearch:
     """Search the hyperparameters of a recipe, or resume an interrupted search.
 
     Args:
@@ -190,9 +201,13 @@ def search_recipe(
     space = _space(recipe, asked)
     vessel = ship or get_task(recipe.task).vessel
     plan = {
-        "recipe": recipe.model_dump(), "vary": asked, "seeds": seeds, "seed": seed,
-        "ship": digest_of(repr(load_ship(vessel))), "source": sources(),
-    }  # fmt: skip
+        "recipe": recipe.model_dump(),
+        "vary": asked,
+        "seeds": seeds,
+        "seed": seed,
+        "ship": digest_of(repr(load_ship(vessel))),
+        "source": sources(),
+    }
     note = folder / "search.json"
     refuse_other_plan(folder, note, plan, "search")
     rows = read_json(note)["trials"] if note.is_file() else []
@@ -206,9 +221,16 @@ def search_recipe(
             tick(before * recipe.n_timesteps + min(done, all_steps), total, words)
 
         return train(
-            tried, one, at / str(one), ship=vessel, device=device, threads=threads,
-            plan_folder=folder / "plans", tick=on_the_way, **more,
-        )  # fmt: skip
+            tried,
+            one,
+            at / str(one),
+            ship=vessel,
+            device=device,
+            threads=threads,
+            plan_folder=folder / "plans",
+            tick=on_the_way,
+            **more,
+        )
 
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     for k in range(len(done), trials):
@@ -285,10 +307,12 @@ def _study(done: list[Trial], space: dict[str, Distribution], seed: int) -> optu
     for trial in done:
         try:
             finished = optuna.trial.create_trial(
-                state=states.PRUNED if trial.reward is None else states.COMPLETE, value=trial.reward,
-                params=trial.values, distributions=space,
+                state=states.PRUNED if trial.reward is None else states.COMPLETE,
+                value=trial.reward,
+                params=trial.values,
+                distributions=space,
                 intermediate_values=dict(enumerate(trial.rewards)),
-            )  # fmt: skip
+            )
             study.add_trial(finished)
         except ValueError:  # The given recipe can be outside the search space.
             continue

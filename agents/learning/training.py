@@ -53,9 +53,15 @@ _MODELS = {"ppo": PPO, "sac": SAC, "td3": TD3}
 _SHOWN = ("reward", "fuel_kg_nmi", "speed_error_rms_m_s", "torque_sd_kN_m", "failed")
 
 _SOURCES = (
-    "core", "plant", "observers", "baselines", "envs", "agents/learning", "agents/policy",
+    "core",
+    "plant",
+    "observers",
+    "baselines",
+    "envs",
+    "agents/learning",
+    "agents/policy",
     "agents/evaluation/clairvoyant.py",
-)  # fmt: skip
+)
 """Source code that determines the result of a training."""
 
 Tick = Callable[[int, int, str], None]
@@ -153,10 +159,14 @@ def build_model(
     """
     venv: Any = VecMonitor(
         _StaggeredFrigates(
-            recipe.n_envs, steered=get_task(recipe.task).steered, task=recipe.task, ship=ship,
-            threads=threads, **recipe.env_kwargs,
+            recipe.n_envs,
+            steered=get_task(recipe.task).steered,
+            task=recipe.task,
+            ship=ship,
+            threads=threads,
+            **recipe.env_kwargs,
         )
-    )  # fmt: skip
+    )
     if recipe.frame_stack > 1:
         venv = VecFrameStack(venv, recipe.frame_stack)
     set_random_seed(seed)
@@ -179,8 +189,9 @@ def extract_network(model: Any) -> Network:
     return Network(
         tuple(layer.weight.detach().cpu().numpy().copy() for layer in layers),
         tuple(layer.bias.detach().cpu().numpy().copy() for layer in layers),
-        "tanh" if smooth else "relu", squashed,
-    )  # fmt: skip
+        "tanh" if smooth else "relu",
+        squashed,
+    )
 
 
 def sources() -> str:
@@ -200,11 +211,17 @@ def git_commit() -> str | None:
 
 
 def train(
-    recipe: Recipe, seed: int, folder: str | Path, *, ship: str | None = None, device: str = "auto",
-    threads: int | None = None, plan_folder: str | Path | None = None,
+    recipe: Recipe,
+    seed: int,
+    folder: str | Path,
+    *,
+    ship: str | None = None,
+    device: str = "auto",
+    threads: int | None = None,
+    plan_folder: str | Path | None = None,
     tick: Tick = lambda done, total, said: None,
     after_evaluation: Callable[[list[float]], None] | None = None,
-) -> Path:  # fmt: skip
+) -> Path:
     """Train a policy, or resume an interrupted training.
 
     Args:
@@ -233,9 +250,11 @@ def train(
     vessel = load_ship(ship)
     content = digest_of(repr(vessel))
     plan = {
-        "recipe": recipe.model_dump(), "seed": seed, "ship": {"source": ship, "content": content},
+        "recipe": recipe.model_dump(),
+        "seed": seed,
+        "ship": {"source": ship, "content": content},
         "source": sources(),
-    }  # fmt: skip
+    }
     note = folder / "training.json"
     refuse_other_plan(folder, note, plan, "training")
     progress = Checkpoints(folder)
@@ -318,10 +337,14 @@ def evaluation_schedule(recipe: Recipe) -> tuple[int, int]:
 def about_training(recipe: Recipe, seed: int, ship: str, batch: Batch) -> dict[str, Any]:
     """Return the description of a policy for its file; ``batch`` is that of the training."""
     return {
-        "layout": layout(batch), "ship_source": ship, "control_interval_s": batch.interval_s,
-        "recipe": recipe.model_dump(), "seed": seed, "commit": git_commit(),
+        "layout": layout(batch),
+        "ship_source": ship,
+        "control_interval_s": batch.interval_s,
+        "recipe": recipe.model_dump(),
+        "seed": seed,
+        "commit": git_commit(),
         "torch": torch.__version__.split("+")[0],
-    }  # fmt: skip
+    }
 
 
 def reference(recipe: Recipe, ship: str, threads: int | None = None) -> tuple[str, float]:
@@ -343,9 +366,12 @@ def reference(recipe: Recipe, ship: str, threads: int | None = None) -> tuple[st
 
 
 def evaluate_policy(
-    policy: Predictor, recipe: Recipe, ship: str, threads: int | None,
+    policy: Predictor,
+    recipe: Recipe,
+    ship: str,
+    threads: int | None,
     first_sea: int = FIRST_EVALUATION_SEED,
-) -> dict[str, float]:  # fmt: skip
+) -> dict[str, float]:
     """Return interquartile means of KPIs over episodes of the task that training does not draw.
 
     ``first_sea`` is the seed of the first episode.
@@ -355,9 +381,13 @@ def evaluate_policy(
     }
     steps = environment.pop("max_episode_steps", None) or DEFAULTS.max_episode_steps or 1
     setting = Setting(
-        "policy", recipe.task, seeds=EVALUATION_EPISODES, ship=ship,
-        episode_s=steps * DEFAULTS.control_interval_s, **environment,
-    )  # fmt: skip
+        "policy",
+        recipe.task,
+        seeds=EVALUATION_EPISODES,
+        ship=ship,
+        episode_s=steps * DEFAULTS.control_interval_s,
+        **environment,
+    )
     kpis, _ = run_episodes(setting, policy, first_seed=first_sea, threads=threads)
     return {name: float(interquartile_mean(kpis[name])) for name in _SHOWN if name != "failed"} | {
         "failed": float(kpis["failed"].mean())

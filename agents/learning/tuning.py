@@ -76,13 +76,20 @@ def _free(
 
 
 def tune(
-    controller: str, task: str | Task | dict[str, Any], *,
+    controller: str,
+    task: str | Task | dict[str, Any],
+    *,
     ranges: Mapping[str, tuple[float, float]] | None = None,
-    rounds: int = 40, episodes: int = 24, episode_s: float = EPISODE_S, seed: int = 0,
-    observer: str = DEFAULTS.observer, ship: str | None = None, sea: str = "task",
+    rounds: int = 40,
+    episodes: int = 24,
+    episode_s: float = EPISODE_S,
+    seed: int = 0,
+    observer: str = DEFAULTS.observer,
+    ship: str | None = None,
+    sea: str = "task",
     threads: int | None = None,
     tick: Callable[[int, int, str], None] = lambda done, total, said: None,
-) -> TuningResult:  # fmt: skip
+) -> TuningResult:
     """Tune the constants of a controller on a task.
 
     Args:
@@ -127,9 +134,16 @@ def tune(
 
     def cell(text: str, seed: int) -> Setting:
         return Setting(
-            text, task if isinstance(task, str) else "own task", sea, observer, episodes, ship,
-            episode_s, task_model=model, first_seed=seed,
-        )  # fmt: skip
+            text,
+            task if isinstance(task, str) else "own task",
+            sea,
+            observer,
+            episodes,
+            ship,
+            episode_s,
+            task_model=model,
+            first_seed=seed,
+        )
 
     def simulate(text: str, seed: int) -> float:
         kpis, _ = run_episodes(cell(text, seed), make(text), threads=threads)
@@ -151,10 +165,14 @@ def tune(
 
 
 def _search(
-    parts: list[_Part], free: Mapping[tuple[int, str], tuple[float, float]],
-    simulate: Callable[[str], float], oscillates: Callable[[str], bool], rounds: int, seed: int,
+    parts: list[_Part],
+    free: Mapping[tuple[int, str], tuple[float, float]],
+    simulate: Callable[[str], float],
+    oscillates: Callable[[str], bool],
+    rounds: int,
+    seed: int,
     tick: Callable[[int, int, str], None],
-) -> tuple[str, float, int]:  # fmt: skip
+) -> tuple[str, float, int]:
     """Return the best controller of a search, its reward, and the number of candidates.
 
     The controller is an empty text if all best candidates oscillate. ``free`` has the range of each free
@@ -169,11 +187,15 @@ def _search(
 
     rng = np.random.default_rng(seed)
     settings = {
-        "bounds": [0.0, 1.0], "maxiter": rounds, "verbose": -9, "seed": np.nan,
-        "randn": lambda *shape: rng.standard_normal(shape), "verb_log": 0,
+        "bounds": [0.0, 1.0],
+        "maxiter": rounds,
+        "verbose": -9,
+        "seed": np.nan,
+        "randn": lambda *shape: rng.standard_normal(shape),
+        "verb_log": 0,
         # cma 4.5 fails if it limits the standard deviation of a single constant.
         "maxstd_boundrange": 1.0 / 3.0 if len(free) > 1 else np.inf,
-    }  # fmt: skip
+    }
     search = cma.CMAEvolutionStrategy(np.full(len(free), 0.5), _SPREAD, settings)
     best, most, candidates = "", -np.inf, 0
     for k in range(rounds):

@@ -126,13 +126,23 @@ def c_source(policy: Policy, name: str) -> str:
         source = target
     middle, half = batch.observed_scale
     return _TEMPLATE.format(
-        title=policy.summary().splitlines()[0], name=name, upper=name.upper(),
-        interval=policy.interval_s, width=width, frames=policy.frames, inputs=network.shape[0],
-        outputs=network.shape[1], middle=_numbers(middle), half=_numbers(half), bound=NORMALISED_BOUND,
+        title=policy.summary().splitlines()[0],
+        name=name,
+        upper=name.upper(),
+        interval=policy.interval_s,
+        width=width,
+        frames=policy.frames,
+        inputs=network.shape[0],
+        outputs=network.shape[1],
+        middle=_numbers(middle),
+        half=_numbers(half),
+        bound=NORMALISED_BOUND,
         measurements=_comment(_signal(name) for name in batch.observed),
-        actions=_comment(action_names(batch)), mode=action_meaning(batch),
-        layers="\n".join(layers), calls="\n".join(calls),
-    )  # fmt: skip
+        actions=_comment(action_names(batch)),
+        mode=action_meaning(batch),
+        layers="\n".join(layers),
+        calls="\n".join(calls),
+    )
 
 
 def action_names(batch: Batch) -> tuple[str, ...]:

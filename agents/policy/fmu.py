@@ -59,7 +59,13 @@ def export_policy(policy: Policy, path: Path) -> None:
     starts = [*middle, *[0.0] * (len(variables) - width)]
     about = f"policy: {policy.summary().splitlines()[0]}"
     model = Model(
-        about, variables, policy.interval_s, starts, width, width, _CODE,
+        about,
+        variables,
+        policy.interval_s,
+        starts,
+        width,
+        width,
+        _CODE,
         {"policy.c": c_source(policy, "policy")},
-    )  # fmt: skip
+    )
     write_fmu(path, model)

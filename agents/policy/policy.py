@@ -43,13 +43,24 @@ class PolicyError(ValueError):
 def layout(batch: Batch) -> dict[str, Any]:
     """Return the properties in which a policy and its environment must agree."""
     plant = batch.ship.record()
-    ranges = ("pitch_ratio_min", "pitch_ratio_max", "drive_min", "drive_max", "gear_ratio",
-              "engine_speed_min", "engine_speed_max")  # fmt: skip
+    ranges = (
+        "pitch_ratio_min",
+        "pitch_ratio_max",
+        "drive_min",
+        "drive_max",
+        "gear_ratio",
+        "engine_speed_min",
+        "engine_speed_max",
+    )
     return {
-        "format": FORMAT, "ship": batch.ship.name,
-        "ranges": {name: float(plant[name]) for name in ranges}, "observed": list(batch.observed),
-        "action_mode": batch.settings.action_mode, "command": batch.command, "actions": batch.actions,
-    }  # fmt: skip
+        "format": FORMAT,
+        "ship": batch.ship.name,
+        "ranges": {name: float(plant[name]) for name in ranges},
+        "observed": list(batch.observed),
+        "action_mode": batch.settings.action_mode,
+        "command": batch.command,
+        "actions": batch.actions,
+    }
 
 
 def _differences(own: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
@@ -142,9 +153,11 @@ class Policy:
 
     def __init__(
         self,
-        network: Network, about: Mapping[str, Any], ship: Ship | None = None,
+        network: Network,
+        about: Mapping[str, Any],
+        ship: Ship | None = None,
         curve: Mapping[str, list[float]] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.network, self.about, self.curve = network, dict(about), dict(curve or {})
         task = get_task(about["recipe"]["task"])
         self.ship = task.load_ship(about["ship_source"]) if ship is None else ship
@@ -171,14 +184,20 @@ class Policy:
         """Return one environment for which the policy is made, without an observer."""
         task = self.about["recipe"]["task"]
         settings = {
-            "ship": self.ship, "task": task, "observer": "none", "control_interval_s": self.interval_s,
-        }  # fmt: skip
+            "ship": self.ship,
+            "task": task,
+            "observer": "none",
+            "control_interval_s": self.interval_s,
+        }
         return Batch(1, Settings.of(settings | self.interface), get_task(task).steered)
 
     def predict(
-        self, observation: Any, state: Any = None, episode_start: Any = None,
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
         deterministic: bool = True,
-    ) -> tuple[NDArray[np.float32], Any]:  # fmt: skip
+    ) -> tuple[NDArray[np.float32], Any]:
         """Return actions for one observation or a batch of observations.
 
         Args:
@@ -290,8 +309,9 @@ def load_policy(source: str | Path, ship: Ship | None = None) -> Policy:
         network = Network(
             tuple(archive[f"weight_{i}"] for i in range(count)),
             tuple(archive[f"bias_{i}"] for i in range(count)),
-            about["activation"], bool(about["squashed"]),
-        )  # fmt: skip
+            about["activation"],
+            bool(about["squashed"]),
+        )
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise PolicyError(f"{path}: not a policy file ({error})") from None
     try:

@@ -107,11 +107,14 @@ def ekf(
     _refuse_diverged(runs, first, covariance)
     whiteness = _innovations(runs, last)
     remarks = [
-        *(f"{k} is at the end of its range in the filter, and is not identified" for k in own.at_bounds),
+        *(
+            f"{k} is at the end of its range in the filter, and is not identified"
+            for k in own.at_bounds
+        ),
         *_convergence_remarks(runs, last),
         *_information_remarks(runs, own),
         *_whiteness_remarks(whiteness),
-    ]  # fmt: skip
+    ]
     kept = {"estimates": _estimates_over_time(runs, first), "innovations": whiteness}
     return MethodResult(tuple(free), tuple(map(float, values)), covariance, kept, tuple(remarks))
 
@@ -137,10 +140,15 @@ class _FilterRuns:
         """Return a filter without measurements yet."""
         noises = self.noises
         return ShipFilter(
-            self.replay.ship, self.keys, parameter_spread=noises.numbers, noise=noises.readings,
-            state_spread=noises.states, state_walk=state_walk, parameter_walk=noises.parameter_walk,
+            self.replay.ship,
+            self.keys,
+            parameter_spread=noises.numbers,
+            noise=noises.readings,
+            state_spread=noises.states,
+            state_walk=state_walk,
+            parameter_walk=noises.parameter_walk,
             record=record,
-        )  # fmt: skip
+        )
 
     def run(self, values: Array, record: Any = None) -> tuple[list[FilterResult], ShipFilter]:
         """Run the filter over all recordings once, from these parameters."""

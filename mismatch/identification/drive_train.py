@@ -152,9 +152,14 @@ class LinearDrive:
 
 
 def from_poles(
-    fast: float, slow: float, zero: float, speed_gain: float, current_gain: float,
-    point: WorkingPoint, viscous: float = 0.0,
-) -> DriveTrain:  # fmt: skip
+    fast: float,
+    slow: float,
+    zero: float,
+    speed_gain: float,
+    current_gain: float,
+    point: WorkingPoint,
+    viscous: float = 0.0,
+) -> DriveTrain:
     """Return the six parameters from poles, zero and gains of a Bode plot and the working point.
 
     The paper prints only the result of this closed form, Table 5's column IV. The equations follow from

@@ -226,11 +226,16 @@ def fit(chosen: Free, measured: FrequencyResponse, method: str) -> ResponseFit:
     low, high = (bound / chosen.scale for bound in chosen.bounds)
     tried = [
         scipy.optimize.least_squares(
-            residual, np.clip(start / chosen.scale, low, high), bounds=(low, high), x_scale="jac",
-            xtol=1e-12, ftol=1e-12, gtol=1e-12,
+            residual,
+            np.clip(start / chosen.scale, low, high),
+            bounds=(low, high),
+            x_scale="jac",
+            xtol=1e-12,
+            ftol=1e-12,
+            gtol=1e-12,
         )
         for start in starts
-    ]  # fmt: skip
+    ]
     best: Any = min(tried, key=lambda one: float(one.cost))
     refuse_indistinct(chosen.keys, best.jac, method)
     variance = float(np.sum(best.fun**2)) / max(len(best.fun) - len(best.x), 1)
@@ -238,10 +243,11 @@ def fit(chosen: Free, measured: FrequencyResponse, method: str) -> ResponseFit:
         variance = max(variance, 1.0)
     unit = np.linalg.inv(best.jac.T @ best.jac)
     return ResponseFit(
-        best.x * chosen.scale, variance * unit * np.outer(chosen.scale, chosen.scale),
+        best.x * chosen.scale,
+        variance * unit * np.outer(chosen.scale, chosen.scale),
         float(np.sqrt(np.mean(best.fun[: -len(closing)] ** 2))),
         pd.DataFrame({"evaluation": np.arange(len(costs)), "cost": costs}),
-    )  # fmt: skip
+    )
 
 
 def closed_form(

@@ -167,9 +167,14 @@ class OutputError:
         freedom = 1.0 / np.maximum(np.sum(shares**2 / (2.0 * self._spare), axis=1), 1e-12)
         table = {"search": pd.DataFrame(self.steps)}
         return MethodResult(
-            self.free.keys, tuple(values), own[:, :count], table, score=fit.score, freedom=freedom,
+            self.free.keys,
+            tuple(values),
+            own[:, :count],
+            table,
+            score=fit.score,
+            freedom=freedom,
             joint=self._joint(values, fit, inverse),
-        )  # fmt: skip
+        )
 
     def _joint(self, values: Sequence[float], fit: Fit, covariance: Array) -> MethodResult:
         """Return the estimates of the free parameters and of those that moved within tolerances."""

@@ -45,9 +45,11 @@ SAME_POINT = 0.03  # largest relative difference of the working points of sines 
 
 
 def sine(
-    ship: Ship, tables: Iterable[pd.DataFrame], free: Sequence[str] | None = None,
+    ship: Ship,
+    tables: Iterable[pd.DataFrame],
+    free: Sequence[str] | None = None,
     tick: Tick = ignore_progress,
-) -> MethodResult:  # fmt: skip
+) -> MethodResult:
     """Estimate parameters of a ship from its response to sines of the command.
 
     Args:
@@ -191,9 +193,11 @@ def _frequency(demand: Array, interval_s: float) -> float | None:
         return float(np.sum((demand - fitted) ** 2))
 
     best = scipy.optimize.minimize_scalar(
-        left, bounds=(max(strongest - 1.0, 0.4) * unit, (strongest + 1.0) * unit), method="bounded",
+        left,
+        bounds=(max(strongest - 1.0, 0.4) * unit, (strongest + 1.0) * unit),
+        method="bounded",
         options={"xatol": 1e-7 * unit * strongest},
-    )  # fmt: skip
+    )
     variation = float(np.sum((demand - demand.mean()) ** 2))
     return float(best.x) if left(float(best.x)) < PURE**2 * variation else None
 
@@ -268,8 +272,10 @@ def _combine(parts: list[FrequencyResponse]) -> FrequencyResponse:
                 "frequency response needs one working point"
             )
     return FrequencyResponse(
-        demand, means, np.concatenate([part.frequency for part in parts]),
+        demand,
+        means,
+        np.concatenate([part.frequency for part in parts]),
         {c: np.concatenate([part.response[c] for part in parts]) for c in first.response},
         {c: np.concatenate([part.error[c] for part in parts]) for c in first.error},
         first.interval_s,
-    )  # fmt: skip
+    )

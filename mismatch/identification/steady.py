@@ -68,9 +68,11 @@ FEWEST = 2 * BLOCKS  # smallest number of rows of a plateau
 
 
 def steady(
-    ship: Ship, tables: Iterable[pd.DataFrame], free: Sequence[str] | None = None,
+    ship: Ship,
+    tables: Iterable[pd.DataFrame],
+    free: Sequence[str] | None = None,
     tick: Tick = ignore_progress,
-) -> MethodResult:  # fmt: skip
+) -> MethodResult:
     """Estimate parameters of a ship by least squares on its steady states.
 
     Args:
@@ -99,8 +101,10 @@ def steady(
     if currentless and CURRENT not in points:
         raise UnidentifiableError(
             f"{METHOD}: {currentless[0]} needs {CURRENT}; without it torque is identifiable in units of "
-            "K_e / R_a only, and both must be known", currentless[:1], chosen.keys,
-        )  # fmt: skip
+            "K_e / R_a only, and both must be known",
+            currentless[:1],
+            chosen.keys,
+        )
     values, covariance = solve(chosen, points)
     tick(METHOD, 2, 2)
     left = pd.DataFrame(balances(chosen.on(values), points))
@@ -111,9 +115,12 @@ def steady(
         "errors from the residuals of the balances"
     )
     return MethodResult(
-        chosen.keys, tuple(map(float, values)), covariance,
-        {"steady-states": shown, "fit": fit}, (remark,),
-    )  # fmt: skip
+        chosen.keys,
+        tuple(map(float, values)),
+        covariance,
+        {"steady-states": shown, "fit": fit},
+        (remark,),
+    )
 
 
 def steady_states(ship: Ship, tables: Iterable[pd.DataFrame]) -> pd.DataFrame:
@@ -171,15 +178,19 @@ def point_at(ship: Ship, plant: Any, values: Mapping[Any, float]) -> tuple[Equil
         blade = float(values.get("pitch_ratio", commanded))
     inflow, depth = (values.get(column) for column in WATER[::-1])
     inputs = Inputs(
-        float(values[drive_column(ship)]), blade,
+        float(values[drive_column(ship)]),
+        blade,
         inflow=0.0 if inflow is None else inflow - wake_inflow(plant, water_speed(plant, speed)),
         elevation=0.0 if depth is None else depth - ship.propeller.depth_m,
         rudder_command=float(values.get(RUDDER_COMMAND, values.get(RUDDER, 0.0))),
-    )  # fmt: skip
+    )
     bare = State(
-        blade, float(values[SHAFT_SPEED]), speed, sway_speed=float(values.get(SWAY_SPEED, 0.0)),
+        blade,
+        float(values[SHAFT_SPEED]),
+        speed,
+        sway_speed=float(values.get(SWAY_SPEED, 0.0)),
         yaw_rate=float(values.get(YAW_RATE, 0.0)),
-    )  # fmt: skip
+    )
     state = settle_lags(plant, bare, inputs)
     if ship.has_voltage and CURRENT in values:
         state = state._replace(motor_current=float(values[CURRENT]))

@@ -58,9 +58,11 @@ RAMP_ROWS = 20  # most rows of a voltage ramp that counts as a step at half of i
 
 
 def step(
-    ship: Ship, tables: Iterable[pd.DataFrame], free: Sequence[str] | None = None,
+    ship: Ship,
+    tables: Iterable[pd.DataFrame],
+    free: Sequence[str] | None = None,
     tick: Tick = ignore_progress,
-) -> MethodResult:  # fmt: skip
+) -> MethodResult:
     """Estimate parameters of a drive train from steady states and the steps between them.
 
     Args:
@@ -92,9 +94,10 @@ def step(
     currentless = [key for key in chosen.keys if key != INERTIA]
     if currentless and any(CURRENT not in table for table in tables):
         raise UnidentifiableError(
-            f"{METHOD}: {currentless[0]} needs {CURRENT}, which a recording lacks", currentless[:1],
+            f"{METHOD}: {currentless[0]} needs {CURRENT}, which a recording lacks",
+            currentless[:1],
             chosen.keys,
-        )  # fmt: skip
+        )
     states = steady_states(ship, tables)
     found = [one for table in tables for one in steps(ship, table)]
     if not found:
@@ -124,8 +127,10 @@ def step(
     if INDUCTANCE in moving and all(math.isnan(one.electric_s) for one in results):
         raise UnidentifiableError(
             f"{METHOD}: {INDUCTANCE}: the sampling interval of {interval_of(tables[0]):g} s is too long "
-            "for the electric transient; sample faster", [INDUCTANCE], chosen.keys,
-        )  # fmt: skip
+            "for the electric transient; sample faster",
+            [INDUCTANCE],
+            chosen.keys,
+        )
     passed = np.empty((len(moving), len(still)))  # derivatives by the steady parameters
     for i, size in enumerate(() if part is None else part.scale):
         shift = 1e-4 * size * np.eye(len(still))[i]
@@ -146,10 +151,12 @@ def step(
         for one, result in zip(found, results, strict=True)
     ]
     return MethodResult(
-        chosen.keys, tuple(map(float, every)), joint[np.ix_(order, order)],
+        chosen.keys,
+        tuple(map(float, every)),
+        joint[np.ix_(order, order)],
         {"steps": pd.DataFrame(rows, columns=STEP_COLUMNS), "steady-states": states},
         (f"{len(found)} step(s) between {len(states)} steady states",),
-    )  # fmt: skip
+    )
 
 
 def _by_step(base: Ship, results: list[StepResult], keys: list[str]) -> Array:
@@ -315,10 +322,11 @@ def _electric(train: DriveTrain, one: Step, inertia: float) -> tuple[float, floa
         return np.asarray(model.drive * fading / (1.0 + slow * electric))
 
     best = scipy.optimize.minimize_scalar(
-        lambda log: float(np.sum((seen - passed(math.exp(log))) ** 2)), method="bounded",
+        lambda log: float(np.sum((seen - passed(math.exp(log))) ** 2)),
+        method="bounded",
         bounds=(math.log(time[0] / 12.0), math.log(min(0.2 / abs(slow), 20.0 * reached))),
         options={"xatol": 1e-10},
-    )  # fmt: skip
+    )
     electric = math.exp(float(best.x))
     steep = (passed(1.001 * electric) - passed(electric)) / (0.001 * electric)
     noise = one.current_noise / abs(point.current * size)

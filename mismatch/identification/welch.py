@@ -50,9 +50,11 @@ NO_WEIGHT = 1e6  # error so large that a value has no weight
 
 
 def welch(
-    ship: Ship, tables: Iterable[pd.DataFrame], free: Sequence[str] | None = None,
+    ship: Ship,
+    tables: Iterable[pd.DataFrame],
+    free: Sequence[str] | None = None,
     tick: Tick = ignore_progress,
-) -> MethodResult:  # fmt: skip
+) -> MethodResult:
     """Estimate parameters of a ship from its response to noise on the command.
 
     Args:
@@ -123,11 +125,12 @@ def noise_response(
     hold = zero_order_hold(frequency, interval_s)
     lacking = {c: attenuation(whole[c], interval_s, frequency) for c in outputs}
     return replace(
-        about, frequency=frequency,
+        about,
+        frequency=frequency,
         response={c: part[:, 0] / hold for c, part in parts.items()},
         error={c: np.hypot(p[:, 1].real, lacking[c] * np.abs(p[:, 0])) for c, p in parts.items()},
         coherence={c: part[:, 2].real for c, part in parts.items()},
-    )  # fmt: skip
+    )
 
 
 def keep_coherent(measured: FrequencyResponse) -> FrequencyResponse:
@@ -144,11 +147,12 @@ def keep_coherent(measured: FrequencyResponse) -> FrequencyResponse:
             "record a stronger or longer excitation"
         )
     return replace(
-        measured, frequency=measured.frequency[kept],
+        measured,
+        frequency=measured.frequency[kept],
         response={c: v[kept] for c, v in measured.response.items()},
         error={c: np.where(clear[c], v, NO_WEIGHT)[kept] for c, v in measured.error.items()},
         coherence={c: v[kept] for c, v in measured.coherence.items()},
-    )  # fmt: skip
+    )
 
 
 def _is_noise(demand: NDArray[np.float64]) -> bool:
@@ -183,9 +187,14 @@ class _Line(NamedTuple):
 
 
 def _band(
-    runs: list[dict[str, NDArray[np.float64]]], demand: str, outputs: list[str], length: int,
-    low: float, high: float, interval_s: float,
-) -> list[_Line]:  # fmt: skip
+    runs: list[dict[str, NDArray[np.float64]]],
+    demand: str,
+    outputs: list[str],
+    length: int,
+    low: float,
+    high: float,
+    interval_s: float,
+) -> list[_Line]:
     """Return the responses of one part of the spectrum."""
     window = scipy.signal.get_window("hann", length)
     lines = 2.0 * math.pi * np.fft.rfftfreq(length, interval_s)

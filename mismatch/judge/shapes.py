@@ -28,11 +28,16 @@ LOOSE = 10.0
 """Prior standard deviation of a shape's values, in rms of its balance's residual: nearly free."""
 
 ADDED_TO = {
-    "engine": ("drive_torque", 1.0), "motor": ("drive_torque", 1.0),
-    "propeller": ("load_torque", -1.0), "load": ("load_torque", -1.0),
-    "hull": ("resistance", -1.0), "sway": ("side_force", 1.0), "yaw": ("yaw_moment", 1.0),
-    "thrust": ("thrust", 1.0), "pitch-actuator": ("pitch_rate", 1.0),
-}  # fmt: skip
+    "engine": ("drive_torque", 1.0),
+    "motor": ("drive_torque", 1.0),
+    "propeller": ("load_torque", -1.0),
+    "load": ("load_torque", -1.0),
+    "hull": ("resistance", -1.0),
+    "sway": ("side_force", 1.0),
+    "yaw": ("yaw_moment", 1.0),
+    "thrust": ("thrust", 1.0),
+    "pitch-actuator": ("pitch_rate", 1.0),
+}
 """Location in the model at which a balance's missing quantity is added, and its sign; the motor current
 has none, because it follows from the other states."""
 

@@ -129,9 +129,12 @@ NEARLY = 0.5
 
 
 def alternative_ships(
-    fitter: Fitter, selection: Selection, threshold: Callable[[Effect], float], verdict: str,
+    fitter: Fitter,
+    selection: Selection,
+    threshold: Callable[[Effect], float],
+    verdict: str,
     named: bool,
-) -> dict[str, Ship]:  # fmt: skip
+) -> dict[str, Ship]:
     """Return ships of the models that the recordings cannot distinguish from the reported one.
 
     Each has a rival in place of an identified effect. Where no effect is identified, each has an effect

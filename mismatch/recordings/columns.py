@@ -98,8 +98,12 @@ def unit_registry() -> Any:
     import pint
 
     units: Any = pint.UnitRegistry(cache_folder=None)
-    for spelling in ("newton_metre = newton * metre = Nm", "newton_millimetre = 1e-3 newton_metre = Nmm",
-                     "@alias knot = kn", "@alias revolutions_per_minute = RPM"):  # fmt: skip
+    for spelling in (
+        "newton_metre = newton * metre = Nm",
+        "newton_millimetre = 1e-3 newton_metre = Nmm",
+        "@alias knot = kn",
+        "@alias revolutions_per_minute = RPM",
+    ):
         units.define(spelling)
     return units
 
@@ -410,12 +414,21 @@ def _way_out(given: Any, unit: str, column: str) -> str:
 
 
 _EXAMPLES = {
-    "m/s": "knot, km/h or m/s", "rad/s": "rpm, rps, deg/s or rad/s", "rad": "deg or rad",
-    "N m": "kN m or N m", "N": "kN or N", "W": "kW, MW or hp", "kg/s": "kg/h, t/day or l/h",
-    "m": "m or ft", "mm": 'mm, cm or "percent of range"', "degC": "degC, degF or K", "s": "s, min or h",
-    "V": 'V, or "percent of range"', "A": "A or mA",
+    "m/s": "knot, km/h or m/s",
+    "rad/s": "rpm, rps, deg/s or rad/s",
+    "rad": "deg or rad",
+    "N m": "kN m or N m",
+    "N": "kN or N",
+    "W": "kW, MW or hp",
+    "kg/s": "kg/h, t/day or l/h",
+    "m": "m or ft",
+    "mm": 'mm, cm or "percent of range"',
+    "degC": "degC, degF or K",
+    "s": "s, min or h",
+    "V": 'V, or "percent of range"',
+    "A": "A or mA",
     "-": 'a pure number, "percent", "percent of range", or deg for a pitch',
-}  # fmt: skip
+}
 """Units that loggers use, by canonical unit."""
 
 
@@ -623,8 +636,10 @@ def _explained(item: dict[str, Any]) -> str:
         return f"{key} is missing"
     if item["type"] == "extra_forbidden":
         tables: dict[Any, type[BaseModel]] = {
-            "signals": SignalSource, "file": FileLayout, "rows": Rows
-        }  # fmt: skip
+            "signals": SignalSource,
+            "file": FileLayout,
+            "rows": Rows,
+        }
         known = ColumnMap if len(item["loc"]) == 1 else tables.get(item["loc"][0], Source)
         return f"{key} is not a known key (allowed: {', '.join(known.model_fields)})"
     return f"{key}: {what}"

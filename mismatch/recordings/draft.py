@@ -157,10 +157,13 @@ FOREIGN = frozenset((
 ))  # fmt: skip
 """Words of columns that are no canonical columns."""
 _ALLOWED = {
-    SHAFT_POWER: {"power"}, ELECTRIC_POWER: {"power"}, COURSE: {"track"}, "water_depth_m": {"depth"},
+    SHAFT_POWER: {"power"},
+    ELECTRIC_POWER: {"power"},
+    COURSE: {"track"},
+    "water_depth_m": {"depth"},
     "water_temperature_C": {"temp", "temperature"},
     **{column: {"wind"} for column in COLUMNS if "wind" in column},
-}  # fmt: skip
+}
 """Such words that a canonical column may have."""
 _NOT_WITH = {
     "motor_current_A": {"speed", "velocity", "direction"},
@@ -189,10 +192,9 @@ _BESIDES = frozenset(
 )
 """Words that a name of a single letter may have in addition."""
 
-_TURNS = (
-    dict.fromkeys(("1/min", "min-1", "min^-1", "r/min", "u/min", "rev/min", "rpm"), "rpm")
-    | dict.fromkeys(("1/s", "s-1", "s^-1", "hz", "rev/s", "r/s", "rps"), "rps")
-)  # fmt: skip
+_TURNS = dict.fromkeys(
+    ("1/min", "min-1", "min^-1", "r/min", "u/min", "rev/min", "rpm"), "rpm"
+) | dict.fromkeys(("1/s", "s-1", "s^-1", "hz", "rev/s", "r/s", "rps"), "rps")
 """Unit of revolutions for each spelling of loggers."""
 _COUNTS = ("rpm", "rps", "1/min", "min-1", "min^-1", "r/min", "u/min", "1/s", "hz")
 """Spellings that identify a shaft speed without its name."""

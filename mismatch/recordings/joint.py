@@ -242,9 +242,15 @@ def load_jointly(
     tables = tuple(r.table for r in loaded)
     water = all(recording.through_water for recording in loaded)
     return JointRecordings(
-        tables, len(loaded) - count, limits, warnings, common, True in steady, water,
+        tables,
+        len(loaded) - count,
+        limits,
+        warnings,
+        common,
+        True in steady,
+        water,
         True in measured,
-    )  # fmt: skip
+    )
 
 
 def refuse_too_few_rows(recordings: Sequence[Recording]) -> None:

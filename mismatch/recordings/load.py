@@ -274,10 +274,15 @@ def _with_over_ground_warning(parts: list[Recording]) -> list[Recording]:
 def check_argument_types(source: object, ship: object, columns: object) -> None:
     """Raise a TypeError that names the expected type if an argument has another type."""
     for name, given, types, expected in (
-        ("source", source, (str, os.PathLike, pd.DataFrame), "the path of a file or a pandas.DataFrame"),
+        (
+            "source",
+            source,
+            (str, os.PathLike, pd.DataFrame),
+            "the path of a file or a pandas.DataFrame",
+        ),
         ("ship", ship, Ship, 'a Ship, such as load_ship("frigate") returns'),
         ("columns", columns, (str, os.PathLike, type(None)), "the path of a column map, or None"),
-    ):  # fmt: skip
+    ):
         if not isinstance(given, types):  # type: ignore[arg-type]
             raise TypeError(f"{name} must be {expected}, not {type(given).__name__}")
 
@@ -594,9 +599,19 @@ def _finish(draft: _Draft) -> Recording:
     too_short = [] if draft.steady else length_limits([table], interval, ship)
     limits = (*too_short, *insufficient_excitation(table, ship, noise))
     return Recording(
-        draft.path, table, interval, noise, warnings, limits, signals, draft.steady, log,
-        draft.over_ground, draft.through_water, draft.measured_pitch,
-    )  # fmt: skip
+        draft.path,
+        table,
+        interval,
+        noise,
+        warnings,
+        limits,
+        signals,
+        draft.steady,
+        log,
+        draft.over_ground,
+        draft.through_water,
+        draft.measured_pitch,
+    )
 
 
 def fetch(

@@ -58,11 +58,20 @@ LONG = 3  # fewest characters of a unit suffix whose case is ignored
 
 _SIGNAL_K = {"navigation", "propulsion", "steering", "environment"}
 """Roots of Signal K paths, whose values have SI units and Hz."""
-_SIGNAL_K_UNITS = {SHAFT_SPEED: "Hz", "ship_speed_m_s": "m/s", OVER_GROUND: "m/s", COURSE: "rad",
-                   "wind_speed_m_s": "m/s", "wind_angle_rad": "rad", "water_depth_m": "m",
-                   "water_temperature_C": "K",
-                   HEADING: "rad", RUDDER: "rad",
-                   YAW_RATE: "rad/s", "shaft_torque_N_m": "N m"}  # fmt: skip
+_SIGNAL_K_UNITS = {
+    SHAFT_SPEED: "Hz",
+    "ship_speed_m_s": "m/s",
+    OVER_GROUND: "m/s",
+    COURSE: "rad",
+    "wind_speed_m_s": "m/s",
+    "wind_angle_rad": "rad",
+    "water_depth_m": "m",
+    "water_temperature_C": "K",
+    HEADING: "rad",
+    RUDDER: "rad",
+    YAW_RATE: "rad/s",
+    "shaft_torque_N_m": "N m",
+}
 
 
 @dataclass(frozen=True)

@@ -202,9 +202,11 @@ def survey(
     # Power divided by shaft speed is the torque.
     powers = {SHAFT_POWER} if ship.turns_freely else {SHAFT_POWER, ELECTRIC_POWER}
     useful = {
-        "shaft_torque_N_m": not powers & have, "ship_speed_m_s": ship.moves and OVER_GROUND not in have,
-        "motor_current_A": ship.has_voltage, "pitch_ratio": ship.has_variable_pitch,
-    }  # fmt: skip
+        "shaft_torque_N_m": not powers & have,
+        "ship_speed_m_s": ship.moves and OVER_GROUND not in have,
+        "motor_current_A": ship.has_voltage,
+        "pitch_ratio": ship.has_variable_pitch,
+    }
     wanted = [c for c in simulated_columns(ship) if c in COSTS and useful.get(c, True)]
     absent = {c: COSTS[c] for c in wanted if c not in have}
     needed = [c for c in input_columns(ship) if c not in have | stands_for]

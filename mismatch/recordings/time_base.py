@@ -119,8 +119,10 @@ def first_day(values: pd.Series, form: str | None = None) -> str | None:
 
 def _counted_on(clock: NDArray[Any]) -> Array:
     """Return the seconds of hours, minutes and seconds; each fall by half a day or more adds a day."""
-    parts = [[float(str(part).replace(",", ".")) if isinstance(part, str) else 0.0
-              for part in row] for row in clock]  # fmt: skip
+    parts = [
+        [float(str(part).replace(",", ".")) if isinstance(part, str) else 0.0 for part in row]
+        for row in clock
+    ]
     seconds = np.array(parts) @ [3600.0, 60.0, 1.0]
     falls = np.diff(seconds, prepend=seconds[0]) < -0.5 * _DAY_S
     seconds = seconds + _DAY_S * np.cumsum(falls)

@@ -118,8 +118,12 @@ def likely_unit_errors(column: str, ship: Ship) -> list[UnitError]:
         "rad/s": [_unit("rpm", _RPM), _unit("rps", 2.0 * math.pi)],
         "rad/s of a turn": [_unit("deg/s", math.pi / 180.0), _unit("deg/min", math.pi / 10800.0)],
         "rad": [_unit("deg", math.pi / 180.0), _unit("turn", 2.0 * math.pi)],
-        "N m": [_unit("kN m", 1e3), _unit("MN m", 1e6), _unit("tf m", 9806.65),
-                _unit("kgf m", 9.80665)],
+        "N m": [
+            _unit("kN m", 1e3),
+            _unit("MN m", 1e6),
+            _unit("tf m", 9806.65),
+            _unit("kgf m", 9.80665),
+        ],
         "m/s": [_unit("knot", KNOT), _unit("km/h", 1.0 / 3.6)],
         "N": [_unit("kN", 1e3), _unit("MN", 1e6), _unit("tf", 9806.65), _unit("kgf", 9.80665)],
         "V": [_unit("mV", 1e-3), _unit("kV", 1e3)],
@@ -127,7 +131,7 @@ def likely_unit_errors(column: str, ship: Ship) -> list[UnitError]:
         "W": [_unit("kW", 1e3), _unit("MW", 1e6), _unit("mW", 1e-3)],
         "mm": [_unit("m", 1e3), _unit("cm", 10.0)],
         "-": [UnitError("a blade angle in degrees", 0.04, 'unit = "deg"')],
-    }  # fmt: skip
+    }
     unit = BOUNDS[column][2]
     errors = list(by_unit.get(f"{unit} of a turn" if column == YAW_RATE else unit, []))
     if column in (ranges := command_ranges(ship)):

@@ -46,9 +46,12 @@ def _location(diagnosis: Outcome) -> dict[str, Any]:
 def _shape(shape: Shape) -> dict[str, Any]:
     """Return signal, units and points of a shape."""
     return {
-        "signal": shape.signal, "signal_unit": shape.signal_unit, "unit": shape.unit,
-        "knots": shape.knots.tolist(), "values": shape.values.tolist(),
-    }  # fmt: skip
+        "signal": shape.signal,
+        "signal_unit": shape.signal_unit,
+        "unit": shape.unit,
+        "knots": shape.knots.tolist(),
+        "values": shape.values.tolist(),
+    }
 
 
 def _balances(diagnosis: Outcome) -> dict[str, Any]:
@@ -60,13 +63,17 @@ def _balances(diagnosis: Outcome) -> dict[str, Any]:
         if balance.left is not None and balance.verdict != EXPLAINED:
             own = shape if shape is not None and shape.balance == balance.name else None
             left = {
-                "share": 1.0 - balance.explained, "low_Hz": balance.left.low_Hz,
-                "high_Hz": balance.left.high_Hz, "times_noise": balance.left.ratio,
+                "share": 1.0 - balance.explained,
+                "low_Hz": balance.left.low_Hz,
+                "high_Hz": balance.left.high_Hz,
+                "times_noise": balance.left.ratio,
                 "shape": None if own is None else _shape(own),
-            }  # fmt: skip
+            }
         found[balance.name] = {
-            "verdict": balance.verdict, "explained_share": balance.explained, "left": left,
-        }  # fmt: skip
+            "verdict": balance.verdict,
+            "explained_share": balance.explained,
+            "left": left,
+        }
     return found
 
 
@@ -109,16 +116,21 @@ def diagnosis_as_dict(diagnosis: Outcome) -> dict[str, Any]:
             wrong = {k: getattr(biased, k) for k in ("key", "file", "value", "gain")}
         effects.append(
             {
-                "id": effect.id, "balance": effect.balance, "form": effect.form,
-                "equivalent_ids": list(equivalent), "equation": effect.equation,
+                "id": effect.id,
+                "balance": effect.balance,
+                "form": effect.form,
+                "equivalent_ids": list(equivalent),
+                "equation": effect.equation,
                 "sentence": finding_sentence(f),
                 "parameters": {e.name: e.to_dict() | none for e in f.estimates},
-                "unmeasured": f.unmeasured, "implausible": f.implausible,
+                "unmeasured": f.unmeasured,
+                "implausible": f.implausible,
                 "evidence": {"score": f.score, "threshold": f.threshold},
-                "windows_s": [list(w) for w in f.windows], "split_by": effect.split_by,
+                "windows_s": [list(w) for w in f.windows],
+                "split_by": effect.split_by,
                 "wrong_number": wrong,
             }
-        )  # fmt: skip
+        )
     measured, held = diagnosis.measured, diagnosis.held_rows
     report: dict[str, Any] = {
         "verdict": diagnosis.verdict,
@@ -136,7 +148,8 @@ def diagnosis_as_dict(diagnosis: Outcome) -> dict[str, Any]:
         "balances": _balances(diagnosis),
         "fit": {
             "held_out": {
-                "before": diagnosis.fit_before, "after": diagnosis.fit_after,
+                "before": diagnosis.fit_before,
+                "after": diagnosis.fit_after,
                 "rms_before": rms_errors(measured, diagnosis.before, held),
                 "rms_after": rms_errors(measured, diagnosis.after, held),
                 "gain_2logL": diagnosis.held_out_gain,
@@ -150,13 +163,22 @@ def diagnosis_as_dict(diagnosis: Outcome) -> dict[str, Any]:
         "formula": formula_as_dict(diagnosis.formula),
         "explained_power": diagnosis.explained,
         "detectable": [
-            {"id": d.effect.id, "balance": d.effect.balance, "parameter": d.effect.parameters[0].name,
-             "smallest": d.value}
+            {
+                "id": d.effect.id,
+                "balance": d.effect.balance,
+                "parameter": d.effect.parameters[0].name,
+                "smallest": d.value,
+            }
             for d in diagnosis.detectable
         ],
         "ranking": [
-            {"id": c.effect.id, "balance": c.effect.balance, "form": c.effect.form, "score": c.gain,
-             "threshold": threshold}
+            {
+                "id": c.effect.id,
+                "balance": c.effect.balance,
+                "form": c.effect.form,
+                "score": c.gain,
+                "threshold": threshold,
+            }
             for c, threshold in diagnosis.ranking
         ],
         "numbers": parameters_as_dict(diagnosis),
@@ -164,7 +186,7 @@ def diagnosis_as_dict(diagnosis: Outcome) -> dict[str, Any]:
         "highest_Hz": diagnosis.highest_Hz,
         "limits": diagnosis.limits,
         "warnings": diagnosis.warnings,
-    }  # fmt: skip
+    }
     if diagnosis.shape is not None:
         evidence = {"score": diagnosis.shape.gain, "threshold": diagnosis.shape.threshold}
         balance = diagnosis.shape.balance

@@ -35,8 +35,13 @@ from .wording import axis_label, channel_name, number, scale_unit, superscript, 
 Array = NDArray[np.float64]
 
 MEASURED, BEFORE, AFTER, QUIET, HELD_OUT, WINDOW = (
-    "#1f2a44", "#d1495b", "#00798c", "#8d99ae", "#e9ecf1", "#f6e3b4",
-)  # fmt: skip
+    "#1f2a44",
+    "#d1495b",
+    "#00798c",
+    "#8d99ae",
+    "#e9ecf1",
+    "#f6e3b4",
+)
 """Colours of the recording, the nominal ship, the corrected ship, the background and two shadings."""
 
 BEFORE_LINE: dict[str, Any] = {"color": BEFORE, "linewidth": 1.25, "linestyle": (0, (3.5, 1.6))}
@@ -56,15 +61,26 @@ _SEA_Hz = (0.04, 0.4)
 _HUMP = 3.0
 
 QUANTITY = {
-    "engine": "torque", "motor": "torque", "propeller": "torque", "load": "torque",
-    "hull": "force", "sway": "force", "yaw": "moment", "thrust": "force",
+    "engine": "torque",
+    "motor": "torque",
+    "propeller": "torque",
+    "load": "torque",
+    "hull": "force",
+    "sway": "force",
+    "yaw": "moment",
+    "thrust": "force",
     "pitch-actuator": "pitch ratio",
-}  # fmt: skip
+}
 """Quantity of each balance's residual."""
 
 _UNKNOWN_TO_MATHTEXT = {
-    r"\le ": r"\leq ", r"\ge ": r"\geq ", r"\bigl(": "(", r"\bigr)": ")", r"\bigl|": "|", r"\bigr|": "|",
-}  # fmt: skip
+    r"\le ": r"\leq ",
+    r"\ge ": r"\geq ",
+    r"\bigl(": "(",
+    r"\bigr)": ")",
+    r"\bigl|": "|",
+    r"\bigr|": "|",
+}
 
 
 def panel(
@@ -189,8 +205,10 @@ def signals_to_show(diagnosis: Outcome) -> dict[str, tuple[Array, str, str]]:
     residual.
     """
     columns = {
-        "shaft_speed": "shaft_speed_rad_s", "ship_speed": "ship_speed_m_s", "pitch_ratio": "pitch_ratio",
-    }  # fmt: skip
+        "shaft_speed": "shaft_speed_rad_s",
+        "ship_speed": "ship_speed_m_s",
+        "pitch_ratio": "pitch_ratio",
+    }
     after = diagnosis.after
     found = {k: (after[c], *channel_name(c)) for k, c in columns.items() if c in after}
     found["drive"] = (diagnosis.drive, *channel_name(drive_column(diagnosis.ship)))
@@ -220,17 +238,24 @@ def regime_panels(diagnosis: Outcome) -> list[Figure]:
             stats = [(*bin_means(signal, values, size), colour) for values, colour in lines]
             factor, shown = scale_unit(max(float(np.abs(s[1]).max()) for s in stats), unit)
             figure, axes = panel(
-                f"{name} balance over {words}", axis_label(words, signal_unit),
+                f"{name} balance over {words}",
+                axis_label(words, signal_unit),
                 axis_label(f"missing {QUANTITY.get(name, '')}", shown),
-            )  # fmt: skip
+            )
             axes.axhline(0.0, color=MEASURED, linewidth=0.6)
             if shape is not None and shape.signal == key and shape.balance == name:
                 axes.plot(shape.knots, shape.values / factor, color=MEASURED, lw=1.2, ls="--")
             for x, mean, error, colour in stats:
                 axes.errorbar(
-                    x, mean / factor, yerr=error / factor, color=colour, markersize=3.2,
-                    fmt="o--" if colour == BEFORE else "o-", linewidth=1.0, capsize=2,
-                )  # fmt: skip
+                    x,
+                    mean / factor,
+                    yerr=error / factor,
+                    color=colour,
+                    markersize=3.2,
+                    fmt="o--" if colour == BEFORE else "o-",
+                    linewidth=1.0,
+                    capsize=2,
+                )
             drawn.append(with_label(figure, f"residual of the {name} balance over {words}"))
     return drawn
 
@@ -397,9 +422,14 @@ def spectrum_panels(diagnosis: Outcome) -> list[Figure]:
         if waves is not None:
             axes.axvspan(*waves, color=WINDOW, alpha=0.6, linewidth=0)
             axes.text(
-                float(np.sqrt(waves[0] * waves[1])), 0.03, "waves", transform=axes.get_xaxis_transform(),
-                ha="center", fontsize=8, color=MEASURED,
-            )  # fmt: skip
+                float(np.sqrt(waves[0] * waves[1])),
+                0.03,
+                "waves",
+                transform=axes.get_xaxis_transform(),
+                ha="center",
+                fontsize=8,
+                color=MEASURED,
+            )
         per_root = f"{superscript(unit)}/√Hz" if superscript(unit) else "1/√Hz"
         axes.set_ylabel(f"amplitude [{per_root}]", fontsize=8.8, labelpad=3)
         axes.set_xlim(frequency[0], frequency[-1])
@@ -467,9 +497,14 @@ def speed_power_panel(service: Service, mover: str = "engine") -> list[Figure]:
     if service.band is not None and service.changes:
         at, lower, upper = service.band
         axes.fill_between(
-            at / KNOT, lower / factor, upper / factor, color=AFTER, alpha=0.2, linewidth=0,
+            at / KNOT,
+            lower / factor,
+            upper / factor,
+            color=AFTER,
+            alpha=0.2,
+            linewidth=0,
             label="95 % interval",
-        )  # fmt: skip
+        )
     before, after = nominal.at("power", speed), corrected.at("power", speed)
     axes.axvline(speed / KNOT, color=QUIET, linewidth=0.8)
     axes.plot(speed / KNOT, before / factor, "o", color=BEFORE, markersize=4.5)

@@ -313,8 +313,10 @@ def identification_html(identification: Identification) -> str:
 def _sentence(identification: Identification) -> str:
     """Return which parameters were identified, and the channel whose fit improves most."""
     count, before, after = (
-        len(identification.estimates), identification.fit_before, identification.fit_after,
-    )  # fmt: skip
+        len(identification.estimates),
+        identification.fit_before,
+        identification.fit_after,
+    )
     plural = "s" if count > 1 else ""
     name, method = identification.ship.name, identification.method
     words = f"{name}: {count} parameter{plural} identified by {method}"

@@ -76,9 +76,21 @@ INDEX_PAGE, INDEX_TABLE = (
 )  # File names of the index as a page and as a table
 
 INDEX_COLUMNS = (
-    "recording", "ship", "date", "verdict", "balances", "found", "windows_s", "regime", "channel",
-    "fit_before", "fit_after", "sentence", "report", "error",
-)  # fmt: skip
+    "recording",
+    "ship",
+    "date",
+    "verdict",
+    "balances",
+    "found",
+    "windows_s",
+    "regime",
+    "channel",
+    "fit_before",
+    "fit_after",
+    "sentence",
+    "report",
+    "error",
+)
 """Columns of the index. ``fit_before`` and ``fit_after`` are FitPercent on the held-out data, of the
 channel whose fit the corrected ship improves most."""
 

@@ -24,16 +24,21 @@ def parameters_table(found: Monitoring) -> pd.DataFrame:
     for key, normal in found.baselines.items():
         own = found.changes[found.changes["key"] == key]
         row: dict[str, Any] = {
-            "key": key, "unit": found.units[key], "normal": normal.value,
+            "key": key,
+            "unit": found.units[key],
+            "normal": normal.value,
             "scatter": normal.scatter,
-        }  # fmt: skip
+        }
         if len(own):
             last = own.iloc[-1]
             row |= {
-                "last_change": last["change"], "last_half_95": last["half_95"],
-                "threshold": last["threshold"], "detection_limit": last["detection_limit"],
-                "alarms": int(own["alarm"].sum()), "recordings": len(own),
-            }  # fmt: skip
+                "last_change": last["change"],
+                "last_half_95": last["half_95"],
+                "threshold": last["threshold"],
+                "detection_limit": last["detection_limit"],
+                "alarms": int(own["alarm"].sum()),
+                "recordings": len(own),
+            }
         if (trend := found.trends.get(key)) is not None:
             row |= {"trend": trend.slope, "trend_half_95": trend.half_95}
         rows.append(row)
@@ -96,12 +101,19 @@ def monitoring_figure(found: Monitoring) -> Figure:
         first = np.arange(len(before)) - len(before)
         last = np.arange(len(after))
         for place, part, color, label in (
-            (first, before, PALETTE[1], "reference"), (last, after, "black", "later"),
-        ):  # fmt: skip
+            (first, before, PALETTE[1], "reference"),
+            (last, after, "black", "later"),
+        ):
             axis.errorbar(
-                place, part["estimate"], 1.96 * part["standard_error"], fmt="o", color=color,
-                markersize=4.0, linewidth=1.0, label=label,
-            )  # fmt: skip
+                place,
+                part["estimate"],
+                1.96 * part["standard_error"],
+                fmt="o",
+                color=color,
+                markersize=4.0,
+                linewidth=1.0,
+                label=label,
+            )
         loud = after["alarm"].to_numpy(bool)
         axis.plot(
             last[loud],
@@ -116,9 +128,12 @@ def monitoring_figure(found: Monitoring) -> Figure:
         if len(after):
             for sign in (-1.0, 1.0):
                 axis.plot(
-                    last, normal.value + sign * after["threshold"], color="grey", linestyle=":",
+                    last,
+                    normal.value + sign * after["threshold"],
+                    color="grey",
+                    linestyle=":",
                     label="threshold" if sign > 0.0 else None,
-                )  # fmt: skip
+                )
         axis.axvline(-0.5, color="grey", linewidth=0.8)
         axis.set_title(f"{key} [{found.units[key]}]", fontsize=8, loc="left")
         axis.set_xticks([])

@@ -127,9 +127,13 @@ class Document:
         """Write words at a distance from the left edge [inch] and at the height reached."""
         y = self.y + size * _POINT
         self.pages[-1].text(
-            x / PAGE_WIDTH, 1.0 - y / PAGE_HEIGHT, words, fontsize=size, parse_math=False,
+            x / PAGE_WIDTH,
+            1.0 - y / PAGE_HEIGHT,
+            words,
+            fontsize=size,
+            parse_math=False,
             **{"color": MEASURED, "va": "baseline", **style},
-        )  # fmt: skip
+        )
 
     def rule(self, colour: str = LINE, width: float = 0.7) -> None:
         """Draw a line across the text at the height reached."""
@@ -140,16 +144,27 @@ class Document:
     ) -> None:
         page = self.pages[-1]
         box = FancyBboxPatch(
-            (72.0 * x, 72.0 * (PAGE_HEIGHT - y - height)), 72.0 * width, 72.0 * height,
+            (72.0 * x, 72.0 * (PAGE_HEIGHT - y - height)),
+            72.0 * width,
+            72.0 * height,
             boxstyle=f"round,pad=0,rounding_size={72.0 * rounded}" if rounded else "square,pad=0",
-            facecolor=colour, edgecolor="none", transform=None,
-        )  # fmt: skip
+            facecolor=colour,
+            edgecolor="none",
+            transform=None,
+        )
         page.add_artist(box)
 
     def paragraph(
-        self, words: str, size: float = BODY, *, x: float = MARGIN, width: float = COLUMN,
-        bullet: bool = False, after: float = 0.07, **style: Any,
-    ) -> None:  # fmt: skip
+        self,
+        words: str,
+        size: float = BODY,
+        *,
+        x: float = MARGIN,
+        width: float = COLUMN,
+        bullet: bool = False,
+        after: float = 0.07,
+        **style: Any,
+    ) -> None:
         """Write a paragraph; a bullet indents it."""
         indent = 0.16 if bullet else 0.0
         bold = style.get("fontweight") == "bold"
@@ -172,9 +187,12 @@ class Document:
         self.paragraph(words, size, fontweight="bold", after=0.06)
 
     def table(
-        self, heads: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int] = (),
+        self,
+        heads: Sequence[str],
+        rows: Sequence[Sequence[str]],
+        right: Sequence[int] = (),
         size: float = SMALL,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Write a table; long cells are wrapped, and the heads are repeated on each page.
 
         Args:
@@ -194,9 +212,14 @@ class Document:
         self.y += 0.1
 
     def _row(
-        self, cells: Sequence[str], widths: Sequence[float], right: Sequence[int], size: float,
-        bold: bool, only_if_it_fits: bool = False,
-    ) -> bool:  # fmt: skip
+        self,
+        cells: Sequence[str],
+        widths: Sequence[float],
+        right: Sequence[int],
+        size: float,
+        bold: bool,
+        only_if_it_fits: bool = False,
+    ) -> bool:
         lines = [
             wrap(cell, width - CELL_GAP, size, bold)
             for cell, width in zip(cells, widths, strict=True)
@@ -241,8 +264,10 @@ class Document:
         """Return the file, with page numbers; equal content gives an equal file."""
         buffer = io.BytesIO()
         properties = {
-            "Title": self.title, "Creator": f"shaftline {version('shaftline')}", "CreationDate": None,
-        }  # fmt: skip
+            "Title": self.title,
+            "Creator": f"shaftline {version('shaftline')}",
+            "CreationDate": None,
+        }
         # TrueType letters can be searched and copied.
         # fontTools warns of the date of matplotlib's own font.
         logging.getLogger("fontTools.ttLib.tables._h_e_a_d").setLevel(logging.ERROR)
@@ -303,9 +328,13 @@ def resize(figure: Figure, width: float) -> float:
     title = axes.get_title("left")
     if (wide := text_width(title, TITLE_OF_PANEL, True)) > width - left:
         axes.set_title(
-            title, loc="left", fontsize=TITLE_OF_PANEL * (width - left) / wide, fontweight="bold",
-            color=MEASURED, pad=5,
-        )  # fmt: skip
+            title,
+            loc="left",
+            fontsize=TITLE_OF_PANEL * (width - left) / wide,
+            fontweight="bold",
+            color=MEASURED,
+            pad=5,
+        )
     return float(height)
 
 
@@ -346,10 +375,14 @@ def _write_first_page(
         heads = ["At service speed" if first.service.speed_m_s else "At the median command"]
         heads += ["Ship file", "As diagnosed", "Change"]
         rows = [
-            [f"{r.name} [{r.unit}]", r.before, r.after,
-             f"{r.change} ({r.interval})" if r.interval else r.change]
+            [
+                f"{r.name} [{r.unit}]",
+                r.before,
+                r.after,
+                f"{r.change} ({r.interval})" if r.interval else r.change,
+            ]
             for r in first.rows
-        ]  # fmt: skip
+        ]
         if not first.service.changes:
             heads, rows = heads[:2], [row[:2] for row in rows]
         document.table(heads, rows, right=range(1, len(heads)), size=SMALL + 0.5)
@@ -361,8 +394,10 @@ def _write_tiles(document: Document, tiles: list[Tile]) -> None:
     gap = 0.15
     width = (COLUMN - (len(tiles) - 1) * gap) / len(tiles)
     inside = width - 0.24
-    texts = [[line for t in (tile.interval, tile.detail) if t for line in wrap(t, inside, SMALL)]
-             for tile in tiles]  # fmt: skip
+    texts = [
+        [line for t in (tile.interval, tile.detail) if t for line in wrap(t, inside, SMALL)]
+        for tile in tiles
+    ]
     height = 0.72 + LEADING * SMALL * _POINT * max(map(len, texts))
     top = document.y
     for k, (tile, lines) in enumerate(zip(tiles, texts, strict=True)):
@@ -434,8 +469,10 @@ def _write_fits(document: Document, fields: dict[str, Any]) -> None:
     document.table(["FitPercent", "Nominal ship", "Corrected ship"], rows, right=(1, 2))
     document.paragraph(
         "FitPercent = 100 (1 − ‖measured − simulated‖ / ‖measured − mean‖), open loop: 100 is perfect, "
-        "0 is no better than the mean.", SMALL, color=SOFT,
-    )  # fmt: skip
+        "0 is no better than the mean.",
+        SMALL,
+        color=SOFT,
+    )
 
 
 def _write_finding(document: Document, effect: Any, card: dict[str, Any]) -> None:
@@ -460,12 +497,13 @@ def _write_finding(document: Document, effect: Any, card: dict[str, Any]) -> Non
     texts = [
         f"Time and regime: {card['when']}{regime}.",
         f"Evidence: 2 Δ log L = {card['score']}, threshold {card['threshold']}.",
-        f"This recording cannot distinguish it from {rivals}." if rivals
+        f"This recording cannot distinguish it from {rivals}."
+        if rivals
         else "No other effect fits this recording as well.",
         card["biased"],
         f"Easily confused: {', '.join(card['mistaken_for'])}." if card["mistaken_for"] else "",
         f"Data that distinguish them: {effect.split_by}." if effect.split_by else "",
-    ]  # fmt: skip
+    ]
     for words in filter(None, texts):
         document.paragraph(words, bullet=True, after=0.03)
 
@@ -494,9 +532,15 @@ def _write_parameters(document: Document, fields: dict[str, Any]) -> None:
         return
     document.heading("Parameters of the ship")
     heads = {
-        "key": "Key", "file": "Ship file", "value": "Estimate", "error": "Standard error",
-        "unit": "Unit", "change": "Change in tolerances", "source": "Source", "corrected": "Corrected",
-    }  # fmt: skip
+        "key": "Key",
+        "file": "Ship file",
+        "value": "Estimate",
+        "error": "Standard error",
+        "unit": "Unit",
+        "change": "Change in tolerances",
+        "source": "Source",
+        "corrected": "Corrected",
+    }
     rows = [[_plain(p[key]) for key in heads] for p in fields["parameters"]]
     document.table(list(heads.values()), rows, right=(1, 2, 3, 5, 7))
 

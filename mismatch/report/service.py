@@ -45,8 +45,11 @@ Floats = NDArray[np.float64]
 
 SHIP_SPEED = "ship_speed_m_s"
 ENGINE_POWER, SHAFT_POWER, FUEL, SHAFT_SPEED = (
-    "engine_power_kW", "shaft_power_kW", "fuel_t_d", "shaft_speed_rpm",
-)  # fmt: skip
+    "engine_power_kW",
+    "shaft_power_kW",
+    "fuel_t_d",
+    "shaft_speed_rpm",
+)
 EQUAL_POWER, EQUAL_COMMAND = "speed_at_equal_power_kn", "speed_at_equal_command_kn"
 SHAFT_TORQUE, THRUST = "shaft_torque_N_m", "thrust_N"
 
@@ -245,10 +248,13 @@ def _point(ship: Ship, point: Equilibrium) -> tuple[float, ...]:
     )
     brake = float(outputs.brake_torque)
     return (
-        float(state.ship_speed) - ship.hull.current_m_s, shafts * brake * engine_speed,
-        shafts * float(outputs.shaft_power), shafts * float(fuel_rate(plant, engine_speed, brake)),
-        float(state.shaft_speed), float(inputs.drive),
-    )  # fmt: skip
+        float(state.ship_speed) - ship.hull.current_m_s,
+        shafts * brake * engine_speed,
+        shafts * float(outputs.shaft_power),
+        shafts * float(fuel_rate(plant, engine_speed, brake)),
+        float(state.shaft_speed),
+        float(inputs.drive),
+    )
 
 
 def most_frequent_speed(speed: Floats) -> tuple[float, NDArray[np.bool_]]:
@@ -417,20 +423,26 @@ def _at_speed(diagnosis: Outcome) -> Service:
 
     mover = "engine" if ship.has_diesel else "drive"
     words_of = {
-        ENGINE_POWER: (f"{mover} power", "kW"), SHAFT_POWER: ("shaft power", "kW"),
-        FUEL: ("fuel", "t/d"), SHAFT_SPEED: ("shaft speed", "rpm"),
+        ENGINE_POWER: (f"{mover} power", "kW"),
+        SHAFT_POWER: ("shaft power", "kW"),
+        FUEL: ("fuel", "t/d"),
+        SHAFT_SPEED: ("shaft speed", "rpm"),
         command: (name, channel_name(command)[1]),
         EQUAL_POWER: (f"speed at equal {mover} power", "kn"),
         EQUAL_COMMAND: (f"speed at equal {name}", "kn"),
-    }  # fmt: skip
+    }
     if not ship.turns_freely:  # The command is the shaft speed.
         del words_of[command]
     beside = f", with {join_words(words)}" if words else ""
     return Service(
         f"Steady in calm water at {number(speed / KNOT)} kn ({number(speed)} m/s), {source}{beside}.",
-        speed, compared.quantities(words_of, values), (nominal, corrected), _band(compared),
-        list(_hidden(diagnosis, pitch, signals, speed)) if corrected is nominal else [], compared.note,
-    )  # fmt: skip
+        speed,
+        compared.quantities(words_of, values),
+        (nominal, corrected),
+        _band(compared),
+        list(_hidden(diagnosis, pitch, signals, speed)) if corrected is nominal else [],
+        compared.note,
+    )
 
 
 def command_words(ship: Ship) -> str:
@@ -480,18 +492,21 @@ def _at_command(diagnosis: Outcome) -> Service:
         return {name: value for name, value in found.items() if value != 0.0}
 
     words_of = {
-        SHAFT_SPEED: ("shaft speed", "rpm"), SHAFT_TORQUE: ("shaft torque", "N m"),
+        SHAFT_SPEED: ("shaft speed", "rpm"),
+        SHAFT_TORQUE: ("shaft torque", "N m"),
         ENGINE_POWER: ("engine power" if ship.has_diesel else "drive power", "kW"),
         THRUST: ("thrust", "N"),
-    }  # fmt: skip
+    }
     unit = channel_name(command)[1]
     compared = _Comparison.of(diagnosis, values)
     beside = f", with {join_words(words)}" if words else ""
     return Service(
         f"Steady at {number(drive)} {unit}, the median {command_words(ship)} of the recording{beside}. "
         "The hull is fixed, so the ship has no speed.",
-        None, compared.quantities(words_of, dict), note=compared.note,
-    )  # fmt: skip
+        None,
+        compared.quantities(words_of, dict),
+        note=compared.note,
+    )
 
 
 def interval_ships(diagnosis: Outcome) -> Iterator[tuple[Ship, Ship]]:

@@ -298,12 +298,13 @@ def _balances(diagnosis: Outcome) -> list[dict[str, str]]:
             "balance": b.name,
             "verdict": b.verdict,
             "explained": "" if b.verdict == NOTHING else percent(b.explained),
-            "residual": "noise" if b.left is None
+            "residual": "noise"
+            if b.left is None
             else f"{b.left.ratio:.3g} times the noise's power at {b.left.low_Hz:.2g} to "
             f"{b.left.high_Hz:.2g} Hz",
         }
         for b in diagnosis.balance_verdicts
-    ]  # fmt: skip
+    ]
 
 
 _OF_FINDING = ("effect", "balance", "evidence", "threshold", "indistinguishable from")
@@ -319,11 +320,16 @@ def _findings(diagnosis: Outcome) -> list[dict[str, str]]:
             low, high = ("" if finding.unmeasured else f"{end:.4g}" for end in estimate.ci95)
             row = {
                 "effect": f"{effect.id} ({effect.form})" if effect.form else effect.id,
-                "balance": effect.balance, "parameter": estimate.name,
-                "value": f"{estimate.value:.4g}", "95 % from": low, "to": high, "unit": estimate.unit,
-                "evidence": f"{finding.score:.1f}", "threshold": f"{finding.threshold:.1f}",
+                "balance": effect.balance,
+                "parameter": estimate.name,
+                "value": f"{estimate.value:.4g}",
+                "95 % from": low,
+                "to": high,
+                "unit": estimate.unit,
+                "evidence": f"{finding.score:.1f}",
+                "threshold": f"{finding.threshold:.1f}",
                 "indistinguishable from": ", ".join(others),
-            }  # fmt: skip
+            }
             if place > 0:
                 row |= dict.fromkeys(_OF_FINDING, "")
             rows.append(row)
@@ -341,10 +347,13 @@ def _fits(diagnosis: Outcome) -> list[dict[str, str]]:
         fit_before, fit_after = ("–" if fit is None else f"{fit:.1f}" for fit in fits)
         table.append(
             {
-                "channel": channel, "before": fit_before, "after": fit_after,
-                "rms before": f"{before[channel]:.4g}", "rms after": f"{after[channel]:.4g}",
+                "channel": channel,
+                "before": fit_before,
+                "after": fit_after,
+                "rms before": f"{before[channel]:.4g}",
+                "rms after": f"{after[channel]:.4g}",
                 "unit": channel_name(channel)[1],
                 "": "" if channel in diagnosis.fit_before else CONSTANT,
             }
-        )  # fmt: skip
+        )
     return table

@@ -170,11 +170,15 @@ def parameters_as_dict(diagnosis: Outcome) -> dict[str, Any]:
     """Return ``numbers`` of ``report.json``: values in the keys' units, ``moved`` in tolerances."""
     return {
         n.key: {
-            "file": n.file, "value": n.value, "se": n.standard_error, "moved": n.shifts,
-            "source": n.source, "corrected": n.corrected,
+            "file": n.file,
+            "value": n.value,
+            "se": n.standard_error,
+            "moved": n.shifts,
+            "source": n.source,
+            "corrected": n.corrected,
         }
         for n in diagnosis.parameters
-    }  # fmt: skip
+    }
 
 
 def biased_parameters(diagnosis: Outcome) -> list[BiasedParameter | None]:
@@ -306,12 +310,14 @@ def formula_as_dict(formula: Formula | None) -> dict[str, Any] | None:
         "coefficients": {e.name: e.to_dict() | {"unit": e.unit} for e in formula.estimates},
         "signals": list(formula.signals),
         "evidence": {
-            "score": formula.gain, "threshold": formula.threshold, "held_out": formula.held_out,
+            "score": formula.gain,
+            "threshold": formula.threshold,
+            "held_out": formula.held_out,
         },
         "or_equally": list(formula.rivals),
         "better_than": list(formula.better_than),
         "sentence": formula_sentence(formula),
-    }  # fmt: skip
+    }
 
 
 def formula_lines(formula: Formula) -> list[str]:
@@ -330,10 +336,14 @@ def formula_for_page(formula: Formula | None) -> dict[str, Any] | None:
     if formula is None:
         return None
     coefficients = [
-        {"name": e.name, "value": number(e.value),
-         "interval": " to ".join(number(end) for end in e.ci95), "unit": superscript(e.unit)}
+        {
+            "name": e.name,
+            "value": number(e.value),
+            "interval": " to ".join(number(end) for end in e.ci95),
+            "unit": superscript(e.unit),
+        }
         for e in formula.estimates
-    ]  # fmt: skip
+    ]
     return {
         "sentence": formula_sentence(formula),
         "coefficients": coefficients,

@@ -41,9 +41,14 @@ ROWS = 2000
 """Largest number of rows over which blocks are compared."""
 
 DERIVED = (
-    "advance_velocity", "submergence", "thrust", "propeller_torque", "brake_torque", "resistance",
+    "advance_velocity",
+    "submergence",
+    "thrust",
+    "propeller_torque",
+    "brake_torque",
+    "resistance",
     "pitch_rate",
-)  # fmt: skip
+)
 """Signals that are computed from other signals; they make a formula count as longer."""
 
 

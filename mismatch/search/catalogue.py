@@ -350,8 +350,9 @@ def _refuse_non_neutral(path: Path, label: str, term: Term) -> None:
         inputs, loads = InputSignals(*signals[:early]), LoadSignals(*signals[early:own])
         more = (0.0,) * MAX_STATES, tuple(signals[own:])
         added = [
-            *sum_input_terms(plant, inputs, *more), *sum_load_terms(plant, inputs, loads, *more)
-        ]  # fmt: skip
+            *sum_input_terms(plant, inputs, *more),
+            *sum_load_terms(plant, inputs, loads, *more),
+        ]
         adds.append(max(map(abs, added)) if np.isfinite(added).all() else math.nan)
     if np.isnan(adds).all():
         raise ValueError(

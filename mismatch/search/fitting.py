@@ -301,16 +301,24 @@ class Fitter:
         start = search.start
         if len(start) == 1:
             scipy.optimize.minimize_scalar(
-                loss, bounds=(start[0] - 1.5, start[0] + 1.5), method="bounded",
+                loss,
+                bounds=(start[0] - 1.5, start[0] + 1.5),
+                method="bounded",
                 options={"xatol": 0.005, "maxiter": 16},
-            )  # fmt: skip
+            )
         else:
             simplex = np.vstack([start, start + spread * np.eye(len(start))])
             scipy.optimize.minimize(
-                loss, start, method="Nelder-Mead",
-                options={"maxfev": evaluations, "xatol": 3e-3, "fatol": 0.05,
-                         "initial_simplex": simplex},
-            )  # fmt: skip
+                loss,
+                start,
+                method="Nelder-Mead",
+                options={
+                    "maxfev": evaluations,
+                    "xatol": 3e-3,
+                    "fatol": 0.05,
+                    "initial_simplex": simplex,
+                },
+            )
         return best[0]
 
     def estimates(self, fit: Fit, form: float = 0.0) -> list[tuple[Estimate, ...]]:

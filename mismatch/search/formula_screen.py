@@ -41,11 +41,16 @@ REACH = 10.0
 """Prior standard deviation of a coefficient, as a multiple of its least-squares value: nearly free."""
 
 LOCATIONS_OF_BALANCE = {
-    "engine": ("drive_torque", "drive"), "motor": ("drive_torque", "drive"),
-    "propeller": ("load_torque", "inflow_velocity"), "load": ("load_torque",),
-    "hull": ("resistance", "inflow_velocity"), "sway": ("side_force",), "yaw": ("yaw_moment",),
-    "thrust": ("thrust", "inflow_velocity"), "pitch-actuator": ("pitch_rate",),
-}  # fmt: skip
+    "engine": ("drive_torque", "drive"),
+    "motor": ("drive_torque", "drive"),
+    "propeller": ("load_torque", "inflow_velocity"),
+    "load": ("load_torque",),
+    "hull": ("resistance", "inflow_velocity"),
+    "sway": ("side_force",),
+    "yaw": ("yaw_moment",),
+    "thrust": ("thrust", "inflow_velocity"),
+    "pitch-actuator": ("pitch_rate",),
+}
 """Locations of a term for each balance. Thrust and resistance differ only if the thrust is measured."""
 
 
@@ -91,8 +96,14 @@ def locations_of(balances: Balances, names: Iterable[str]) -> list[str]:
 def balance_of_location(location: str, balances: Balances) -> str:
     """Return the measured balance in which a term at a location is reported."""
     mover = balances.prime_mover
-    only = {"drive": mover, "drive_torque": mover, "resistance": "hull", "side_force": "sway",
-            "yaw_moment": "yaw", "pitch_rate": "pitch-actuator"}  # fmt: skip
+    only = {
+        "drive": mover,
+        "drive_torque": mover,
+        "resistance": "hull",
+        "side_force": "sway",
+        "yaw_moment": "yaw",
+        "pitch_rate": "pitch-actuator",
+    }
     if location in only:
         return only[location]
     order = {

@@ -201,9 +201,15 @@ def _formula(search: FormulaSearch, trial: Trial, held: float, rivals: list[Tria
         parameter["value"] = estimate.value
     equations = tuple(f"{t.location}: {t.sized_effect.effect.equation}" for t in rivals)
     return Formula(
-        balance, Term.model_validate(tree), trial.blocks, estimates, trial.gain,
-        search.threshold(len(trial.blocks)), held, equations,
-    )  # fmt: skip
+        balance,
+        Term.model_validate(tree),
+        trial.blocks,
+        estimates,
+        trial.gain,
+        search.threshold(len(trial.blocks)),
+        held,
+        equations,
+    )
 
 
 @dataclass(frozen=True)

@@ -81,17 +81,21 @@ LARGEST_STEP = 0.05
 RATES = ("surge_rate", "sway_rate", "yaw_rate_rate")
 
 LOADS = np.dtype(
-    [(name, np.float64) for name in (
-        "drive", "load", "thrust", "push", "drag", "current", "electric", *RATES
-    )]
-)  # fmt: skip
+    [
+        (name, np.float64)
+        for name in ("drive", "load", "thrust", "push", "drag", "current", "electric", *RATES)
+    ]
+)
 """Loads of the model at a sample [N m, N, A, W]; also the accelerations of a ship that turns
 [m/s2, rad/s2]."""
 
 BALANCE_OF_RESIDUAL = {
-    "thrust": "propeller", "current": "motor", "load": "motor", "electric-power": "motor",
+    "thrust": "propeller",
+    "current": "motor",
+    "load": "motor",
+    "electric-power": "motor",
     "shaft-power": "propeller",
-}  # fmt: skip
+}
 """Balance of the model for each residual with another name."""
 
 STANDSTILL = 0.05
@@ -186,9 +190,14 @@ class Balances:
         acting = np.zeros(replay.rows, LOADS)
         states = self._states(channels, omega)
         _loads_at(
-            self._prompt, replay.drive_rows, states, self._rudder(channels), replay.inflow_rows,
-            replay.elevation_rows, acting,
-        )  # fmt: skip
+            self._prompt,
+            replay.drive_rows,
+            states,
+            self._rudder(channels),
+            replay.inflow_rows,
+            replay.elevation_rows,
+            acting,
+        )
         acceleration, speed = time_derivative(omega, dt), states["ship_speed"]
         meter, share = self._meter_torque(channels, omega)
         planar = self._planar_forces(states, acting) if self.turning else {}
@@ -310,7 +319,7 @@ def _loads_at(
         state = get_state(states[k])
         acts = inputs_without_sea(
             rack, state.pitch_ratio, inflow[k], elevation[k], 1.0, 0.0, 0.0, rudder[k], NO_SIGNALS
-        )  # fmt: skip
+        )
         acting = loads(plant, state, acts, state.pitch_ratio)
         found[k].drive = acting.drive_torque
         found[k].load = acting.load_torque
@@ -321,10 +330,15 @@ def _loads_at(
         found[k].electric = acting.electric_power
         if plant.turns != 0:
             surge, sway, yaw = planar_acceleration(
-                plant, acting.ahead, acting.across, state.yaw_rate, state.heading,
-                acting.push - acting.resistance + acting.surge_force, acting.side_force,
+                plant,
+                acting.ahead,
+                acting.across,
+                state.yaw_rate,
+                state.heading,
+                acting.push - acting.resistance + acting.surge_force,
+                acting.side_force,
                 acting.yaw_moment,
-            )  # fmt: skip
+            )
             found[k].surge_rate, found[k].sway_rate, found[k].yaw_rate_rate = surge, sway, yaw
 
 

@@ -123,9 +123,13 @@ class JointReplay:
         """Return a replay by another ship, of the same recordings or of other tables."""
         own = tables or [run.table for run in self.runs]
         return JointReplay(
-            ship, *own, line=self.line, every=self.every, steady=self.steady,
+            ship,
+            *own,
+            line=self.line,
+            every=self.every,
+            steady=self.steady,
             start_over_s=self.start_over_s,
-        )  # fmt: skip
+        )
 
     @property
     def rate_interval_s(self) -> float:
@@ -313,9 +317,10 @@ class LinearReplay(JointReplay):
         reasons = {
             "rows that are equilibria have no linear dynamic model": steady,
             "the linear replay has no equations of turning": ship.turns,
-            "the drive prescribes the shaft speed, which the linear replay does not model":
-                not ship.turns_freely,
-        }  # fmt: skip
+            "the drive prescribes the shaft speed, which the linear replay does not model": (
+                not ship.turns_freely
+            ),
+        }
         for reason, applies in reasons.items():
             if applies:
                 raise ValueError(f"{ship.name}: {reason}; use the nonlinear replay")

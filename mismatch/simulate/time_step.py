@@ -28,8 +28,8 @@ comparison. On a line, the command of a step is that of its middle, so that a lo
 to a quarter of a row; between two rows, a line is uncertain by more than that."""
 
 ABOUT = 0.1
-"""The same for a ship with identified effects, which lead by far more than the 0.01 by which 2 log L then
-changes for each row and channel. A delay between two multiples of the step is interpolated."""
+"""The same for a ship with identified effects, whose gain is far more than the 0.01 by which 2 log L
+then changes for each row and channel. A delay between two multiples of the step is interpolated."""
 
 
 def with_longest_time_step(

@@ -283,22 +283,30 @@ def _update_diagnosis(
     tried = [candidate.effect for candidate in selection.ranking]
     said = [*why, *remarks(best, problem), *plain_error_remarks(problem, best, corrected)]
     return replace(
-        first, verdict=verdict, corrected=corrected, after=after,
+        first,
+        verdict=verdict,
+        corrected=corrected,
+        after=after,
         residual_after=setting.balances.residuals_against(after),
         findings=[replace(finding, estimates=estimates) for finding, estimates in pairs],
-        shape=shape, shape_windows=[], shape_regime="", formula=None,
+        shape=shape,
+        shape_windows=[],
+        shape_regime="",
+        formula=None,
         balance_verdicts=balance_verdicts(whiteness, fit, setting.whiteness),
-        explained=float(shares[-1]), left_over=colour,
+        explained=float(shares[-1]),
+        left_over=colour,
         ranking=[(c, search.threshold(c.effect)) for c in selection.ranking],
         tried=tuple(dict.fromkeys([*first.tried, *(effect.label for effect in search.effects)])),
         detectable=detectable_effects(fitter, search.threshold, fit, tried),
-        fit_after=fit_percents(first.measured, after, problem.held_rows), held_out_gain=gain,
+        fit_after=fit_percents(first.measured, after, problem.held_rows),
+        held_out_gain=gain,
         warnings=[*together.warnings, *said],
         parameters=parameter_estimates(first.ship, problem, model, corrected),
         alternatives=alternative_ships(
             fitter, selection, search.threshold, verdict, bool(findings)
         ),
-    )  # fmt: skip
+    )
 
 
 def _strongest_first(best: Ranked, rests: list[Model]) -> tuple[Ranked, list[Model]]:

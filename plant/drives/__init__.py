@@ -86,6 +86,15 @@ def electric_power(
 
 
 __all__ = [
-    "DRIVES", "DcMotor", "Diesel", "Drive", "DriveOutput", "DriveStates", "SpeedSource",
-    "TorqueSource", "drive_output", "electric_power", "holding_torque",
-]  # fmt: skip
+    "DRIVES",
+    "DcMotor",
+    "Diesel",
+    "Drive",
+    "DriveOutput",
+    "DriveStates",
+    "SpeedSource",
+    "TorqueSource",
+    "drive_output",
+    "electric_power",
+    "holding_torque",
+]

@@ -37,8 +37,16 @@ class DcMotor(PrimeMover):
     type: Literal["dc-motor"] = Field(description="kind of drive")
 
     code, balance, electric = 1, "motor", True
-    demand = Signal("motor_voltage_demand", "U", "V", -1e5, 1e5, "demand", "motor_voltage_V",
-                    "voltage command to the motor's supply")  # fmt: skip
+    demand = Signal(
+        "motor_voltage_demand",
+        "U",
+        "V",
+        -1e5,
+        1e5,
+        "demand",
+        "motor_voltage_V",
+        "voltage command to the motor's supply",
+    )
     validity = (end_stops("motor voltage command", "V"),)
     steady_keys = (  # in the order of Vrijdag & Martelli 2021, eq. 23
         "transmission.coulomb_friction_engine_side_N_m",

@@ -38,8 +38,9 @@ class Diesel(PrimeMover):
     type: Literal["diesel"] = Field(description="kind of drive")
 
     code, balance = 0, "engine"
-    demand = Signal("fuel_rack_demand", "X", "mm", 0, 200, "demand", "fuel_rack_mm",
-                    "command to the fuel rack")  # fmt: skip
+    demand = Signal(
+        "fuel_rack_demand", "X", "mm", 0, 200, "demand", "fuel_rack_mm", "command to the fuel rack"
+    )
     steady_keys = (
         "prime_mover.torque_per_speed_N_m_s_rad",
         "prime_mover.torque_per_rack_N_m_mm",
@@ -52,12 +53,13 @@ class Diesel(PrimeMover):
     validity = (
         end_stops("fuel rack command", "mm"),
         Validity(
-            "engine speed", "rad/s",
+            "engine speed",
+            "rad/s",
             lambda plant, samples: plant["gear_ratio"] * samples["shaft_speed"],
             lambda plant: (float(plant["engine_speed_min"]), float(plant["engine_speed_max"])),
             "below it friction and ignition are assumed, above it the rack map is extrapolated",
         ),
-    )  # fmt: skip
+    )
 
     # fmt: off
     torque_per_speed_N_m_s_rad: float = parameter("a, torque per engine speed", "N m s/rad",

@@ -70,10 +70,12 @@ class PrimeMover(Section):
 def end_stops(quantity: str, unit: str) -> Validity:
     """Return the range of validity of a drive command (a noun phrase): its end stops."""
     return Validity(
-        quantity, unit, lambda _, samples: samples["drive"],
+        quantity,
+        unit,
+        lambda _, samples: samples["drive"],
         lambda plant: (float(plant["drive_min"]), float(plant["drive_max"])),
         "outside it the drive stays at its end stop",
-    )  # fmt: skip
+    )
 
 
 # Parameters that electric drives share.

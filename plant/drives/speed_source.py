@@ -20,12 +20,25 @@ class SpeedSource(PrimeMover):
     type: Literal["speed-command"] = Field(description="kind of drive")
 
     code, balance, holds_speed, electric = 3, "", True, True
-    demand = Signal("shaft_speed", "omega", "rad/s", -1e4, 1e4, "demand", "shaft_speed_rad_s",
-                    "speed at which the propeller shaft is held")  # fmt: skip
+    demand = Signal(
+        "shaft_speed",
+        "omega",
+        "rad/s",
+        -1e4,
+        1e4,
+        "demand",
+        "shaft_speed_rad_s",
+        "speed at which the propeller shaft is held",
+    )
     derived = (("speed_held", np.int64),)
 
-    speed_max_rad_s: float = parameter("highest speed of the propeller shaft, in either direction",
-        "rad/s", record="drive_max", gt=0, le=1e4)  # fmt: skip
+    speed_max_rad_s: float = parameter(
+        "highest speed of the propeller shaft, in either direction",
+        "rad/s",
+        record="drive_max",
+        gt=0,
+        le=1e4,
+    )
     drive_efficiency: float = DRIVE_EFFICIENCY
     idle_power_W: float = IDLE_POWER
 

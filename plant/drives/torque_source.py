@@ -25,8 +25,16 @@ class TorqueSource(PrimeMover):
     type: Literal["torque-command"] = Field(description="kind of drive")
 
     code, balance, gives_torque, electric = 2, "motor", True, True
-    demand = Signal("motor_torque_demand", "M_d", "N m", -1e8, 1e8, "demand", "motor_torque_N_m",
-                    "torque command to the drive")  # fmt: skip
+    demand = Signal(
+        "motor_torque_demand",
+        "M_d",
+        "N m",
+        -1e8,
+        1e8,
+        "demand",
+        "motor_torque_N_m",
+        "torque command to the drive",
+    )
     validity = (end_stops("motor torque command", "N m"),)
     steady_keys = (
         "transmission.coulomb_friction_engine_side_N_m",

@@ -145,9 +145,12 @@ def _summarise(runs: list[FilterRun], truth_turn: TurningCircle) -> tuple[Any, d
     tighter = 100.0 * (1.0 - widths / truth_turn.steady_diameter)
     return ratios, {
         **dict(zip(COEFFICIENTS, np.median(ratios, axis=0), strict=True)),
-        "diameter": widths.median(), "tighter [%]": tighter.median(),
-        "least": tighter.min(), "most": tighter.max(), "no turn": int(widths.isna().sum()),
-    }  # fmt: skip
+        "diameter": widths.median(),
+        "tighter [%]": tighter.median(),
+        "least": tighter.min(),
+        "most": tighter.max(),
+        "no turn": int(widths.isna().sum()),
+    }
 
 
 def measures(results: Results) -> dict[str, float]:
@@ -159,12 +162,15 @@ def measures(results: Results) -> dict[str, float]:
         "turn_tighter_percent": float(c["tighter [%]"]),
         "speed_loss_percent": 100.0 * (1.0 - turn.speed_ratio),
         "revolutions_loss_percent": 100.0 * (1.0 - turn.shaft_speed_ratio),
-        **{f"{name}_error_share_percent": 100.0 * float(c[f"{name}_rms_error"] / c[f"{name}_rms"])
-           for name in SIGNALS},
+        **{
+            f"{name}_error_share_percent": 100.0 * float(c[f"{name}_rms_error"] / c[f"{name}_rms"])
+            for name in SIGNALS
+        },
         "slowest_pole_without_noise_believed_in": float(runs.loc[("a", HEADLINE), "slowest pole"]),
         "turn_tighter_percent_noisy": float(runs.loc[("c", NOISIEST), "tighter [%]"]),
-        "nomoto_gain": own.gain, "nomoto_time": own.time,
-    }  # fmt: skip
+        "nomoto_gain": own.gain,
+        "nomoto_time": own.time,
+    }
 
 
 def cells_of(found: dict[str, float]) -> list[Cell]:
@@ -199,11 +205,18 @@ def page(tick: Tick) -> Page:
     found = measures(results)
     cells, truth = cells_of(found), results.truth_turn.steady_diameter
     body = fill_template(
-        Path(__file__).with_name("destroyer.md"), cells=cell_table(cells), lengths=LENGTHS,
-        terms=", ".join(NONLINEAR), averaged=100.0 * AVERAGED, seeds=SEEDS, noise=HEADLINE,
-        truth=truth, linear=results.linear_turn.steady_diameter, runs=_format_runs(results.runs),
+        Path(__file__).with_name("destroyer.md"),
+        cells=cell_table(cells),
+        lengths=LENGTHS,
+        terms=", ".join(NONLINEAR),
+        averaged=100.0 * AVERAGED,
+        seeds=SEEDS,
+        noise=HEADLINE,
+        truth=truth,
+        linear=results.linear_turn.steady_diameter,
+        runs=_format_runs(results.runs),
         intervals=_format_numbers(results.intervals),
-    )  # fmt: skip
+    )
     runs = {
         f"{row.pop('run')}, noise {row.pop('noise'):g}": {
             key: float(value) for key, value in row.items() if math.isfinite(value)
@@ -250,14 +263,21 @@ def _figure(results: Results) -> Figure:
     for (name, state), colour in zip(SIGNALS.items(), PALETTE, strict=False):
         label = f"{name}{' over U' if name == 'sway' else ', r L / U'}, estimated in (c)"
         unit, own = truth.units[state], results.examples["c"].states[state]
-        states += [Line(way, truth.track[state] / unit, width=1.6),
-                   Line(way, own / unit, label, colour, "--")]  # fmt: skip
+        states += [
+            Line(way, truth.track[state] / unit, width=1.6),
+            Line(way, own / unit, label, colour, "--"),
+        ]
     headings = [Line(way, np.degrees(truth.track["heading"]), "ship")]
     headings += [
-        Line(track["time_s"] / truth.length_s, np.degrees(track["heading_rad"]), f"identified, ({name})",
-             colour, "--")
+        Line(
+            track["time_s"] / truth.length_s,
+            np.degrees(track["heading_rad"]),
+            f"identified, ({name})",
+            colour,
+            "--",
+        )
         for colour, (name, track) in zip(PALETTE, results.zig_zags.items(), strict=False)
-    ]  # fmt: skip
+    ]
     turns = {"ship": results.truth_turn} | {
         f"identified, ({n})": t for n, t in results.turns.items()
     }

@@ -89,17 +89,29 @@ def compute_results(tick: Tick) -> Results:
             worst = np.abs(at - 1.0).max(axis=1)
             medians = zip(COEFFICIENTS, np.median(at, axis=0), strict=True)
             rows.append(
-                {**case, "minutes": minutes, "seeds": len(runs), **dict(medians),
-                 "median error": np.median(worst), "worst error": worst.max()}
-            )  # fmt: skip
+                {
+                    **case,
+                    "minutes": minutes,
+                    "seeds": len(runs),
+                    **dict(medians),
+                    "median error": np.median(worst),
+                    "worst error": worst.max(),
+                }
+            )
             if early is None:  # the first noise after three minutes: the median seed
                 early = at[np.argsort(worst)[len(worst) // 2]]
         widths = pd.Series([diameter(run.ratios[-1]) for run in runs])
         off = (widths / truth_turn.steady_diameter - 1.0).abs()
         turns.append(
-            {**case, "seeds": len(runs), "diameter": widths.median(), "median error": off.median(),
-             "worst error": off.max(), "no turn": int(widths.isna().sum())}
-        )  # fmt: skip
+            {
+                **case,
+                "seeds": len(runs),
+                "diameter": widths.median(),
+                "median error": off.median(),
+                "worst error": off.max(),
+                "no turn": int(widths.isna().sum()),
+            }
+        )
         tick()
     own = identified_ship(ship, early)
     poles = {
@@ -107,9 +119,15 @@ def compute_results(tick: Tick) -> Results:
         for name, one in (("ship", ship), ("half", identified_ship(ship, HALF)))
     }
     found = Results(
-        pd.DataFrame(rows), examples, pd.DataFrame(turns), truth_turn, steady_turn(own, SPEED),
-        zig_zag.zig_zag_track(own, SPEED, EXECUTES), diameter(HALF), poles,
-    )  # fmt: skip
+        pd.DataFrame(rows),
+        examples,
+        pd.DataFrame(turns),
+        truth_turn,
+        steady_turn(own, SPEED),
+        zig_zag.zig_zag_track(own, SPEED, EXECUTES),
+        diameter(HALF),
+        poles,
+    )
     tick()
     return found
 
@@ -156,14 +174,20 @@ def cells_of(found: dict[str, float]) -> list[Cell]:
         )
         for name, value in zip(COEFFICIENTS, ours, strict=True)
     ]
-    early = "Figure 2-4", "about 3 minutes to the exact value", 3.0, (
-        "a plotted curve on its end value, read as 3 %"
-    )  # fmt: skip
+    early = (
+        "Figure 2-4",
+        "about 3 minutes to the exact value",
+        3.0,
+        ("a plotted curve on its end value, read as 3 %"),
+    )
     late = "Figure 2-4", "the exact value", 2.0, "a plotted curve on its end value, read as 2 %"
     circle = "Figure 2-7", "less than 5 %", 5.0, WORDS
-    headings = "Figure 2-5", "very small error", 0.5, (
-        "the width of a plotted line, read as 0.5 degrees of 10"
-    )  # fmt: skip
+    headings = (
+        "Figure 2-5",
+        "very small error",
+        0.5,
+        ("the width of a plotted line, read as 0.5 degrees of 10"),
+    )
     fitted, free = Kind.CALIBRATED, Kind.FREE
     rows = (
         (early, "worst coefficient, 3 min, R = 1e-8 [%]", "worst_error_percent_3_min", fitted),
@@ -200,9 +224,14 @@ def page(tick: Tick) -> Page:
         for table in (results.twins, results.turns)
     )
     body = fill_template(
-        Path(__file__).with_name("esso_osaka.md"), cells=cell_table(cells), minutes=MINUTES[-1],
-        seeds=SEEDS, twins=twins, turns=turns, results=results,
-    )  # fmt: skip
+        Path(__file__).with_name("esso_osaka.md"),
+        cells=cell_table(cells),
+        minutes=MINUTES[-1],
+        seeds=SEEDS,
+        twins=twins,
+        turns=turns,
+        results=results,
+    )
     numbers = dict(found)
     for minutes, variance in ((3, 1e-8), (20, 1e-4)):
         own = row_at(results, variance, minutes)

@@ -49,15 +49,28 @@ def simulate_fall(
     body = AugmentedFilter(
         rate, height, TRUE_START, [beta], covariance=np.zeros(3), noise=RANGE_VARIANCE
     )
-    own = AugmentedFilter(rate, height, ASSUMED_START, [ASSUMED_BETA], covariance=START_VARIANCES,
-                          noise=RANGE_VARIANCE)  # fmt: skip
+    own = AugmentedFilter(
+        rate,
+        height,
+        ASSUMED_START,
+        [ASSUMED_BETA],
+        covariance=START_VARIANCES,
+        noise=RANGE_VARIANCE,
+    )
     rows = []
     for k in range(1, round(SECONDS / update_s) + 1):
         body.predict(None, update_s)
         own.predict(None, update_s)
         own.update(body.z[0] + noise_ft * rng.standard_normal())
-        rows.append((k * update_s, body.z[0], own.z[1] - body.z[1], own.parameters[0],
-                     own.standard_errors[2]))  # fmt: skip
+        rows.append(
+            (
+                k * update_s,
+                body.z[0],
+                own.z[1] - body.z[1],
+                own.parameters[0],
+                own.standard_errors[2],
+            )
+        )
     columns = ["time_s", "height_ft", "velocity_error_ft_s", "beta", "beta_sd"]
     return pd.DataFrame(rows, columns=columns)
 

@@ -25,9 +25,11 @@ SEEDS = (1, 2, 3, 4)
 SECONDS = 900.0
 
 NOISE = {
-    "pitch_ratio": 0.004, "shaft_speed_rad_s": 0.01, "shaft_torque_N_m": 1.5e3,
+    "pitch_ratio": 0.004,
+    "shaft_speed_rad_s": 0.01,
+    "shaft_torque_N_m": 1.5e3,
     "ship_speed_m_s": 0.05,
-}  # fmt: skip
+}
 """Rms noise of the instruments at 20 Hz."""
 
 GROWTH = ([0.0, 1800.0, 5400.0, 7200.0], [0.0, 0.0, 0.2, 0.2])
@@ -59,9 +61,10 @@ def simulate_run(
     begin = equilibrium(ship, rack[0], pitch[0]).state
     samples = simulate(ship, schedule, seconds, initial=begin, sea=waves)
     columns = {
-        "time_s": samples["time"], drive_column(ship): samples["drive"],
+        "time_s": samples["time"],
+        drive_column(ship): samples["drive"],
         "pitch_ratio_command": samples["pitch_command"],
-    }  # fmt: skip
+    }
     for column, noise in NOISE.items():
         columns[column] = samples[MEASURED[column]] + noise * rng.standard_normal(len(samples))
     return samples, pd.DataFrame(columns)
@@ -77,12 +80,19 @@ def estimate_from_recordings(tick: Tick) -> pd.DataFrame:
             found = ekf(ship, [table], tuple(CONCEALED))
             last = found.tables["estimates"].iloc[-1]
             rows += [
-                {"sea": sea, "seed": seed, "key": key, "truth": CONCEALED[key], "found": value,
-                 "own error": float(last[f"{key} se"]), "standard error": float(error)}
+                {
+                    "sea": sea,
+                    "seed": seed,
+                    "key": key,
+                    "truth": CONCEALED[key],
+                    "found": value,
+                    "own error": float(last[f"{key} se"]),
+                    "standard error": float(error),
+                }
                 for key, value, error in zip(
                     found.keys, found.values, found.standard_errors, strict=True
                 )
-            ]  # fmt: skip
+            ]
             tick()
     return pd.DataFrame(rows)
 
@@ -116,11 +126,16 @@ def follow_growth(sea: str, seed: int) -> tuple[pd.DataFrame, dict[str, float]]:
     own = ekf(ship, [coarse], (FOULING,), parameter_walk={FOULING: 1e-3}).tables["estimates"]
     time = samples["time"][::20]
     found = pd.DataFrame(
-        {"time_s": time, "truth": np.interp(time, *GROWTH), "observer": number[::20],
-         "observer sd": deviation[::20], "observer, torque meter 1 % off": biased[::20],
-         "filter": np.interp(time, own["time_s"], own[FOULING]),
-         "filter sd": np.interp(time, own["time_s"], own[f"{FOULING} se"])}
-    )  # fmt: skip
+        {
+            "time_s": time,
+            "truth": np.interp(time, *GROWTH),
+            "observer": number[::20],
+            "observer sd": deviation[::20],
+            "observer, torque meter 1 % off": biased[::20],
+            "filter": np.interp(time, own["time_s"], own[FOULING]),
+            "filter sd": np.interp(time, own["time_s"], own[f"{FOULING} se"]),
+        }
+    )
     errors = {}
     for name in ("augmented-kalman", "random-walk-kalman"):
         velocity, _ = follow(get_observer(name), ship, read, dt)

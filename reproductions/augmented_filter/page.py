@@ -31,10 +31,11 @@ COMPARED = "noise of 10 ft, ten a second"
 """Measurements that are compared with the thesis, in which the position is measured with noise."""
 
 WORDS = (
-    "very accurately", "does not change much initially",
+    "very accurately",
+    "does not change much initially",
     "converges as the object enters the dense atmosphere",
     "converges to the true value and remains there",
-)  # fmt: skip
+)
 """Words of the thesis on figure A-2, by quantity of :data:`.falling_body.LIMITS`."""
 
 TICKS = len(BETAS) * len(FALLS) + len(frigate.SEAS) * (len(frigate.SEEDS) + 1)
@@ -60,10 +61,16 @@ def compute_results(tick: Tick) -> Results:
             falls = [falling_body.simulate_fall(beta, k, update_s, noise) for k in range(seeds)]
             errors = np.array([falling_body.largest_errors(fall, beta) for fall in falls])
             rows += [
-                {"beta": beta, "readings": name, "quantity": quantity, "seeds": seeds,
-                 "median": np.median(values), "worst": values.max()}
+                {
+                    "beta": beta,
+                    "readings": name,
+                    "quantity": quantity,
+                    "seeds": seeds,
+                    "median": np.median(values),
+                    "worst": values.max(),
+                }
                 for quantity, values in zip(LIMITS, errors.T, strict=True)
-            ]  # fmt: skip
+            ]
             tick()
     fall = {beta: falling_body.simulate_fall(beta, 0) for beta in BETAS}
     identified = frigate.estimate_from_recordings(tick)
@@ -79,11 +86,17 @@ def cells_of(results: Results) -> list[Cell]:
     """Return the sentences on figure A-2 with ours, the median of the seeds."""
     words, falls = dict(zip(LIMITS, WORDS, strict=True)), results.falls
     return [
-        claim(f"Figure A-2, {line.quantity}", f"true beta {line.beta:g}", float(line.median),
-              words[line.quantity], 0.0, LIMITS[line.quantity],
-              "our limit for the words, which name no number")
+        claim(
+            f"Figure A-2, {line.quantity}",
+            f"true beta {line.beta:g}",
+            float(line.median),
+            words[line.quantity],
+            0.0,
+            LIMITS[line.quantity],
+            "our limit for the words, which name no number",
+        )
         for line in falls[falls["readings"] == COMPARED].itertuples()
-    ]  # fmt: skip
+    ]
 
 
 def fall_table(results: Results) -> pd.DataFrame:
@@ -107,13 +120,17 @@ def _identified_table(results: Results) -> pd.DataFrame:
     """Return the rms errors of the frigate's parameters over the seeds, and their standard errors."""
     groups = results.identified.groupby(["sea", "key"], sort=False)
     return pd.DataFrame(
-        {"sea": sea, "key": key, "truth": f"{own['truth'].iloc[0]:g}",
-         "mean estimate": f"{own['found'].mean():.5g}",
-         "rms error": f"{rms(own['found'] - own['truth']):.2g}",
-         "standard error of the filter": f"{own['own error'].mean():.2g}",
-         "reported, with tolerances": f"{own['standard error'].mean():.2g}"}
+        {
+            "sea": sea,
+            "key": key,
+            "truth": f"{own['truth'].iloc[0]:g}",
+            "mean estimate": f"{own['found'].mean():.5g}",
+            "rms error": f"{rms(own['found'] - own['truth']):.2g}",
+            "standard error of the filter": f"{own['own error'].mean():.2g}",
+            "reported, with tolerances": f"{own['standard error'].mean():.2g}",
+        }
         for (sea, key), own in groups
-    )  # fmt: skip
+    )
 
 
 def _growth_table(results: Results) -> pd.DataFrame:
@@ -125,21 +142,31 @@ def _growth_table(results: Results) -> pd.DataFrame:
         for name in ("observer", BIASED, "filter"):
             error = later[name] - later["truth"]
             rows.append(
-                {"sea": sea, "estimator": name, "rms error": rms(error),
-                 "largest error": float(error.abs().max()),
-                 "mean error during growth": float(error[grows].mean())}
-            )  # fmt: skip
+                {
+                    "sea": sea,
+                    "estimator": name,
+                    "rms error": rms(error),
+                    "largest error": float(error.abs().max()),
+                    "mean error during growth": float(error[grows].mean()),
+                }
+            )
     return pd.DataFrame(rows)
 
 
 def body(results: Results) -> str:
     """Return the page below its title."""
     return fill_template(
-        Path(__file__).with_name("page.md"), falls=fall_table(results), results=results,
-        assumed=falling_body.ASSUMED_BETA, identified=_identified_table(results),
-        growth=_growth_table(results), friction=frigate.CONCEALED[frigate.FRICTION],
-        seconds=frigate.SECONDS, seeds=len(frigate.SEEDS), fouling=frigate.CONCEALED[frigate.FOULING],
-    )  # fmt: skip
+        Path(__file__).with_name("page.md"),
+        falls=fall_table(results),
+        results=results,
+        assumed=falling_body.ASSUMED_BETA,
+        identified=_identified_table(results),
+        growth=_growth_table(results),
+        friction=frigate.CONCEALED[frigate.FRICTION],
+        seconds=frigate.SECONDS,
+        seeds=len(frigate.SEEDS),
+        fouling=frigate.CONCEALED[frigate.FOULING],
+    )
 
 
 def figure(results: Results) -> Figure:

@@ -40,9 +40,11 @@ STATE_SPMEASURED = 1e-3
 """Standard deviation of each state at the start [-]: the straight course is known."""
 
 MEASURED = {
-    "ship_speed_m_s": "ship_speed", columns.SWAY_SPEED: "sway_speed", columns.YAW_RATE: "yaw_rate",
+    "ship_speed_m_s": "ship_speed",
+    columns.SWAY_SPEED: "sway_speed",
+    columns.YAW_RATE: "yaw_rate",
     columns.SHAFT_SPEED: "shaft_speed",
-}  # fmt: skip
+}
 """Measured columns, and the states that they measure."""
 
 
@@ -102,12 +104,16 @@ def simulate_zig_zag(ship: Ship, speed_m_s: float, seconds: float, executes: int
         raise ValueError(f"{executes} executes take {end:g} s, less than {seconds:g} s")
     whole = whole[whole["time_s"] < seconds + 0.5 * STEP_S]
     track = pd.DataFrame(
-        {"time_s": whole["time_s"],
-         "ship_speed": whole["speed_m_s"] * np.cos(whole["drift_rad"]),
-         "sway_speed": -whole["speed_m_s"] * np.sin(whole["drift_rad"]),
-         "yaw_rate": whole["yaw_rate_rad_s"], "shaft_speed": whole["shaft_speed_rad_s"],
-         "heading": whole["heading_rad"], "rudder": whole["rudder_rad"]}
-    )  # fmt: skip
+        {
+            "time_s": whole["time_s"],
+            "ship_speed": whole["speed_m_s"] * np.cos(whole["drift_rad"]),
+            "sway_speed": -whole["speed_m_s"] * np.sin(whole["drift_rad"]),
+            "yaw_rate": whole["yaw_rate_rad_s"],
+            "shaft_speed": whole["shaft_speed_rad_s"],
+            "heading": whole["heading_rad"],
+            "rudder": whole["rudder_rad"],
+        }
+    )
     point, length = approach(own, speed_m_s), ship.manoeuvring.length_m
     units = dict.fromkeys(("ship_speed", "sway_speed"), speed_m_s)
     units |= {"yaw_rate": speed_m_s / length, "shaft_speed": float(point.state.shaft_speed)}
@@ -163,13 +169,14 @@ def run_filter(truth: Truth, model: Ship, table: pd.DataFrame, tuning: Tuning) -
     read = {c: s for c, s in MEASURED.items() if c != columns.drive_column(start)}
     drift, wander = (math.sqrt(q / truth.length_s) for q in tuning[1:])
     own = ShipFilter(
-        start, KEYS,
+        start,
+        KEYS,
         parameter_spread=dict(zip(KEYS, theta, strict=True)),
         noise={c: math.sqrt(tuning.variance) * units[s] for c, s in read.items()},
         state_spread={name: STATE_SPMEASURED * unit for name, unit in units.items()},
         state_walk={state: drift * units[state] for state in read.values()},
         parameter_walk=dict.fromkeys(KEYS, wander),
-    )  # fmt: skip
+    )
     found = own.follow(Replay(start, table))
     at = len(own.states) + 1
     return FilterRun(
@@ -206,10 +213,21 @@ def ratio_panel(x: Any, run: FilterRun, title: str, **settings: Any) -> Panel:
 def turn_panel(turns: Mapping[str, TurningCircle], length_m: float) -> Panel:
     """Return the panel of some turns by label, the first of which is the truth."""
     lines = [
-        Line(turn.track["cross_track_m"] / length_m, turn.track["position_m"] / length_m, label, colour,
-             "-" if colour == TRUTH else "--", 1.1)
+        Line(
+            turn.track["cross_track_m"] / length_m,
+            turn.track["position_m"] / length_m,
+            label,
+            colour,
+            "-" if colour == TRUTH else "--",
+            1.1,
+        )
         for colour, (label, turn) in zip((TRUTH, *PALETTE), turns.items(), strict=False)
-    ]  # fmt: skip
-    settings = {"title": "turn with 10 degrees of rudder", "xlabel": "to starboard [L]",
-                "ylabel": "advance [L]", "aspect": "equal", "adjustable": "datalim"}  # fmt: skip
+    ]
+    settings = {
+        "title": "turn with 10 degrees of rudder",
+        "xlabel": "to starboard [L]",
+        "ylabel": "advance [L]",
+        "aspect": "equal",
+        "adjustable": "datalim",
+    }
     return Panel(lines, settings, 1)

@@ -40,10 +40,20 @@ def write(
     numbers = known.set_index("numbers")
     refit = numbers.loc["least position error on estimation"]
     write_results(
-        __file__, folder, TITLE, found, {"": figure_of(found, runs)}, "--recordings FOLDER",
-        keys=",\\\n".join(KEYS), known=known, shown=shown, named=named, found=found, refit=refit,
+        __file__,
+        folder,
+        TITLE,
+        found,
+        {"": figure_of(found, runs)},
+        "--recordings FOLDER",
+        keys=",\\\n".join(KEYS),
+        known=known,
+        shown=shown,
+        named=named,
+        found=found,
+        refit=refit,
         published=numbers.loc["published"],
-    )  # fmt: skip
+    )
 
 
 def figure_of(found: pd.DataFrame, runs: Recordings) -> Figure:

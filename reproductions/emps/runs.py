@@ -169,11 +169,18 @@ def diagnose_all(runs: Recordings) -> pd.DataFrame:
         position, velocity = errors(found.corrected, runs.validation)
         said = [f"{f.effect.id} {f.estimates[0].value:.4g}" for f in found.findings]
         rows.append(
-            {"file": file, "rate_Hz": 1000 // every, "recording": kind, "verdict": found.verdict,
-             "named": ", ".join(said), "judged_to_Hz": found.highest_Hz,
-             "demands": "lines" if found.line else "held", "validation_mm": position,
-             "validation_velocity_percent": velocity}
-        )  # fmt: skip
+            {
+                "file": file,
+                "rate_Hz": 1000 // every,
+                "recording": kind,
+                "verdict": found.verdict,
+                "named": ", ".join(said),
+                "judged_to_Hz": found.highest_Hz,
+                "demands": "lines" if found.line else "held",
+                "validation_mm": position,
+                "validation_velocity_percent": velocity,
+            }
+        )
     return pd.DataFrame(rows)
 
 

@@ -58,20 +58,31 @@ def table_of(ships: dict[str, Found]) -> pd.DataFrame:
     groups["seven fitted"] = tuple(name for name in names if name not in HELD_OUT)
     groups["two held out"] = HELD_OUT
     return pd.DataFrame(
-        {"run": what, "held out": "yes" if what in HELD_OUT else "",
-         **{ship: found.over(group) for ship, found in ships.items()}}
+        {
+            "run": what,
+            "held out": "yes" if what in HELD_OUT else "",
+            **{ship: found.over(group) for ship, found in ships.items()},
+        }
         for what, group in groups.items()
-    )  # fmt: skip
+    )
 
 
 def effects_table(diagnoses: dict[str, Diagnosis]) -> pd.DataFrame:
     """Return the identified effects of each diagnosis with their parameters."""
     return pd.DataFrame(
-        {"diagnosis": what, "verdict": said.verdict, "effect": finding.effect.label,
-         "parameter": own.name, "value": f"{own.value:.3g}",
-         "95 %": f"{own.ci95[0]:.3g} to {own.ci95[1]:.3g}", "unit": own.unit}
-        for what, said in diagnoses.items() for finding in said.findings for own in finding.estimates
-    )  # fmt: skip
+        {
+            "diagnosis": what,
+            "verdict": said.verdict,
+            "effect": finding.effect.label,
+            "parameter": own.name,
+            "value": f"{own.value:.3g}",
+            "95 %": f"{own.ci95[0]:.3g} to {own.ci95[1]:.3g}",
+            "unit": own.unit,
+        }
+        for what, said in diagnoses.items()
+        for finding in said.findings
+        for own in finding.estimates
+    )
 
 
 def figure_of(runs: Recordings, ships: dict[str, Found]) -> Figure:
@@ -90,19 +101,34 @@ def figure_of(runs: Recordings, ships: dict[str, Found]) -> Figure:
 
 
 def write(
-    folder: Path, runs: Recordings, ships: dict[str, Found], diagnoses: dict[str, Diagnosis],
+    folder: Path,
+    runs: Recordings,
+    ships: dict[str, Found],
+    diagnoses: dict[str, Diagnosis],
     turned: tuple[Recordings, turning.Turning],
-) -> None:  # fmt: skip
+) -> None:
     """Write ``esso-osaka-model.md``, its tables and its figures."""
     own = turned[1]
     after = pd.Series({what: found.over(HELD_OUT) for what, found in ships.items()})
     inside = pd.Series({what: found.over(runs.fitted) for what, found in ships.items()})
     write_csv(folder, "esso-osaka-model-turning", turning.csv_table(own))
     write_results(
-        __file__, folder, TITLE, table_of(ships),
-        {"": figure_of(runs, ships), "-turning": turning.figure_of(*turned)}, "--recordings FOLDER",
-        table=table_of(ships), after=after, inside=inside, target=TARGET, chosen=inside.idxmin(),
-        least=after.idxmin(), effects=effects_table(diagnoses), turning=turning, own=own,
-        n=turning.summary(own), neutral=np.degrees(own.response.neutral),
+        __file__,
+        folder,
+        TITLE,
+        table_of(ships),
+        {"": figure_of(runs, ships), "-turning": turning.figure_of(*turned)},
+        "--recordings FOLDER",
+        table=table_of(ships),
+        after=after,
+        inside=inside,
+        target=TARGET,
+        chosen=inside.idxmin(),
+        least=after.idxmin(),
+        effects=effects_table(diagnoses),
+        turning=turning,
+        own=own,
+        n=turning.summary(own),
+        neutral=np.degrees(own.response.neutral),
         balances=", ".join(f"{b.name} {b.explained:.0%}" for b in own.said.balance_verdicts),
-    )  # fmt: skip
+    )

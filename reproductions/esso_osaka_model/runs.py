@@ -55,12 +55,18 @@ def canonical(raw: pd.DataFrame, across: bool = False) -> pd.DataFrame:
     wind, comes_from = raw["wind_velo_relative_mid [m/s]"], raw["wind_dir_relative_mid [rad]"]
     aside = {WIND_ACROSS: -wind * np.sin(comes_from)} if across else {}
     return pd.DataFrame(
-        {TIME: raw["t [s]"] - raw["t [s]"].iloc[0],
-         SHAFT_SPEED: 2.0 * math.pi * raw["n_prop [rps]"], SPEED: raw["u_velo [m/s]"],
-         SWAY_SPEED: raw["vm_velo [m/s]"], YAW_RATE: raw["r_angvelo [rad/s]"],
-         HEADING: np.unwrap(raw["psi_hat [rad]"]), RUDDER: raw["delta_rudder [rad]"],
-         WIND: wind * np.cos(comes_from), **aside}
-    )  # fmt: skip
+        {
+            TIME: raw["t [s]"] - raw["t [s]"].iloc[0],
+            SHAFT_SPEED: 2.0 * math.pi * raw["n_prop [rps]"],
+            SPEED: raw["u_velo [m/s]"],
+            SWAY_SPEED: raw["vm_velo [m/s]"],
+            YAW_RATE: raw["r_angvelo [rad/s]"],
+            HEADING: np.unwrap(raw["psi_hat [rad]"]),
+            RUDDER: raw["delta_rudder [rad]"],
+            WIND: wind * np.cos(comes_from),
+            **aside,
+        }
+    )
 
 
 class Recordings:
@@ -122,9 +128,11 @@ def identify_surge(runs: Recordings, tick: Tick = ignore_progress) -> Found:
 
 
 def diagnose_surge(
-    runs: Recordings, free: tuple[str, ...] = (), most: int | None = None,
+    runs: Recordings,
+    free: tuple[str, ...] = (),
+    most: int | None = None,
     tick: Tick = ignore_progress,
-) -> tuple[Diagnosis, Found]:  # fmt: skip
+) -> tuple[Diagnosis, Found]:
     """Diagnose the ship file on the fitted runs, and evaluate it on all.
 
     ``free`` parameters get wide tolerances; ``most`` is the largest number of effects.

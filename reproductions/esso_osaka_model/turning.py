@@ -30,9 +30,11 @@ SURGE = "speed at measured sway and turn"
 """Name of the speed error with measured sway speed, rate of turn and heading."""
 
 FREE = (
-    "hull.resistance_coefficient_N_s2_m2", "manoeuvring.Y_v", "manoeuvring.N_r",
+    "hull.resistance_coefficient_N_s2_m2",
+    "manoeuvring.Y_v",
+    "manoeuvring.N_r",
     "rudder.normal_force_slope",
-)  # fmt: skip
+)
 """Free parameters: resistance, damping of sway and yaw, rudder. The diagnosis identifies Y_r, and
 the runs cannot distinguish N_v from N_r."""
 
@@ -65,15 +67,28 @@ def _surge(
             at = k + part
             state = get_state(states[at])
             acts = inputs_without_sea(
-                drive[at], plant.pitch_ratio_max, 0.0, 0.0, 1.0, 0.0, 0.0, rudder[at],
+                drive[at],
+                plant.pitch_ratio_max,
+                0.0,
+                0.0,
+                1.0,
+                0.0,
+                0.0,
+                rudder[at],
                 external_at(signals, at),
-            )  # fmt: skip
+            )
             acting = loads(plant, state, acts, plant.pitch_ratio_max)
             push = acting.push - acting.resistance + acting.surge_force
             rate, _, _ = planar_acceleration(
-                plant, acting.ahead, acting.across, state.yaw_rate, state.heading, push,
-                acting.side_force, acting.yaw_moment,
-            )  # fmt: skip
+                plant,
+                acting.ahead,
+                acting.across,
+                state.yaw_rate,
+                state.heading,
+                push,
+                acting.side_force,
+                acting.yaw_moment,
+            )
             if part == 0:
                 slope = rate
                 states[k + 1].ship_speed = states[k].ship_speed + dt * rate
@@ -160,20 +175,31 @@ def errors_by_run(turning: Turning, channel: str) -> pd.DataFrame:
 def effects_table(turning: Turning) -> pd.DataFrame:
     """Return the identified effects with their parameters."""
     return pd.DataFrame(
-        {"effect": finding.effect.label, "parameter": own.name, "file": f"{own.neutral:.3g}",
-         "value": f"{own.value:.3g}", "95 %": f"{own.ci95[0]:.3g} to {own.ci95[1]:.3g}",
-         "unit": own.unit, "2 Δ log L": f"{finding.score:.0f}"}
-        for finding in turning.said.findings for own in finding.estimates
-    )  # fmt: skip
+        {
+            "effect": finding.effect.label,
+            "parameter": own.name,
+            "file": f"{own.neutral:.3g}",
+            "value": f"{own.value:.3g}",
+            "95 %": f"{own.ci95[0]:.3g} to {own.ci95[1]:.3g}",
+            "unit": own.unit,
+            "2 Δ log L": f"{finding.score:.0f}",
+        }
+        for finding in turning.said.findings
+        for own in finding.estimates
+    )
 
 
 def estimates_table(turning: Turning) -> pd.DataFrame:
     """Return the identified parameters."""
     return pd.DataFrame(
-        {"key": e.key, "before": f"{e.neutral:.4g}", "identified": f"{e.value:.4g}",
-         "95 %": f"{e.ci95[0]:.4g} to {e.ci95[1]:.4g}"}
+        {
+            "key": e.key,
+            "before": f"{e.neutral:.4g}",
+            "identified": f"{e.value:.4g}",
+            "95 %": f"{e.ci95[0]:.4g} to {e.ci95[1]:.4g}",
+        }
         for e in turning.found.estimates
-    )  # fmt: skip
+    )
 
 
 def summary(turning: Turning) -> dict[str, Any]:
@@ -191,12 +217,16 @@ def summary(turning: Turning) -> dict[str, Any]:
         for what in ("Nomoto", first, named, last)
     }
     return {
-        "rates": rates, "sway": [at(what, SWAY_SPEED) for what in (first, named)], "k": k,
-        "side_force": k / (0.5 * 1.166 * 0.52038), "surge": at(named, SURGE), "speed": at(named, SPEED),
+        "rates": rates,
+        "sway": [at(what, SWAY_SPEED) for what in (first, named)],
+        "k": k,
+        "side_force": k / (0.5 * 1.166 * 0.52038),
+        "surge": at(named, SURGE),
+        "speed": at(named, SPEED),
         "turns": [at(first, channel, turns) for channel in (SPEED, SURGE)],
         "worst": turning.errors[named][SURGE].idxmax(),
         "noise": turning.said.verdict == "nothing-missing",
-    }  # fmt: skip
+    }
 
 
 def figure_of(runs: Recordings, turning: Turning) -> Figure:

@@ -171,10 +171,15 @@ def optimiser_states(ship: Ship) -> pd.DataFrame:
             assert point is not None
             own = experiment.in_units_of_paper(ship, point)
             rows.append(
-                {"lever": str(lever), "when": when, "engine [rpm]": own["engine_speed_rpm"],
-                 "printed [rpm]": float(row[f"engine_speed_rpm_{when}"]),
-                 "SFOC [g/kWh]": own["sfoc_g_kwh"], "printed [g/kWh]": float(row[f"sfoc_g_kwh_{when}"])}
-            )  # fmt: skip
+                {
+                    "lever": str(lever),
+                    "when": when,
+                    "engine [rpm]": own["engine_speed_rpm"],
+                    "printed [rpm]": float(row[f"engine_speed_rpm_{when}"]),
+                    "SFOC [g/kWh]": own["sfoc_g_kwh"],
+                    "printed [g/kWh]": float(row[f"sfoc_g_kwh_{when}"]),
+                }
+            )
     return pd.DataFrame(rows)
 
 
@@ -191,11 +196,15 @@ def try_slope_weights(ship: Ship) -> pd.DataFrame:
                 off[cell.column].append(abs(cell.ours - cell.printed))
         saved = found.loc[(found["condition"] == RAISED) & (found["lever"] < 5), "saving_percent"]
         rows.append(
-            {"weight of the slopes": weight, "SFOC, rms [g/kWh]": rms(np.array(off["sfoc_g_kwh"])),
-             "worst [g/kWh]": max(off["sfoc_g_kwh"]),
-             "worst engine speed [rpm]": max(off["engine_speed_rpm"]),
-             "fuel saved, least [%]": saved.min(), "most [%]": saved.max()}
-        )  # fmt: skip
+            {
+                "weight of the slopes": weight,
+                "SFOC, rms [g/kWh]": rms(np.array(off["sfoc_g_kwh"])),
+                "worst [g/kWh]": max(off["sfoc_g_kwh"]),
+                "worst engine speed [rpm]": max(off["engine_speed_rpm"]),
+                "fuel saved, least [%]": saved.min(),
+                "most [%]": saved.max(),
+            }
+        )
     return pd.DataFrame(rows)
 
 
@@ -205,13 +214,25 @@ def draw_map(known: States, coefficients: Floats) -> Figure:
     axis = axes[0, 0]
     speed, power = np.meshgrid(np.linspace(0.55, 1.0, 80), np.linspace(0.3, 1.0, 80))
     level = (form_terms(power.ravel(), speed.ravel()) @ coefficients).reshape(power.shape)
-    lines = axis.contour(RATED_RPM * speed, 100.0 * power, level, levels=range(260, 421, 10),
-                         colors=figures.THESIS, linewidths=0.8)  # fmt: skip
+    lines = axis.contour(
+        RATED_RPM * speed,
+        100.0 * power,
+        level,
+        levels=range(260, 421, 10),
+        colors=figures.THESIS,
+        linewidths=0.8,
+    )
     axis.clabel(lines, fontsize=7, fmt="%d")
     for k, table in enumerate((COMBINATOR, HELD, CORRECTED)):
         own = np.array([name == table for name in known.table])
-        axis.plot(RATED_RPM * known.speed[own], 100.0 * known.power[own], "os^"[k], markersize=4,
-                  color=figures.PALETTE[k], label=f"Table {k + 1}")  # fmt: skip
+        axis.plot(
+            RATED_RPM * known.speed[own],
+            100.0 * known.power[own],
+            "os^"[k],
+            markersize=4,
+            color=figures.PALETTE[k],
+            label=f"Table {k + 1}",
+        )
     title = "Specific consumption [g/kWh] inferred from the printed states"
     label_axis(axis, "engine speed [rpm]", "power of our ferry there [kW]", title, 10, None, 8)
     return figure
@@ -230,12 +251,19 @@ def main() -> None:
     tried = {"10.0 to 12.3 %": resistance_rises(), "15 %": (1.15,) * 5, "by Table 1": by_table_1}
     figures.save(draw_map(known, coefficients), folder / "figures" / "ferry-map.png")
     write_page(
-        folder, "ferry-map", "Engine map of the ferry, inferred from printed tables",
-        "ferry.engine_map --out docs/results", found, Path(__file__).with_name("engine_map.md"),
-        states=found, weight=SLOPE_WEIGHT, weights=try_slope_weights(ship),
-        four=found["lever"] != "5", five=found["lever"] == "5",
+        folder,
+        "ferry-map",
+        "Engine map of the ferry, inferred from printed tables",
+        "ferry.engine_map --out docs/results",
+        found,
+        Path(__file__).with_name("engine_map.md"),
+        states=found,
+        weight=SLOPE_WEIGHT,
+        weights=try_slope_weights(ship),
+        four=found["lever"] != "5",
+        five=found["lever"] == "5",
         off_rpm=(found["engine [rpm]"] - found["printed [rpm]"]).abs(),
         off=(found["SFOC [g/kWh]"] - found["printed [g/kWh]"]).abs(),
         forms=pd.concat([compare_forms(states(ship, r)).assign(rise=n) for n, r in tried.items()]),
         saved=-implied_savings(ship)["fuel per mile change [%]"].iloc[:4],
-    )  # fmt: skip
+    )

@@ -245,10 +245,16 @@ def compare_controls(ship: Ship, allowed: float = WHOLE_ENVELOPE) -> pd.DataFram
             if point is not None:
                 saved = 100.0 * (1.0 - point.fuel_flow / plain.fuel_flow)
                 rows.append(
-                    {"ship": ship.name, "curve": name, "condition": condition, "lever": lever,
-                     "control": control, **describe_state(afloat, fit, point, allowed),
-                     "saving_percent": saved if control == CORRECTED else math.nan}
-                )  # fmt: skip
+                    {
+                        "ship": ship.name,
+                        "curve": name,
+                        "condition": condition,
+                        "lever": lever,
+                        "control": control,
+                        **describe_state(afloat, fit, point, allowed),
+                        "saving_percent": saved if control == CORRECTED else math.nan,
+                    }
+                )
     return pd.DataFrame(rows)
 
 
@@ -256,9 +262,17 @@ LEVER, SECONDS, STEP_AT = 3, 600.0, 300.0
 MEANS_OVER = 100.0  # last seconds
 
 
-def simulate_voyage(ship: Ship, controller: Any, speed: float, corrected: float, *, sea: str = "calm",
-                    rise: float | None = None, observer: str = "oracle",
-                    noise: float | Mapping[str, float] = 0.0) -> pd.DataFrame:  # fmt: skip
+def simulate_voyage(
+    ship: Ship,
+    controller: Any,
+    speed: float,
+    corrected: float,
+    *,
+    sea: str = "calm",
+    rise: float | None = None,
+    observer: str = "oracle",
+    noise: float | Mapping[str, float] = 0.0,
+) -> pd.DataFrame:
     """Simulate a ship in closed loop in head seas, with a step of the resistance.
 
     The set-point of the ship speed is ``speed``, from the step on ``corrected`` [m/s]. ``rise`` is the
@@ -274,8 +288,14 @@ def simulate_voyage(ship: Ship, controller: Any, speed: float, corrected: float,
     factor = resistance_rises()[LEVER - 1] if rise is None else rise
     # only the sea knows of the step
     step = {"hull.episode_resistance_fraction": factor - 1.0, "hull.episode_start_s": STEP_AT}
-    env = FrigateEnv(ship=ship.with_values(step), task=task, observer=observer, sensor_noise=noise,
-                     max_episode_steps=None, **CLASSIC)  # fmt: skip
+    env = FrigateEnv(
+        ship=ship.with_values(step),
+        task=task,
+        observer=observer,
+        sensor_noise=noise,
+        max_episode_steps=None,
+        **CLASSIC,
+    )
     plant = ship.record()
     orders = {"speed_order_m_s": (speed, corrected), "order_interval_s": STEP_AT}
     observation, _ = env.reset(seed=0, options=orders)
@@ -285,12 +305,16 @@ def simulate_voyage(ship: Ship, controller: Any, speed: float, corrected: float,
         observation, _, _, _, info = env.step(action)
         engine = float(plant["gear_ratio"]) * info["shaft_speed"]
         rows.append(
-            {"time_s": 0.5 * k + 0.5, "ship_speed_m_s": info["ship_speed"],
-             "engine_speed_rpm": engine * 30.0 / math.pi,
-             "pitch_ratio": float(measurements_of(observation).pitch_ratio[0]),
-             "sfoc_g_kwh": specific_consumption(plant, engine, info["brake_torque"]),
-             "fuel_kg_s": info["fuel_flow"], "thrust_N": info["thrust"]}
-        )  # fmt: skip
+            {
+                "time_s": 0.5 * k + 0.5,
+                "ship_speed_m_s": info["ship_speed"],
+                "engine_speed_rpm": engine * 30.0 / math.pi,
+                "pitch_ratio": float(measurements_of(observation).pitch_ratio[0]),
+                "sfoc_g_kwh": specific_consumption(plant, engine, info["brake_torque"]),
+                "fuel_kg_s": info["fuel_flow"],
+                "thrust_N": info["thrust"],
+            }
+        )
     return pd.DataFrame(rows)
 
 

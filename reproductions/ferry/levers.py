@@ -109,8 +109,10 @@ class _Comparison(NamedTuple):
             return Kind.INPUT if self.control == COMBINATOR else Kind.CALIBRATED
         if quantity == "ship_speed_m_s" and when == "before":
             return Kind.INPUT
-        free = {"ship_speed_m_s": self.control != HELD,
-                "pitch_deg": when == "after" and self.control != COMBINATOR}  # fmt: skip
+        free = {
+            "ship_speed_m_s": self.control != HELD,
+            "pitch_deg": when == "after" and self.control != COMBINATOR,
+        }
         return Kind.FREE if free.get(quantity) else Kind.CALIBRATED
 
 
@@ -160,10 +162,18 @@ def _cells_of_lever(
                 )
             printed = float(table.printed.loc[lever, f"{quantity}_{when}"])
             found.append(
-                number(name, f"lever {lever}, {when}", quantity, ours, printed,
-                       table.tolerance(quantity, lever, when), BASES[quantity],
-                       table.kind(quantity, when), reason)
-            )  # fmt: skip
+                number(
+                    name,
+                    f"lever {lever}, {when}",
+                    quantity,
+                    ours,
+                    printed,
+                    table.tolerance(quantity, lever, when),
+                    BASES[quantity],
+                    table.kind(quantity, when),
+                    reason,
+                )
+            )
     return found
 
 
@@ -174,11 +184,17 @@ def _variations(table: _Comparison, name: str, lever: int, printed: pd.Series) -
     rise = table.rise_shift(lever) if table.control != HELD else speed
     found = []
     for quantity, tolerance, basis in (
-        ("ship_speed_m_s", speed + rise,
-         "half a digit of the variation, and of the speeds of Table 2 that give the rise"),
-        ("sfoc_g_kwh", half + carried,
-         "half a digit of the variation, and of both ship speeds by the printed slope"),
-    ):  # fmt: skip
+        (
+            "ship_speed_m_s",
+            speed + rise,
+            "half a digit of the variation, and of the speeds of Table 2 that give the rise",
+        ),
+        (
+            "sfoc_g_kwh",
+            half + carried,
+            "half a digit of the variation, and of both ship speeds by the printed slope",
+        ),
+    ):
         before, after = (table.value(quantity, lever, when) for when in WHEN)
         row, kind = f"lever {lever}, variation", table.kind(quantity, "after")
         value = float(printed[quantity])
@@ -195,10 +211,14 @@ def by_quantity(cells: list[Cell]) -> pd.DataFrame:
         key = cell.column, cell.row.split(", ")[1], cell.table, str(cell.kind)
         groups.setdefault(key, []).append(cell)
     found = [
-        (*key, len(own), sum(cell.verdict is Verdict.MET for cell in own),
-         f"{max(abs(cell.ours - cell.printed) for cell in own):.3g}")
+        (
+            *key,
+            len(own),
+            sum(cell.verdict is Verdict.MET for cell in own),
+            f"{max(abs(cell.ours - cell.printed) for cell in own):.3g}",
+        )
         for key, own in groups.items()
-    ]  # fmt: skip
+    ]
     columns = ["quantity", "when", "table", "kind", "cells", "met", "largest difference"]
     return pd.DataFrame(found, columns=columns)
 
@@ -210,9 +230,11 @@ def table_in_paper_form(rows: pd.DataFrame, control: str) -> pd.DataFrame:
     for lever in theirs.index:
         line: dict[str, Any] = {"lever": lever}
         for name, label, digits in (
-            ("engine_speed_rpm", "engine [rpm]", 0), ("pitch_deg", "pitch [deg]", 1),
-            ("ship_speed_m_s", "ship [m/s]", 2), ("sfoc_g_kwh", "SFOC [g/kWh]", 1),
-        ):  # fmt: skip
+            ("engine_speed_rpm", "engine [rpm]", 0),
+            ("pitch_deg", "pitch [deg]", 1),
+            ("ship_speed_m_s", "ship [m/s]", 2),
+            ("sfoc_g_kwh", "SFOC [g/kWh]", 1),
+        ):
             ours = [float(mine.loc[(condition, lever), name]) for condition in WHEN.values()]
             printed = [float(theirs.loc[lever, f"{name}_{when}"]) for when in WHEN]
             for when, value, other in zip(("", ", disturbed"), ours, printed, strict=True):
@@ -262,12 +284,15 @@ def implied_savings(ship: Ship) -> pd.DataFrame:
         ours, theirs = (after - before for before, after in zip(angle_1, angle_3, strict=True))
         gain = sfoc_3 / sfoc_1
         lines.append(
-            {"lever": str(lever), "power, Table 1 [kW]": 1e-3 * power_1,
-             "power, Table 3 [kW]": 1e-3 * power_3,
-             "pitch change [deg]": f"{ours:+.2f} ({theirs:+.1f})",
-             "printed SFOC change [%]": 100.0 * (gain - 1.0),
-             "fuel per mile change [%]": 100.0 * (gain * power_3 / power_1 - 1.0)}
-        )  # fmt: skip
+            {
+                "lever": str(lever),
+                "power, Table 1 [kW]": 1e-3 * power_1,
+                "power, Table 3 [kW]": 1e-3 * power_3,
+                "pitch change [deg]": f"{ours:+.2f} ({theirs:+.1f})",
+                "printed SFOC change [%]": 100.0 * (gain - 1.0),
+                "fuel per mile change [%]": 100.0 * (gain * power_3 / power_1 - 1.0),
+            }
+        )
     return pd.DataFrame(lines)
 
 
@@ -301,12 +326,16 @@ def implied_rises(ship: Ship) -> pd.DataFrame:
         exponent = math.log(asked * squared) / math.log(after / held)
         growth = "growth of thrust in Table 1 with the rise of Table 2 [%]"
         lines.append(
-            {"lever": str(lever), "rise by Table 2 [%]": 100.0 * (rise - 1.0),
-             "rise by Table 1 [%]": 100.0 * (asked - 1.0), growth: 100.0 * (rise * squared - 1.0),
-             "growth of thrust of our propeller [%]": 100.0 * (asked * squared - 1.0),
-             "exponent of the resistance that fits both [-]": exponent,
-             "its rise [%]": 100.0 * ((before / held) ** exponent - 1.0)}
-        )  # fmt: skip
+            {
+                "lever": str(lever),
+                "rise by Table 2 [%]": 100.0 * (rise - 1.0),
+                "rise by Table 1 [%]": 100.0 * (asked - 1.0),
+                growth: 100.0 * (rise * squared - 1.0),
+                "growth of thrust of our propeller [%]": 100.0 * (asked * squared - 1.0),
+                "exponent of the resistance that fits both [-]": exponent,
+                "its rise [%]": 100.0 * ((before / held) ** exponent - 1.0),
+            }
+        )
     return pd.DataFrame(lines)
 
 
@@ -317,12 +346,21 @@ def draw_levers(rows: pd.DataFrame, voyages: dict[str, pd.DataFrame]) -> Figure:
     styles = {"standard": "o-", "design": "s--", "printed": "^:"}
     for axis, ship in zip(axes[0], disturbed["ship"].unique(), strict=False):
         for i, (curve, line) in enumerate(disturbed[disturbed["ship"] == ship].groupby("curve")):
-            axis.plot(line["lever"], line["saving_percent"], styles[str(curve)],
-                      color=figures.PALETTE[i], label=f"against the {curve} curve")  # fmt: skip
+            axis.plot(
+                line["lever"],
+                line["saving_percent"],
+                styles[str(curve)],
+                color=figures.PALETTE[i],
+                label=f"against the {curve} curve",
+            )
         axis.set_ylim(bottom=min(0.0, axis.get_ylim()[0]))
         label_axis(axis, "lever", "", f"{ship}, {RAISED}: fuel saved per mile [%]", 9, None, 8)
-    shown = {"ship_speed_m_s": "ship speed [m/s]", "engine_speed_rpm": "engine speed [rpm]",
-             "pitch_ratio": "P/D [-]", "sfoc_g_kwh": "SFOC [g/kWh]"}  # fmt: skip
+    shown = {
+        "ship_speed_m_s": "ship speed [m/s]",
+        "engine_speed_rpm": "engine speed [rpm]",
+        "pitch_ratio": "P/D [-]",
+        "sfoc_g_kwh": "SFOC [g/kWh]",
+    }
     begin = experiment.STEP_AT
     for axis, (name, label) in zip(axes[1], shown.items(), strict=True):
         for i, (control, log) in enumerate(voyages.items()):
@@ -397,14 +435,21 @@ def _findings(rows: pd.DataFrame, cells: list[Cell], implied: pd.DataFrame) -> d
     active = states["active"].str.contains("gradient")
     first, second = (states["ship"] == name for name in ("ferry-printed", "ferry"))
     return {
-        "met": sum(cell.verdict is Verdict.MET for cell in cells), "all": len(cells),
-        **_shares(cells), "two": _span(two), "one": _span(one), "slope": _span(slope),
-        "own": _span(mine), "lost": _span(plain["calm"] - plain[RAISED], 2), "steep": _span(steep),
-        "large": _span(large, 0), "saved": _span(own.loc[fast, "saving_percent"]),
+        "met": sum(cell.verdict is Verdict.MET for cell in cells),
+        "all": len(cells),
+        **_shares(cells),
+        "two": _span(two),
+        "one": _span(one),
+        "slope": _span(slope),
+        "own": _span(mine),
+        "lost": _span(plain["calm"] - plain[RAISED], 2),
+        "steep": _span(steep),
+        "large": _span(large, 0),
+        "saved": _span(own.loc[fast, "saving_percent"]),
         "printed": _span(-implied["fuel per mile change [%]"].iloc[:4]),
         "active": f"{(active & first).sum()} of {first.sum()}",
         "active_ferry": f"{(active & second).sum()} of {second.sum()}",
-    }  # fmt: skip
+    }
 
 
 def page(tick: Tick = lambda: None) -> Page:
@@ -415,13 +460,20 @@ def page(tick: Tick = lambda: None) -> Page:
     own, changes = own_size(whole), against_combinator(whole)
     cells = table_cells(own)
     body = fill_template(
-        Path(__file__).with_suffix(".md"), **_findings(whole, cells, implied), lever=LEVER,
-        rise=100.0 * (resistance_rises()[LEVER - 1] - 1.0), margin=100 * TORQUE_MARGIN,
-        quantities=by_quantity(cells), asked=implied_rises(ferry), implied=implied,
+        Path(__file__).with_suffix(".md"),
+        **_findings(whole, cells, implied),
+        lever=LEVER,
+        rise=100.0 * (resistance_rises()[LEVER - 1] - 1.0),
+        margin=100 * TORQUE_MARGIN,
+        quantities=by_quantity(cells),
+        asked=implied_rises(ferry),
+        implied=implied,
         tables=[(title, table_in_paper_form(own, control)) for control, title in _TABLES.items()],
-        changes=changes, voyages=experiment.settled_means(voyages), change=CHANGE,
+        changes=changes,
+        voyages=experiment.settled_means(voyages),
+        change=CHANGE,
         kept_back=against_combinator(rows[rows["torque_allowed"] == TORQUE_MARGIN]),
-    )  # fmt: skip
+    )
     keys = ["ship", "curve", "condition", "control", "lever"]
     numbers = {
         " / ".join(map(str, row[keys])): row.drop([*keys, "active"]).dropna().to_dict()

@@ -143,8 +143,9 @@ def noise_row(ship: Ship) -> dict[str, float]:
     """Return the row for white noise of the torque, the middle lever simulated in closed loop."""
     order, record = lever_speeds(ship)[2], ship.record()
     noises: list[dict[str, float]] = [
-        {}, {"shaft_torque": NOISE * float(record["torque_limit"] * record["gear_ratio"])}
-    ]  # fmt: skip
+        {},
+        {"shaft_torque": NOISE * float(record["torque_limit"] * record["gear_ratio"])},
+    ]
     means = []
     for noise in noises:
         pilot = CppOptimiser(ship)
@@ -193,13 +194,18 @@ def pitch_table(tick: Tick = lambda: None) -> pd.DataFrame:
             kept = waves[waves["time_s"] > 100.0]
             thrust, mean = kept["thrust_N"], kept.mean()
             rows.append(
-                {"ship": name, "pitch at": at, "filter [s]": filter_s,
-                 "step: settled after [s]": float(after["time_s"][gone].max() - STEP_AT),
-                 "step: pitch overshoot [-]": _beyond(after["pitch_ratio"].to_numpy()),
-                 SWING: swing[0], "second half": swing[1],
-                 "fluctuation of thrust [%]": 100.0 * float(thrust.std() / thrust.mean()),
-                 "fuel [kg/nmi]": 1852.0 * float(mean["fuel_kg_s"] / mean["ship_speed_m_s"])}
-            )  # fmt: skip
+                {
+                    "ship": name,
+                    "pitch at": at,
+                    "filter [s]": filter_s,
+                    "step: settled after [s]": float(after["time_s"][gone].max() - STEP_AT),
+                    "step: pitch overshoot [-]": _beyond(after["pitch_ratio"].to_numpy()),
+                    SWING: swing[0],
+                    "second half": swing[1],
+                    "fluctuation of thrust [%]": 100.0 * float(thrust.std() / thrust.mean()),
+                    "fuel [kg/nmi]": 1852.0 * float(mean["fuel_kg_s"] / mean["ship_speed_m_s"]),
+                }
+            )
         tick()
     return pd.DataFrame(rows)
 
@@ -245,8 +251,14 @@ def draw_zone(ship: Ship, fit: OpenWaterFit) -> Figure:
             value[a, b] = at[0] * kt / (2.0 * np.pi * kq)
             falls[a, b] = (kt + at[0] * kt_slope) * kq < at[0] * kt * kq_slope
     left, right = axes[0]
-    lines = left.contour(advances, pitches, value, levels=np.arange(0.1, 0.8, 0.1),
-                         colors=figures.THESIS, linewidths=0.8)  # fmt: skip
+    lines = left.contour(
+        advances,
+        pitches,
+        value,
+        levels=np.arange(0.1, 0.8, 0.1),
+        colors=figures.THESIS,
+        linewidths=0.8,
+    )
     left.clabel(lines, fontsize=7)
     left.contourf(advances, pitches, falls, levels=[0.5, 1.5], colors=[figures.ESTIMATE], alpha=0.3)
     title = "efficiency; crossed out (red) where it falls with J"
@@ -271,10 +283,12 @@ def active(ship: Ship, fit: OpenWaterFit, table: CombinatorSurface) -> NDArray[n
         velocity = float(table.advance_velocity[i])
         at = open_water.working_point(plant, fit.thrust, fit.torque, velocity, *state)
         held = (
-            at.torque_share > 0.995, not 1.005 * slowest < state[0] < 0.995 * top,
-            state[1] > ship.propeller.pitch_ratio_max - 0.005, at.efficiency_slope < 0.005,
+            at.torque_share > 0.995,
+            not 1.005 * slowest < state[0] < 0.995 * top,
+            state[1] > ship.propeller.pitch_ratio_max - 0.005,
+            at.efficiency_slope < 0.005,
             at.burrill > 0.995,
-        )  # fmt: skip
+        )
         found[i, k] = next((n for n, holds in enumerate(held, 1) if holds), 0)
     return found
 
@@ -305,11 +319,19 @@ def cells_of(fit: OpenWaterFit) -> list[Cell]:
     Sections 2 to 4 and 6 print no other number.
     """
     return [
-        Cell("section 2.1", f"largest error of the fitted {name} [% of its largest]", "",
-             100.0 * error, 0.0, 0.4, "the limit that the words name", Kind.CALIBRATED,
-             words="none greater than 0.4 %")
+        Cell(
+            "section 2.1",
+            f"largest error of the fitted {name} [% of its largest]",
+            "",
+            100.0 * error,
+            0.0,
+            0.4,
+            "the limit that the words name",
+            Kind.CALIBRATED,
+            words="none greater than 0.4 %",
+        )
         for name, error in (("KT", fit.thrust_error), ("KQ", fit.torque_error))
-    ]  # fmt: skip
+    ]
 
 
 def page(tick: Tick) -> Page:
@@ -327,11 +349,15 @@ def page(tick: Tick) -> Page:
     rounded[wrong.columns[2:]] += 0.0  # removes the sign of a rounded zero
     swing = pitch.set_index(["pitch at", "ship", "filter [s]"])[SWING]
     body = fill_template(
-        Path(__file__).with_suffix(".md"), errors=rounded, pitch=pitch, most=wrong[MOST].max(),
+        Path(__file__).with_suffix(".md"),
+        errors=rounded,
+        pitch=pitch,
+        most=wrong[MOST].max(),
         thrust=wrong["thrust estimate [%]"].abs().max(),
-        speed=wrong["ship speed [%]"].abs().max(), sea=SEA.replace(",", ", "),
+        speed=wrong["ship speed [%]"].abs().max(),
+        sea=SEA.replace(",", ", "),
         more=np.floor((swing["actual"] / swing["ordered"]).min()),
-    )  # fmt: skip
+    )
     numbers = {
         f"{row['ship']}, {row['wrong']}": row.drop(["ship", "wrong"]).dropna().to_dict()
         for _, row in wrong.iterrows()

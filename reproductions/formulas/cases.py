@@ -34,34 +34,43 @@ WRONG = 0.01
 
 NOISE = {
     "frigate": {
-        "pitch_ratio": 0.004, "shaft_speed_rad_s": 0.014, "shaft_torque_N_m": 1400.0,
+        "pitch_ratio": 0.004,
+        "shaft_speed_rad_s": 0.014,
+        "shaft_torque_N_m": 1400.0,
         "ship_speed_m_s": 0.05,
     },
     "motor": {"shaft_speed_rad_s": 0.3},
-}  # fmt: skip
+}
 """Rms noise of the instruments by rig."""
 
 OUTSIDE = {
     "frigate": {
-        "drift_angle": ("rad", 0.0, 0.15), "yaw_rate": ("rad/s", 0.0, 0.015),
-        "rudder_angle": ("rad", 0.0, 0.4), "relative_wind": ("m/s", 4.0, 10.0),
-        "draught": ("m", 4.5, 0.5), "air_temperature": ("K", 15.0, 10.0),
+        "drift_angle": ("rad", 0.0, 0.15),
+        "yaw_rate": ("rad/s", 0.0, 0.015),
+        "rudder_angle": ("rad", 0.0, 0.4),
+        "relative_wind": ("m/s", 4.0, 10.0),
+        "draught": ("m", 4.5, 0.5),
+        "air_temperature": ("K", 15.0, 10.0),
     },
     "motor": {"side_force": ("N", 40.0, 30.0), "temperature": ("K", 30.0, 25.0)},
-}  # fmt: skip
+}
 """Signals in every recording of a rig: unit, mean, largest deviation."""
 
 BIASED = {
     "frigate": (
-        "hull.resistance_coefficient_N_s2_m2", "hull.mass_kg",
-        "prime_mover.torque_per_rack_N_m_mm", "propeller.relative_rotative_efficiency",
+        "hull.resistance_coefficient_N_s2_m2",
+        "hull.mass_kg",
+        "prime_mover.torque_per_rack_N_m_mm",
+        "propeller.relative_rotative_efficiency",
         "transmission.inertia_engine_side_kg_m2",
     ),
     "motor": (
-        "prime_mover.motor_constant_V_s_rad", "prime_mover.armature_resistance_ohm",
-        "propeller.torque_coefficient", "transmission.inertia_engine_side_kg_m2",
+        "prime_mover.motor_constant_V_s_rad",
+        "prime_mover.armature_resistance_ohm",
+        "propeller.torque_coefficient",
+        "transmission.inertia_engine_side_kg_m2",
     ),
-}  # fmt: skip
+}
 """Parameters of the ship file that are wrong in every fourth case."""
 
 
@@ -169,18 +178,29 @@ def search_case(case: Case) -> dict[str, Any]:
     aside = HeldOutData(HeldOut(fitter, setting.held), rows)
     formula = choose_formula(search, aside)
     found: dict[str, Any] = {
-        "case": case.name, "rig": case.rig, "seed": case.seed, "wrong_numbers": case.wrong,
-        "tried": search.count, "seconds": time.perf_counter() - begin,
+        "case": case.name,
+        "rig": case.rig,
+        "seed": case.seed,
+        "wrong_numbers": case.wrong,
+        "tried": search.count,
+        "seconds": time.perf_counter() - begin,
         "coloured": ", ".join(setting.whiteness.coloured_balances(fitter.null)),
-        "formula": "", "signals": [], "gain": 0.0, "held_out": 0.0, "threshold": search.threshold(1),
+        "formula": "",
+        "signals": [],
+        "gain": 0.0,
+        "held_out": 0.0,
+        "threshold": search.threshold(1),
         "rivals": [],
-    }  # fmt: skip
+    }
     if formula is not None:
         found |= {
             "formula": f"{formula.term.acts_on}: {formula.term.expression}",
-            "signals": sorted(formula.signals), "gain": formula.gain, "held_out": formula.held_out,
-            "threshold": formula.threshold, "rivals": list(formula.rivals),
-        }  # fmt: skip
+            "signals": sorted(formula.signals),
+            "gain": formula.gain,
+            "held_out": formula.held_out,
+            "threshold": formula.threshold,
+            "rivals": list(formula.rivals),
+        }
     if case.truth is None:
         return found
     truth = case.truth

@@ -55,10 +55,15 @@ def body(cases: pd.DataFrame, whole: pd.DataFrame) -> str:
     diagnoses = diagnoses_table(whole, truths)
     asked = diagnoses[diagnoses["verdict"] == "unexplained"] if len(whole) else diagnoses
     return fill_template(
-        Path(__file__).with_name("page.md"), rigs=truths["rig"].value_counts(), least=LEAST,
+        Path(__file__).with_name("page.md"),
+        rigs=truths["rig"].value_counts(),
+        least=LEAST,
         summary=pd.DataFrame(summary_rows(truths, nulls), columns=["figure", "result", "target"]),
-        truths=_rows(truths), null_cases=named[columns], diagnoses=diagnoses, asked=asked,
-    )  # fmt: skip
+        truths=_rows(truths),
+        null_cases=named[columns],
+        diagnoses=diagnoses,
+        asked=asked,
+    )
 
 
 def split_nulls(cases: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -137,8 +142,13 @@ def diagnoses_table(whole: pd.DataFrame, truths: pd.DataFrame) -> pd.DataFrame:
         formula = row["formula"] if isinstance(row["formula"], dict) else None
         right = formula is not None and sorted(formula["signals"]) == wanted[row["case"]]
         rows.append(
-            {"case": row["case"], "verdict": row["verdict"], "identified": ", ".join(row["named"]),
-             "formula": f"{formula['acts_on']}: {formula['expression']}" if formula else "",
-             "signals": "right" if right else "", "held-out gain": row["held_out"]}
-        )  # fmt: skip
+            {
+                "case": row["case"],
+                "verdict": row["verdict"],
+                "identified": ", ".join(row["named"]),
+                "formula": f"{formula['acts_on']}: {formula['expression']}" if formula else "",
+                "signals": "right" if right else "",
+                "held-out gain": row["held_out"],
+            }
+        )
     return pd.DataFrame(rows)

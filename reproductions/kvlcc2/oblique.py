@@ -38,9 +38,15 @@ SIGNALS = {"drift_angle": "rad", "yaw_rate": "rad/s", "rudder_angle": "rad"}
 """Signals of the terms: drift at the propeller, yaw rate, rudder angle."""
 
 FORMS = (
-    "two-sided", "quadratic", "quadratic-yaw", "table", "table-yaw", "table-yaw-rudder",
-    "table-memory", "table-memory-yaw",
-)  # fmt: skip
+    "two-sided",
+    "quadratic",
+    "quadratic-yaw",
+    "table",
+    "table-yaw",
+    "table-yaw-rudder",
+    "table-memory",
+    "table-memory-yaw",
+)
 """Names of the form files, the simplest first."""
 
 
@@ -85,9 +91,11 @@ def propeller_table(run: pd.DataFrame, every: int = 1) -> pd.DataFrame:
     ``every`` rows are averaged to one.
     """
     table = run[[TIME, SHAFT_SPEED, TORQUE, THRUST]].assign(
-        inflow_velocity_m_s=(1.0 - PRINTED_WAKE) * run[SPEED], drift_angle=drift(run), yaw_rate=run[YAW],
+        inflow_velocity_m_s=(1.0 - PRINTED_WAKE) * run[SPEED],
+        drift_angle=drift(run),
+        yaw_rate=run[YAW],
         rudder_angle=run[RUDDER],
-    )  # fmt: skip
+    )
     whole = len(table) // every * every
     return table.iloc[:whole].groupby(np.arange(whole) // every).mean() if every > 1 else table
 
@@ -130,9 +138,12 @@ def fit_least_squares(
         return np.concatenate(parts)
 
     found = scipy.optimize.least_squares(
-        residuals, start, x_scale=np.maximum(np.abs(start), 0.1), max_nfev=60,
+        residuals,
+        start,
+        x_scale=np.maximum(np.abs(start), 0.1),
+        max_nfev=60,
         bounds=scipy.optimize.Bounds(*np.transpose([n.search_range for n in numbers])),
-    )  # fmt: skip
+    )
     return ship.with_values(dict(zip(keys, map(float, found.x), strict=True)))
 
 
@@ -215,22 +226,30 @@ def own_terms(ship: Ship, runs: Runs) -> Own:
     with tempfile.TemporaryDirectory() as folder:
         effects = (write_start(best, squares, Path(folder)),)
         return Own(
-            here, results, squares, diagnose_flow(here, runs, effects, alone=True),
-            diagnose_flow(here, runs, effects), diagnose_flow(here, runs, ()),
+            here,
+            results,
+            squares,
+            diagnose_flow(here, runs, effects, alone=True),
+            diagnose_flow(here, runs, effects),
+            diagnose_flow(here, runs, ()),
             least_errors(here, best, runs[UNSEEN]),
-        )  # fmt: skip
+        )
 
 
 def forms_table(own: Own) -> pd.DataFrame:
     """Return the cross-validation of each form."""
     folder, last = "../../reproductions/kvlcc2/forms", FITTED[-1]
     return pd.DataFrame(
-        {"form": f"[{one.name}]({folder}/{file_of(one.name).name})", "parameters": one.numbers,
-         "thrust, N": f"{one.thrust:.2f}", "torque, mN m": f"{1e3 * one.torque:.0f}",
-         f"{last} left out":
-             f"{one.left_out[last].thrust:.2f}, {1e3 * one.left_out[last].torque:.0f}"}
+        {
+            "form": f"[{one.name}]({folder}/{file_of(one.name).name})",
+            "parameters": one.numbers,
+            "thrust, N": f"{one.thrust:.2f}",
+            "torque, mN m": f"{1e3 * one.torque:.0f}",
+            f"{last} left out": f"{rest.thrust:.2f}, {1e3 * rest.torque:.0f}",
+        }
         for one in own.tried
-    )  # fmt: skip
+        for rest in [one.left_out[last]]
+    )
 
 
 def diagnoses_table(own: Own, runs: Runs) -> pd.DataFrame:
@@ -248,12 +267,16 @@ def diagnoses_table(own: Own, runs: Runs) -> pd.DataFrame:
         )
         unseen = errors_in_flow(ship, runs[UNSEEN])
         rows.append(
-            {"candidates": title, "verdict": found.verdict if found else "",
-             "identified": " + ".join(f.effect.label for f in found.findings) if found else "",
-             "thrust, five fitted": f"{thrust:.2f}", f"thrust, {UNSEEN}": f"{unseen.thrust:.2f}",
-             "torque, five fitted": f"{1e3 * torque:.0f}",
-             f"torque, {UNSEEN}": f"{1e3 * unseen.torque:.0f}"}
-        )  # fmt: skip
+            {
+                "candidates": title,
+                "verdict": found.verdict if found else "",
+                "identified": " + ".join(f.effect.label for f in found.findings) if found else "",
+                "thrust, five fitted": f"{thrust:.2f}",
+                f"thrust, {UNSEEN}": f"{unseen.thrust:.2f}",
+                "torque, five fitted": f"{1e3 * torque:.0f}",
+                f"torque, {UNSEEN}": f"{1e3 * unseen.torque:.0f}",
+            }
+        )
     return pd.DataFrame(rows)
 
 

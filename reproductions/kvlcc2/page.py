@@ -25,9 +25,10 @@ from .runs import BEFORE, PRINTED_DEDUCTION, PRINTED_WAKE, RESISTANCE, SMALL, UN
 TITLE = "KVLCC2: wake, propeller in oblique flow and manoeuvring of a tanker model"
 SHOWN = ("z_05_01", UNSEEN)  # runs of the figure
 _LABELS = {
-    WAKE: ("wake fraction w", ".3f"), runs.EFFICIENCY: ("eta_R", ".4f"),
+    WAKE: ("wake fraction w", ".3f"),
+    runs.EFFICIENCY: ("eta_R", ".4f"),
     RESISTANCE: ("c1 [N s2/m2]", ".1f"),
-}  # fmt: skip
+}
 
 
 class Findings(NamedTuple):
@@ -52,10 +53,16 @@ def main() -> None:
     ship = runs.ship_of(options.recordings)
     small, first = (runs.identify_straight(ship, known, by) for by in (SMALL, BEFORE))
     found = Findings(
-        ship, known, small, first, runs.refusals(ship, known), runs.sensitivity(ship, known),
-        runs.identify_variants(ship, known, SMALL), oblique.own_terms(ship, known),
+        ship,
+        known,
+        small,
+        first,
+        runs.refusals(ship, known),
+        runs.sensitivity(ship, known),
+        runs.identify_variants(ship, known, SMALL),
+        oblique.own_terms(ship, known),
         turning.simulate_all(options.recordings, known),
-    )  # fmt: skip
+    )
     print(found.small.summary())
     write(options.out, found)
 
@@ -65,9 +72,10 @@ def write(folder: Path, found: Findings) -> None:
     ships = {"small_drift": found.small.identified, "before_rudder": found.first.identified}
     table = runs.zigzag_errors(found.ship, ships, found.runs)
     drawn = {
-        "": figure_of(found), "-own-term": oblique.figure_of(found.own, found.runs),
+        "": figure_of(found),
+        "-own-term": oblique.figure_of(found.own, found.runs),
         "-turning": turning.figure_of(found.turning, found.runs),
-    }  # fmt: skip
+    }
     fields = _fields(found, table)
     write_results(__file__, folder, TITLE, table, drawn, "--recordings FOLDER", **fields)
 
@@ -89,12 +97,14 @@ def _fields(found: Findings, table: pd.DataFrame) -> dict[str, Any]:
         "density_shift": found.others["density"].parameters[WAKE] - found.small.parameters[WAKE],
         "ratio": (1.0 - PRINTED_DEDUCTION) / found.small.parameters[RESISTANCE],
         "start": found.ship.parameter(RESISTANCE).value,
-        "better": int(better.sum()), "worse": ", ".join(seen["run"][~better]),
+        "better": int(better.sum()),
+        "worse": ", ".join(seen["run"][~better]),
         "straight_runs": ", ".join(sorted(straight)),
         "whole": runs.best_wake(found.ship, *fitted.values())[0],
         "shares": 1.0 - table["thrust_least_N"] / table["thrust_before_N"],
-        "spread": settled["wake_fraction"], "widest_parts": int(settled["parts"].loc[widest]),
-    }  # fmt: skip
+        "spread": settled["wake_fraction"],
+        "widest_parts": int(settled["parts"].loc[widest]),
+    }
     own, last = found.own, found.runs[UNSEEN]
     own_before, own_after, own_squares = (
         oblique.errors_in_flow(ship, last) for ship in (own.ship, own.named.corrected, own.squares)
@@ -118,10 +128,15 @@ def _fields(found: Findings, table: pd.DataFrame) -> dict[str, Any]:
 def turning_section(found: turning.Turning) -> str:
     """Return the section on the manoeuvring ship below its heading."""
     return fill_template(
-        Path(__file__).with_name("turning.md"), turn=turning, found=found, held=UNSEEN,
-        errors=turning.errors_table(found), estimates=turning.estimates_table(found),
-        response=found.response, neutral=np.degrees(found.response.neutral),
-    )  # fmt: skip
+        Path(__file__).with_name("turning.md"),
+        turn=turning,
+        found=found,
+        held=UNSEEN,
+        errors=turning.errors_table(found),
+        estimates=turning.estimates_table(found),
+        response=found.response,
+        neutral=np.degrees(found.response.neutral),
+    )
 
 
 def _estimate(identification: Identification, key: str) -> Any:
@@ -158,27 +173,38 @@ def _sides(fitted: runs.Runs) -> list[float]:
 def _zigzags(table: pd.DataFrame) -> pd.DataFrame:
     pairs = zip(table["thrust_least_N"], table["best_wake"], strict=True)
     return pd.DataFrame(
-        {"run": table["run"].where(table["unseen"] == "no", table["run"] + ", held out"),
-         f"w {PRINTED_WAKE:.2f}, printed": table["thrust_before_N"],
-         SMALL.title: table["thrust_small_drift_N"], BEFORE.title: table["thrust_before_rudder_N"],
-         "best constant wake of this run": [f"{least:.2f} (w {w:.3f})" for least, w in pairs]}
-    )  # fmt: skip
+        {
+            "run": table["run"].where(table["unseen"] == "no", table["run"] + ", held out"),
+            f"w {PRINTED_WAKE:.2f}, printed": table["thrust_before_N"],
+            SMALL.title: table["thrust_small_drift_N"],
+            BEFORE.title: table["thrust_before_rudder_N"],
+            "best constant wake of this run": [f"{least:.2f} (w {w:.3f})" for least, w in pairs],
+        }
+    )
 
 
 def _sensitivity(found: Findings) -> pd.DataFrame:
     rows = []
     for row in found.sensitivity.to_dict("records"):
-        limits = "until the rudder moves" if row["title"] == BEFORE.title else (
-            f"drift {row['drift_deg']:g}, yaw {row['yaw_deg_s']:g}, rudder {row['rudder_deg']:g}, "
-            f"from {row['from_s']:g} s"
-        )  # fmt: skip
+        limits = (
+            "until the rudder moves"
+            if row["title"] == BEFORE.title
+            else (
+                f"drift {row['drift_deg']:g}, yaw {row['yaw_deg_s']:g}, rudder {row['rudder_deg']:g}, "
+                f"from {row['from_s']:g} s"
+            )
+        )
         w, half = row["wake_fraction"], 1.96 * row["wake_fraction_se"]
         rows.append(
-            {"limits, degrees, degrees/s": limits, "parts": row["parts"], "rows": row["rows"],
-             "w": f"{w:.3f} ({w - half:.3f} to {w + half:.3f})",
-             "eta_R": f"{row['relative_rotative_efficiency']:.4f}",
-             "c1": f"{row['resistance_coefficient_N_s2_m2']:.1f}"}
-        )  # fmt: skip
+            {
+                "limits, degrees, degrees/s": limits,
+                "parts": row["parts"],
+                "rows": row["rows"],
+                "w": f"{w:.3f} ({w - half:.3f} to {w + half:.3f})",
+                "eta_R": f"{row['relative_rotative_efficiency']:.4f}",
+                "c1": f"{row['resistance_coefficient_N_s2_m2']:.1f}",
+            }
+        )
     return pd.DataFrame(rows)
 
 

@@ -31,9 +31,20 @@ from shaftline.plant.state import inputs_without_sea, motion_state
 from ..writing import refusal, rms
 
 NAMES = (
-    "z_05_01", "z_10_01", "z_10_05", "z_10_10_p", "z_10_10_s", "z_15_01", "z_15_05", "z_20_05",
-    "z_20_10_p", "z_20_10_s", "z_25_05", "z_30_05", "z_35_05",
-)  # fmt: skip
+    "z_05_01",
+    "z_10_01",
+    "z_10_05",
+    "z_10_10_p",
+    "z_10_10_s",
+    "z_15_01",
+    "z_15_05",
+    "z_20_05",
+    "z_20_10_p",
+    "z_20_10_s",
+    "z_25_05",
+    "z_30_05",
+    "z_35_05",
+)
 UNSEEN = "z_35_05"  # held-out run: the largest rudder angle and the largest loss of speed
 TORQUE, THRUST, SPEED = "shaft_torque_N_m", "thrust_N", "ship_speed_m_s"
 SWAY, YAW, RUDDER = "sway_speed_m_s", "yaw_rate_rad_s", "rudder_rad"
@@ -70,10 +81,14 @@ BEFORE = Straight("before the first rudder execute", np.inf, np.inf, 1.0, 0.0, T
 """Rows before the rudder leaves midship."""
 
 LIMITS = (
-    SMALL._replace(drift_deg=1.0, yaw_deg_s=0.1), SMALL._replace(drift_deg=1.0), SMALL,
+    SMALL._replace(drift_deg=1.0, yaw_deg_s=0.1),
+    SMALL._replace(drift_deg=1.0),
+    SMALL,
     *(SMALL._replace(drift_deg=d, yaw_deg_s=y) for d, y in ((2.0, 0.3), (3.0, 0.5))),
-    SMALL._replace(drift_deg=2.0, yaw_deg_s=0.3, rudder_deg=11.0), SMALL._replace(from_s=0.0), BEFORE,
-)  # fmt: skip
+    SMALL._replace(drift_deg=2.0, yaw_deg_s=0.3, rudder_deg=11.0),
+    SMALL._replace(from_s=0.0),
+    BEFORE,
+)
 """Other limits, for the sensitivity of the result."""
 
 
@@ -105,10 +120,17 @@ def ship_of(folder: Path) -> Ship:
         "name": "kvlcc2",
         "description": "7 m model of the tanker KVLCC2 at constant revolutions",
         "water": {"density_kg_m3": DENSITY},
-        "hull": {"mass_kg": 3272.0, "resistance_coefficient_N_s2_m2": 1.0,
-                 "wake_fraction": PRINTED_WAKE, "thrust_deduction": PRINTED_DEDUCTION},
+        "hull": {
+            "mass_kg": 3272.0,
+            "resistance_coefficient_N_s2_m2": 1.0,
+            "wake_fraction": PRINTED_WAKE,
+            "thrust_deduction": PRINTED_DEDUCTION,
+        },
         "propeller": {  # eta_R is not printed; the assumed depth acts where air is drawn only
-            "model": "table", "diameter_m": 0.204, "blades": 4, "relative_rotative_efficiency": 1.0,
+            "model": "table",
+            "diameter_m": 0.204,
+            "blades": 4,
+            "relative_rotative_efficiency": 1.0,
             "depth_m": 0.3,
             "open_water": {
                 "advance_ratio": entries["J"].tolist(),
@@ -119,7 +141,7 @@ def ship_of(folder: Path) -> Ship:
         "prime_mover": {"type": "speed-command", "speed_max_rad_s": 100.0},
         "transmission": {"inertia_propeller_side_kg_m2": 0.0},
         "integration": {"time_step_s": 0.05},
-    }  # fmt: skip
+    }
     ship = validate_tables(Ship, tree, "kvlcc2")
     omega = np.array([2.0 * np.pi * REVOLUTIONS])
     thrust = loads_at(ship, np.array([APPROACH_SPEED]), omega)[0][0]
@@ -254,8 +276,10 @@ def best_wake(ship: Ship, *runs: pd.DataFrame) -> tuple[float, float]:
     run = pd.concat(runs, ignore_index=True)
     found = scipy.optimize.minimize_scalar(
         lambda w: errors(ship.with_values({WAKE: float(w)}), run).thrust,
-        bounds=(0.2, 0.59), method="bounded", options={"xatol": 1e-5},
-    )  # fmt: skip
+        bounds=(0.2, 0.59),
+        method="bounded",
+        options={"xatol": 1e-5},
+    )
     return float(found.x), float(found.fun)
 
 

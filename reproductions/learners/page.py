@@ -115,11 +115,19 @@ def table_of(names: list[str], found: dict[str, Any]) -> pd.DataFrame:
         bound = known[task]
         steps = DEFAULTS.max_episode_steps or 1
         rows.append(
-            {"task": f"{task}{part}", "controller": name, "trainings": len(values), "return": mean,
-             "return_low": low, "return_high": high, "gain": gain, "gain_low": gain_low,
-             "gain_high": gain_high, "score": np.nan if bound is None or part else
-             bound.score(mean / steps)}
-        )  # fmt: skip
+            {
+                "task": f"{task}{part}",
+                "controller": name,
+                "trainings": len(values),
+                "return": mean,
+                "return_low": low,
+                "return_high": high,
+                "gain": gain,
+                "gain_low": gain_low,
+                "gain_high": gain_high,
+                "score": np.nan if bound is None or part else bound.score(mean / steps),
+            }
+        )
     return pd.DataFrame(rows)
 
 
@@ -152,16 +160,27 @@ def _targets(table: pd.DataFrame, names: list[str], learners: Iterable[str]) -> 
         one = here.loc[name]
         classic = here.loc[[c for c in UNTUNED if c in here.index], "return"]
         rows.append(
-            (task, name, int(one["trainings"]),
-             *_gain_words(one["gain"], one["gain_low"], one["gain_high"]),
-             f"{classic.idxmax()} {classic.max():.0f}",
-             "yes" if one["return_low"] > classic.max() else "no")
-        )  # fmt: skip
+            (
+                task,
+                name,
+                int(one["trainings"]),
+                *_gain_words(one["gain"], one["gain_low"], one["gain_high"]),
+                f"{classic.idxmax()} {classic.max():.0f}",
+                "yes" if one["return_low"] > classic.max() else "no",
+            )
+        )
     return pd.DataFrame(
         rows,
-        columns=["task", "learner", "trainings", "return less the combinator's", "beats it",
-                 "best untuned classic controller", "beats it too"],
-    )  # fmt: skip
+        columns=[
+            "task",
+            "learner",
+            "trainings",
+            "return less the combinator's",
+            "beats it",
+            "best untuned classic controller",
+            "beats it too",
+        ],
+    )
 
 
 def shorter_trainings(names: list[str], found: dict[str, Any]) -> pd.DataFrame:
@@ -174,14 +193,27 @@ def shorter_trainings(names: list[str], found: dict[str, Any]) -> pd.DataFrame:
             values = np.array(cell[""]["values"])
             base = episodes_of(task, COMBINATOR, "", found)[0]
             rows.append(
-                (task, name, steps, f"{cell['curve'][0][1]:.0f}", f"{values.mean():.0f}",
-                 *_gain_words(*mean_with_interval((values - base)[None])))
-            )  # fmt: skip
+                (
+                    task,
+                    name,
+                    steps,
+                    f"{cell['curve'][0][1]:.0f}",
+                    f"{values.mean():.0f}",
+                    *_gain_words(*mean_with_interval((values - base)[None])),
+                )
+            )
     return pd.DataFrame(
         rows,
-        columns=["task", "learner", "control intervals", "return before", "return",
-                 "return less the combinator's", "beats it"],
-    )  # fmt: skip
+        columns=[
+            "task",
+            "learner",
+            "control intervals",
+            "return before",
+            "return",
+            "return less the combinator's",
+            "beats it",
+        ],
+    )
 
 
 def _bounds(names: list[str], found: dict[str, Any]) -> pd.DataFrame:
@@ -193,9 +225,15 @@ def _bounds(names: list[str], found: dict[str, Any]) -> pd.DataFrame:
             rows.append((task, *returns.round(1), round(100.0 * (1.0 - bound.score(bound.tuned)))))
     return pd.DataFrame(
         rows,
-        columns=["task", "combinator", "tuned controller", "bound", "spread of the starts",
-                 "gap of the tuned controller [% of the score]"],
-    )  # fmt: skip
+        columns=[
+            "task",
+            "combinator",
+            "tuned controller",
+            "bound",
+            "spread of the starts",
+            "gap of the tuned controller [% of the score]",
+        ],
+    )
 
 
 def curves(names: list[str], found: dict[str, Any]) -> Figure:
@@ -235,12 +273,21 @@ def write(folder: Path, names: list[str], found: dict[str, Any]) -> Path:
     steps = ", ".join(f"{name} {INTERVALS[name]:,}" for name in budget)
     recipe = from_nothing(learned[0], {}) if RECIPE in budget else None
     body = fill_template(
-        Path(__file__).with_name("page.md"), episodes=EPISODES, first=FIRST_SEED, steps=steps,
-        table=_wide(table, names, ""), targets=_targets(table, names, DEFAULT_LEARNERS),
-        held_out=_wide(table, names, f":{HELD_OUT}"), recipe=recipe,
-        recipe_targets=_targets(table, names, [RECIPE]), bounds=_bounds(names, found),
-        short=shorter_trainings(names, found), planned=PLANNED, plan_steps=STEPS, starts=STARTS,
-    )  # fmt: skip
+        Path(__file__).with_name("page.md"),
+        episodes=EPISODES,
+        first=FIRST_SEED,
+        steps=steps,
+        table=_wide(table, names, ""),
+        targets=_targets(table, names, DEFAULT_LEARNERS),
+        held_out=_wide(table, names, f":{HELD_OUT}"),
+        recipe=recipe,
+        recipe_targets=_targets(table, names, [RECIPE]),
+        bounds=_bounds(names, found),
+        short=shorter_trainings(names, found),
+        planned=PLANNED,
+        plan_steps=STEPS,
+        starts=STARTS,
+    )
     write_table(folder, "learners", TITLE, COMMAND, table, body)
     return folder / "learners.md"
 

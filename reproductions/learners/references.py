@@ -18,8 +18,15 @@ from shaftline.envs.tasks import HELD_OUT, controller_for
 FIRST_SEED, EPISODES = 900_000, 48
 """Episodes of all comparisons; no training and no search draws their seeds."""
 
-CONTROLLERS = ("combinator", "combinator-trimmed", "cpp-optimiser", "anti-spin", "speed-pilot",
-               "va-pitch", "mpc")  # fmt: skip
+CONTROLLERS = (
+    "combinator",
+    "combinator-trimmed",
+    "cpp-optimiser",
+    "anti-spin",
+    "speed-pilot",
+    "va-pitch",
+    "mpc",
+)
 PREVIEWING = ("va-pitch-preview", "mpc-preview")
 """Classic controllers of tasks with a preview of the waves."""
 
@@ -74,9 +81,12 @@ class Returns(NamedTuple):
 
 
 def returns_of(
-    controller: Predictor, task: str, episodes: int = EPISODES, first_seed: int = FIRST_SEED,
+    controller: Predictor,
+    task: str,
+    episodes: int = EPISODES,
+    first_seed: int = FIRST_SEED,
     steps: int | None = None,
-) -> Returns:  # fmt: skip
+) -> Returns:
     """Run a controller through episodes of a task.
 
     Args:

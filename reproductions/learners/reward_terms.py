@@ -54,10 +54,12 @@ def drawn(episodes: dict[str, pd.DataFrame]) -> Figure:
         for k, name in enumerate(values):
             is_reward = name == "reward"
             axis.plot(
-                smooth.index, smooth[name], label=f"{name} ({values[name].mean():.2f})",
+                smooth.index,
+                smooth[name],
+                label=f"{name} ({values[name].mean():.2f})",
                 color="black" if is_reward else figures.PALETTE[k % len(figures.PALETTE)],
                 linewidth=1.6 if is_reward else 1.0,
-            )  # fmt: skip
+            )
         axis.set_title(f"{task}, {SEAS[task]}", fontsize=10, loc="left")
         axis.set_ylabel("value [-]", fontsize=9)
         axis.set_xlim(0.0, smooth.index[-1])

@@ -108,8 +108,9 @@ def train_cell(learner: Learner) -> dict[str, Any]:
     if learner.folder is not None and learner.algorithm != "recurrent-ppo":
         _save(learner, model, Path(learner.folder))
     return _judged(trained, learner.task) | {
-        "curve": curve, "seconds": time.perf_counter() - begin,
-    }  # fmt: skip
+        "curve": curve,
+        "seconds": time.perf_counter() - begin,
+    }
 
 
 def _judged(policy: Predictor, task: str) -> dict[str, Any]:
@@ -140,9 +141,13 @@ def _save(learner: Learner, model: Any, folder: Path) -> None:
     from shaftline.agents.policy.policy import Policy
 
     recipe = Recipe.model_validate(
-        {"algorithm": learner.algorithm, "task": learner.task, "n_envs": 1,
-         "n_timesteps": learner.steps}
-    )  # fmt: skip
+        {
+            "algorithm": learner.algorithm,
+            "task": learner.task,
+            "n_envs": 1,
+            "n_timesteps": learner.steps,
+        }
+    )
     batch = model.get_env().envs[0].unwrapped.batch
     about = about_training(recipe, learner.seed, get_task(learner.task).vessel, batch)
     Policy(extract_network(model), about).save(folder / f"{learner.name}.npz")

@@ -47,12 +47,14 @@ NOTES = (
 
 _WON = 0.1  # share of the score that a policy must gain over the tuned controller
 _FIGURES = {
-    "fuel_kg_nmi": "fuel [kg/nmi]", "speed_error_rms_m_s": "speed error, rms [m/s]",
+    "fuel_kg_nmi": "fuel [kg/nmi]",
+    "speed_error_rms_m_s": "speed error, rms [m/s]",
     "speed_short_m_s": "set-point less speed, mean [m/s]",
     "wave_torque_kN_m": "shaft torque in waves [kN m]",
     "wave_engine_torque_kN_m": "engine torque in waves [kN m]",
-    "heading_error_rms_deg": "heading error, rms [deg]", "track_error_rms_m": "track error, rms [m]",
-}  # fmt: skip
+    "heading_error_rms_deg": "heading error, rms [deg]",
+    "track_error_rms_m": "track error, rms [m]",
+}
 
 
 def means(cell: Mapping[str, Any]) -> dict[str, float]:
@@ -83,24 +85,37 @@ def table_of(found: Mapping[str, Any]) -> pd.DataFrame:
             bound, steps = bounds().get(task), DEFAULTS.max_episode_steps or 1
             unit = np.nan if bound is None else steps * (bound.best - bound.combinator)
             rows.append(
-                {"task": task, "seas": part, "trainings": len(policies),
-                 "policy": float(policies.mean()),
-                 **{name: float(values.mean()) for name, values in classic.items()},
-                 "gain": gain, "gain_low": low, "gain_high": high, "score_unit": unit}
-            )  # fmt: skip
+                {
+                    "task": task,
+                    "seas": part,
+                    "trainings": len(policies),
+                    "policy": float(policies.mean()),
+                    **{name: float(values.mean()) for name, values in classic.items()},
+                    "gain": gain,
+                    "gain_low": low,
+                    "gain_high": high,
+                    "score_unit": unit,
+                }
+            )
     return pd.DataFrame(rows)
 
 
 def _shown(table: pd.DataFrame, part: str) -> pd.DataFrame:
     return pd.DataFrame(
-        {"task": row["task"], "action mode": _mode(row["task"]), "trainings": row["trainings"],
-         **{name: f"{row[name]:.1f}" for name in (*CLASSIC, "policy")},
-         "policy less tuned controller":
-             f"{row['gain']:+.1f} ({row['gain_low']:+.1f} to {row['gain_high']:+.1f})",
-         "in % of the score": "–" if np.isnan(row["score_unit"])
-             else f"{100.0 * row['gain'] / row['score_unit']:+.0f}"}
+        {
+            "task": row["task"],
+            "action mode": _mode(row["task"]),
+            "trainings": row["trainings"],
+            **{name: f"{row[name]:.1f}" for name in (*CLASSIC, "policy")},
+            "policy less tuned controller": "{gain:+.1f} ({gain_low:+.1f} to {gain_high:+.1f})".format(
+                **row
+            ),
+            "in % of the score": "–"
+            if np.isnan(row["score_unit"])
+            else f"{100.0 * row['gain'] / row['score_unit']:+.0f}",
+        }
         for row in table[table["seas"] == part].to_dict("records")
-    )  # fmt: skip
+    )
 
 
 def _mode(task: str) -> str:
@@ -149,10 +164,13 @@ def figures(found: Mapping[str, Any]) -> pd.DataFrame:
 def oscillations() -> pd.DataFrame:
     """Return the lasting oscillations of each policy and its tuned controller in calm water."""
     return pd.DataFrame(
-        {"task": name, "policy": _oscillation(name, f"policy:{name}"),
-         TUNED: _oscillation(name, tuned_controller(name))}
+        {
+            "task": name,
+            "policy": _oscillation(name, f"policy:{name}"),
+            TUNED: _oscillation(name, tuned_controller(name)),
+        }
         for name in packaged_policies()
-    )  # fmt: skip
+    )
 
 
 def _oscillation(name: str, controller: str) -> str:
@@ -172,13 +190,24 @@ def write(folder: Path, found: Mapping[str, Any]) -> Path:
         ", ".join(f"`{name}`" for name in names) or "no task"
         for names in (won(table), won_wholly(table))
     )
-    titles = {"training": "Training seas", "second block": "Training seas, second block of seeds",
-              "held-out": "Held-out seas"}  # fmt: skip
+    titles = {
+        "training": "Training seas",
+        "second block": "Training seas, second block of seeds",
+        "held-out": "Held-out seas",
+    }
     parts = {title: _shown(table, part) for part, title in titles.items()}
     return write_results(
-        __file__, folder, TITLE, table, notes=NOTES, won=reached, wholly=wholly, parts=parts,
-        kpis=figures(found), oscillations=oscillations(),
-    )  # fmt: skip
+        __file__,
+        folder,
+        TITLE,
+        table,
+        notes=NOTES,
+        won=reached,
+        wholly=wholly,
+        parts=parts,
+        kpis=figures(found),
+        oscillations=oscillations(),
+    )
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -196,8 +225,9 @@ def main(arguments: list[str] | None = None) -> None:
     classic = {_classic_key(task, name): (task, name) for task in options.task for name in CLASSIC}
     policies = {
         f"policy_{task}_{seed}": (task, seed, kept)
-        for seed in range(1, options.seeds + 1) for task in options.task
-    }  # fmt: skip
+        for seed in range(1, options.seeds + 1)
+        for task in options.task
+    }
     try:
         if not options.page_only:
             sweep(classic_cell, classic, kept, **common)

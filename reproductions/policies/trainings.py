@@ -46,9 +46,13 @@ def policy_cell(cell: tuple[str, int, Path]) -> dict[str, Any]:
     task, seed, folder = cell
     recipe = read_recipe("ppo", task)
     file = train(
-        recipe, seed, folder / "trainings" / f"{task}-{seed}", device="cpu", threads=1,
+        recipe,
+        seed,
+        folder / "trainings" / f"{task}-{seed}",
+        device="cpu",
+        threads=1,
         plan_folder=folder / "plans",
-    )  # fmt: skip
+    )
     return judged(load_policy(file), task)
 
 

@@ -107,9 +107,16 @@ def least_error(found: Identification, table: pd.DataFrame) -> float:
     corner = np.zeros(len(here))
     simplex = np.vstack([corner, corner + np.eye(len(here))])
     found_there = scipy.optimize.minimize(
-        error, corner, method="Nelder-Mead",
-        options={"maxfev": 150 * len(here), "xatol": 1e-2, "fatol": 1e-4, "initial_simplex": simplex},
-    )  # fmt: skip
+        error,
+        corner,
+        method="Nelder-Mead",
+        options={
+            "maxfev": 150 * len(here),
+            "xatol": 1e-2,
+            "fatol": 1e-4,
+            "initial_simplex": simplex,
+        },
+    )
     return float(found_there.fun)
 
 
@@ -133,11 +140,18 @@ def table_of(found: Sequence[Refit]) -> pd.DataFrame:
         for e in one.identification.estimates:
             numbers |= {e.name: e.value, f"{e.name}_se": e.standard_error}
         rows += [
-            {"start": one.freed.start, "freed": one.freed.title, "unseen": " ".join(result.run),
-             "rms_before_rad_s": result.before, "rms_after_rad_s": result.after,
-             "after/before": result.ratio, "rms_least_rad_s": least, **numbers}
+            {
+                "start": one.freed.start,
+                "freed": one.freed.title,
+                "unseen": " ".join(result.run),
+                "rms_before_rad_s": result.before,
+                "rms_after_rad_s": result.after,
+                "after/before": result.ratio,
+                "rms_least_rad_s": least,
+                **numbers,
+            }
             for result, least in zip(one.judged, one.least, strict=True)
-        ]  # fmt: skip
+        ]
     return pd.DataFrame(rows)
 
 
@@ -193,15 +207,20 @@ def summary(found: Sequence[Refit], table: pd.DataFrame, diagnosed: pd.DataFrame
     values: dict[str, Any] = {name: span(part["after/before"]) for name, part in parts.items()}
     better = [_better(parts[name], named[CONSTANTS]) for name in ("friction", "zone")]
     return values | {
-        "diagnosed": span(named[CONSTANTS]["after/before"]), "constants": span(constants),
+        "diagnosed": span(named[CONSTANTS]["after/before"]),
+        "constants": span(constants),
         "diagnosed_whole": span(named[WHOLE]["after/before"]),
         "bound": span(parts["auto"]["rms_least_rad_s"] / parts["auto"]["rms_before_rad_s"]),
-        "warned": f"{sum(bool(i.warnings) for i in first)} of {len(first)}", "better": better,
-        "count": len(parts["zone"]), "offset_error": span(parts["offset"]["rms_after_rad_s"]),
-        "offset_bound": span(parts["offset"]["rms_least_rad_s"]), "volts": span(volts, 3),
+        "warned": f"{sum(bool(i.warnings) for i in first)} of {len(first)}",
+        "better": better,
+        "count": len(parts["zone"]),
+        "offset_error": span(parts["offset"]["rms_after_rad_s"]),
+        "offset_bound": span(parts["offset"]["rms_least_rad_s"]),
+        "volts": span(volts, 3),
         "within": sum(low <= rov.OWNERS_DEAD_ZONE_V <= high for low, high in intervals),
-        "intervals": len(intervals), "kept": kept,
-    }  # fmt: skip
+        "intervals": len(intervals),
+        "kept": kept,
+    }
 
 
 def _smooth(table: pd.DataFrame) -> pd.DataFrame:

@@ -38,17 +38,22 @@ def main() -> None:
 
 
 def write(
-    folder: Path, found: dict[str, list[Split]], runs: Runs, refits: list[numbers.Refit],
+    folder: Path,
+    found: dict[str, list[Split]],
+    runs: Runs,
+    refits: list[numbers.Refit],
     refused: list[str],
-) -> None:  # fmt: skip
+) -> None:
     """Write ``rov-thruster.md``, its two tables and ``figures/rov-thruster.png``."""
     table, estimated = rov.table_of(found), numbers.table_of(refits)
     named = [one.diagnosis for one in found[CONSTANTS] if one.diagnosis.findings]
     ahead = [_best_gain(d, "command-dead-zone") - _best_gain(d, "coulomb-friction") for d in named]
     ratios = {
-        "smooth": _ratio(table, CONSTANTS, "sine", "ramp"), "step": _ratio(table, CONSTANTS, "step"),
-        "whole_sine": _ratio(table, WHOLE, "sine"), "whole_ramp": _ratio(table, WHOLE, "ramp"),
-    }  # fmt: skip
+        "smooth": _ratio(table, CONSTANTS, "sine", "ramp"),
+        "step": _ratio(table, CONSTANTS, "step"),
+        "whole_sine": _ratio(table, WHOLE, "sine"),
+        "whole_ramp": _ratio(table, WHOLE, "ramp"),
+    }
     write_csv(folder, "rov-thruster-numbers", estimated)
     write_results(
         __file__, folder, TITLE, table, {"": figure_of(found, runs)}, "--recordings FOLDER",
@@ -70,24 +75,37 @@ def errors_table(table: pd.DataFrame) -> pd.DataFrame:
         pairs = zip(table[column.format("before")], table[column.format("after")], strict=True)
         shown[what] = [f"{b:.{digits}f} → {a:.{digits}f}" for b, a in pairs]
     shown = shown[["start", "unseen", "named", "rms", "after/before", "fit"]]
-    shown.columns = ["start", "held-out run", "identified effect", "rms, before → after",
-                     "after/before", "FitPercent"]  # fmt: skip
+    shown.columns = [
+        "start",
+        "held-out run",
+        "identified effect",
+        "rms, before → after",
+        "after/before",
+        "FitPercent",
+    ]
     return shown
 
 
 def findings_table(found: dict[str, list[Split]]) -> pd.DataFrame:
     """Return what each diagnosis identified, with its alternatives and the first round."""
     return pd.DataFrame(
-        {"start": title, "held out": one.unseen, "verdict": one.diagnosis.verdict,
-         "effect": f.effect.label,
-         "size": "; ".join(f"{e.name} {interval(e)} {e.unit}" for e in f.estimates),
-         "2 Δ log L (threshold)": f"{f.score:.0f} ({f.threshold:.0f})",
-         "indistinguishable": ", ".join(c.effect.label for c in f.rivals),
-         "explained": f"{one.diagnosis.explained:.0%}",
-         "first round":
-             ", ".join(f"{c.effect.label} {c.gain:.0f}" for c, _ in one.diagnosis.ranking[:4])}
-        for title, group in found.items() for one in group for f in one.diagnosis.findings
-    )  # fmt: skip
+        {
+            "start": title,
+            "held out": one.unseen,
+            "verdict": one.diagnosis.verdict,
+            "effect": f.effect.label,
+            "size": "; ".join(f"{e.name} {interval(e)} {e.unit}" for e in f.estimates),
+            "2 Δ log L (threshold)": f"{f.score:.0f} ({f.threshold:.0f})",
+            "indistinguishable": ", ".join(c.effect.label for c in f.rivals),
+            "explained": f"{one.diagnosis.explained:.0%}",
+            "first round": ", ".join(
+                f"{c.effect.label} {c.gain:.0f}" for c, _ in one.diagnosis.ranking[:4]
+            ),
+        }
+        for title, group in found.items()
+        for one in group
+        for f in one.diagnosis.findings
+    )
 
 
 def _ratio(table: pd.DataFrame, start: str, *references: str) -> str:

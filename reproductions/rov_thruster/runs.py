@@ -122,9 +122,12 @@ def evaluate(nominal: Ship, corrected: Ship, runs: Runs, unseen: str) -> tuple[H
 
 
 def fitted_and_kept(
-    nominal: Ship, runs: Runs, unseen: str, reversals: bool = False,
+    nominal: Ship,
+    runs: Runs,
+    unseen: str,
+    reversals: bool = False,
     channels: tuple[str, ...] = (SPEED,),
-) -> tuple[list[pd.DataFrame], list[pd.DataFrame]]:  # fmt: skip
+) -> tuple[list[pd.DataFrame], list[pd.DataFrame]]:
     """Return the runs of two controllers for a fit: five to fit, the sixth as validation data.
 
     ``reversals`` keeps the rows in which the sign of the speed was guessed.
@@ -183,9 +186,18 @@ def describe_finding(diagnosis: Diagnosis) -> str:
 def table_of(found: dict[str, list[Split]]) -> pd.DataFrame:
     """Return a row for each held-out run of each split."""
     return pd.DataFrame(
-        {"start": title, "unseen": " ".join(result.run), "verdict": one.diagnosis.verdict,
-         "named": describe_finding(one.diagnosis), "rms_before_rad_s": result.before,
-         "rms_after_rad_s": result.after, "after/before": result.ratio,
-         "fit_before_percent": result.fit_before, "fit_after_percent": result.fit_after}
-        for title, group in found.items() for one in group for result in one.judged
-    )  # fmt: skip
+        {
+            "start": title,
+            "unseen": " ".join(result.run),
+            "verdict": one.diagnosis.verdict,
+            "named": describe_finding(one.diagnosis),
+            "rms_before_rad_s": result.before,
+            "rms_after_rad_s": result.after,
+            "after/before": result.ratio,
+            "fit_before_percent": result.fit_before,
+            "fit_after_percent": result.fit_after,
+        }
+        for title, group in found.items()
+        for one in group
+        for result in one.judged
+    )

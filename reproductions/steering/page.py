@@ -23,9 +23,11 @@ from . import results, voyages
 AUTOPILOT_TITLE = "Autopilot by loop shaping (Taylor 2000, section 5.2)"
 TRACK_TITLE = "Cross-track controller by loop shaping (Taylor 2000, section 5.3)"
 _MARGINS = {
-    "gain_margin_dB": "gain margin [dB]", "phase_margin_deg": "phase margin [deg]",
-    "overshoot_percent": "overshoot [%]", "settling_lengths": "settling distance [L]",
-}  # fmt: skip
+    "gain_margin_dB": "gain margin [dB]",
+    "phase_margin_deg": "phase margin [deg]",
+    "overshoot_percent": "overshoot [%]",
+    "settling_lengths": "settling distance [L]",
+}
 _WEIGHTS = {
     "first order": "W1 = 1 / (s + 0.01)",
     "second order": "W1 = 100 / (1 + s / 0.01)²",
@@ -49,10 +51,15 @@ def autopilot(tick: Tick) -> Page:
         columns=["weight", "largest sum of both", "largest W1 S", "largest W2 T"],
     )
     body = fill_template(
-        Path(__file__).with_name("autopilot.md"), cells=cell_table(cells), bounds=bounds,
-        nine=nine.rename(columns=_MARGINS), sampled=sampled, interval=voyages.INTERVAL_S,
-        turn_deg=voyages.TURN_DEG, rates=rates.rename(columns=_spaced),
-    )  # fmt: skip
+        Path(__file__).with_name("autopilot.md"),
+        cells=cell_table(cells),
+        bounds=bounds,
+        nine=nine.rename(columns=_MARGINS),
+        sampled=sampled,
+        interval=voyages.INTERVAL_S,
+        turn_deg=voyages.TURN_DEG,
+        rates=rates.rename(columns=_spaced),
+    )
     title = "Autopilot's loop, time in ship lengths"
     figures = {
         "autopilot-loop": loop_figure(thesis, title, "L", (0.01, 40.0)),
@@ -75,10 +82,15 @@ def track(tick: Tick) -> Page:
     cells = track_cells(numbers, at_sea)
     measures = pd.DataFrame(at_sea).rename(index=_spaced).rename_axis("measure").reset_index()
     body = fill_template(
-        Path(__file__).with_name("track.md"), cells=cell_table(cells), sampled=sampled,
-        interval=voyages.INTERVAL_S, voyages=voyages, steady=results.STEADY, forces=forces,
+        Path(__file__).with_name("track.md"),
+        cells=cell_table(cells),
+        sampled=sampled,
+        interval=voyages.INTERVAL_S,
+        voyages=voyages,
+        steady=results.STEADY,
+        forces=forces,
         measures=measures,
-    )  # fmt: skip
+    )
     title = "Cross-track controller's loop, time in ship lengths"
     figures = {"track-loop": loop_figure(loop, title, "L"), "track-voyages": _track_figure(tracks)}
     numbers |= {"as_it_acts": sampled._asdict(), "voyages": at_sea}
@@ -182,11 +194,19 @@ def _autopilot_figure(tracks: dict[str, pd.DataFrame]) -> Figure:
     ]
     panels = [
         Panel(heading, {"ylabel": "heading [deg]"}, 1),
-        Panel(map_, {"aspect": "equal", "adjustable": "datalim", "xlabel": "to starboard [L]",
-                     "ylabel": "advance [L]"}, 1),
+        Panel(
+            map_,
+            {
+                "aspect": "equal",
+                "adjustable": "datalim",
+                "xlabel": "to starboard [L]",
+                "ylabel": "advance [L]",
+            },
+            1,
+        ),
         Panel(rudder, {"ylabel": "rudder [deg]"}),
         Panel(turned, {"ylabel": "heading [deg]"}),
-    ]  # fmt: skip
+    ]
     title = "Autopilot on the nonlinear plant at 22 knots"
     figure = draw(panels, (12.0, 7.2), 2, "distance at 22 knots [L]", title)
     every = round(5.0 * voyages.length_s() / voyages.INTERVAL_S)

@@ -225,11 +225,16 @@ def wave_forces() -> pd.DataFrame:
         sea = voyages.wave_case(kind, seed, heading)
         mean, amplitude = oscillation(voyages.track_change(sea=sea, seed=seed))
         rows.append(
-            {"force": kind, "waves from astern by [deg]": heading, "seed": seed,
-             "force, mean [kN]": 1e-3 * sea[1].side_N.mean(),
-             "force, standard deviation [kN]": 1e-3 * sea[1].side_N.std(),
-             "mean off the track [L]": mean, "amplitude [L]": amplitude}
-        )  # fmt: skip
+            {
+                "force": kind,
+                "waves from astern by [deg]": heading,
+                "seed": seed,
+                "force, mean [kN]": 1e-3 * sea[1].side_N.mean(),
+                "force, standard deviation [kN]": 1e-3 * sea[1].side_N.std(),
+                "mean off the track [L]": mean,
+                "amplitude [L]": amplitude,
+            }
+        )
     return pd.DataFrame(rows)
 
 

@@ -178,11 +178,17 @@ def linear_plant(track: bool) -> control.StateSpace:
 
 
 def simulate_voyage(
-    helmsman: Helmsman, lengths: float, orders: Orders, sway_m_s: float = 0.0,
-    current_at: float = math.inf, carried: bool = False,
-    acting: Callable[[float], Any] = lambda _: UNDISTURBED, vessel: Ship | None = None,
-    sea: Any = None, seed: int = 1,
-) -> pd.DataFrame:  # fmt: skip
+    helmsman: Helmsman,
+    lengths: float,
+    orders: Orders,
+    sway_m_s: float = 0.0,
+    current_at: float = math.inf,
+    carried: bool = False,
+    acting: Callable[[float], Any] = lambda _: UNDISTURBED,
+    vessel: Ship | None = None,
+    sea: Any = None,
+    seed: int = 1,
+) -> pd.DataFrame:
     """Simulate a voyage with a helmsman, from the straight course.
 
     Args:
@@ -215,21 +221,34 @@ def simulate_voyage(
             voyage = Voyage(plain.with_values(current), state, drive, sea)
         heading_order, track_order = orders(time / unit)
         read = (
-            heading_order, state.heading + HEADING_NOISE * rng.standard_normal(), state.yaw_rate,
-            state.rudder_angle, track_order,
-            state.cross_track + off + TRACK_NOISE_M * rng.standard_normal(), state.ship_speed,
-        )  # fmt: skip
+            heading_order,
+            state.heading + HEADING_NOISE * rng.standard_normal(),
+            state.yaw_rate,
+            state.rudder_angle,
+            track_order,
+            state.cross_track + off + TRACK_NOISE_M * rng.standard_normal(),
+            state.ship_speed,
+        )
         seen = SteeringMeasurements(*(np.array([value]) for value in read))
         memory = helmsman.initial_state(seen) if memory is None else memory
         command = float(helmsman.rudder(seen, memory)[0])
         rows.append(
-            {"time_s": time, "way": time / unit, "position_m": state.position,
-             "cross_track_m": state.cross_track + off, "heading_rad": state.heading,
-             "yaw_rate_rad_s": state.yaw_rate, "sway_speed_m_s": state.sway_speed,
-             "ship_speed_m_s": state.ship_speed, "rudder_rad": state.rudder_angle,
-             "rudder_command_rad": command, "heading_order_rad": heading_order,
-             "track_order_m": track_order, "aim": memory[0, 0]}
-        )  # fmt: skip
+            {
+                "time_s": time,
+                "way": time / unit,
+                "position_m": state.position,
+                "cross_track_m": state.cross_track + off,
+                "heading_rad": state.heading,
+                "yaw_rate_rad_s": state.yaw_rate,
+                "sway_speed_m_s": state.sway_speed,
+                "ship_speed_m_s": state.ship_speed,
+                "rudder_rad": state.rudder_angle,
+                "rudder_command_rad": command,
+                "heading_order_rad": heading_order,
+                "track_order_m": track_order,
+                "aim": memory[0, 0],
+            }
+        )
         state = voyage.run(drive, pitch, command, steps, acting(time))
         off += INTERVAL_S * CURRENT_M_S * (flows and carried)
     return pd.DataFrame(rows)
@@ -283,6 +302,11 @@ def track_change(
         more["sea"] = sea[0]
         more["vessel"], more["acting"] = with_wave_force(ship(), sea[1])
     return simulate_voyage(
-        keeper, END_AT, lambda way: (0.0, (two if LEFT_AT <= way < BACK_AT else 0.0)),
-        current_at=GUST_AT, carried=carried, seed=seed, **more,
-    )  # fmt: skip
+        keeper,
+        END_AT,
+        lambda way: (0.0, (two if LEFT_AT <= way < BACK_AT else 0.0)),
+        current_at=GUST_AT,
+        carried=carried,
+        seed=seed,
+        **more,
+    )

@@ -59,8 +59,18 @@ def storm_frigate(**values: Any) -> Ship:
 
 
 @compiled
-def _interval(plant: Record, state: Record, memory: Record, sea: Record, rack: float, pitch: float,
-              resistance_factor: float, truth: Record, reading: Record, dt: float) -> None:  # fmt: skip
+def _interval(
+    plant: Record,
+    state: Record,
+    memory: Record,
+    sea: Record,
+    rack: float,
+    pitch: float,
+    resistance_factor: float,
+    truth: Record,
+    reading: Record,
+    dt: float,
+) -> None:
     steady = Disturbance(0.0, 0.0, resistance_factor, NO_SIGNALS)
     for _ in range(INTERVAL_STEPS):
         speed = state.shaft_speed
@@ -141,8 +151,18 @@ def simulate_storm(
         for i, (turned, moved) in enumerate(action.tolist()):
             pitch = decode(turned, plant["pitch_ratio_min"], plant["pitch_ratio_max"])
             fuel = decode(moved, plant["drive_min"], plant["drive_max"])
-            _interval(plant, states[i], memories[i], seas[i], fuel, pitch,
-                      resistance_factor, truths[k, i], readings[i], dt)  # fmt: skip
+            _interval(
+                plant,
+                states[i],
+                memories[i],
+                seas[i],
+                fuel,
+                pitch,
+                resistance_factor,
+                truths[k, i],
+                readings[i],
+                dt,
+            )
     columns = [truths[name] for name in STORM.names or ()]
     kept = slice(round(30.0 / (INTERVAL_STEPS * dt)), None)
     return Storm(*(values[kept].T for values in (*columns, detected, torque, ratio)))

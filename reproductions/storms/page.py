@@ -36,12 +36,19 @@ from .experiment import (
 )
 
 SEEDS = range(100, 120)  # seeds of the seas; none of them was used while tuning
-FIXED = {"ventilation.suction_gain": 0.0, "ventilation.static_head_share": 0.0,
-         "ventilation.surface_loss": 0.0, "ventilation.onset_submergence": 1.0}  # fmt: skip
+FIXED = {
+    "ventilation.suction_gain": 0.0,
+    "ventilation.static_head_share": 0.0,
+    "ventilation.surface_loss": 0.0,
+    "ventilation.onset_submergence": 1.0,
+}
 """Losses of thrust and torque by depth alone, the same at any shaft speed, for comparison."""
 
-DRY = {"ventilation.thrust_loss": 0.0, "ventilation.torque_loss": 0.0,
-       "ventilation.surface_loss": 0.0}  # fmt: skip
+DRY = {
+    "ventilation.thrust_loss": 0.0,
+    "ventilation.torque_loss": 0.0,
+    "ventilation.surface_loss": 0.0,
+}
 HELD = {"hull.mass_kg": 1e9}  # A hull too heavy to slow down: the paper's towing carriage
 HELD_SPEED_M_S = 6.4  # about the speed of the free ship at a set-point of 8 m/s without anti-spin
 HIGH_ORDER_M_S = 11.0  # A set-point near the highest: twice the thrust of 8 m/s
@@ -105,9 +112,14 @@ def simulate_case(case: str, seeds: range, options: dict[str, Any]) -> Storm:
     changes, order = CASES[case]
     ship, start = storm_frigate(**changes), HELD_SPEED_M_S if "hull.mass_kg" in changes else None
     return experiment.simulate_storm(
-        ship, AntiSpin(ship, **options), order_m_s=order, start_m_s=start, sea="state-6", seeds=seeds,
+        ship,
+        AntiSpin(ship, **options),
+        order_m_s=order,
+        start_m_s=start,
+        sea="state-6",
+        seeds=seeds,
         resistance_factor=RESISTANCE_FACTOR,
-    )  # fmt: skip
+    )
 
 
 def suction_of(ship: Ship, thrust: float) -> float:
@@ -256,23 +268,41 @@ def _tables(results: Results, beside: pd.DataFrame) -> dict[str, Any]:
     quantities = [q for q in named if "[" in q and "alarms" not in q and "vent" not in q]
     effects = {
         case: pd.DataFrame(
-            [[q, *(f"{table.loc[case, name, q]['value']:.4g}" for name in (ON, OFF)),
-              change(case, ON, q), change(case, AWARE, q)] for q in quantities],
+            [
+                [
+                    q,
+                    *(f"{table.loc[case, name, q]['value']:.4g}" for name in (ON, OFF)),
+                    change(case, ON, q),
+                    change(case, AWARE, q),
+                ]
+                for q in quantities
+            ],
             columns=["quantity", ON, OFF, "change, 95 %", "change with sea margin 3, 95 %"],
         )
         for case in (next(iter(CASES)), NEAREST)
-    }  # fmt: skip
+    }
     scores = [q for q in named if q.startswith(("ventilated", "events", "samples", "rms"))]
     detected = [
         [c, n, *(cell(c, n, s, ".2f") for s in scores)] for c in CASES for n in (ON, AWARE, OFF)
     ]
     plain = [
-        [c.split(", no")[0], cell(c, ON, alarms, ".1f"), cell(c, AWARE, alarms, ".1f"),
-         change(c, ON, speed), change(c, AWARE, speed)]
-        for c in results.numbers["case"].unique() if c not in CASES
-    ]  # fmt: skip
-    of_plain = ["sea, order", "paper's rule [1/h]", "sea margin 3 [1/h]",
-                "change of ship speed", "change with sea margin 3"]  # fmt: skip
+        [
+            c.split(", no")[0],
+            cell(c, ON, alarms, ".1f"),
+            cell(c, AWARE, alarms, ".1f"),
+            change(c, ON, speed),
+            change(c, AWARE, speed),
+        ]
+        for c in results.numbers["case"].unique()
+        if c not in CASES
+    ]
+    of_plain = [
+        "sea, order",
+        "paper's rule [1/h]",
+        "sea margin 3 [1/h]",
+        "change of ship speed",
+        "change with sea margin 3",
+    ]
     return {
         "first": pd.DataFrame(
             first, columns=["storm", "thrust", "power", "energy efficiency (27)"]
@@ -289,11 +319,21 @@ def body(results: Results, beside: pd.DataFrame) -> str:
     table = results.numbers.set_index(["controller", "case", "quantity"])["value"]
     change = 100.0 * (table.loc[f"{ON} / {OFF}"] - 1.0)
     return fill_template(
-        Path(__file__).with_suffix(".md"), **_tables(results, beside), resistance=RESISTANCE_FACTOR,
-        seeds=len(SEEDS), order=ORDER_M_S, high_order=HIGH_ORDER_M_S, held_speed=HELD_SPEED_M_S,
-        change=change, heads=results.suction_heads, gains=[change[c, EFFICIENCY] for c in CASES],
-        nearest=NEAREST, thrust=THRUST, power=POWER, efficiency=EFFICIENCY,
-    )  # fmt: skip
+        Path(__file__).with_suffix(".md"),
+        **_tables(results, beside),
+        resistance=RESISTANCE_FACTOR,
+        seeds=len(SEEDS),
+        order=ORDER_M_S,
+        high_order=HIGH_ORDER_M_S,
+        held_speed=HELD_SPEED_M_S,
+        change=change,
+        heads=results.suction_heads,
+        gains=[change[c, EFFICIENCY] for c in CASES],
+        nearest=NEAREST,
+        thrust=THRUST,
+        power=POWER,
+        efficiency=EFFICIENCY,
+    )
 
 
 def figure(traces: dict[str, Storm], dt: float) -> Figure:

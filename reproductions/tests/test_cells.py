@@ -133,13 +133,17 @@ def replaced(cells: list[Cell], values: np.ndarray) -> list[Cell]:
 def test_random_results_are_unexplained(file: Path) -> None:
     """Uniform numbers over the table's range: explained in 2 % of cells, met at chance level."""
     cells, generator = free_cells(file), np.random.default_rng(7)
-    ranges = {table: spread([one for one in cells if one.table == table])
-              for table in {one.table for one in cells}}  # fmt: skip
+    ranges = {
+        table: spread([one for one in cells if one.table == table])
+        for table in {one.table for one in cells}
+    }
     low, high = np.array([ranges[one.table] for one in cells]).T
-    chance = np.array([
-        max(0.0, min(one.high, b) - max(one.low, a)) / (b - a)
-        for one, a, b in zip(cells, low, high, strict=True)
-    ])  # fmt: skip
+    chance = np.array(
+        [
+            max(0.0, min(one.high, b) - max(one.low, a)) / (b - a)
+            for one, a, b in zip(cells, low, high, strict=True)
+        ]
+    )
     met = explained = 0.0
     for _ in range(DRAWS):
         random = replaced(cells, generator.uniform(low, high))
@@ -160,9 +164,9 @@ def test_our_results_on_other_cells_are_unexplained(file: Path) -> None:
     """
     cells, generator = free_cells(file), np.random.default_rng(8)
     ours = np.array([one.ours for one in cells])
-    range_ = 0.1 * np.array([
-        np.ptp(spread([one for one in cells if one.table == cell.table])) for cell in cells
-    ])  # fmt: skip
+    range_ = 0.1 * np.array(
+        [np.ptp(spread([one for one in cells if one.table == cell.table])) for cell in cells]
+    )
     pairs = np.array([[one.low <= v <= one.high for v in ours] for one in cells])
     met = explained = 0.0
     for _ in range(DRAWS):

@@ -71,11 +71,15 @@ def test_the_page_names_ships_shares_and_commands(tmp_path: Path) -> None:
         for kind in study.KINDS
         for made, reward in returns.items()
         if made != "randomised" or kind == "PPO"
-    ]  # fmt: skip
+    ]
     ships = {
-        "ship-01": {"true": {"hull.fouling_fraction": 0.4}, "corrected": {"hull.fouling_fraction": 0.38},
-                    "verdict": "explained", "named": ["hull-fouling"]}
-    }  # fmt: skip
+        "ship-01": {
+            "true": {"hull.fouling_fraction": 0.4},
+            "corrected": {"hull.fouling_fraction": 0.38},
+            "verdict": "explained",
+            "named": ["hull-fouling"],
+        }
+    }
     text = study.write(tmp_path, ships, pd.DataFrame(rows)).read_text(encoding="utf-8")
     assert "| PPO | 400.0 | 409.0 | 410.0 | 402.0 | 10.0 | 9.0 | 90 % (90 to 90) |" in text
     assert "hull.fouling_fraction = 0.4 | 0.38 | explained | hull-fouling" in text

@@ -28,32 +28,45 @@ needs_recordings = pytest.mark.skipif(
 )
 
 TERMS = [
-    {"id": "turning", "acts_on": "resistance", "expression": "-k * sway_speed * yaw_rate",
-     "parameters": {"k": 390.0}},
-    {"id": "wind", "acts_on": "resistance", "expression": "k * head_wind * abs(head_wind)",
-     "parameters": {"k": 0.084}},
-]  # fmt: skip
+    {
+        "id": "turning",
+        "acts_on": "resistance",
+        "expression": "-k * sway_speed * yaw_rate",
+        "parameters": {"k": 390.0},
+    },
+    {
+        "id": "wind",
+        "acts_on": "resistance",
+        "expression": "k * head_wind * abs(head_wind)",
+        "parameters": {"k": 0.084},
+    },
+]
 SIGNALS = {"sway_speed": "m/s", "yaw_rate": "rad/s", "head_wind": "m/s"}
 
 
 def with_what_is_named() -> Ship:
     """The ship with the three effects of docs/results/esso-osaka-model.md."""
     return (
-        surge_ship().with_signals(SIGNALS)
+        surge_ship()
+        .with_signals(SIGNALS)
         .with_values({"propeller.astern_load_fraction": 0.602, "term": TERMS})
-    )  # fmt: skip
+    )
 
 
 def test_a_recording_is_read_in_the_tools_own_units_and_signs() -> None:
     raw = pd.DataFrame(
         {
-            "t [s]": [1894.0, 1894.1], "u_velo [m/s]": [0.1, 0.2], "vm_velo [m/s]": [-0.01, 0.0],
-            "psi_hat [rad]": [3.1, -3.1], "r_angvelo [rad/s]": [0.02, 0.03],
-            "n_prop [rps]": [10.0, -10.0], "delta_rudder [rad]": [0.1, 0.2],
+            "t [s]": [1894.0, 1894.1],
+            "u_velo [m/s]": [0.1, 0.2],
+            "vm_velo [m/s]": [-0.01, 0.0],
+            "psi_hat [rad]": [3.1, -3.1],
+            "r_angvelo [rad/s]": [0.02, 0.03],
+            "n_prop [rps]": [10.0, -10.0],
+            "delta_rudder [rad]": [0.1, 0.2],
             "wind_velo_relative_mid [m/s]": [4.0, 4.0],
             "wind_dir_relative_mid [rad]": [0.0, math.pi],
         }
-    )  # fmt: skip
+    )
     found = canonical(raw)
     np.testing.assert_allclose(found["time_s"], [0.0, 0.1], atol=1e-9)
     np.testing.assert_allclose(found["shaft_speed_rad_s"], [20.0 * math.pi, -20.0 * math.pi])
@@ -83,20 +96,27 @@ def test_what_is_named_carries_on_the_runs_held_out() -> None:
         whole = runs.evaluate(named).over(HELD_OUT)
         assert whole == pytest.approx(0.0327, rel=0.03)
         for less in (
-            {"propeller.astern_load_fraction": 1.0}, {"term.turning.k": 0.0}, {"term.wind.k": 0.0}
-        ):  # fmt: skip
+            {"propeller.astern_load_fraction": 1.0},
+            {"term.turning.k": 0.0},
+            {"term.wind.k": 0.0},
+        ):
             assert runs.evaluate(named.with_values(less)).over(HELD_OUT) > 1.2 * whole
 
 
 def test_the_wind_across_blows_to_starboard_where_it_comes_from_port() -> None:
     raw = pd.DataFrame(
         {
-            "t [s]": [0.0, 0.1], "u_velo [m/s]": 0.1, "vm_velo [m/s]": 0.0, "psi_hat [rad]": 0.0,
-            "r_angvelo [rad/s]": 0.0, "n_prop [rps]": 10.0, "delta_rudder [rad]": 0.0,
+            "t [s]": [0.0, 0.1],
+            "u_velo [m/s]": 0.1,
+            "vm_velo [m/s]": 0.0,
+            "psi_hat [rad]": 0.0,
+            "r_angvelo [rad/s]": 0.0,
+            "n_prop [rps]": 10.0,
+            "delta_rudder [rad]": 0.0,
             "wind_velo_relative_mid [m/s]": 4.0,
             "wind_dir_relative_mid [rad]": [0.5 * math.pi, 1.5 * math.pi],
         }
-    )  # fmt: skip
+    )
     np.testing.assert_allclose(canonical(raw, across=True)["side_wind"], [-4.0, 4.0])
     assert "side_wind" not in canonical(raw)
 
@@ -106,9 +126,16 @@ def test_surge_at_the_measured_sway_is_the_ship_s_own_where_she_made_the_recordi
     ship = turning.turning_ship()
     time = np.arange(0.0, 200.0, 0.4)
     given = pd.DataFrame(
-        {"time_s": time, "shaft_speed_rad_s": 63.0, "rudder_rad": 0.4 * np.sin(time / 15.0),
-         "ship_speed_m_s": 0.3, "sway_speed_m_s": 0.0, "yaw_rate_rad_s": 0.0, "heading_rad": 0.0}
-    )  # fmt: skip
+        {
+            "time_s": time,
+            "shaft_speed_rad_s": 63.0,
+            "rudder_rad": 0.4 * np.sin(time / 15.0),
+            "ship_speed_m_s": 0.3,
+            "sway_speed_m_s": 0.0,
+            "yaw_rate_rad_s": 0.0,
+            "heading_rad": 0.0,
+        }
+    )
     sailed = given.assign(**simulate_recording(ship, given)[[*nomoto.CHANNELS]])
     speed = sailed["ship_speed_m_s"].to_numpy()
     np.testing.assert_allclose(turning.surge_at_measured(ship, sailed), speed, atol=2e-4)

@@ -15,10 +15,14 @@ def test_a_fault_changes_as_many_rows_as_it_says(fault: str) -> None:
     broken = FAULTS[fault](values, np.random.default_rng(0))
     changed = broken != values
     shares = {
-        SOUND: 0.0, "stops for a tenth": 0.1, "stops for half": 0.5,
-        "drops to 0 in 0.2 % of the rows": 0.002, "drops to 0 in 2 %": 0.02,
-        "shows twice as much in 2 %": 0.02, "cut off above its 85th percentile": 0.15,
-    }  # fmt: skip
+        SOUND: 0.0,
+        "stops for a tenth": 0.1,
+        "stops for half": 0.5,
+        "drops to 0 in 0.2 % of the rows": 0.002,
+        "drops to 0 in 2 %": 0.02,
+        "shows twice as much in 2 %": 0.02,
+        "cut off above its 85th percentile": 0.15,
+    }
     assert changed.mean() == pytest.approx(shares[fault], rel=0.25)
     if "stops" in fault:
         assert len({*broken[changed]}) == 1

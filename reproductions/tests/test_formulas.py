@@ -40,18 +40,36 @@ def test_a_recording_holds_its_rig_s_signals_and_is_the_same_again() -> None:
 def rows() -> pd.DataFrame:
     common = {"rig": "motor", "seconds": 2.0, "tried": 9, "threshold": 20.0, "coloured": "motor"}
     truth = common | {
-        "case": "t1", "wrong_numbers": False, "truth": "drive: c * drive", "true_signals": ["drive"],
-        "formula": "drive_torque: a * drive", "signals": ["drive"], "right_signals": True,
-        "gain": 90.0, "possible": 100.0, "held_out": 9.0, "possible_held_out": 10.0, "rivals": [],
-    }  # fmt: skip
+        "case": "t1",
+        "wrong_numbers": False,
+        "truth": "drive: c * drive",
+        "true_signals": ["drive"],
+        "formula": "drive_torque: a * drive",
+        "signals": ["drive"],
+        "right_signals": True,
+        "gain": 90.0,
+        "possible": 100.0,
+        "held_out": 9.0,
+        "possible_held_out": 10.0,
+        "rivals": [],
+    }
     wrong = truth | {
-        "case": "t2", "right_signals": False, "signals": ["shaft_speed"], "gain": 50.0,
-        "formula": "drive_torque: a * shaft_speed", "rivals": ["drive_torque: a * abs(drive)"],
-    }  # fmt: skip
+        "case": "t2",
+        "right_signals": False,
+        "signals": ["shaft_speed"],
+        "gain": 50.0,
+        "formula": "drive_torque: a * shaft_speed",
+        "rivals": ["drive_torque: a * abs(drive)"],
+    }
     null = common | {
-        "case": "n1", "wrong_numbers": True, "formula": "", "signals": [], "rivals": [],
-        "gain": 0.0, "held_out": 0.0,
-    }  # fmt: skip
+        "case": "n1",
+        "wrong_numbers": True,
+        "formula": "",
+        "signals": [],
+        "rivals": [],
+        "gain": 0.0,
+        "held_out": 0.0,
+    }
     told = null | {"case": "n2", "formula": "drive_torque: a", "gain": 30.0, "coloured": ""}
     return pd.DataFrame([truth, wrong, null, told])
 

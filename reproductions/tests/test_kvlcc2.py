@@ -208,9 +208,16 @@ def test_the_page_tells_every_run(
         [{"title": BEFORE.title, "from_s": 0.0}, {"title": SMALL.title, "from_s": 3.0}]
     )
     sensitivity = sensitivity.assign(
-        drift_deg=1.0, yaw_deg_s=1.0, rudder_deg=1.0, parts=8, rows=80, wake_fraction=0.4,
-        wake_fraction_se=0.01, relative_rotative_efficiency=1.0, resistance_coefficient_N_s2_m2=25.0,
-    )  # fmt: skip
+        drift_deg=1.0,
+        yaw_deg_s=1.0,
+        rudder_deg=1.0,
+        parts=8,
+        rows=80,
+        wake_fraction=0.4,
+        wake_fraction_se=0.01,
+        relative_rotative_efficiency=1.0,
+        resistance_coefficient_N_s2_m2=25.0,
+    )
     others = numbers.identify_variants(ship, runs, SMALL)
     here = oblique.fixed_hull(ship)
     errors = {name: Errors(1.25, 0.031) for name in oblique.FITTED}

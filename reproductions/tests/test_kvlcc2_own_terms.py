@@ -43,10 +43,16 @@ def a_run(ship: Ship, seconds: float = 60.0) -> pd.DataFrame:
     thrust, torque = loads_at(ship, speed, np.full(len(time), OMEGA))
     return pd.DataFrame(
         {
-            "time_s": time, "shaft_speed_rad_s": OMEGA, TORQUE: torque, THRUST: thrust, SPEED: speed,
-            SWAY: 0.2 * np.sin(0.3 * time), YAW: 0.03 * np.cos(0.3 * time), "rudder_rad": 0.1,
+            "time_s": time,
+            "shaft_speed_rad_s": OMEGA,
+            TORQUE: torque,
+            THRUST: thrust,
+            SPEED: speed,
+            SWAY: 0.2 * np.sin(0.3 * time),
+            YAW: 0.03 * np.cos(0.3 * time),
+            "rudder_rad": 0.1,
         }
-    )  # fmt: skip
+    )
 
 
 def test_the_held_ship_is_judged_in_the_measured_flow(own: Ship) -> None:

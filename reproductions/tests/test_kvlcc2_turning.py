@@ -28,9 +28,16 @@ def a_run() -> pd.DataFrame:
     time = np.arange(0.0, 60.0, 0.1)
     rudder = 0.3 * np.sign(np.sin(time / 7.0))
     given = pd.DataFrame(
-        {"time_s": time, "shaft_speed_rad_s": 64.0, "rudder_rad": rudder, "ship_speed_m_s": 1.1,
-         "sway_speed_m_s": 0.0, "yaw_rate_rad_s": 0.0, "heading_rad": 0.0}
-    )  # fmt: skip
+        {
+            "time_s": time,
+            "shaft_speed_rad_s": 64.0,
+            "rudder_rad": rudder,
+            "ship_speed_m_s": 1.1,
+            "sway_speed_m_s": 0.0,
+            "yaw_rate_rad_s": 0.0,
+            "heading_rad": 0.0,
+        }
+    )
     sailed = simulate_recording(load_ship("kvlcc2"), given)
     return given.assign(**{c: sailed[c] for c in nomoto.CHANNELS}, rudder_rad=-rudder)
 

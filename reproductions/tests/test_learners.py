@@ -115,10 +115,12 @@ def test_scores_and_gains_are_against_the_combinator_in_the_same_episodes() -> N
 
 def test_the_page_says_who_beats_whom(tmp_path: Path) -> None:
     found = found_of(
-        TASK, PLANS, combinator=[[150.0, 160.0, 155.0, 151.0]],
+        TASK,
+        PLANS,
+        combinator=[[150.0, 160.0, 155.0, 151.0]],
         ppo=[[250.0, 260.0, 254.0, 252.0], [255.0, 265.0, 250.0, 251.0]],
         **{"va-pitch": [[200.0, 210.0, 204.0, 202.0]]},
-    )  # fmt: skip
+    )
     text = page.write(tmp_path, [TASK], found).read_text()
     assert "| flank | ppo | 2 | +101" in text
     assert "| yes | va-pitch 204 | yes |" in text

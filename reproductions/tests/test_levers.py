@@ -127,8 +127,12 @@ def test_a_tolerance_is_smaller_than_what_is_missed_systematically(cells: list[C
         assert 0.05 < cell.ours - cell.printed < 0.075
         assert cell.verdict is Verdict.UNEXPLAINED
     for cell in cells:
-        widest = {"engine_speed_rpm": 5.0, "pitch_deg": 0.15, "ship_speed_m_s": 0.016,
-                  "sfoc_g_kwh": 0.5}[cell.column]  # fmt: skip
+        widest = {
+            "engine_speed_rpm": 5.0,
+            "pitch_deg": 0.15,
+            "ship_speed_m_s": 0.016,
+            "sfoc_g_kwh": 0.5,
+        }[cell.column]
         assert cell.high - cell.printed < widest
 
 

@@ -14,9 +14,15 @@ LENGTH = 7.0
 def a_run(speed: float, rudder: float = 0.2) -> pd.DataFrame:
     time = np.arange(0.0, 120.0, 0.1)
     return pd.DataFrame(
-        {"time_s": time, "ship_speed_m_s": speed, "rudder_rad": rudder, "yaw_rate_rad_s": 0.0,
-         "heading_rad": 0.5, "sway_speed_m_s": 0.0}
-    )  # fmt: skip
+        {
+            "time_s": time,
+            "ship_speed_m_s": speed,
+            "rudder_rad": rudder,
+            "yaw_rate_rad_s": 0.0,
+            "heading_rad": 0.5,
+            "sway_speed_m_s": 0.0,
+        }
+    )
 
 
 def test_a_rudder_that_is_held_turns_her_as_the_equation_says() -> None:

@@ -46,9 +46,14 @@ def test_gains_are_of_the_same_history_and_their_intervals_are_welch_s() -> None
 
 @pytest.mark.parametrize(
     ("low", "high", "expected"),
-    [(0.1, 3.0, "gain"), (-3.0, -0.1, "loss"), (-1.9, 1.9, "no gain"), (-2.1, 0.5, "not decided"),
-     (-0.5, 2.1, "not decided")],
-)  # fmt: skip
+    [
+        (0.1, 3.0, "gain"),
+        (-3.0, -0.1, "loss"),
+        (-1.9, 1.9, "no gain"),
+        (-2.1, 0.5, "not decided"),
+        (-0.5, 2.1, "not decided"),
+    ],
+)
 def test_what_is_said_of_an_interval(low: float, high: float, expected: str) -> None:
     assert study.decision(low, high) == expected
 

@@ -46,10 +46,13 @@ def test_errors_turn_with_their_sign() -> None:
     order = lever_speeds(FERRY)[2]
     plain = settle(FERRY, Error(), order, RISE).point.ship_speed
     for name, sign in (
-        ("torque read 2 % high", 1.0), ("torque read 2 % low", -1.0), ("KQ believed 3 % low", 1.0),
-        ("KQ believed 3 % high", -1.0), ("eta_R 0.97, believed 1", 1.0),
+        ("torque read 2 % high", 1.0),
+        ("torque read 2 % low", -1.0),
+        ("KQ believed 3 % low", 1.0),
+        ("KQ believed 3 % high", -1.0),
+        ("eta_R 0.97, believed 1", 1.0),
         ("torque bias +1 % of the limit", 1.0),
-    ):  # fmt: skip
+    ):
         state = settle(FERRY, ERRORS[name], order, RISE)
         assert sign * (state.thrust / state.point.thrust - 1.0) > 0.01, name
         assert sign * (state.advance_velocity / state.point.advance_velocity - 1.0) < -0.005, name

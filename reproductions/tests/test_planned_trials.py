@@ -26,9 +26,12 @@ def test_the_second_recording_follows_the_programme_with_the_concealed_effect() 
     case = draw_case(6301, index, keys=("torque-sensor-gain/sensor",))
     seconds = np.arange(120.0)
     table = pd.DataFrame(
-        {"time_s": seconds, "fuel_rack_mm": np.where(seconds < 60.0, 20.0, 24.0),
-         "pitch_ratio_command": 1.2}
-    )  # fmt: skip
+        {
+            "time_s": seconds,
+            "fuel_rack_mm": np.where(seconds < 60.0, 20.0, 24.0),
+            "pitch_ratio_command": 1.2,
+        }
+    )
     plain = second_recording(case, {"torque-sensor-gain/sensor": 0.0}, table)
     found = second_recording(case, {"torque-sensor-gain/sensor": 0.05}, table)
     rows = round(1.0 / case.period)
@@ -61,8 +64,13 @@ def test_an_outcome_is_right_for_the_concealed_effect_alone(
 
 
 def test_cases_without_alternatives_do_not_count() -> None:
-    one = {"alternatives": 2, "planned": "right", "random": "wrong", "planned_minutes": 3.0,
-           "random_minutes": None}  # fmt: skip
+    one = {
+        "alternatives": 2,
+        "planned": "right",
+        "random": "wrong",
+        "planned_minutes": 3.0,
+        "random_minutes": None,
+    }
     table = summarise([one, one, {"alternatives": 0}]).set_index("programme")
     assert table["cases"].tolist() == [2, 2]
     assert table["right alone"].tolist() == [2, 0]

@@ -18,9 +18,11 @@ def test_it_has_the_numbers_it_was_not_made_from(frigate: Ship, point: str) -> N
     "rounding."""
     system = printed_plant.implied_plant(frigate, point).system
     for table, output, source in (
-        ("2-6", "shaft_speed", "drive"), ("2-7", "ship_speed", "drive"),
-        ("2-12", "shaft_speed", "inflow"), ("2-13", "ship_speed", "inflow"),
-    ):  # fmt: skip
+        ("2-6", "shaft_speed", "drive"),
+        ("2-7", "ship_speed", "drive"),
+        ("2-12", "shaft_speed", "inflow"),
+        ("2-13", "ship_speed", "inflow"),
+    ):
         _, zeros, gain = poles_zeros_gain(system[output, source])
         told = printed_line(table, point)
         assert gain == pytest.approx(told.gain, rel=0.025), table

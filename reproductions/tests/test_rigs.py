@@ -30,8 +30,15 @@ def test_every_rig_is_read(rig: Rig) -> None:
 def test_the_generator_s_open_armature_friction_and_lag_are_found_together() -> None:
     """Independent fits reach 6.0 rad/s on the half that was not fitted; the file 207."""
     given = RIGS[0].load(FOLDER / RIGS[0].folder)
-    others = ("supply-limit", "quadratic-drag", "viscous-friction", "speed-sensor-delay",
-              "command-dead-zone", "load-friction", "direction-asymmetry")  # fmt: skip
+    others = (
+        "supply-limit",
+        "quadratic-drag",
+        "viscous-friction",
+        "speed-sensor-delay",
+        "command-dead-zone",
+        "load-friction",
+        "direction-asymmetry",
+    )
     found = diagnose(
         given.ship,
         *given.fitted,

@@ -45,9 +45,13 @@ def test_the_ship_is_the_owners_model(volt: float, dead_zone: float) -> None:
     rest = State(1.0, 30.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     run = simulate(ship, Schedule(volt, 1.0), 0.6, initial=rest)
     theirs = solve_ivp(
-        lambda t, x: [owners(t, x[0], volt, dead_zone)], (0.0, 0.6), [30.0],
-        t_eval=run["time"], rtol=1e-9, atol=1e-9,
-    )  # fmt: skip
+        lambda t, x: [owners(t, x[0], volt, dead_zone)],
+        (0.0, 0.6),
+        [30.0],
+        t_eval=run["time"],
+        rtol=1e-9,
+        atol=1e-9,
+    )
     assert run["shaft_speed"] == pytest.approx(theirs.y[0], rel=1e-5, abs=1e-4)
     assert run["thrust"] == pytest.approx(
         CT * theirs.y[0] * np.abs(theirs.y[0]), rel=1e-4, abs=1e-4

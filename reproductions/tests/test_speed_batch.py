@@ -50,9 +50,14 @@ class Batch:
             self.states[i] = tuple(equilibrium(ship, DRIVES[0], PITCHES[0]).state)
             self.seas[i] = seas[i]
             prepare(
-                self.plants[i], self.states[i], self.memories[i], self.seas[i],
-                DRIVES[0], UNDISTURBED, 0.05,
-            )  # fmt: skip
+                self.plants[i],
+                self.states[i],
+                self.memories[i],
+                self.seas[i],
+                DRIVES[0],
+                UNDISTURBED,
+                0.05,
+            )
 
     def run(self, blocks: int) -> bytes:
         """The ships' states and memories after some blocks of half a second."""
@@ -60,10 +65,17 @@ class Batch:
         for k in range(blocks):
             drive, pitch = DRIVES[k * 3 // blocks], PITCHES[k * 3 // blocks]
             simulate_batch(
-                self.plants, self.states, self.memories, self.seas,
-                np.zeros(0, OBSERVER), np.zeros(0, ESTIMATE),
-                np.full(n, drive), np.full(n, pitch), SYNC_STEPS, 0.05,
-            )  # fmt: skip
+                self.plants,
+                self.states,
+                self.memories,
+                self.seas,
+                np.zeros(0, OBSERVER),
+                np.zeros(0, ESTIMATE),
+                np.full(n, drive),
+                np.full(n, pitch),
+                SYNC_STEPS,
+                0.05,
+            )
         return self.states.tobytes() + self.memories.tobytes()
 
 

@@ -44,9 +44,17 @@ def test_batch_equals_simulation_and_following(
         first = block * SYNC_STEPS
         drive, pitch = np.full(n, racks[first]), np.full(n, 1.3)
         simulate_batch(
-            plants, states, memories, seas, observers, estimates,
-            drive, pitch, SYNC_STEPS, 0.05,
-        )  # fmt: skip
+            plants,
+            states,
+            memories,
+            seas,
+            observers,
+            estimates,
+            drive,
+            pitch,
+            SYNC_STEPS,
+            0.05,
+        )
         last = first + SYNC_STEPS - 1
         for i, name in enumerate(NAMES):
             velocity, valid = expected[i]

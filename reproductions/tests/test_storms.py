@@ -74,8 +74,10 @@ def test_thrust_is_kept_as_the_resistance_rises(frigate: Ship, controller: AntiS
 
 
 def test_anti_spin_acts_on_ventilation_only(frigate: Ship) -> None:
-    runs = [simulate_storm(frigate, AntiSpin(frigate, anti_spin=switch), order_m_s=8.0, sea="state-3")
-            for switch in (True, False)]  # fmt: skip
+    runs = [
+        simulate_storm(frigate, AntiSpin(frigate, anti_spin=switch), order_m_s=8.0, sea="state-3")
+        for switch in (True, False)
+    ]
     for one, other in zip(*runs, strict=True):
         np.testing.assert_array_equal(one, other)
     assert not runs[0].detected.any()
@@ -151,8 +153,13 @@ def test_the_sea_margin_takes_waves_for_waves() -> None:
 
 def test_the_sea_margin_finds_the_same_ventilation(storms: tuple[Storm, Storm]) -> None:
     ship = storm_frigate(**storm_page.FIXED)
-    aware = simulate_storm(ship, AntiSpin(ship, sea_margin=3.0), sea="state-6", seeds=range(8),
-                 resistance_factor=RESISTANCE_FACTOR)  # fmt: skip
+    aware = simulate_storm(
+        ship,
+        AntiSpin(ship, sea_margin=3.0),
+        sea="state-6",
+        seeds=range(8),
+        resistance_factor=RESISTANCE_FACTOR,
+    )
     scores = [event_scores(*truth_and_detection(storm)) for storm in (aware, storms[0])]
     assert scores[0] == pytest.approx(scores[1], abs=0.02)
 

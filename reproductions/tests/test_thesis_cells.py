@@ -54,9 +54,10 @@ TABLES = {
     "sensitivity": (published(SENSITIVITY), sensitivity_cells),
     "snr": (published(VAF)[[snr.COLUMN]], snr_cells),
     "working-points": (
-        published(working_points.TABLE)[working_points.COLUMNS], working_points.cells
+        published(working_points.TABLE)[working_points.COLUMNS],
+        working_points.cells,
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", TABLES)

@@ -61,8 +61,14 @@ def test_inductance_and_dead_time_of_table_two() -> None:
     fits, best = study.fits_of_table_two()
     ways = fits.set_index("errors weigh")
     plain = ways.loc["all alike, as printed"]
-    expected = {"K_e": 0.01854, "R_a": 1.475, "I_p": 3.21e-5, "M_f": 0.01685, "L_a": 2.8e-4,
-                "KQ0_over_eta_R": 0.141}  # fmt: skip
+    expected = {
+        "K_e": 0.01854,
+        "R_a": 1.475,
+        "I_p": 3.21e-5,
+        "M_f": 0.01685,
+        "L_a": 2.8e-4,
+        "KQ0_over_eta_R": 0.141,
+    }
     for name, value in expected.items():
         assert plain[name] == pytest.approx(value, rel=0.01), name
     late, prompt = ways.loc["by size, speed late"], ways.loc["by size"]
@@ -111,10 +117,17 @@ def test_page_and_figures(tmp_path: Path) -> None:
     fits, best = study.fits_of_table_two()
     known = pd.DataFrame([{"set": "I", "method": "steady", "worst_percent": 0.1}])
     found = identification_page.Findings(
-        study.table_five(), study.rounding_of_column_one(5), identification_page.densities(), fits,
-        best, study.five_numbers(), study.dead_time(), study.fitted_dead_time(), known,
+        study.table_five(),
+        study.rounding_of_column_one(5),
+        identification_page.densities(),
+        fits,
+        best,
+        study.five_numbers(),
+        study.dead_time(),
+        study.fitted_dead_time(),
+        known,
         *identification_page.simulate_in_time(),
-    )  # fmt: skip
+    )
     page = identification_page.page(found)
     assert page.file == "tito-neri-identification"
     assert "| IV | L_a | H |" in page.body

@@ -96,12 +96,14 @@ def test_no_voyage_is_lost_where_a_coefficient_reaches_the_end_of_its_range() ->
 def test_readings_with_a_hundred_times_the_noise_tell_a_hundredth() -> None:
     """Twenty minutes at R = 1e-4: no bias, and an error that is the noise's share."""
     last = {
-        variance: np.array([
-            esso_osaka.run_case(variance, math.sqrt(variance), seed).ratios[-1] - 1.0
-            for seed in range(12)
-        ])
+        variance: np.array(
+            [
+                esso_osaka.run_case(variance, math.sqrt(variance), seed).ratios[-1] - 1.0
+                for seed in range(12)
+            ]
+        )
         for variance in (1e-8, 1e-4)
-    }  # fmt: skip
+    }
     worst = {variance: np.median(np.abs(off).max(axis=1)) for variance, off in last.items()}
     assert 0.015 < worst[1e-4] < 0.045
     assert worst[1e-4] == pytest.approx(100.0 * worst[1e-8], rel=0.3)
@@ -226,8 +228,10 @@ def test_the_destroyer_s_page(monkeypatch: pytest.MonkeyPatch) -> None:
     # what the thesis has and this plant does not
     tighter = "turn of the identified ship tighter than the plant's [%]"
     for name in (
-        tighter, f"{tighter}, noise of 0.01", "slowest pole of the ship identified in run (a) [1/L]",
-    ):  # fmt: skip
+        tighter,
+        f"{tighter}, noise of 0.01",
+        "slowest pole of the ship identified in run (a) [1/L]",
+    ):
         assert cells[name].verdict is Verdict.UNEXPLAINED
     assert len(page.figures["destroyer"].axes) == 6
     assert "nan" not in page.body

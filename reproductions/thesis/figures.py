@@ -62,8 +62,16 @@ def trade_off(needed: pd.Series, vaf: pd.DataFrame) -> Figure:
     for i, (row, snr) in enumerate(drawn):
         low, middle, high = (vaf.loc[row].agg(how) for how in ("min", "mean", "max"))
         around, marker = [[middle - low], [high - middle]], "o" if i < len(PALETTE) else "s"
-        axis.errorbar(snr, middle, yerr=around, fmt=marker, color=PALETTE[i % len(PALETTE)], capsize=3,
-                      label=row, linewidth=1)  # fmt: skip
+        axis.errorbar(
+            snr,
+            middle,
+            yerr=around,
+            fmt=marker,
+            color=PALETTE[i % len(PALETTE)],
+            capsize=3,
+            label=row,
+            linewidth=1,
+        )
     axis.set_xlabel("SNR needed for 95 % of the noiseless VAF [dB]  (less is better)")
     axis.set_ylabel("mean VAF over the load cases [%], with its range")
     axis.legend(fontsize=7.5, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
@@ -89,10 +97,13 @@ SAMPLE_TIME_S = 0.01  # of the discrete filter in Figure 3-10
 FREQUENCIES = np.geomspace(1e-2, 1e2, 300)  # rad/s, the thesis's range
 
 _BELIEFS = {
-    "inertia_minus_10pct": "inertia -10 %", "inertia_plus_10pct": "inertia +10 %",
-    "open_water_minus_10pct": "KT, KQ -10 %", "open_water_plus_10pct": "KT, KQ +10 %",
-    "ear_0.6": "EAR 0.6", "ear_1.0": "EAR 1.0",
-}  # fmt: skip
+    "inertia_minus_10pct": "inertia -10 %",
+    "inertia_plus_10pct": "inertia +10 %",
+    "open_water_minus_10pct": "KT, KQ -10 %",
+    "open_water_plus_10pct": "KT, KQ +10 %",
+    "ear_0.6": "EAR 0.6",
+    "ear_1.0": "EAR 1.0",
+}
 
 
 def fuel_rack_map(ship: Ship) -> Figure:
@@ -105,8 +116,13 @@ def fuel_rack_map(ship: Ship) -> Figure:
     for rack in RACKS_MM:
         line = np.array([rack_torque(plant, one, rack) for one in speed]) / 1e3
         axis.plot(rpm, line, color=PALETTE[1], linewidth=1.0)
-        axis.annotate(f"{rack:g} mm", (rpm[-1], line[-1]), xytext=(4, -3), fontsize=8,
-                      textcoords="offset points")  # fmt: skip
+        axis.annotate(
+            f"{rack:g} mm",
+            (rpm[-1], line[-1]),
+            xytext=(4, -3),
+            fontsize=8,
+            textcoords="offset points",
+        )
     top = np.array([torque_limit(plant, one) for one in speed]) / 1e3
     axis.plot(rpm, top, color=TRUTH, linewidth=1.6, label="torque limit")
     for at in (rpm[0], rpm[-1]):
@@ -167,9 +183,13 @@ def _gains(
             for i, j in np.ndindex(axes.shape):
                 if np.any(response[i, j] >= 1e-12):
                     axes[i, j].semilogx(
-                        frequency, 20.0 * np.log10(response[i, j]), style, color=PALETTE[k],
-                        linewidth=1.2, label=label if style == "-" else None,
-                    )  # fmt: skip
+                        frequency,
+                        20.0 * np.log10(response[i, j]),
+                        style,
+                        color=PALETTE[k],
+                        linewidth=1.2,
+                        label=label if style == "-" else None,
+                    )
     for i, j in np.ndindex(axes.shape):
         label_axis(axes[i, j], title=f"{inputs[j]} to {outputs[i]}".replace("_", " "))
         axes[i, j].set_visible(bool(axes[i, j].lines))

@@ -65,9 +65,13 @@ def linear_observer(name: str, ship: Ship) -> control.StateSpace:
     a, b, c = shaft_model(observer.inertia(ship))
     gain = observer.gain(ship)
     return control.ss(
-        a - gain @ c, np.hstack([gain, b]), np.eye(2), np.zeros((2, 2)),
-        inputs=[f"{name} measured" for name in INPUTS], outputs=[f"{name}^" for name in OUTPUTS],
-    )  # fmt: skip
+        a - gain @ c,
+        np.hstack([gain, b]),
+        np.eye(2),
+        np.zeros((2, 2)),
+        inputs=[f"{name} measured" for name in INPUTS],
+        outputs=[f"{name}^" for name in OUTPUTS],
+    )
 
 
 def gains(name: str, ship: Ship) -> tuple[float, float]:
@@ -103,13 +107,18 @@ def linear_transfers(ship: Ship) -> pd.DataFrame:
         gain = float(np.real(one.dcgain()))
         follows = closed_form(k1, k2, inertia, cell.output, cell.input)
         rows.append(
-            {"table": cell.table, "observer": cell.observer,
-             "transfer": f"{cell.output}^ / {cell.input}",
-             "zero printed": cell.zero_rad_s, "zero follows": follows[0],
-             "zero ours": 0.0 if abs(zero) < _ROUNDING * slowest else zero,
-             "gain printed": cell.dc_gain, "gain follows": follows[1],
-             "gain ours": 0.0 if abs(gain) < _ROUNDING * size else gain}
-        )  # fmt: skip
+            {
+                "table": cell.table,
+                "observer": cell.observer,
+                "transfer": f"{cell.output}^ / {cell.input}",
+                "zero printed": cell.zero_rad_s,
+                "zero follows": follows[0],
+                "zero ours": 0.0 if abs(zero) < _ROUNDING * slowest else zero,
+                "gain printed": cell.dc_gain,
+                "gain follows": follows[1],
+                "gain ours": 0.0 if abs(gain) < _ROUNDING * size else gain,
+            }
+        )
     return pd.DataFrame(rows)
 
 
@@ -136,9 +145,13 @@ def immersion_invariance(
     by_speed, by_velocity = _torque_slopes(ship, point)
     own, rate = 0.0 if as_printed else by_velocity, gamma / propeller_inertia(ship)
     return control.ss(
-        [[rate * own]], [[rate * (by_speed + own * gamma), -rate]], [[1.0]], [[gamma, 0.0]],
-        inputs=["omega measured", "M_m measured"], outputs=["v_a^"],
-    )  # fmt: skip
+        [[rate * own]],
+        [[rate * (by_speed + own * gamma), -rate]],
+        [[1.0]],
+        [[gamma, 0.0]],
+        inputs=["omega measured", "M_m measured"],
+        outputs=["v_a^"],
+    )
 
 
 def invariance_transfers(ship: Ship) -> pd.DataFrame:
@@ -152,9 +165,15 @@ def invariance_transfers(ship: Ship) -> pd.DataFrame:
                 for choice in (True, False)
             )
             rows.append(
-                {"table": "3-10", "point": point, "gamma": gamma, "pole printed": 0.0,
-                 "pole as eq. 3-13 is printed": printed, "pole of the observer": own}
-            )  # fmt: skip
+                {
+                    "table": "3-10",
+                    "point": point,
+                    "gamma": gamma,
+                    "pole printed": 0.0,
+                    "pole as eq. 3-13 is printed": printed,
+                    "pole of the observer": own,
+                }
+            )
     return pd.DataFrame(rows)
 
 
@@ -221,14 +240,26 @@ def random_walk_transfers(ship: Ship) -> pd.DataFrame:
         for table, transfer, zero, gain, own in (
             ("3-11", "omega^/omega", follows.by_speed, -a11 / product, ours.by_speed),
             ("3-12", "omega^/M_m", 1.0, -1.0 / inertia / product, 1.0),
-            ("3-13", "v_a^/omega", follows.velocity_by_speed, -k2 * a11 / product,
-             ours.velocity_by_speed),
+            (
+                "3-13",
+                "v_a^/omega",
+                follows.velocity_by_speed,
+                -k2 * a11 / product,
+                ours.velocity_by_speed,
+            ),
             ("3-14", "v_a^/M_m", np.nan, -k2 / inertia / product, np.nan),
-        ):  # fmt: skip
+        ):
             line = printed[table]
             rows.append(
-                {"table": table, "transfer": transfer, "point": point, "zero follows": zero,
-                 "zero printed": line.zeros[0] if line.zeros else np.nan, "zero ours": own,
-                 "gain follows": gain, "gain printed": line.gain}
-            )  # fmt: skip
+                {
+                    "table": table,
+                    "transfer": transfer,
+                    "point": point,
+                    "zero follows": zero,
+                    "zero printed": line.zeros[0] if line.zeros else np.nan,
+                    "zero ours": own,
+                    "gain follows": gain,
+                    "gain printed": line.gain,
+                }
+            )
     return pd.DataFrame(rows).sort_values("table", kind="stable", ignore_index=True)

@@ -95,11 +95,19 @@ def plant_transfers(ship: Ship) -> pd.DataFrame:
             poles, zeros, gain = poles_zeros_gain(model[output, source])
             line = printed_line(table, point)
             rows.append(
-                {"table": table, "transfer": f"{output} / {source}", "point": point,
-                 "poles": show(poles), "poles_thesis": show(line.poles), "zeros": show(zeros),
-                 "zeros_thesis": show(line.zeros), "gain": gain, "gain_thesis": line.gain,
-                 "gain_difference_percent": 100.0 * (gain / line.gain - 1.0)}
-            )  # fmt: skip
+                {
+                    "table": table,
+                    "transfer": f"{output} / {source}",
+                    "point": point,
+                    "poles": show(poles),
+                    "poles_thesis": show(line.poles),
+                    "zeros": show(zeros),
+                    "zeros_thesis": show(line.zeros),
+                    "gain": gain,
+                    "gain_thesis": line.gain,
+                    "gain_difference_percent": 100.0 * (gain / line.gain - 1.0),
+                }
+            )
     return pd.DataFrame(rows)
 
 

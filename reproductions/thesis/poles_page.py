@@ -189,12 +189,17 @@ def _fields(ship: Ship) -> dict[str, Any]:
         for name, values in observer_transfers.PRINTED_GAINS.items()
     ]
     return {
-        "slopes": slopes, "torque": 100.0 * (torque["implied"] / torque["B5-90"] - 1.0).abs().max(),
+        "slopes": slopes,
+        "torque": 100.0 * (torque["implied"] / torque["B5-90"] - 1.0).abs().max(),
         "closest": printed_plant.other_propellers(ship).iloc[0],
-        "row": printed_plant.repeated_row(ship), "linear": linear, "gains": gains, "walk": walk,
+        "row": printed_plant.repeated_row(ship),
+        "linear": linear,
+        "gains": gains,
+        "walk": walk,
         "invariance": observer_transfers.invariance_transfers(ship),
-        "point": poles.mid_range_point(ship), "mid_range": poles.mid_range(ship),
-    }  # fmt: skip
+        "point": poles.mid_range_point(ship),
+        "mid_range": poles.mid_range(ship),
+    }
 
 
 def page(tick: beside.Tick) -> beside.Page:

@@ -162,10 +162,19 @@ def slopes(ship: Ship) -> pd.DataFrame:
         for name, value, slope in _coefficients(found):
             own = _value_and_slope(ship, name.lower(), found.advance_ratio, pitch)
             rows.append(
-                {"point": point, "coefficient": name, "J": found.advance_ratio, "implied": value,
-                 "B5-90": own[0], "implied slope": slope, "slope of B5-90": own[1],
-                 "steepest slope of B5-90 at this pitch": steepest_slope(ship, name.lower(), pitch)}
-            )  # fmt: skip
+                {
+                    "point": point,
+                    "coefficient": name,
+                    "J": found.advance_ratio,
+                    "implied": value,
+                    "B5-90": own[0],
+                    "implied slope": slope,
+                    "slope of B5-90": own[1],
+                    "steepest slope of B5-90 at this pitch": steepest_slope(
+                        ship, name.lower(), pitch
+                    ),
+                }
+            )
     return pd.DataFrame(rows)
 
 

@@ -73,8 +73,15 @@ def _for_each_row(one: Callable[[str], Any]) -> list[Any]:
     return list(Parallel(n_jobs=-1, prefer="threads")(delayed(one)(row) for row in ROWS))
 
 
-def required_snr(observer: Observer, ship: Ship, measurements: Floats, truth: Floats, dt: float,
-                 seeds: int, change: Change | None = None) -> float:  # fmt: skip
+def required_snr(
+    observer: Observer,
+    ship: Ship,
+    measurements: Floats,
+    truth: Floats,
+    dt: float,
+    seeds: int,
+    change: Change | None = None,
+) -> float:
     """Return the SNR [dB] from which the mean VAF is 95 % of the noiseless one; NaN where that is 0.
 
     The same noise is scaled up and down, so the mean VAF rises steadily with the SNR. The measurements
@@ -202,19 +209,30 @@ def page(tick: Tick) -> beside.Page:
     clean, _ = vaf_table(tick)
     printed = published("advance_velocity_thesis_vaf")[COLUMN]
     edge = pd.DataFrame(
-        {"ours": ours, "pitch limited to 1.4": at_edge, "no noise on the pitch": no_pitch,
-         "printed": printed.reindex(ours.index)}
-    )  # fmt: skip
+        {
+            "ours": ours,
+            "pitch limited to 1.4": at_edge,
+            "no noise on the pitch": no_pitch,
+            "printed": printed.reindex(ours.index),
+        }
+    )
     drawn = {
         "noise": figures.noise_figure(snr_curves(load_ship("frigate"), tick), printed, SHARE),
         "trade-off": figures.trade_off(ours, clean),
         "gain-sweep": figures.gain_sweep(sweep),
     }
     return beside.page_of_table(
-        ours.to_frame(COLUMN), cells(ours, edge_reasons(ours, at_edge)), drawn, 80,
-        Path(__file__).with_suffix(".md"), 1, seeds=SEEDS, sample_time=SAMPLE_TIME_S,
-        scan=scan.reset_index(names="row"), edge=edge.reset_index(names=""),
-    )  # fmt: skip
+        ours.to_frame(COLUMN),
+        cells(ours, edge_reasons(ours, at_edge)),
+        drawn,
+        80,
+        Path(__file__).with_suffix(".md"),
+        1,
+        seeds=SEEDS,
+        sample_time=SAMPLE_TIME_S,
+        scan=scan.reset_index(names="row"),
+        edge=edge.reset_index(names=""),
+    )
 
 
 TITLE = "Signal-to-noise ratio for 95 % of the noiseless VAF, dB (thesis, Table 4-2)"

@@ -33,9 +33,14 @@ from ..side_by_side import published
 from . import figures
 
 INVERTING_ROWS = (
-    "luenberger-low", "luenberger-moderate", "luenberger-high", "shaft-kalman", "power-balance",
-    "shaft-acceleration", "shaft-acceleration-derived",
-)  # fmt: skip
+    "luenberger-low",
+    "luenberger-moderate",
+    "luenberger-high",
+    "shaft-kalman",
+    "power-balance",
+    "shaft-acceleration",
+    "shaft-acceleration-derived",
+)
 """The observers that invert the torque curve."""
 ROWS = dict(zip(INVERTING_ROWS, INVERTING_ROWS, strict=True)) | {
     "immersion-invariance-low": "immersion-invariance-low",
@@ -148,9 +153,14 @@ def node_nearest(pitch_ratio: float, step: float) -> float:
     return float(np.round(pitch_ratio / step) * step)
 
 
-def table_inverse(curve: Floats, coefficient: Floats, pitch_ratio: Floats,
-                  pitch_step: float = PITCH_STEP, advance_step: float = ADVANCE_STEP,
-                  node: Callable[[float, float], float] = node_below) -> Floats:  # fmt: skip
+def table_inverse(
+    curve: Floats,
+    coefficient: Floats,
+    pitch_ratio: Floats,
+    pitch_step: float = PITCH_STEP,
+    advance_step: float = ADVANCE_STEP,
+    node: Callable[[float, float], float] = node_below,
+) -> Floats:
     """Return J [-] by the table, shape (n,), of KQ and P/D [-], shape (n,).
 
     ``curve`` are the coefficients of KQ, the steps those of the table in P/D and J, and ``node`` is
@@ -227,10 +237,13 @@ def wrong_curve_changes() -> pd.DataFrame:
     for factor, wrong, column in ((0.9, low, "minus"), (1.1, high, "plus")):
         fine, coarse = (a - b for a, b in zip(wrong, right, strict=True))
         rows.append(
-            {"KQ believed / right": factor, "step in J 0.0001": fine,
-             f"step in J {ADVANCE_STEP:g}": coarse,
-             "printed": float(printed[f"open_water_{column}_10pct"])}
-        )  # fmt: skip
+            {
+                "KQ believed / right": factor,
+                "step in J 0.0001": fine,
+                f"step in J {ADVANCE_STEP:g}": coarse,
+                "printed": float(printed[f"open_water_{column}_10pct"]),
+            }
+        )
     return pd.DataFrame(rows)
 
 
@@ -287,10 +300,20 @@ def page(tick: beside.Tick) -> beside.Page:
     drawn = _traces(load_ship("frigate"))
     tick()
     return beside.page_of_table(
-        ours, compared, drawn, 75, Path(__file__).with_suffix(".md"), seeds=SEA_SEEDS, rows=list(ROWS),
-        rack_s=RACK_STEP_DURATION, pitch_s=PITCH_STEP_DURATION, pitch_step=PITCH_STEP,
-        advance_step=ADVANCE_STEP, rounded=shown, others=other_tables(),
-    )  # fmt: skip
+        ours,
+        compared,
+        drawn,
+        75,
+        Path(__file__).with_suffix(".md"),
+        seeds=SEA_SEEDS,
+        rows=list(ROWS),
+        rack_s=RACK_STEP_DURATION,
+        pitch_s=PITCH_STEP_DURATION,
+        pitch_step=PITCH_STEP,
+        advance_step=ADVANCE_STEP,
+        rounded=shown,
+        others=other_tables(),
+    )
 
 
 TITLE = "Variance accounted for by each observer, % (thesis, Table 4-1)"

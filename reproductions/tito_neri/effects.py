@@ -41,8 +41,12 @@ def errors(ship: Ship) -> NDArray[np.float64]:
     for point in published("tito_neri_operating_points").itertuples():
         state = equilibrium(ship, float(point.motor_voltage_V), pitch).state
         speed, current = float(point.motor_speed_rad_s), float(point.motor_current_A)
-        found.append([100.0 * (state.shaft_speed * ratio / speed - 1.0),
-                      100.0 * (state.motor_current / current - 1.0)])  # fmt: skip
+        found.append(
+            [
+                100.0 * (state.shaft_speed * ratio / speed - 1.0),
+                100.0 * (state.motor_current / current - 1.0),
+            ]
+        )
     return np.array(found)
 
 
@@ -59,9 +63,11 @@ def fit_effect(ship: Ship, effect: str, points: Any) -> float:
         return rms(errors(ship.with_values({key: float(value)}))[points])
 
     best = scipy.optimize.minimize_scalar(
-        loss, bounds=(low, high), method="bounded",
+        loss,
+        bounds=(low, high),
+        method="bounded",
         options={"maxiter": 25, "xatol": 1e-4 * (high - low)},
-    )  # fmt: skip
+    )
     return float(best.x)
 
 
@@ -78,10 +84,16 @@ def table() -> pd.DataFrame:
             for left in every
         ]
         rows.append(
-            {"model": name, "effect": effect, "value": value, "key": key.split(".")[1],
-             "before_percent": rms(before),
-             "after_percent": rms(errors(ship.with_values({key: value}))), "unseen_percent": rms(unseen)}
-        )  # fmt: skip
+            {
+                "model": name,
+                "effect": effect,
+                "value": value,
+                "key": key.split(".")[1],
+                "before_percent": rms(before),
+                "after_percent": rms(errors(ship.with_values({key: value}))),
+                "unseen_percent": rms(unseen),
+            }
+        )
     return pd.DataFrame(rows)
 
 

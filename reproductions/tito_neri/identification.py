@@ -54,9 +54,13 @@ SHARE, ROUNDED = 0.05, 0.003
 def parameters_of(train: drive_train.DriveTrain, ship: Ship) -> dict[str, float]:
     """Return the six parameters by the names of Table 5, at the motor."""
     return {
-        "L_a": train.inductance, "K_e": train.constant, "R_a": train.resistance, "I_p": train.inertia,
-        "M_f": train.friction, "KQ0_over_eta_R": drive_train.keys_of(ship, train)[LOAD],
-    }  # fmt: skip
+        "L_a": train.inductance,
+        "K_e": train.constant,
+        "R_a": train.resistance,
+        "I_p": train.inertia,
+        "M_f": train.friction,
+        "KQ0_over_eta_R": drive_train.keys_of(ship, train)[LOAD],
+    }
 
 
 def _points() -> tuple[Floats, Floats, Floats]:
@@ -158,11 +162,14 @@ def fits_of_table_two() -> tuple[pd.DataFrame, Ship]:
         errors = dict(zip(free, np.sqrt(np.diag(found.covariance)), strict=True))
         rows.append(
             {
-                "errors weigh": name, **parameters_of(drive_train.drive_train(best), best),
-                "L_a_error": errors[SIX[0]], "delay_ms": 1e3 * best.sensors.speed_delay_s,
-                "delay_error_ms": 1e3 * errors.get(DELAY, 0.0), "misfit": found.misfit,
+                "errors weigh": name,
+                **parameters_of(drive_train.drive_train(best), best),
+                "L_a_error": errors[SIX[0]],
+                "delay_ms": 1e3 * best.sensors.speed_delay_s,
+                "delay_error_ms": 1e3 * errors.get(DELAY, 0.0),
+                "misfit": found.misfit,
             }
-        )  # fmt: skip
+        )
     return pd.DataFrame(rows), best
 
 
@@ -226,9 +233,14 @@ def on_known_truth(tick: Tick = lambda: None) -> pd.DataFrame:
             found = find(start, runs[test], free)
             off = percent_off(dict(zip(found.keys, found.values, strict=True)), truth)
             rows.append(
-                {"set": name, "method": method, **{key: off.get(key) for key in SIX},
-                 "worst_percent": max(map(abs, off.values())), "allowed_percent": allowed}
-            )  # fmt: skip
+                {
+                    "set": name,
+                    "method": method,
+                    **{key: off.get(key) for key in SIX},
+                    "worst_percent": max(map(abs, off.values())),
+                    "allowed_percent": allowed,
+                }
+            )
             tick()
     return pd.DataFrame(rows)
 
@@ -330,9 +342,18 @@ def table_five_cells(rounding: pd.DataFrame) -> list[Cell]:
             )
         text, more = printed.loc[parameter, column], slack.get((name, parameter), 0.0)
         cells.append(
-            printed_number("Table 5", parameter, f"set {name}", value, text, Kind.FREE, more,
-                           bases[name], reason)
-        )  # fmt: skip
+            printed_number(
+                "Table 5",
+                parameter,
+                f"set {name}",
+                value,
+                text,
+                Kind.FREE,
+                more,
+                bases[name],
+                reason,
+            )
+        )
     return cells
 
 

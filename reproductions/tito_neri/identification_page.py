@@ -55,9 +55,13 @@ def on_the_staircase(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
         off = table["speed_rpm"].to_numpy()[level - 1 :: level] - measured
         after = table["current_A"].iloc[AFTER_C * level : (AFTER_C + 1) * level]
         rows.append(
-            {"set": name, **{f"{p} [rpm]": value for p, value in zip(points.index, off, strict=True)},
-             "largest [%]": 100.0 * np.abs(off / measured).max(), "peak C to D [A]": after.max()}
-        )  # fmt: skip
+            {
+                "set": name,
+                **{f"{p} [rpm]": value for p, value in zip(points.index, off, strict=True)},
+                "largest [%]": 100.0 * np.abs(off / measured).max(),
+                "peak C to D [A]": after.max(),
+            }
+        )
     return pd.DataFrame(rows)
 
 
@@ -115,10 +119,17 @@ def compute_findings(tick: Tick = lambda: None) -> Findings:
     fits, best = study.fits_of_table_two()
     tick()
     return Findings(
-        study.table_five(), study.rounding_of_column_one(), densities(), fits, best,
-        study.five_numbers(), study.dead_time(), study.fitted_dead_time(), study.on_known_truth(tick),
+        study.table_five(),
+        study.rounding_of_column_one(),
+        densities(),
+        fits,
+        best,
+        study.five_numbers(),
+        study.dead_time(),
+        study.fitted_dead_time(),
+        study.on_known_truth(tick),
         *simulate_in_time(),
-    )  # fmt: skip
+    )
 
 
 def densities() -> pd.DataFrame:
@@ -187,15 +198,18 @@ def page(found: Findings) -> Page:
     first = five[five["set"] == "I"].set_index("parameter")
     pairs, off = study.least_squares_variants(), first["difference_percent"]
     body = fill_template(
-        Path(__file__).with_name("identification.md"), found=found, shown=shown,
+        Path(__file__).with_name("identification.md"),
+        found=found,
+        shown=shown,
         known=found.known.rename(columns=lambda c: c.split(".")[-1]),
-        rounding=found.rounding.reset_index(names="of 300 draws"), count=len(pairs),
+        rounding=found.rounding.reset_index(names="of 300 draws"),
+        count=len(pairs),
         ratios=[first.loc["M_f", c] / first.loc["K_e", c] for c in ("ours", "printed")],
         kq=abs(off["KQ0_over_eta_R"] - off["K_e"]),
         nearest=pairs.head(4).assign(K_e=pairs["K_e"].map("{:.5f}".format)),
         fits=found.fits.assign(**{c: found.fits[c].map("{:.3g}".format) for c in small}),
         ways=found.fits.set_index("errors weigh").to_dict("index"),
-    )  # fmt: skip
+    )
     numbers = {
         str(name): dict(zip(part["parameter"], map(float, part["ours"]), strict=True))
         for name, part in five.groupby("set", sort=False)

@@ -90,9 +90,17 @@ def with_cogging(ship: Ship, instruments: Instruments) -> Ship:
 
 
 @compiled
-def _turn(plant: Record, state: Record, memory: Record, sea: Record, voltage: NDArray[np.float64],
-          slots: NDArray[np.int64], dt: float, angle: NDArray[np.float64],
-          current: NDArray[np.float64]) -> None:  # fmt: skip
+def _turn(
+    plant: Record,
+    state: Record,
+    memory: Record,
+    sea: Record,
+    voltage: NDArray[np.float64],
+    slots: NDArray[np.int64],
+    dt: float,
+    angle: NDArray[np.float64],
+    current: NDArray[np.float64],
+) -> None:
     """Simulate; fill the motor's angle [rad] and current [A] at the start of every step."""
     turned, calm = angle[0], UNDISTURBED
     for k in range(len(voltage)):

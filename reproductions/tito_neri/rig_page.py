@@ -200,13 +200,19 @@ def monitoring(tick: Tick = lambda: None) -> pd.DataFrame:
                 scatter = float(before.std(ddof=1))
                 alarm = ALARM * scatter * math.sqrt(1.0 + 1.0 / RECORDS)
                 rows.append(
-                    {"method": method, "number": key.split(".")[1], "free": way,
-                     "bias_percent": 100.0 * (before.mean() - 1.0),
-                     "scatter_percent": 100.0 * scatter, "alarm_percent": 100.0 * alarm,
-                     "smallest_percent": 100.0 * (alarm + SURE * scatter),
-                     "change_percent": 100.0 * change, "found_percent": 100.0 * after.mean(),
-                     "alarmed": float(np.mean(np.abs(after) > alarm))}
-                )  # fmt: skip
+                    {
+                        "method": method,
+                        "number": key.split(".")[1],
+                        "free": way,
+                        "bias_percent": 100.0 * (before.mean() - 1.0),
+                        "scatter_percent": 100.0 * scatter,
+                        "alarm_percent": 100.0 * alarm,
+                        "smallest_percent": 100.0 * (alarm + SURE * scatter),
+                        "change_percent": 100.0 * change,
+                        "found_percent": 100.0 * after.mean(),
+                        "alarmed": float(np.mean(np.abs(after) > alarm)),
+                    }
+                )
     return pd.DataFrame(rows)
 
 
@@ -252,10 +258,19 @@ def main() -> None:
     best = best.loc[best.groupby("number", sort=False)["smallest_percent"].idxmin()]
     save(draw_rig(orders), folder / "figures" / "tito-neri-rig.png")
     write_page(
-        folder, "tito-neri-rig", "Identification and monitoring on a synthetic Tito Neri rig",
-        "tito_neri.rig_page --out docs/results", watch, Path(__file__).with_name("rig.md"),
-        own=rig.Instruments(), found=found, peaks=peaks(orders), currents=cogs_in_current(),
-        watch=watch.drop(columns="bias_percent"), best=best.to_dict("records"), records=RECORDS,
+        folder,
+        "tito-neri-rig",
+        "Identification and monitoring on a synthetic Tito Neri rig",
+        "tito_neri.rig_page --out docs/results",
+        watch,
+        Path(__file__).with_name("rig.md"),
+        own=rig.Instruments(),
+        found=found,
+        peaks=peaks(orders),
+        currents=cogs_in_current(),
+        watch=watch.drop(columns="bias_percent"),
+        best=best.to_dict("records"),
+        records=RECORDS,
         trials=TRIALS,
-    )  # fmt: skip
+    )
     print(markdown(found.fits, 4), markdown(watch), sep="\n\n")

@@ -146,8 +146,12 @@ def _run(plant: Record, controller: Record, state: Record, memory: Record, held:
         seen[k].detected = held.detection.ventilating
 
 
-def simulate_test(ship: Ship, controller: ThrustControl, programme: Programme,
-                  instruments: Instruments | None = None) -> TankRun:  # fmt: skip
+def simulate_test(
+    ship: Ship,
+    controller: ThrustControl,
+    programme: Programme,
+    instruments: Instruments | None = None,
+) -> TankRun:
     """Simulate one test from rest, with the controller called at every time step.
 
     Raises:

@@ -35,11 +35,20 @@ SEEDS = 10
 RIG, NAME = "towing-tank", "four-quadrant-observers"
 
 NAMES = (
-    "power-balance", "shaft-acceleration", "shaft-acceleration-derived", "luenberger-low", "luenberger",
-    "luenberger-high", "shaft-kalman", "immersion-invariance-low", "immersion-invariance",
-    "immersion-invariance-high", "random-walk-kalman", "random-walk-kalman-printed",
+    "power-balance",
+    "shaft-acceleration",
+    "shaft-acceleration-derived",
+    "luenberger-low",
+    "luenberger",
+    "luenberger-high",
+    "shaft-kalman",
+    "immersion-invariance-low",
+    "immersion-invariance",
+    "immersion-invariance-high",
+    "random-walk-kalman",
+    "random-walk-kalman-printed",
     "immersion-invariance-adaptive",
-)  # fmt: skip
+)
 """Observers with their tuning for the frigate."""
 
 OF_THE_RIG: dict[str, Observer] = {
@@ -166,16 +175,26 @@ def draw(rig: Run, stop: Run) -> Figure:
     """Draw the truth and three estimates; grey where the shaft turns against the inflow."""
     figure, axes = figures.new_figure(2, 2, (11.0, 6.0))
     ways: tuple[tuple[Run, Any, dict[str, Observer], Any], ...] = (
-        (rig, rig.noisy(Noise(), 0), {
-            "luenberger, both poles -50 rad/s": OF_THE_RIG["luenberger, both poles -50 rad/s"],
-            "random-walk-kalman": OF_THE_RIG["random-walk-kalman, noise of the rig"],
-            "immersion-invariance-adaptive": get_observer("immersion-invariance-adaptive"),
-        }, (8.0, 33.0)),
-        (stop, stop.readings, {
-            name: get_observer(name)
-            for name in ("luenberger", "random-walk-kalman", "immersion-invariance")
-        }, None),
-    )  # fmt: skip
+        (
+            rig,
+            rig.noisy(Noise(), 0),
+            {
+                "luenberger, both poles -50 rad/s": OF_THE_RIG["luenberger, both poles -50 rad/s"],
+                "random-walk-kalman": OF_THE_RIG["random-walk-kalman, noise of the rig"],
+                "immersion-invariance-adaptive": get_observer("immersion-invariance-adaptive"),
+            },
+            (8.0, 33.0),
+        ),
+        (
+            stop,
+            stop.readings,
+            {
+                name: get_observer(name)
+                for name in ("luenberger", "random-walk-kalman", "immersion-invariance")
+            },
+            None,
+        ),
+    )
     for column, (run, readings, observers, span) in enumerate(ways):
         time, (top, bottom) = run.samples["time"], axes[:, column]
         for name, observer in observers.items():

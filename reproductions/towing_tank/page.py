@@ -95,9 +95,13 @@ def calibrate(air: Air) -> tuple[Programme, float]:
         return np.array(found[:3]) / PRINTED["anti-spin"] - 1.0
 
     best = scipy.optimize.least_squares(
-        off, np.ones(3), diff_step=[0.01, 0.01, 0.01], x_scale=[0.1, 0.1, 1.0], max_nfev=15,
+        off,
+        np.ones(3),
+        diff_step=[0.01, 0.01, 0.01],
+        x_scale=[0.1, 0.1, 1.0],
+        max_nfev=15,
         bounds=([0.5, 0.5, 0.0], [2.0, 2.0, 9.0]),
-    )  # fmt: skip
+    )
     thrust, carriage, friction = map(float, begin * best.x)
     return Programme(thrust_N=thrust, carriage_m_s=carriage), friction
 
@@ -126,8 +130,14 @@ class Pair(NamedTuple):
         return self.on.thrust_near / self.off.thrust_near
 
 
-def pair(ship: Ship, programme: Programme, *, believed: Ship | None = None,
-         instruments: Instruments | None = None, **tuning: Any) -> Pair:  # fmt: skip
+def pair(
+    ship: Ship,
+    programme: Programme,
+    *,
+    believed: Ship | None = None,
+    instruments: Instruments | None = None,
+    **tuning: Any,
+) -> Pair:
     """Simulate both tests of a rig; ``believed`` is the controller's model of it, exact by default."""
     controls = (
         ThrustControl(believed or ship, anti_spin=switch, **tuning) for switch in (True, False)
@@ -175,9 +185,13 @@ def over_shaft_speed(ship: Ship) -> pd.DataFrame:
 def _row(name: str, found: Pair) -> dict[str, Any]:
     thrust, power, efficiency = found.ratios
     return {
-        "what": name, "thrust": thrust, "power": power, "eta_E": efficiency,
-        "thrust near the surface": found.near, "carriage by thrust": found.carriage,
-    }  # fmt: skip
+        "what": name,
+        "thrust": thrust,
+        "power": power,
+        "eta_E": efficiency,
+        "thrust near the surface": found.near,
+        "carriage by thrust": found.carriage,
+    }
 
 
 def _variants(ship: Ship, programme: Programme) -> dict[str, Callable[[], Pair]]:
@@ -241,10 +255,16 @@ def compute_results(tick: Callable[[], None]) -> Results:
         found = pair(other.ship(rig.with_values({FRICTION: friction})), fitted)
         airs.append(
             _row(name, found)
-            | {"T_pd [N]": fitted.thrust_N, "carriage [m/s]": fitted.carriage_m_s,
-               "k_f1 [N m]": friction, "T with [N]": found.on.thrust, "P with [W]": found.on.power,
-               "T without [N]": found.off.thrust, "P without [W]": found.off.power}
-        )  # fmt: skip
+            | {
+                "T_pd [N]": fitted.thrust_N,
+                "carriage [m/s]": fitted.carriage_m_s,
+                "k_f1 [N m]": friction,
+                "T with [N]": found.on.thrust,
+                "P with [W]": found.on.power,
+                "T without [N]": found.off.thrust,
+                "P without [W]": found.off.power,
+            }
+        )
         tick()
     for name, tried in _variants(ship, programme).items():
         others.append(_row(name, tried()))
@@ -252,11 +272,19 @@ def compute_results(tick: Callable[[], None]) -> Results:
     air_is = on.samples["ventilation"] > 0.5
     both = float(np.sum(air_is & on.detected))
     return Results(
-        calm, on, off, programme, numbers_of(calm, CALM),
-        Pair(numbers_of(on, programme), numbers_of(off, programme)), numbers_of(oracle, programme),
-        (both / float(air_is.sum()), both / float(on.detected.sum())), over_shaft_speed(ship),
-        pd.DataFrame(limits).drop(columns="what"), pd.DataFrame(airs), pd.DataFrame(others),
-    )  # fmt: skip
+        calm,
+        on,
+        off,
+        programme,
+        numbers_of(calm, CALM),
+        Pair(numbers_of(on, programme), numbers_of(off, programme)),
+        numbers_of(oracle, programme),
+        (both / float(air_is.sum()), both / float(on.detected.sum())),
+        over_shaft_speed(ship),
+        pd.DataFrame(limits).drop(columns="what"),
+        pd.DataFrame(airs),
+        pd.DataFrame(others),
+    )
 
 
 STYLES = ((TRUTH, "-"), (ESTIMATE, "--"), (PALETTE[1], ":"))
@@ -268,18 +296,22 @@ def _panels(test: TankRun, programme: Programme) -> dict[str, tuple[str, dict[st
     now, order, speed = test.samples, test.thrust_order, test.samples["shaft_speed"]
     under = programme.submergence(test.times)
     return {
-        "torque": ("propeller torque [N m]",
-                   {"Q_p": now["propeller_torque"], "estimated": test.torque_estimate}),
+        "torque": (
+            "propeller torque [N m]",
+            {"Q_p": now["propeller_torque"], "estimated": test.torque_estimate},
+        ),
         "ratio": ("beta_Q (cut at -0.5 and 2)", {"": np.clip(test.torque_ratio, -0.5, 2.0)}),
-        "air": ("submergence, ventilation [-]",
-                {"h/R": under, "nu": test.detected, "air": now["ventilation"]}),
+        "air": (
+            "submergence, ventilation [-]",
+            {"h/R": under, "nu": test.detected, "air": now["ventilation"]},
+        ),
         "motor": ("motor torque Q_md [N m]", {"": now["brake_torque"]}),
         "thrust": ("thrust [N]", {"T_p": now["thrust"], "T_pd": order}),
         "thrust error": ("T_p - T_pd [N]", {"": now["thrust"] - order}),
         "speed": ("shaft speed [rad/s]", {"omega": speed, "omega_d": test.reference}),
         "speed error": ("omega - omega_d [rad/s]", {"": speed - test.reference}),
         "power": ("P_m [W]", {"": test.motor_power}),
-    }  # fmt: skip
+    }
 
 
 def _draw(axis: Any, test: TankRun, name: str, programme: Programme) -> None:
@@ -329,9 +361,12 @@ def _assumed() -> pd.DataFrame:
     rows: list[dict[str, Any]] = []
     tuning = ThrustControlTuning()
     for title, thing in (
-        ("programme", Programme()), ("air", Air()), ("law", tuning),
-        ("observer", tuning.observer), ("detection", tuning.detector),
-    ):  # fmt: skip
+        ("programme", Programme()),
+        ("air", Air()),
+        ("law", tuning),
+        ("observer", tuning.observer),
+        ("detection", tuning.detector),
+    ):
         values = {f.name: getattr(thing, f.name) for f in fields(thing)}
         told = ", ".join(f"{k} {v:g}" for k, v in values.items() if isinstance(v, float))
         rows.append({"of": title, "assumed": told})
@@ -406,22 +441,33 @@ def _fields(found: Results) -> dict[str, Any]:
     return {
         # eta_E = (T / P) u, with u the carriage's speed weighted by thrust
         "gains": [_change(r) for r in (thrust / power, found.pair.carriage, found.pair.ratios[2])],
-        "printed": [_change(r) for r in ((t / p) / (t0 / p0), (e * p / t) / (e0 * p0 / t0), e / e0)],
+        "printed": [
+            _change(r) for r in ((t / p) / (t0 / p0), (e * p / t) / (e0 * p0 / t0), e / e0)
+        ],
         "tried": [_change(r) for r in pd.concat([found.airs, found.others])["carriage by thrust"]],
-        "shares": [steady.loc[45.0, f"h/R {h:g}"] / steady.loc[75.0, f"h/R {h:g}"] for h in (0.25, 0.5)],
-        "ahead": _speeds_in_air(found, 1.0), "astern": _speeds_in_air(found, -1.0),
-        "onsets": onsets, "peaks": off / on,
-        "friction": float(load_ship(RIG).record()["coulomb_engine_side"]), "near": NEAR,
-    }  # fmt: skip
+        "shares": [
+            steady.loc[45.0, f"h/R {h:g}"] / steady.loc[75.0, f"h/R {h:g}"] for h in (0.25, 0.5)
+        ],
+        "ahead": _speeds_in_air(found, 1.0),
+        "astern": _speeds_in_air(found, -1.0),
+        "onsets": onsets,
+        "peaks": off / on,
+        "friction": float(load_ship(RIG).record()["coulomb_engine_side"]),
+        "near": NEAR,
+    }
 
 
 def page(found: Results) -> Page:
     """Return the page of the results."""
     compared = cells(found)
     body = fill_template(
-        Path(__file__).with_suffix(".md"), found=found, assumed=_assumed(), table=cell_table(compared),
-        changes=_changes(found), **_fields(found),
-    )  # fmt: skip
+        Path(__file__).with_suffix(".md"),
+        found=found,
+        assumed=_assumed(),
+        table=cell_table(compared),
+        changes=_changes(found),
+        **_fields(found),
+    )
     kept, plain = found.programme, ("thrust", "thrust error", "speed", "speed error", "motor")
     left, right = (
         ("torque", "ratio", "air", "motor"),

@@ -13,9 +13,18 @@ from shaftline.agents.learning import recipe, training
 
 def test_the_door_has_what_users_need() -> None:
     assert {
-        "KPIS", "Evaluation", "Policy", "Setting", "evaluate", "load_controller", "load_policy",
-        "read_recipe", "run_episodes", "summary", "train",
-    } <= set(shaftline.agents.__all__)  # fmt: skip
+        "KPIS",
+        "Evaluation",
+        "Policy",
+        "Setting",
+        "evaluate",
+        "load_controller",
+        "load_policy",
+        "read_recipe",
+        "run_episodes",
+        "summary",
+        "train",
+    } <= set(shaftline.agents.__all__)
     for name in shaftline.agents.__all__:
         assert getattr(shaftline.agents, name) is not None
     assert shaftline.agents.train is training.train

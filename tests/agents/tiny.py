@@ -14,23 +14,36 @@ from shaftline.envs import Settings, get_task
 from shaftline.envs.batch import Batch
 
 PPO: dict[str, Any] = {
-    "n_steps": 16, "batch_size": 32, "n_epochs": 2, "learning_rate": "lin_1e-3", "use_sde": True,
-    "sde_sample_freq": 4, "policy_kwargs": {"net_arch": [8, 8]},
-}  # fmt: skip
+    "n_steps": 16,
+    "batch_size": 32,
+    "n_epochs": 2,
+    "learning_rate": "lin_1e-3",
+    "use_sde": True,
+    "sde_sample_freq": 4,
+    "policy_kwargs": {"net_arch": [8, 8]},
+}
 SAC: dict[str, Any] = {
-    "learning_starts": 20, "batch_size": 16, "buffer_size": 1000, "train_freq": 4,
-    "gradient_steps": 2, "policy_kwargs": {"net_arch": [8, 8]},
-}  # fmt: skip
+    "learning_starts": 20,
+    "batch_size": 16,
+    "buffer_size": 1000,
+    "train_freq": 4,
+    "gradient_steps": 2,
+    "policy_kwargs": {"net_arch": [8, 8]},
+}
 HYPERPARAMETERS = {"ppo": PPO, "sac": SAC, "td3": SAC}
 
 
 def recipe(algorithm: str = "ppo", **changes: Any) -> Recipe:
     """Return a training of two evaluations, 64 steps each, in four environments."""
     fields: dict[str, Any] = {
-        "algorithm": algorithm, "task": "transit", "n_envs": 4, "n_timesteps": 128,
-        "evaluations": 2, "env_kwargs": {"max_episode_steps": 20},
+        "algorithm": algorithm,
+        "task": "transit",
+        "n_envs": 4,
+        "n_timesteps": 128,
+        "evaluations": 2,
+        "env_kwargs": {"max_episode_steps": 20},
         "hyperparameters": HYPERPARAMETERS[algorithm],
-    }  # fmt: skip
+    }
     return Recipe.model_validate(fields | changes)
 
 
@@ -42,9 +55,12 @@ def about(task: str = "transit", **recipe_fields: Any) -> dict[str, Any]:
     }
     batch = Batch(1, Settings.of({"task": task} | keywords), get_task(task).steered)
     return {
-        "layout": layout(batch), "ship_source": vessel, "control_interval_s": 0.5, "seed": 7,
+        "layout": layout(batch),
+        "ship_source": vessel,
+        "control_interval_s": 0.5,
+        "seed": 7,
         "recipe": {"task": task, "algorithm": "ppo", "env_kwargs": {}} | recipe_fields,
-    }  # fmt: skip
+    }
 
 
 def plain_policy(task: str = "transit", **recipe_fields: Any) -> Policy:

@@ -164,8 +164,16 @@ def test_an_episode_starts_with_the_initial_state(controller: AntiSpin) -> None:
 
 def test_a_lost_measurement_is_replaced_by_the_last_plausible_one(controller: AntiSpin) -> None:
     curve = controller.curve
-    slow = [curve.ship_speed[0], curve.shaft_speed[0], 0.0, curve.pitch_ratio[0], 0.0,
-            curve.ship_speed[0], 0.0, 0.0]  # fmt: skip
+    slow = [
+        curve.ship_speed[0],
+        curve.shaft_speed[0],
+        0.0,
+        curve.pitch_ratio[0],
+        0.0,
+        curve.ship_speed[0],
+        0.0,
+        0.0,
+    ]
     _, first = controller.predict(np.full(8, math.nan))
     assert first["measured"][0].tolist() == pytest.approx(slow)
     _, second = controller.predict(CRUISE, first)
@@ -188,10 +196,16 @@ def test_settings_scale_with_the_ship() -> None:
     settings = AntiSpin(ship, 0.25, top_speed=0.9, highest_advance=0.8, gamma=0.05).settings
     inertia = 53697.0 + 14411.0 + 1600.0
     expected = {
-        "anti_spin": 1, "inertia": inertia, "gamma": 0.05, "proportional": 0.6 * inertia,
-        "integral": 0.05 * inertia, "highest_advance": 0.8, "ventilated_speed": 0.92,
-        "speed_min": 350.0 * math.pi / 30.0 / 7.38, "speed_max": 0.9 * 1000.0 * math.pi / 30.0 / 7.38,
-    }  # fmt: skip
+        "anti_spin": 1,
+        "inertia": inertia,
+        "gamma": 0.05,
+        "proportional": 0.6 * inertia,
+        "integral": 0.05 * inertia,
+        "highest_advance": 0.8,
+        "ventilated_speed": 0.92,
+        "speed_min": 350.0 * math.pi / 30.0 / 7.38,
+        "speed_max": 0.9 * 1000.0 * math.pi / 30.0 / 7.38,
+    }
     law = settings["law"]
     for name, value in expected.items():
         found = (settings if name == "ventilated_speed" else law)[name]

@@ -116,15 +116,32 @@ def test_engines_that_do_not_step_make_no_jump(frigate: Ship) -> None:
     assert torque_meter_step(frigate.record(), 74.0, 20.0, 20.0) == 0.0
 
 
-def instant(controller: AntiSpin, memory: Any, *, calm: float, thrust: float, speed: float,
-            torque: float, pitch: float, ship: float, rack: float) -> float:  # fmt: skip
+def instant(
+    controller: AntiSpin,
+    memory: Any,
+    *,
+    calm: float,
+    thrust: float,
+    speed: float,
+    torque: float,
+    pitch: float,
+    ship: float,
+    rack: float,
+) -> float:
     """Return the rack of one ship at one instant; the memory changes."""
     memory["measured"] = [0.0, speed, torque, pitch, rack, ship, 0.0, 0.0]
     return float(control_all(controller.settings, memory, np.array([calm]), np.array([thrust]))[0])
 
 
-def written_out(controller: AntiSpin, before: Any, after: Any, calm: float, thrust: float,
-                speed: float, pitch: float) -> tuple[float, float]:  # fmt: skip
+def written_out(
+    controller: AntiSpin,
+    before: Any,
+    after: Any,
+    calm: float,
+    thrust: float,
+    speed: float,
+    pitch: float,
+) -> tuple[float, float]:
     """Eqs. 20 and 21 give the reference and Q_m from estimates and detection."""
     settings = controller.settings["law"]
     loss = float(after["estimate"]["torque_loss"])
@@ -157,8 +174,17 @@ def test_controller_over_a_voyage_with_and_without_air(controller: AntiSpin) -> 
         torque = air * (1.3e5 + rng.normal(0.0, 3e3))
         before = memory[0].copy()
         rack_before = rack
-        rack = instant(controller, memory, calm=calm, thrust=thrust, speed=speed, torque=torque,
-                       pitch=1.3, ship=8.0, rack=rack_before)  # fmt: skip
+        rack = instant(
+            controller,
+            memory,
+            calm=calm,
+            thrust=thrust,
+            speed=speed,
+            torque=torque,
+            pitch=1.3,
+            ship=8.0,
+            rack=rack_before,
+        )
         after = memory[0]
         reference, demand = written_out(controller, before, after, calm, thrust, speed, 1.3)
         assert after["reference"] == pytest.approx(reference, rel=1e-9)
@@ -198,11 +224,29 @@ def wound(
 ) -> Any:
     """Return the rack and the change of the integral at a constant reference."""
     memory = np.zeros(1, ANTI_SPIN_MEMORY)
-    instant(controller, memory, calm=9.0, thrust=1e5, speed=speed, torque=torque, pitch=1.3, ship=7.0,
-            rack=15.0)  # fmt: skip
+    instant(
+        controller,
+        memory,
+        calm=9.0,
+        thrust=1e5,
+        speed=speed,
+        torque=torque,
+        pitch=1.3,
+        ship=7.0,
+        rack=15.0,
+    )
     memory["reference"], memory["error_integral"] = reference, integral
-    rack = instant(controller, memory, calm=9.0, thrust=1e5, speed=speed, torque=torque, pitch=1.3,
-                   ship=7.0, rack=15.0)  # fmt: skip
+    rack = instant(
+        controller,
+        memory,
+        calm=9.0,
+        thrust=1e5,
+        speed=speed,
+        torque=torque,
+        pitch=1.3,
+        ship=7.0,
+        rack=15.0,
+    )
     return (
         rack,
         float(memory["error_integral"][0]) - integral,
@@ -245,8 +289,17 @@ def test_without_anti_spin_air_changes_nothing() -> None:
     for switch in (True, False):
         controller, memory = AntiSpin(ROUGH, anti_spin=switch), np.zeros(1, ANTI_SPIN_MEMORY)
         for torque in (1.3e5, 4e4, 4e4, 4e4):
-            instant(controller, memory, calm=9.5, thrust=1.25e5, speed=9.5, torque=torque, pitch=1.3,
-                    ship=8.0, rack=18.0)  # fmt: skip
+            instant(
+                controller,
+                memory,
+                calm=9.5,
+                thrust=1.25e5,
+                speed=9.5,
+                torque=torque,
+                pitch=1.3,
+                ship=8.0,
+                rack=18.0,
+            )
         assert memory["detection"]["ventilating"][0] == 1
         speeds[switch] = float(memory["reference"][0])
     assert speeds[True] < speeds[False] - 0.1

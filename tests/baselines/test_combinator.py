@@ -194,8 +194,12 @@ def test_bad_curves_are_refused() -> None:
         curve_through(ferry, [0, 1], [0.8, 0.5], [50.0, 40.0])
     with pytest.raises(ValueError, match="must rise"):
         curve_through(ferry, [0, 0], [0.5, 0.8], [40.0, 50.0])
-    for wrong in ({"full_pitch_lever": 1.0}, {"full_pitch_lever": 0.0}, {"floor_share": 1.0},
-                  {"floor_share": -0.1}):  # fmt: skip
+    for wrong in (
+        {"full_pitch_lever": 1.0},
+        {"full_pitch_lever": 0.0},
+        {"floor_share": 1.0},
+        {"floor_share": -0.1},
+    ):
         with pytest.raises(ValueError, match=r"floor_share = .*, full_pitch_lever = "):
             combinator_curve(ferry, **wrong)
     with pytest.raises(ShipError, match="diesel"):

@@ -23,9 +23,13 @@ def test_nodes_keep_the_constraints_and_their_thrust(ship: Ship) -> None:
         for k, share in enumerate(table.share):
             thrust = table.least_thrust[i] + share * (table.most_thrust[i] - table.least_thrust[i])
             w = working_point(
-                plant, fit.thrust, fit.torque, velocity,
-                table.shaft_speed[i, k], table.pitch_ratio[i, k],
-            )  # fmt: skip
+                plant,
+                fit.thrust,
+                fit.torque,
+                velocity,
+                table.shaft_speed[i, k],
+                table.pitch_ratio[i, k],
+            )
             assert slack(w) > -2e-3
             assert w.thrust == pytest.approx(thrust, rel=0.03)
 
@@ -88,9 +92,14 @@ def test_ships_without_a_diesel_or_controllable_pitch_are_refused() -> None:
 
 GRID = np.array([[10.0, 20.0, 40.0], [30.0, 60.0, 50.0]])
 TABLE = CombinatorSurface(
-    np.array([2.0, 6.0]), np.array([100.0, 300.0]), np.array([500.0, 900.0]),
-    np.array([0.0, 0.5, 1.0]), GRID, 0.01 * GRID, 1.0,
-)  # fmt: skip
+    np.array([2.0, 6.0]),
+    np.array([100.0, 300.0]),
+    np.array([500.0, 900.0]),
+    np.array([0.0, 0.5, 1.0]),
+    GRID,
+    0.01 * GRID,
+    1.0,
+)
 
 
 @pytest.mark.parametrize(

@@ -29,13 +29,26 @@ ROW = [8.0, 9.0, 1e5, 1.2, 15.0, 7.0, 6.6, 1.0]
 
 def test_measurements_by_name() -> None:
     assert Measurements._fields == (
-        "speed_order", "shaft_speed", "shaft_torque", "pitch_ratio", "fuel_rack", "ship_speed",
-        "advance_velocity", "estimate_valid", "wave_inflow",
-    )  # fmt: skip
+        "speed_order",
+        "shaft_speed",
+        "shaft_torque",
+        "pitch_ratio",
+        "fuel_rack",
+        "ship_speed",
+        "advance_velocity",
+        "estimate_valid",
+        "wave_inflow",
+    )
     assert OBSERVED == (
-        "speed_order", "shaft_speed", "measured_shaft_torque", "measured_pitch_ratio", "fuel_rack",
-        "measured_ship_speed", "estimated_advance_velocity", "estimate_valid",
-    )  # fmt: skip
+        "speed_order",
+        "shaft_speed",
+        "measured_shaft_torque",
+        "measured_pitch_ratio",
+        "fuel_rack",
+        "measured_ship_speed",
+        "estimated_advance_velocity",
+        "estimate_valid",
+    )
     signals = measurements_of([ROW, ROW])
     assert [column.tolist() for column in signals[:8]] == [[x, x] for x in ROW]
     assert all(column.shape == (1,) for column in measurements_of(np.array(ROW, np.float32))[:8])

@@ -126,8 +126,13 @@ def changed(**values: float) -> Any:
 def remembered(optimiser: CppOptimiser, **columns: float) -> Any:
     """Return a controller state in the middle of a voyage."""
     memory = np.array([[12.0, 4.0, 3000.0, 1.0, 0.5]])
-    places = {"integral": INTEGRAL, "advance": ADVANCE, "thrust": THRUST, "trim": TRIM,
-              "trust": TRUST}  # fmt: skip
+    places = {
+        "integral": INTEGRAL,
+        "advance": ADVANCE,
+        "thrust": THRUST,
+        "trim": TRIM,
+        "trust": TRUST,
+    }
     for name, value in columns.items():
         memory[0, places[name]] = value
     return memory

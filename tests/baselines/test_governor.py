@@ -201,8 +201,9 @@ def test_a_bank_interpolates_its_gains_and_holds_orders_inside_the_engine() -> N
     settled = governor.settle([speed], [22.0], [speed + 0.3])
     assert settled[0] == pytest.approx(22.0 - (kp + ki) * 0.3)
     assert governor.settle([speed, speed], [39.0, 1.0], [speed - 2.0, speed + 2.0]).tolist() == [
-        40.0, 0.0,
-    ]  # fmt: skip
+        40.0,
+        0.0,
+    ]
 
 
 def test_first_command_is_bumpless_and_batch_is_single() -> None:
@@ -242,12 +243,17 @@ def test_the_rack_limits_correct_a_speed_error_in_the_response_time() -> None:
     ("speed", "low", "high"),
     [
         # At the lowest speed the rack of zero torque; below it 10 mm more per rad/s.
-        (LOWEST, 6.334, 16.834), (LOWEST - 0.1, 7.334, None), (LOWEST + 0.3, 3.334, None),
-        (LOWEST + 0.7, 0.0, None), (8.0, 0.0, None),
+        (LOWEST, 6.334, 16.834),
+        (LOWEST - 0.1, 7.334, None),
+        (LOWEST + 0.3, 3.334, None),
+        (LOWEST + 0.7, 0.0, None),
+        (8.0, 0.0, None),
         # The torque limiter up to the highest speed, then 10 mm less per rad/s.
-        (HIGHEST, 0.0, 35.11), (HIGHEST + 0.5, 0.0, None), (HIGHEST + 6.0, 0.0, 0.0),
+        (HIGHEST, 0.0, 35.11),
+        (HIGHEST + 0.5, 0.0, None),
+        (HIGHEST + 6.0, 0.0, 0.0),
     ],
-)  # fmt: skip
+)
 def test_rack_limits_keep_the_engine_above_idle_below_its_envelope_and_its_highest_speed(
     speed: float, low: float, high: float | None
 ) -> None:

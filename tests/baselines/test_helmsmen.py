@@ -64,9 +64,10 @@ def test_the_set_point_turns_to_a_new_heading_by_the_shorter_way() -> None:
     for _ in range(10):
         pilot.rudder(observation(heading_order=orders, heading=0.0), memory)
     np.testing.assert_allclose(
-        np.degrees(memory[:, 0]), [80.0 * way, -80.0 * way, -2.0 if 80.0 * way > 2.0 else 0.0],
+        np.degrees(memory[:, 0]),
+        [80.0 * way, -80.0 * way, -2.0 if 80.0 * way > 2.0 else 0.0],
         atol=1e-9,
-    )  # fmt: skip
+    )
     # Headings are equal modulo one turn.
     wound = observation(heading=2.0 * math.pi, heading_order=0.0)
     assert abs(pilot.error(wound, np.zeros((1, 1)))[0]) < 1e-12
@@ -112,9 +113,13 @@ def sailed(helmsman: Any, lengths: float, **orders: float) -> NDArray[np.float64
     steps = round(helmsman.interval_s / SHIP.time_step_s)
     for _ in range(round(lengths * LENGTH / SPEED / helmsman.interval_s)):
         now = observation(
-            heading=state.heading, yaw_rate=state.yaw_rate, rudder_angle=state.rudder_angle,
-            cross_track=state.cross_track, ship_speed=state.ship_speed, **orders,
-        )  # fmt: skip
+            heading=state.heading,
+            yaw_rate=state.yaw_rate,
+            rudder_angle=state.rudder_angle,
+            cross_track=state.cross_track,
+            ship_speed=state.ship_speed,
+            **orders,
+        )
         memory = helmsman.initial_state(now) if memory is None else memory
         command = float(helmsman.rudder(now, memory)[0])
         rows.append(

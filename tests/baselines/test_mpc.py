@@ -107,9 +107,14 @@ def test_more_pitch_brakes_the_shaft_and_more_rack_drives_it() -> None:
 
 def test_the_next_shaft_speed_is_that_of_the_plant() -> None:
     env = FrigateVectorEnv(
-        2, task="rough-sea", sea="state-5", observer="oracle", sensor_noise=0.0,
-        max_episode_steps=200, **CLASSIC,
-    )  # fmt: skip
+        2,
+        task="rough-sea",
+        sea="state-5",
+        observer="oracle",
+        sensor_noise=0.0,
+        max_episode_steps=200,
+        **CLASSIC,
+    )
     law = make_controller("mpc", env.batch.ship, 0.5)
     observation, _ = env.reset(seed=1, options={"speed_order_m_s": 6.0})
     state, errors, changes = None, [], []

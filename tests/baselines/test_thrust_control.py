@@ -40,8 +40,10 @@ def load(inflow: float, shaft_speed: float) -> tuple[float, float]:
 def estimate_of(shaft_speed: float, loss: float) -> Any:
     estimate = np.zeros(1, TORQUE_LOSS)[0]
     estimate["shaft_speed"], estimate["torque_loss"], estimate["measured_pitch"] = (
-        shaft_speed, loss, 1.0,
-    )  # fmt: skip
+        shaft_speed,
+        loss,
+        1.0,
+    )
     return estimate
 
 

@@ -49,9 +49,14 @@ def test_gains_must_be_numbers(bad: float) -> None:
         observer_weights(bad, -1.0, 10.0, INERTIA, viscous=0.0)
 
 
-@pytest.mark.parametrize("tuning", [TorqueLossObserver(time_constant_s=0.0),
-                                    TorqueLossObserver(speed_rate=-1.0),
-                                    TorqueLossObserver(loss_rate=1.0)])  # fmt: skip
+@pytest.mark.parametrize(
+    "tuning",
+    [
+        TorqueLossObserver(time_constant_s=0.0),
+        TorqueLossObserver(speed_rate=-1.0),
+        TorqueLossObserver(loss_rate=1.0),
+    ],
+)
 def test_bad_tuning_is_refused(frigate: Ship, tuning: TorqueLossObserver) -> None:
     with pytest.raises(ValueError, match="torque-loss observer"):
         tuning.discretise(frigate, 0.5)

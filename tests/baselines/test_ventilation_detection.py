@@ -71,9 +71,15 @@ def test_record_holds_the_tuning() -> None:
     assert record.tolist() == (0.25, 0.03, 2.0, 0.5, 0.8, 2.0, 1.5, 90.0)
     assert VentilationDetector() == VentilationDetector(0.02, 3.0, 0.65, 0.70, 1.0, 0.0, 120.0)
     assert DETECTOR.names == (
-        "dt", "blend_gain", "blend_power", "on_below", "off_above", "hold_s", "sea_margin",
+        "dt",
+        "blend_gain",
+        "blend_power",
+        "on_below",
+        "off_above",
+        "hold_s",
+        "sea_margin",
         "sea_memory_s",
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize(

@@ -42,10 +42,11 @@ def with_blades_from(ship: Ship, lowest: float) -> Ship:
         ]
 
     table = {
-        "advance_ratio": ratios, "pitch_ratio": pitches,
+        "advance_ratio": ratios,
+        "pitch_ratio": pitches,
         "thrust_coefficient": rows(thrust_coefficient, 1),
         "torque_coefficient": rows(torque_coefficient, 2),
-    }  # fmt: skip
+    }
     tree = ship.model_dump(exclude_unset=True)
     change = {"model": "table", "open_water": table, "pitch_ratio_min": lowest}
     tree["propeller"] = tree["propeller"] | change
@@ -78,9 +79,17 @@ def run_voyage(
     for k in range(round(seconds / INTERVAL_S)):
         time = k * INTERVAL_S
         observation = np.array(
-            [wanted(time), state["shaft_speed"], memory["shaft_torque"], memory["pitch_ratio"],
-             memory["rack"], memory["speed_log"], advance, float(valid)]
-        )  # fmt: skip
+            [
+                wanted(time),
+                state["shaft_speed"],
+                memory["shaft_torque"],
+                memory["pitch_ratio"],
+                memory["rack"],
+                memory["speed_log"],
+                advance,
+                float(valid),
+            ]
+        )
         action, remembered = controller.predict(observation, remembered, np.array([k == 0]))
         pitch = plant["pitch_ratio_min"] + 0.5 * (action[0] + 1.0) * (
             plant["pitch_ratio_max"] - plant["pitch_ratio_min"]
@@ -95,7 +104,13 @@ def run_voyage(
         engine_speed = float(plant["gear_ratio"] * state["shaft_speed"])
         fuel = float(plant["propellers"]) * fuel_rate(plant, engine_speed, out.brake_torque)
         log.append(
-            End(float(state["ship_speed"]), float(state["shaft_speed"]), out.pitch_ratio, fuel,
-                out.brake_torque, action)
-        )  # fmt: skip
+            End(
+                float(state["ship_speed"]),
+                float(state["shaft_speed"]),
+                out.pitch_ratio,
+                fuel,
+                out.brake_torque,
+                action,
+            )
+        )
     return log

@@ -67,9 +67,12 @@ def test_a_user_defined_rival_is_made_run_and_scored(shaftline: Command, tmp_pat
     ],
 )
 def test_what_cannot_be_done_is_refused(
-    shaftline: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str,
+    shaftline: Command,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    line: str,
     words: tuple[str, ...],
-) -> None:  # fmt: skip
+) -> None:
     monkeypatch.chdir(tmp_path)
     result = shaftline("challenge", *line.split())
     assert result.exit_code == 2, result.output

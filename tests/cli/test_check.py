@@ -16,9 +16,17 @@ from .conftest import Command
 
 def test_the_command(shaftline: Command, tmp_path: Path) -> None:
     good = shaftline(
-        "check", FOLDER / RECORDING, "--ship", "frigate", "--columns", FOLDER / COLUMN_MAP,
-        "--figure", tmp_path / "c.png", "--json", tmp_path / "j.json",
-    )  # fmt: skip
+        "check",
+        FOLDER / RECORDING,
+        "--ship",
+        "frigate",
+        "--columns",
+        FOLDER / COLUMN_MAP,
+        "--figure",
+        tmp_path / "c.png",
+        "--json",
+        tmp_path / "j.json",
+    )
     assert good.exit_code == 0, good.output
     assert (tmp_path / "c.png").stat().st_size > 10_000
     told = json.loads((tmp_path / "j.json").read_text())
@@ -125,9 +133,14 @@ def test_a_draft_for_another_logger_works_as_it_is_written(
 ) -> None:
     table = voyage(load_ship("frigate"))
     table["shaft_torque_N_m"] = table["shaft_torque_N_m"].shift(6).bfill()
-    names = {"time_s": "t", "fuel_rack_mm": "rackPosition_mm", "pitch_ratio_command": "pitch_cmd",
-             "pitch_ratio": "pitchMeasured", "shaft_torque_N_m": "Torque (N·m)",
-             "ship_speed_m_s": "speedWater"}  # fmt: skip
+    names = {
+        "time_s": "t",
+        "fuel_rack_mm": "rackPosition_mm",
+        "pitch_ratio_command": "pitch_cmd",
+        "pitch_ratio": "pitchMeasured",
+        "shaft_torque_N_m": "Torque (N·m)",
+        "ship_speed_m_s": "speedWater",
+    }
     table["propShaft.rpm"] = 9.5493 * table.pop("shaft_speed_rad_s")
     table.rename(columns=names).to_csv(tmp_path / "log.csv", index=False)
     draft = tmp_path / "map.toml"

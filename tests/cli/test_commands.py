@@ -17,9 +17,14 @@ from shaftline.plant.load_cases import CASES
 from .conftest import Command
 
 RECORDED = [
-    "time_s", "fuel_rack_mm", "pitch_ratio_command", "pitch_ratio", "shaft_speed_rad_s",
-    "shaft_torque_N_m", "ship_speed_m_s",
-]  # fmt: skip
+    "time_s",
+    "fuel_rack_mm",
+    "pitch_ratio_command",
+    "pitch_ratio",
+    "shaft_speed_rad_s",
+    "shaft_torque_N_m",
+    "ship_speed_m_s",
+]
 
 
 def recording(folder: Path, **changes: tuple[int, object]) -> Path:
@@ -170,9 +175,12 @@ def test_simulating_the_output_again_gives_it_again(shaftline: Command, tmp_path
 def test_simulate_drives_a_dc_motor(shaftline: Command, tmp_path: Path) -> None:
     path = tmp_path / "motor.csv"
     pd.DataFrame(
-        {"time_s": np.arange(40) * 0.01, "motor_voltage_V": np.repeat([3.91, 7.87], 20),
-         "motor_current_A": 0.0}
-    ).to_csv(path, index=False)  # fmt: skip
+        {
+            "time_s": np.arange(40) * 0.01,
+            "motor_voltage_V": np.repeat([3.91, 7.87], 20),
+            "motor_current_A": 0.0,
+        }
+    ).to_csv(path, index=False)
     out = tmp_path / "s.csv"
     assert (
         shaftline("simulate", "--ship", "tito-neri-sine", "--inputs", path, "--out", out).exit_code
@@ -210,9 +218,18 @@ def test_an_observer_follows_a_driven_ship_through_a_sea(
 ) -> None:
     out = tmp_path / "s.csv"
     result = shaftline(
-        "simulate", "--inputs", recording(tmp_path), "--sea", "state-4", "--out", out,
-        "--observer", "immersion-invariance", "--tuning", "high",
-    )  # fmt: skip
+        "simulate",
+        "--inputs",
+        recording(tmp_path),
+        "--sea",
+        "state-4",
+        "--out",
+        out,
+        "--observer",
+        "immersion-invariance",
+        "--tuning",
+        "high",
+    )
     assert result.exit_code == 0
     table = pd.read_csv(out)
     assert list(table.columns)[:5] == RECORDED[:5]

@@ -18,15 +18,33 @@ def test_what_is_recorded_can_be_imitated(shaftline: Command, tmp_path: Path) ->
     """Twelve episodes are enough for a clone to be better than random actions."""
     pytest.importorskip("minari")
     result = shaftline(
-        "dataset", "--task", "speed-keeping", "--quality", "expert", "--episodes", 12, "--out", tmp_path,
-    )  # fmt: skip
+        "dataset",
+        "--task",
+        "speed-keeping",
+        "--quality",
+        "expert",
+        "--episodes",
+        12,
+        "--out",
+        tmp_path,
+    )
     assert result.exit_code == 0, result.output
     assert "shaftline/speed-keeping/expert-v0" in result.output
     found = subprocess.run(
-        [sys.executable, str(EXAMPLE), "--datasets", str(tmp_path), "--episodes", "3",
-         "--dataset", "shaftline/speed-keeping/expert-v0"],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
+        [
+            sys.executable,
+            str(EXAMPLE),
+            "--datasets",
+            str(tmp_path),
+            "--episodes",
+            "3",
+            "--dataset",
+            "shaftline/speed-keeping/expert-v0",
+        ],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     returns = dict(
         line.split(": ") for line in found.stdout.splitlines() if line.startswith("return")
     )

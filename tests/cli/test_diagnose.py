@@ -22,9 +22,11 @@ from .conftest import Command
 from .test_bad_input import nothing_written, refused
 
 NOISE = {
-    "pitch_ratio": 0.002, "shaft_speed_rad_s": 0.01, "shaft_torque_N_m": 1000.0,
+    "pitch_ratio": 0.002,
+    "shaft_speed_rad_s": 0.01,
+    "shaft_torque_N_m": 1000.0,
     "ship_speed_m_s": 0.04,
-}  # fmt: skip
+}
 WRITTEN = {PAGE, REPORT, SHIP}
 
 
@@ -51,9 +53,10 @@ def trial(seconds: float = 300.0, seed: int = 0, **values: float) -> pd.DataFram
     )
     first = equilibrium(true, orders["fuel_rack_mm"][0], orders["pitch_ratio_command"][0]).state
     begun = orders.assign(
-        pitch_ratio=first.pitch_ratio, shaft_speed_rad_s=first.shaft_speed,
+        pitch_ratio=first.pitch_ratio,
+        shaft_speed_rad_s=first.shaft_speed,
         ship_speed_m_s=first.ship_speed,
-    )  # fmt: skip
+    )
     table = simulate_recording(true, begun)
     rng = np.random.default_rng(seed)
     for column, rms in NOISE.items():
@@ -71,9 +74,15 @@ def test_a_foreign_recording_is_explained(shaftline: Command, tmp_path: Path) ->
         '[columns]\nN = { column = "shaft_speed_rad_s", unit = "rpm" }\n', encoding="utf-8"
     )
     result = shaftline(
-        "diagnose", tmp_path / "log.parquet", "--columns", tmp_path / "map.toml",
-        "--ship", "frigate", "--out", tmp_path / "out",
-    )  # fmt: skip
+        "diagnose",
+        tmp_path / "log.parquet",
+        "--columns",
+        tmp_path / "map.toml",
+        "--ship",
+        "frigate",
+        "--out",
+        tmp_path / "out",
+    )
     assert result.exit_code == 0, result.output
     assert {file.name for file in (tmp_path / "out").iterdir()} == WRITTEN
     report = json.loads((tmp_path / "out" / REPORT).read_text())
@@ -122,9 +131,17 @@ def test_whole_recordings_are_set_aside_and_ids_left_out(
         table = trial(200.0, seed, hull__fouling_fraction=0.3)
         table.to_csv(tmp_path / f"{name}.csv", index=False)
     result = shaftline(
-        "diagnose", tmp_path / "one.csv", "--hold-out", tmp_path / "two.csv", "--ship", "frigate",
-        "--out", tmp_path / "out", "--exclude", "hull-fouling",
-    )  # fmt: skip
+        "diagnose",
+        tmp_path / "one.csv",
+        "--hold-out",
+        tmp_path / "two.csv",
+        "--ship",
+        "frigate",
+        "--out",
+        tmp_path / "out",
+        "--exclude",
+        "hull-fouling",
+    )
     assert result.exit_code == 0, result.output
     report = json.loads((tmp_path / "out" / REPORT).read_text())
     assert report["recording"]["rows"] == 2000
@@ -143,9 +160,15 @@ def test_the_tolerance_s_factor_is_that_of_the_python_call(
         options = Options(tolerance=factor)
         found = diagnose(load_ship("frigate"), tmp_path / "one.csv", options=options)
         result = shaftline(
-            "diagnose", tmp_path / "one.csv", "--ship", "frigate", "--out", tmp_path / f"{factor:g}",
-            "--tolerance", f"{factor:g}",
-        )  # fmt: skip
+            "diagnose",
+            tmp_path / "one.csv",
+            "--ship",
+            "frigate",
+            "--out",
+            tmp_path / f"{factor:g}",
+            "--tolerance",
+            f"{factor:g}",
+        )
         assert result.exit_code == 0, result.output
         said[factor] = json.loads((tmp_path / f"{factor:g}" / REPORT).read_text())
         assert said[factor] == json.loads(json.dumps(found.to_dict()))
@@ -164,7 +187,10 @@ def replaced(column: str, row: int, value: object) -> Callable[[pd.DataFrame], p
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda t: t.drop(columns="fuel_rack_mm"), ("'fuel_rack_mm' is missing", "required: time_s")),
+        (
+            lambda t: t.drop(columns="fuel_rack_mm"),
+            ("'fuel_rack_mm' is missing", "required: time_s"),
+        ),
         (replaced("shaft_torque_N_m", 17, "dead"), ("shaft_torque_N_m", "row 18", "dead")),
         (replaced("time_s", 50, 0.5), ("time_s", "row 51", "must rise")),
         (lambda t: t[t.index % 12 < 6], ("time_s", "gap", "at least 10 rows")),
@@ -174,13 +200,14 @@ def replaced(column: str, row: int, value: object) -> Callable[[pd.DataFrame], p
         (
             lambda t: t.rename(
                 columns={
-                    "ship_speed_m_s": "shaft_speed_rad_s", "shaft_speed_rad_s": "ship_speed_m_s"
+                    "ship_speed_m_s": "shaft_speed_rad_s",
+                    "shaft_speed_rad_s": "ship_speed_m_s",
                 }
             ),
             ("ship_speed_m_s", "shaft_speed_rad_s", "swapped"),
         ),
     ],
-)  # fmt: skip
+)
 def test_bad_recordings(
     shaftline: Command,
     tmp_path: Path,
@@ -316,9 +343,15 @@ def test_a_healthy_period_tells_the_numbers_first(shaftline: Command, tmp_path: 
 def test_a_free_number_is_no_missing_physics(shaftline: Command, tmp_path: Path) -> None:
     FOULED.to_csv(tmp_path / "trial.csv", index=False)
     result = shaftline(
-        "diagnose", tmp_path / "trial.csv", "--ship", "frigate", "--out", tmp_path / "out",
-        "--free", f"{RESISTANCE},",
-    )  # fmt: skip
+        "diagnose",
+        tmp_path / "trial.csv",
+        "--ship",
+        "frigate",
+        "--out",
+        tmp_path / "out",
+        "--free",
+        f"{RESISTANCE},",
+    )
     assert result.exit_code == 0, result.output
     report = json.loads((tmp_path / "out" / REPORT).read_text())
     assert report["verdict"] == "nothing-missing"
@@ -346,16 +379,24 @@ def test_a_free_number_is_no_missing_physics(shaftline: Command, tmp_path: Path)
     ],
 )
 def test_what_cannot_be_calibrated_is_refused_before_work_begins(
-    shaftline: Command, tmp_path: Path, more: tuple[str, str], words: tuple[str, ...],
+    shaftline: Command,
+    tmp_path: Path,
+    more: tuple[str, str],
+    words: tuple[str, ...],
     monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+) -> None:
     FOULED.to_csv(tmp_path / "trial.csv", index=False)
     (tmp_path / "text.csv").write_text("no recording at all", encoding="utf-8")
     monkeypatch.setattr("shaftline.mismatch.pipeline.Settings", None)  # no work
     places = {"trial": tmp_path / "trial.csv", "text": tmp_path / "text.csv"}
     result = shaftline(
-        "diagnose", tmp_path / "trial.csv", "--ship", "frigate", "--out", tmp_path / "out",
+        "diagnose",
+        tmp_path / "trial.csv",
+        "--ship",
+        "frigate",
+        "--out",
+        tmp_path / "out",
         *(word.format(**places) for word in more),
-    )  # fmt: skip
+    )
     refused(result, *words)
     assert not (tmp_path / "out").exists()

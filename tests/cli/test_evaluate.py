@@ -24,9 +24,20 @@ ORDERS = "time_s;speed_order_kn\n0;10\n5;14\n20;14\n"
 
 def test_controllers_are_compared(shaftline: Command, tmp_path: Path) -> None:
     result = shaftline(
-        "evaluate", "--controller", "combinator", "--controller", "combinator:response_s=6",
-        "--task", "transit", "--sea", "state-5", "--out", tmp_path, "--render", *QUICK,
-    )  # fmt: skip
+        "evaluate",
+        "--controller",
+        "combinator",
+        "--controller",
+        "combinator:response_s=6",
+        "--task",
+        "transit",
+        "--sea",
+        "state-5",
+        "--out",
+        tmp_path,
+        "--render",
+        *QUICK,
+    )
     assert result.exit_code == 0, result.output
     table = pd.read_csv(tmp_path / "table.csv")
     assert list(table["controller"]) == ["combinator", "combinator:response_s=6"]
@@ -78,8 +89,11 @@ def test_an_evaluation_is_made_again_where_an_imported_module_has_changed(tmp_pa
         command = [sys.executable, "-c", "from shaftline.cli.main import main; main()"]
         done = subprocess.run(
             [*command, "evaluate", "--controller", "mine:Law", *map(str, QUICK), "--out", "found"],
-            cwd=tmp_path, capture_output=True, text=True, check=False,
-        )  # fmt: skip
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         assert done.returncode == 0, done.stderr
         burnt.append(float(pd.read_csv(tmp_path / "found/table.csv")["fuel_kg_nmi"][0]))
     assert burnt[0] != burnt[1]
@@ -141,9 +155,19 @@ def test_orders_lever_interval_and_seas(shaftline: Command, tmp_path: Path) -> N
 
 def test_an_unstable_controller_is_reported(shaftline: Command, tmp_path: Path) -> None:
     result = shaftline(
-        "evaluate", "--controller", "combinator", "--controller", "speed-pilot:shaft_gain=7.5",
-        "--sea", "calm", *QUICK[:-1], "--out", tmp_path / "ev", "--json", tmp_path / "told.json",
-    )  # fmt: skip
+        "evaluate",
+        "--controller",
+        "combinator",
+        "--controller",
+        "speed-pilot:shaft_gain=7.5",
+        "--sea",
+        "calm",
+        *QUICK[:-1],
+        "--out",
+        tmp_path / "ev",
+        "--json",
+        tmp_path / "told.json",
+    )
     assert result.exit_code == 0, result.output
     lines = [line for line in result.output.splitlines() if line.startswith("UNSTABLE")]
     assert len(lines) == 1

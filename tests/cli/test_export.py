@@ -23,8 +23,20 @@ def test_a_ship_file_becomes_an_fmu(shaftline: Command, tmp_path: Path) -> None:
     ship = load_ship("frigate").with_values({"hull.mass_kg": 2.0e6})
     own = write_ship(ship, tmp_path / "own.toml")
     file = tmp_path / "own-ship.fmu"
-    result = shaftline("export", "fmu", "--ship", own, "--speed", 7, "--step", 0.1, "--sea", "state-4",
-                       "--out", file)  # fmt: skip
+    result = shaftline(
+        "export",
+        "fmu",
+        "--ship",
+        own,
+        "--speed",
+        7,
+        "--step",
+        0.1,
+        "--sea",
+        "state-4",
+        "--out",
+        file,
+    )
     assert result.exit_code == 0, result.output
     assert "time step of 0.1 s" in result.output
     assert "initial_ship_speed_m_s" in result.output

@@ -38,9 +38,13 @@ main()
 def test_while_a_module_loads(name: str, command: str, rest: list[str], tmp_path: Path) -> None:
     program = FINDER.format(name=name, command=command, rest=rest)
     done = subprocess.run(
-        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False,
+        [sys.executable, "-c", program],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
         env={"PYTHONPATH": str(ROOT), "PATH": "", "HOME": str(tmp_path)},
-    )  # fmt: skip
+    )
     assert done.returncode == 130, done.stderr
     said = [line for line in done.stderr.splitlines() if line and line != "loading"]
     assert len(said) == 1, done.stderr

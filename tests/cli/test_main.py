@@ -86,7 +86,11 @@ def test_it_runs_in_odd_shells(shell: str, environment: dict[str, str]) -> None:
     command = f"{sys.executable} -c 'from shaftline.cli.main import main; main()'"
     told = subprocess.run(
         ["bash", "-c", shell.format(command)],
-        capture_output=True, text=True, errors="replace", env=os.environ | environment, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        errors="replace",
+        env=os.environ | environment,
+        check=False,
+    )
     assert "Traceback" not in told.stderr
     assert told.returncode == 0, told.stderr

@@ -53,8 +53,9 @@ def test_sails_the_standard_set(shaftline: Command, tmp_path: Path) -> None:
     files = {file.name for file in tmp_path.iterdir()}
     assert files == {
         *(f"{name}.csv" for name in (*TRACKS, "spiral", "criteria")),
-        *(f"{name}.png" for name in ("turning-circles", "zig-zags", "spiral")), "manoeuvres.json",
-    }  # fmt: skip
+        *(f"{name}.png" for name in ("turning-circles", "zig-zags", "spiral")),
+        "manoeuvres.json",
+    }
     for picture in tmp_path.glob("*.png"):
         assert picture.stat().st_size > 20_000
     numbers = json.loads((tmp_path / "manoeuvres.json").read_text())
@@ -134,9 +135,11 @@ def test_figures_hold_what_was_sailed(sailed: Trials) -> None:
     assert np.max(rates.lines[0].get_ydata()) > 0.0 > np.min(rates.lines[1].get_ydata())
     panels = found["zig-zags"].axes
     assert [axis.get_title() for axis in panels] == [
-        "10/10, first to starboard", "10/10, first to port", "20/20, first to starboard",
+        "10/10, first to starboard",
+        "10/10, first to port",
+        "20/20, first to starboard",
         "20/20, first to port",
-    ]  # fmt: skip
+    ]
     said = [text.get_text() for text in panels[0].texts]
     overshoots = sailed.zig_zags[10, "starboard"].overshoots_deg
     assert said == [f"{value:.1f}°" for value in overshoots]
@@ -145,9 +148,11 @@ def test_figures_hold_what_was_sailed(sailed: Trials) -> None:
 
 
 def test_what_is_not_sailed_has_no_figure(sailed: Trials) -> None:
-    bare = sailed._replace(turns={}, spiral=None, zig_zags={
-        key: one for key, one in sailed.zig_zags.items() if key != (20, "port")
-    })  # fmt: skip
+    bare = sailed._replace(
+        turns={},
+        spiral=None,
+        zig_zags={key: one for key, one in sailed.zig_zags.items() if key != (20, "port")},
+    )
     found = trial_figures(bare)
     assert set(found) == {"zig-zags"}
     assert [axis.get_visible() for axis in found["zig-zags"].axes] == [True, True, True, False]

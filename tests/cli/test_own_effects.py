@@ -50,9 +50,11 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 def carrying(ship: Ship, k: float) -> Ship:
     """A ship that the wind holds."""
     tree: dict[str, Any] = {
-        "id": "apparent-wind-hull", "acts_on": "resistance", "parameters": {"k": k},
+        "id": "apparent-wind-hull",
+        "acts_on": "resistance",
+        "parameters": {"k": k},
         "expression": "k * wind_speed ** 2 * cos(wind_angle)",
-    }  # fmt: skip
+    }
     units = {"wind_speed": "m/s", "wind_angle": "rad"}
     return ship.with_signals(units).with_term(Term.model_validate(tree))
 
@@ -89,9 +91,18 @@ def folder(tmp_path: Path) -> Path:
 @pytest.mark.usefixtures("quick")
 def test_from_the_file_to_a_ship_that_every_command_sails(shaftline: Command, folder: Path) -> None:
     result = shaftline(
-        "diagnose", folder / "log.csv", "--columns", folder / "map.toml", "--effects",
-        folder / "MY.toml", "--ship", "ferry", "--out", folder / "out", *ALONE,
-    )  # fmt: skip
+        "diagnose",
+        folder / "log.csv",
+        "--columns",
+        folder / "map.toml",
+        "--effects",
+        folder / "MY.toml",
+        "--ship",
+        "ferry",
+        "--out",
+        folder / "out",
+        *ALONE,
+    )
     assert result.exit_code == 0, result.output
     report = json.loads((folder / "out" / REPORT).read_text())
     assert report["verdict"] == "explained"
@@ -109,9 +120,14 @@ def test_from_the_file_to_a_ship_that_every_command_sails(shaftline: Command, fo
     canonical["wind_angle"] = np.radians(canonical["AWA [deg]"])
     canonical.to_csv(folder / "canonical.csv", index=False)
     result = shaftline(
-        "simulate", "--ship", folder / "out" / SHIP, "--inputs", folder / "canonical.csv",
-        "--out", folder / "sailed.csv",
-    )  # fmt: skip
+        "simulate",
+        "--ship",
+        folder / "out" / SHIP,
+        "--inputs",
+        folder / "canonical.csv",
+        "--out",
+        folder / "sailed.csv",
+    )
     assert result.exit_code == 0, result.output
     sailed = pd.read_csv(folder / "sailed.csv")
     np.testing.assert_allclose(sailed["wind_speed"], canonical["wind_speed"], rtol=1e-9)
@@ -126,9 +142,14 @@ def test_identify_hears_the_signals_of_the_ship(shaftline: Command, folder: Path
     write_ship(carrying(load_ship("ferry"), 6.0), folder / "mine.toml")
     said = ("--ship", folder / "mine.toml", "--free", "term.apparent-wind-hull.k")
     result = shaftline(
-        "identify", folder / "log.csv", *said, "--columns", folder / "map.toml", "--out",
+        "identify",
+        folder / "log.csv",
+        *said,
+        "--columns",
+        folder / "map.toml",
+        "--out",
         folder / "out",
-    )  # fmt: skip
+    )
     assert result.exit_code == 0, result.output
     found = load_ship(folder / "out" / IDENTIFIED).parameter("term.apparent-wind-hull.k").value
     assert found == pytest.approx(TRUTH, rel=0.03)
@@ -142,9 +163,14 @@ def test_identify_hears_the_signals_of_the_ship(shaftline: Command, folder: Path
 def test_a_simulation_without_the_signal_is_refused(shaftline: Command, folder: Path) -> None:
     write_ship(carrying(load_ship("ferry"), 6.0), folder / "mine.toml")
     result = shaftline(
-        "simulate", "--ship", folder / "mine.toml", "--inputs", folder / "log.csv", "--out",
+        "simulate",
+        "--ship",
+        folder / "mine.toml",
+        "--inputs",
+        folder / "log.csv",
+        "--out",
         folder / "sailed.csv",
-    )  # fmt: skip
+    )
     refused(result, "log.csv", "'wind_angle' is missing")
     assert not (folder / "sailed.csv").exists()
 
@@ -168,9 +194,15 @@ def test_a_file_that_cannot_be_used_is_named_before_work_begins(
 ) -> None:
     (tmp_path / "MY.toml").write_text(MY.replace(*change), encoding="utf-8")
     result = shaftline(
-        "diagnose", tmp_path / "nowhere.csv", "--effects", tmp_path / "MY.toml", "--ship", "ferry",
-        "--out", tmp_path / "out",
-    )  # fmt: skip
+        "diagnose",
+        tmp_path / "nowhere.csv",
+        "--effects",
+        tmp_path / "MY.toml",
+        "--ship",
+        "ferry",
+        "--out",
+        tmp_path / "out",
+    )
     refused(result, "MY.toml", *words)
     assert "nowhere.csv" not in result.output
     nothing_written(tmp_path, "MY.toml")
@@ -205,9 +237,20 @@ def test_a_folder_is_diagnosed_anew_where_the_effects_changed(
     logs.mkdir()
     (folder / "log.csv").rename(logs / "log.csv")
     said = (
-        "diagnose", logs, "--columns", folder / "map.toml", "--effects", folder / "MY.toml",
-        "--ship", "ferry", "--out", out, "--jobs", 1, *ALONE,
-    )  # fmt: skip
+        "diagnose",
+        logs,
+        "--columns",
+        folder / "map.toml",
+        "--effects",
+        folder / "MY.toml",
+        "--ship",
+        "ferry",
+        "--out",
+        out,
+        "--jobs",
+        1,
+        *ALONE,
+    )
     for k, cells in (("2.0, 20.0", 1), ("2.0, 20.0", 1), ("3.0, 20.0", 2)):
         (folder / "MY.toml").write_text(MY.replace("2.0, 20.0", k), encoding="utf-8")
         result = shaftline(*said)

@@ -30,9 +30,15 @@ def test_the_alternatives_of_a_report_are_planned_for(shaftline: Command, tmp_pa
     (tmp_path / "limits.toml").write_text("drive = [14.0, 24.0]\npitch_ratio = [1.1, 1.3]\n")
     out = tmp_path / "plan"
     result = shaftline(
-        "plan-trial", tmp_path / "report.json", "--minutes", 5, "--out", out,
-        "--limits", tmp_path / "limits.toml",
-    )  # fmt: skip
+        "plan-trial",
+        tmp_path / "report.json",
+        "--minutes",
+        5,
+        "--out",
+        out,
+        "--limits",
+        tmp_path / "limits.toml",
+    )
     assert result.exit_code == 0, result.output
     assert "corrected ship or speed-log-gain (sensor):" in " ".join(result.output.split())
     plan = pd.read_csv(out / "plan.csv")

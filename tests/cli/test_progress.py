@@ -38,8 +38,10 @@ def test_a_line_every_ten_seconds_and_at_the_end() -> None:
         (22.0, 6, ""),
     ]
     assert log_lines(steps, 6) == [
-        "simulating, 3 of 6, 10 s", "simulating, 5 of 6, 21 s", "simulating, 6 of 6, 22 s",
-    ]  # fmt: skip
+        "simulating, 3 of 6, 10 s",
+        "simulating, 5 of 6, 21 s",
+        "simulating, 6 of 6, 22 s",
+    ]
 
 
 def test_a_line_at_every_new_stage() -> None:

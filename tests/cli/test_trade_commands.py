@@ -68,9 +68,12 @@ def run(*arguments: object) -> Result:
 @pytest.fixture
 def files(tmp_path: Path) -> Path:
     for name, text in (
-        ("ship.toml", SHIP), ("runs.csv", RUNS), ("log.csv", LOG), ("reference.toml", REFERENCE),
+        ("ship.toml", SHIP),
+        ("runs.csv", RUNS),
+        ("log.csv", LOG),
+        ("reference.toml", REFERENCE),
         ("particulars.toml", PARTICULARS),
-    ):  # fmt: skip
+    ):
         (tmp_path / name).write_text(text)
     return tmp_path
 
@@ -88,8 +91,11 @@ def test_a_trial_prints_speeds_and_writes_its_files(files: Path) -> None:
     assert 14.6 < report["runs"][0]["corrected_speed_kn"] < 14.7
     assert 15.0 < report["speed_at_power"][0]["speed_kn"] < 16.1
     assert {file.name for file in out.iterdir()} == {
-        "runs.csv", "curve.csv", "report.json", "speed-power.png",
-    }  # fmt: skip
+        "runs.csv",
+        "curve.csv",
+        "report.json",
+        "speed-power.png",
+    }
 
 
 def test_a_trial_from_a_log_names_the_runs_it_found(files: Path) -> None:
@@ -149,11 +155,17 @@ def explained(files: Path, log: pd.DataFrame, parts: int = 1) -> str:
     power = 2e-3 * log["shaft_torque_N_m"] * log["shaft_speed_rad_s"]
     stamps = pd.Timestamp("2025-03-01") + pd.to_timedelta(log["time_s"], unit="s")
     table = pd.DataFrame(
-        {"Date": stamps.dt.strftime("%d.%m.%Y %H:%M:%S"), "STW [kn]": log["ship_speed_m_s"] / KNOT,
-         "Power [kW]": power, "rack": log["fuel_rack_mm"], "pitch order": log["pitch_ratio_command"],
-         "pitch": log["pitch_ratio"], "rpm": 30.0 / math.pi * log["shaft_speed_rad_s"],
-         "torque": log["shaft_torque_N_m"]}
-    )  # fmt: skip
+        {
+            "Date": stamps.dt.strftime("%d.%m.%Y %H:%M:%S"),
+            "STW [kn]": log["ship_speed_m_s"] / KNOT,
+            "Power [kW]": power,
+            "rack": log["fuel_rack_mm"],
+            "pitch order": log["pitch_ratio_command"],
+            "pitch": log["pitch_ratio"],
+            "rpm": 30.0 / math.pi * log["shaft_speed_rad_s"],
+            "torque": log["shaft_torque_N_m"],
+        }
+    )
     (files / "logs").mkdir()
     for k in range(parts):
         own = table[k * len(table) // parts : (k + 1) * len(table) // parts]
@@ -164,10 +176,17 @@ def explained(files: Path, log: pd.DataFrame, parts: int = 1) -> str:
         "power_kW = [0.375, 24, 192]\n"
     )
     result = run(
-        "performance", files / ("logs/0.csv" if parts == 1 else "logs"), "--ship",
-        files / "ferry.toml", "--plant", "ferry",
-        "--columns", files / "map.toml", "--out", files / "out",
-    )  # fmt: skip
+        "performance",
+        files / ("logs/0.csv" if parts == 1 else "logs"),
+        "--ship",
+        files / "ferry.toml",
+        "--plant",
+        "ferry",
+        "--columns",
+        files / "map.toml",
+        "--out",
+        files / "out",
+    )
     assert result.exit_code == 0, result.output
     return " ".join(result.output.split())
 

@@ -63,8 +63,10 @@ def test_a_policy_is_trained_and_evaluated(
     policy = load_policy(out / "policy.npz")
     assert policy.about["seed"] == 2
     assert policy.about["recipe"]["env_kwargs"] == {
-        "max_episode_steps": 20, "observer": "luenberger", "sensor_noise": 0.5,
-    }  # fmt: skip
+        "max_episode_steps": 20,
+        "observer": "luenberger",
+        "sensor_noise": 0.5,
+    }
     assert len(json.loads((out / "curve.json").read_text())) == 2
 
     again = shaftline(*arguments)
@@ -74,9 +76,18 @@ def test_a_policy_is_trained_and_evaluated(
     refused(shaftline(*arguments, "--timesteps", 640), "another recipe", "another")
 
     found = shaftline(
-        "evaluate", "--controller", f"policy:{out / 'policy.npz'}", "--controller", "combinator",
-        "--sea", "state-5", "--out", tmp_path / "evaluated", "--render", *QUICK,
-    )  # fmt: skip
+        "evaluate",
+        "--controller",
+        f"policy:{out / 'policy.npz'}",
+        "--controller",
+        "combinator",
+        "--sea",
+        "state-5",
+        "--out",
+        tmp_path / "evaluated",
+        "--render",
+        *QUICK,
+    )
     assert found.exit_code == 0, found.output
     table = pd.read_csv(tmp_path / "evaluated" / "table.csv")
     assert table["controller"][0].startswith("policy:out/policy.npz ")
@@ -115,8 +126,9 @@ def test_without_the_extra(
     monkeypatch.delitem(sys.modules, "shaftline.agents.learning.training")
     refused(
         shaftline("train", "--out", tmp_path / "out"),
-        "stable_baselines3", "pip install 'shaftline[train]'",
-    )  # fmt: skip
+        "stable_baselines3",
+        "pip install 'shaftline[train]'",
+    )
     nothing_written(tmp_path)
 
 
@@ -136,9 +148,12 @@ def test_without_the_extra(
     ],
 )
 def test_bad_input(
-    shaftline: Command, tmp_path: Path, recipe: Path, arguments: tuple[str, ...],
+    shaftline: Command,
+    tmp_path: Path,
+    recipe: Path,
+    arguments: tuple[str, ...],
     words: tuple[str, ...],
-) -> None:  # fmt: skip
+) -> None:
     out = tmp_path / "out"
     refused(
         shaftline("train", "--task", "transit", "--recipe", recipe, "--out", out, *arguments),
@@ -176,9 +191,15 @@ def test_constants_are_searched_for_and_sailed(shaftline: Command, tmp_path: Pat
     """What is printed is a controller that `evaluate` takes."""
     quick = ("--rounds", 1, "--seeds", 2, "--episode-s", 10)
     result = shaftline(
-        "tune", "--controller", "speed-pilot:pitch_gain=0", "--task", "transit",
-        "--vary", "speed_gain=1:9", *quick,
-    )  # fmt: skip
+        "tune",
+        "--controller",
+        "speed-pilot:pitch_gain=0",
+        "--task",
+        "transit",
+        "--vary",
+        "speed_gain=1:9",
+        *quick,
+    )
     assert result.exit_code == 0, result.output
     (found,) = set(re.findall(r"speed-pilot:pitch_gain=0\.?0?,speed_gain=\S+", result.output))
     assert 1.0 <= float(found.rpartition("=")[2]) <= 9.0

@@ -48,9 +48,13 @@ KINDS = {"sine": "sine", "welch": "noise"}
 """Recordings that a method needs; the others get a staircase."""
 
 ALIKE = {
-    "diesel-controllable-pitch", "thruster-on-a-bench", "ferry-printed", "tito-neri-staircase",
-    "esso-osaka", "frigate-turning",
-}  # fmt: skip
+    "diesel-controllable-pitch",
+    "thruster-on-a-bench",
+    "ferry-printed",
+    "tito-neri-staircase",
+    "esso-osaka",
+    "frigate-turning",
+}
 """Ships on which another of the list has every part; walked in the slow tests alone."""
 
 QUICK = ("steady", "step", "sine", "welch")
@@ -113,9 +117,15 @@ def test_methods_that_choose_by_the_recording(
     """``--free auto``; the filter may find that it cannot go by this recording, and then says so."""
     out = tmp_path / "out"
     result = run(
-        "identify", files.recording(ship, "staircase"), "--ship", files.ship(ship), "--method",
-        method, "--out", out,
-    )  # fmt: skip
+        "identify",
+        files.recording(ship, "staircase"),
+        "--ship",
+        files.ship(ship),
+        "--method",
+        method,
+        "--out",
+        out,
+    )
     reasons = [REFUSED.get((method, ship), "^$")]
     if method == "ekf":
         reasons += ["estimates of .* diverge", "are not identifiable together"]
@@ -220,16 +230,30 @@ def test_a_diesel_ship_is_evaluated_and_her_loop_shown(
 ) -> None:
     refused(
         run("loop", controller, "--ship", files.ship(ship), "--speed", 5, "--out", tmp_path / "l"),
-        "the closed loop is unstable", "--command .*: must be one of",
-        "the analysis needs the methods", "cannot be linearised",
-    )  # fmt: skip
+        "the closed loop is unstable",
+        "--command .*: must be one of",
+        "the analysis needs the methods",
+        "cannot be linearised",
+    )
     task = ("--task", "wave-preview") if controller.endswith("-preview") else ()
     done(
         run(
-            "evaluate", "--controller", controller, "--ship", files.ship(ship), "--seeds", 1,
-            "--episode-s", 5, "--jobs", 1, "--out", tmp_path / "e", *task,
+            "evaluate",
+            "--controller",
+            controller,
+            "--ship",
+            files.ship(ship),
+            "--seeds",
+            1,
+            "--episode-s",
+            5,
+            "--jobs",
+            1,
+            "--out",
+            tmp_path / "e",
+            *task,
         )
-    )  # fmt: skip
+    )
 
 
 OBSERVER_NEEDS = (

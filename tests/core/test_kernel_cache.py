@@ -29,9 +29,13 @@ print(triple(2.0), sum(triple.stats.cache_hits.values()))
 def _run(folder: Path) -> tuple[float, int]:
     root = Path(shaftline.__file__).resolve().parents[1]
     done = subprocess.run(
-        [sys.executable, "kernel.py"], cwd=folder, capture_output=True, text=True, check=False,
+        [sys.executable, "kernel.py"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
         env={"PYTHONPATH": str(root), "NUMBA_CACHE_DIR": str(folder / "kept"), "PATH": ""},
-    )  # fmt: skip
+    )
     assert done.returncode == 0, done.stderr
     value, hits = done.stdout.split()
     return float(value), int(hits)
@@ -50,10 +54,14 @@ def test_a_damaged_file_is_made_again(
         (file,) = (tmp_path / "kept").rglob(f"*triple*.{ending}")
         good = file.read_bytes()
         middle = len(good) // 2
-        file.write_bytes({
-            "cut": good[:middle], "empty": b"", "junk": b"\x80\x05K" * 50,
-            "flipped": good[:middle] + bytes([good[middle] ^ 16]) + good[middle + 1 :],
-        }[damage])  # fmt: skip
+        file.write_bytes(
+            {
+                "cut": good[:middle],
+                "empty": b"",
+                "junk": b"\x80\x05K" * 50,
+                "flipped": good[:middle] + bytes([good[middle] ^ 16]) + good[middle + 1 :],
+            }[damage]
+        )
         assert _run(tmp_path) == (6.0, 0), damage
         assert _run(tmp_path) == (6.0, 1), damage
 

@@ -13,8 +13,10 @@ from shaftline.plant.fuel import fuel_rate
 from shaftline.plant.stepping import Disturbance, step
 
 STILL: dict[str, Any] = get_task("transit").model_dump() | {
-    "seas": ("calm",), "resistance_rise": (0.0, 0.0), "resistance_swing": 0.0,
-}  # fmt: skip
+    "seas": ("calm",),
+    "resistance_rise": (0.0, 0.0),
+    "resistance_swing": 0.0,
+}
 """A task in which nothing disturbs the ship."""
 
 TRAVERSE_S = 20.0
@@ -45,11 +47,15 @@ class ByHand:
     def __init__(self, env: FrigateEnv) -> None:
         batch = env.batch
         self.plant, self.state, self.memory, self.sea, self.episode = (
-            rows[0].copy() for rows in (
-                batch.arrays.plants, batch.arrays.states, batch.arrays.memories,
-                batch.arrays.seas, batch.arrays.episodes,
+            rows[0].copy()
+            for rows in (
+                batch.arrays.plants,
+                batch.arrays.states,
+                batch.arrays.memories,
+                batch.arrays.seas,
+                batch.arrays.episodes,
             )
-        )  # fmt: skip
+        )
         self.dt, self.steps, self.gains = batch.dt, batch.steps, batch.gains
         self.command = batch.command
         self.increments = batch.settings.action_mode == "increment"
@@ -101,19 +107,36 @@ class ByHand:
             omega, speed = float(self.state["shaft_speed"]), float(self.state["ship_speed"])
             log = float(self.memory["speed_log"])
             outputs = step(
-                p, self.state, self.memory, self.sea, float(drive), pitch, 0.0,
-                self.disturbance(time), self.disturbance(time + 0.5 * self.dt),
-                self.disturbance(time + self.dt), self.dt,
-            )  # fmt: skip
+                p,
+                self.state,
+                self.memory,
+                self.sea,
+                float(drive),
+                pitch,
+                0.0,
+                self.disturbance(time),
+                self.disturbance(time + 0.5 * self.dt),
+                self.disturbance(time + self.dt),
+                self.dt,
+            )
             self.measured = omega
             fuel = 2.0 * fuel_rate(p, p["gear_ratio"] * omega, outputs.brake_torque)
             found.append(
                 Moment(
-                    self.order(time), omega, speed, log, float(self.memory["rack"]), float(drive),
-                    float(self.memory["shaft_torque"]), float(self.memory["pitch_ratio"]), outputs,
-                    fuel, float(self.state["position"]), float(self.state["ventilation"]),
+                    self.order(time),
+                    omega,
+                    speed,
+                    log,
+                    float(self.memory["rack"]),
+                    float(drive),
+                    float(self.memory["shaft_torque"]),
+                    float(self.memory["pitch_ratio"]),
+                    outputs,
+                    fuel,
+                    float(self.state["position"]),
+                    float(self.state["ventilation"]),
                     float(self.state["shaft_speed"]),
                 )
-            )  # fmt: skip
+            )
         self.elapsed += 1
         return found

@@ -161,9 +161,12 @@ def test_a_forked_process_makes_threads_of_its_own(used: bool) -> None:
 
 def test_gymnasiums_vector_wrappers_take_it() -> None:
     made = gymnasium.make_vec(
-        "shaftline/Frigate-v0", num_envs=3, vectorization_mode="vector_entry_point",
-        autoreset_mode="NextStep", **SHORT,
-    )  # fmt: skip
+        "shaftline/Frigate-v0",
+        num_envs=3,
+        vectorization_mode="vector_entry_point",
+        autoreset_mode="NextStep",
+        **SHORT,
+    )
     env: Any = RecordEpisodeStatistics(NormalizeObservation(made))
     env.reset(seed=1)
     lengths: list[int] = []

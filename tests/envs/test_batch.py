@@ -20,10 +20,16 @@ from shaftline.plant.hull import resistance, wave_resistance
 from .by_hand import STILL
 
 LAGS = {
-    "prime_mover.lag_s": 5.0, "propeller.inflow_lag_s": 5.0, "pitch_actuator.offset": 0.03,
-}  # fmt: skip
-BELATED = LAGS | {"prime_mover.dead_time_s": 1.0, "prime_mover.rack_rate_limit_mm_s": 1.0,
-                  "sensors.torque_delay_s": 1.0, "sensors.speed_log_lag_s": 5.0}  # fmt: skip
+    "prime_mover.lag_s": 5.0,
+    "propeller.inflow_lag_s": 5.0,
+    "pitch_actuator.offset": 0.03,
+}
+BELATED = LAGS | {
+    "prime_mover.dead_time_s": 1.0,
+    "prime_mover.rack_rate_limit_mm_s": 1.0,
+    "sensors.torque_delay_s": 1.0,
+    "sensors.speed_log_lag_s": 5.0,
+}
 SHIPS = [{}, *({key: value} for key, value in LAGS.items()), LAGS, BELATED]
 NAMES = ["none", "engine", "inflow", "pitch", "all", "belated"]
 
@@ -32,17 +38,24 @@ def held(env: FrigateEnv | FrigateVectorEnv) -> Any:
     """The action of the commands with which an episode began."""
     episode, plant = env.batch.arrays.episodes[0], env.batch.ship.record()
     return np.array(
-        [encode(episode["pitch_command"], plant["pitch_ratio_min"], plant["pitch_ratio_max"]),
-         encode(episode["drive"], plant["drive_min"], plant["drive_max"])], np.float32,
-    )  # fmt: skip
+        [
+            encode(episode["pitch_command"], plant["pitch_ratio_min"], plant["pitch_ratio_max"]),
+            encode(episode["drive"], plant["drive_min"], plant["drive_max"]),
+        ],
+        np.float32,
+    )
 
 
 @pytest.mark.parametrize("values", SHIPS, ids=NAMES)
 def test_a_ship_whose_commands_are_held_stays_in_its_steady_state(values: dict[str, float]) -> None:
     ship = load_ship("frigate").with_values(values)
     settings: dict[str, Any] = {
-        "ship": ship, "task": STILL, "sensor_noise": 0.0, "observer": "oracle", **CLASSIC,
-    }  # fmt: skip
+        "ship": ship,
+        "task": STILL,
+        "sensor_noise": 0.0,
+        "observer": "oracle",
+        **CLASSIC,
+    }
     single, vector = FrigateEnv(**settings), FrigateVectorEnv(3, **settings)
     speed = float(single.batch.table["ship_speed"][4])
     options = {"initial_speed_m_s": speed, "speed_order_m_s": speed}
@@ -50,9 +63,15 @@ def test_a_ship_whose_commands_are_held_stays_in_its_steady_state(values: dict[s
     first, _ = single.reset(seed=0, options=options)
     many, _ = vector.reset(seed=0, options=options)
     expected = [
-        speed, steady.state.shaft_speed, steady.outputs.shaft_torque, steady.state.pitch_ratio,
-        steady.inputs.drive, speed, steady.outputs.advance_velocity, 1.0,
-    ]  # fmt: skip
+        speed,
+        steady.state.shaft_speed,
+        steady.outputs.shaft_torque,
+        steady.state.pitch_ratio,
+        steady.inputs.drive,
+        speed,
+        steady.outputs.advance_velocity,
+        1.0,
+    ]
     assert first[:8] == pytest.approx(np.asarray(expected, np.float32), rel=1e-5)
     for _ in range(40):
         assert first[:8] == pytest.approx(np.asarray(expected, np.float32), rel=1e-4)

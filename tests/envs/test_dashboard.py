@@ -52,9 +52,13 @@ def test_lines_are_the_signals_in_physical_units(figures: list[Figure], normalis
     ship_speed, plane, *others = figures[0].axes
     titles = [panel.get_title("left").split(" [")[0] for panel in figures[0].axes]
     assert titles == [
-        "ship speed", "engine torque", "shaft torque", "pitch ratio P/D", "fuel rack",
+        "ship speed",
+        "engine torque",
+        "shaft torque",
+        "pitch ratio P/D",
+        "fuel rack",
         "advance velocity",
-    ]  # fmt: skip
+    ]
     for panel, lines in zip((ship_speed, *others), expected, strict=True):
         for line, values in zip(panel.lines, lines, strict=True):
             assert np.asarray(line.get_xdata()) == pytest.approx(0.5 * np.arange(1, 6))

@@ -6,8 +6,13 @@ import pytest
 from shaftline.envs import FrigateEnv, FrigateVectorEnv
 from shaftline.plant import load_ship
 
-TERM = {"id": "runaway", "acts_on": "resistance", "expression": "u", "state": "u",
-        "rate": "1 + u * 15"}  # fmt: skip
+TERM = {
+    "id": "runaway",
+    "acts_on": "resistance",
+    "expression": "u",
+    "state": "u",
+    "rate": "1 + u * 15",
+}
 SHIP = load_ship("frigate").with_values({"term": [TERM]})
 
 

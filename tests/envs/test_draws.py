@@ -110,8 +110,10 @@ def test_the_reference_power_tows_the_ship_at_each_order() -> None:
 def test_waves_and_a_higher_resistance_raise_the_reference_fuel() -> None:
     env = FrigateEnv(ship="frigate-at-sea", task=STILL)
     changes: list[dict[str, Any]] = [
-        {}, {"sea": {"hs_m": 2.5, "tp_s": 10.0}}, {"resistance_rise": 0.1},
-    ]  # fmt: skip
+        {},
+        {"sea": {"hs_m": 2.5, "tp_s": 10.0}},
+        {"resistance_rise": 0.1},
+    ]
     fuel = []
     for change in changes:
         env.reset(seed=0, options={"speed_order_m_s": 7.0} | change)
@@ -127,16 +129,26 @@ def begun(**options: Any) -> dict[str, Any]:
     arrays = env.batch.arrays
     names = arrays.episodes.dtype.names
     return {name: arrays.episodes[0][name].tolist() for name in names} | {
-        "sea": arrays.seas[0]["amplitude"].tolist(), "waves": arrays.seas[0]["phase"].tolist(),
+        "sea": arrays.seas[0]["amplitude"].tolist(),
+        "waves": arrays.seas[0]["phase"].tolist(),
         "speed": float(arrays.states[0]["ship_speed"]),
-    }  # fmt: skip
+    }
 
 
 LOADED = {"mean_torque", "mean_attack", "measured_mean_torque", "estimated_mean_attack"}
 """What depends on the waves."""
-STARTS = {"drive", "integral", "measured_shaft_speed", "mean_brake_torque", "rack_command",
-          "shaft_speed_command", "estimated_mean_brake_torque", "mean_speed", "speed",
-          *LOADED}  # fmt: skip
+STARTS = {
+    "drive",
+    "integral",
+    "measured_shaft_speed",
+    "mean_brake_torque",
+    "rack_command",
+    "shaft_speed_command",
+    "estimated_mean_brake_torque",
+    "mean_speed",
+    "speed",
+    *LOADED,
+}
 """What depends on the initial speed."""
 REFERENCES = {"reference_fuel", "reference_power"}
 ORDERED = {"orders", *REFERENCES, *STARTS}
@@ -172,9 +184,12 @@ def test_an_option_acts_and_leaves_all_else_as_it_was_drawn(
 
 def test_options_mean_what_they_say() -> None:
     found = begun(
-        speed_order_m_s=(7.0, 8.0), order_interval_s=20.0, initial_speed_m_s=6.0,
-        resistance_rise=0.5, sea={"hs_m": 2.0, "tp_s": 9.0},
-    )  # fmt: skip
+        speed_order_m_s=(7.0, 8.0),
+        order_interval_s=20.0,
+        initial_speed_m_s=6.0,
+        resistance_rise=0.5,
+        sea={"hs_m": 2.0, "tp_s": 9.0},
+    )
     assert found["orders"][:3] == [7.0, 8.0, 8.0]
     assert found["order_interval"] == 20.0
     assert found["speed"] == 6.0

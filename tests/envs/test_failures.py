@@ -39,9 +39,14 @@ FORMS: list[dict[str, Any]] = [
 def made(task: str, steered: bool, n: int, **settings: Any) -> FrigateVectorEnv | SteeringVectorEnv:
     kind = SteeringVectorEnv if steered else FrigateVectorEnv
     return kind(
-        n, task=task, max_episode_steps=INTERVALS, observer="none", threads=1,
-        autoreset_mode="NextStep", **settings,
-    )  # fmt: skip
+        n,
+        task=task,
+        max_episode_steps=INTERVALS,
+        observer="none",
+        threads=1,
+        autoreset_mode="NextStep",
+        **settings,
+    )
 
 
 @functools.lru_cache(maxsize=4)
@@ -120,8 +125,10 @@ def test_programmes_that_fail_do_not_beat_the_combinator_with_the_same_seed(
 @pytest.mark.parametrize("command", ["fuel-rack", "limited-rack", "shaft-speed"])
 def test_single_and_vector_environment_fail_alike_to_the_bit(length: int, command: str) -> None:
     settings: dict[str, Any] = {
-        "task": "rough-sea", "max_episode_steps": length, "command": command,
-    }  # fmt: skip
+        "task": "rough-sea",
+        "max_episode_steps": length,
+        "command": command,
+    }
     vector, single = FrigateVectorEnv(3, **settings), FrigateEnv(**settings)
     vector.reset(seed=4)
     single.reset(seed=4)

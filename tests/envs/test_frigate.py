@@ -23,11 +23,12 @@ from .plans import SHORT, actions
 
 NAME = "shaftline.envs:shaftline/Frigate-v0"
 FORMS: dict[str, dict[str, Any]] = {name: {} for name in observer_names()} | {
-    "none": {"action_mode": "residual"}, "oracle": {"command": "limited-rack"},
+    "none": {"action_mode": "residual"},
+    "oracle": {"command": "limited-rack"},
     "luenberger": {"action_mode": "absolute", "command": "fuel-rack"},
     "shaft-kalman": {"action_mode": "residual:combinator", "command": "fuel-rack"},
     "power-balance": {"normalised": False},
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("task", tasks())
@@ -119,9 +120,12 @@ def test_a_reset_tells_the_truth_of_the_state() -> None:
     state = env.batch.arrays.states[0]
     assert set(info) == {*TRUTHS, "reward_terms"}
     for name, field in {
-        "ship_speed": "ship_speed", "shaft_speed": "shaft_speed", "blade_pitch": "pitch_ratio",
-        "ventilation": "ventilation", "position": "position",
-    }.items():  # fmt: skip
+        "ship_speed": "ship_speed",
+        "shaft_speed": "shaft_speed",
+        "blade_pitch": "pitch_ratio",
+        "ventilation": "ventilation",
+        "position": "position",
+    }.items():
         assert info[name] == pytest.approx(float(state[field]), rel=1e-12), name
     plant = env.batch.arrays.plants[0]
     fuel = 2.0 * fuel_rate(plant, plant["gear_ratio"] * state["shaft_speed"], info["brake_torque"])
@@ -232,10 +236,18 @@ def test_ten_million_random_steps_stay_finite(observer: str) -> None:
     each = math.ceil(1e7 / len(observer_names()) / 1024 / len(tasks()))
     for seed, task in enumerate(sorted(tasks())):
         _step_at_random(
-            1024, each, seed, task=task, observer=observer, sea=seas,
-            randomise={"hull.resistance_coefficient_N_s2_m2": 0.3, "hull.mass_kg": 0.3,
-                       "prime_mover.torque_per_rack_N_m_mm": 0.1},
-        )  # fmt: skip
+            1024,
+            each,
+            seed,
+            task=task,
+            observer=observer,
+            sea=seas,
+            randomise={
+                "hull.resistance_coefficient_N_s2_m2": 0.3,
+                "hull.mass_kg": 0.3,
+                "prime_mover.torque_per_rack_N_m_mm": 0.1,
+            },
+        )
 
 
 def test_a_sea_can_be_a_range_from_which_each_episode_draws() -> None:

@@ -31,19 +31,26 @@ from .by_hand import STILL, ByHand, Moment
 
 FAULTY = load_ship("frigate").with_values(
     {
-        "prime_mover.lag_s": 0.4, "prime_mover.rack_rate_limit_mm_s": 8.0,
-        "propeller.inflow_lag_s": 0.5, "sensors.pitch_offset": 0.02,
-        "sensors.torque_bias_N_m": 2000.0, "sensors.torque_gain": 1.1,
-        "sensors.speed_log_lag_s": 3.0, "propeller.expanded_area_ratio": 0.5,
-        "cavitation_bucket.centre_deg": 4.0, "cavitation_bucket.suction_deg": 0.05,
+        "prime_mover.lag_s": 0.4,
+        "prime_mover.rack_rate_limit_mm_s": 8.0,
+        "propeller.inflow_lag_s": 0.5,
+        "sensors.pitch_offset": 0.02,
+        "sensors.torque_bias_N_m": 2000.0,
+        "sensors.torque_gain": 1.1,
+        "sensors.speed_log_lag_s": 3.0,
+        "propeller.expanded_area_ratio": 0.5,
+        "cavitation_bucket.centre_deg": 4.0,
+        "cavitation_bucket.suction_deg": 0.05,
         "cavitation_bucket.pressure_deg": 0.1,
     }
-)  # fmt: skip
+)
 """On this ship each measurement differs from the true value, the rack from its command."""
 
 OPTIONS: dict[str, Any] = {
-    "speed_order_m_s": (5.0, 5.5, 6.5), "order_interval_s": 0.7, "initial_speed_m_s": 9.0,
-}  # fmt: skip
+    "speed_order_m_s": (5.0, 5.5, 6.5),
+    "order_interval_s": 0.7,
+    "initial_speed_m_s": 9.0,
+}
 PLAN = np.full((40, 2), (0.9, 1.0), np.float32)
 PLAN[:6] = np.random.default_rng(1).uniform(-0.2, 0.6, (6, 2))
 """Random actions, and then so much fuel that the engine trips where nothing limits it."""
@@ -77,28 +84,45 @@ def test_observation_and_truth_are_the_plants_at_the_intervals_last_step(
         moments = hand.interval(action)
         for now in moments:
             velocity = update(
-                observer, estimate,
-                Measurement(now.shaft_speed, now.measured_torque_of, now.measured_pitch_of,
-                            now.outputs.shaft_acceleration, now.outputs.advance_velocity),
-            )  # fmt: skip
+                observer,
+                estimate,
+                Measurement(
+                    now.shaft_speed,
+                    now.measured_torque_of,
+                    now.measured_pitch_of,
+                    now.outputs.shaft_acceleration,
+                    now.outputs.advance_velocity,
+                ),
+            )
         expected = [
-            now.order, now.shaft_speed, now.measured_torque_of, now.measured_pitch_of, now.rack, now.log,
-            velocity, estimate["valid"],
-        ]  # fmt: skip
+            now.order,
+            now.shaft_speed,
+            now.measured_torque_of,
+            now.measured_pitch_of,
+            now.rack,
+            now.log,
+            velocity,
+            estimate["valid"],
+        ]
         assert seen[:8] == pytest.approx(np.asarray(expected, np.float32), rel=1e-6)
         assert seen[9] == pytest.approx(hand.commands[0], rel=1e-6)
         assert seen[14] == pytest.approx(hand.commands[1], rel=1e-6)
         truth = {
-            "advance_velocity": now.outputs.advance_velocity, "thrust": now.outputs.thrust,
-            "fuel_flow": now.fuel, "ventilation": now.ventilation_after,
-            "ship_speed": now.ship_speed, "shaft_speed": now.shaft_speed,
-            "shaft_torque": now.outputs.shaft_torque, "brake_torque": now.outputs.brake_torque,
-            "position": now.position_after, "blade_pitch": now.outputs.pitch_ratio,
+            "advance_velocity": now.outputs.advance_velocity,
+            "thrust": now.outputs.thrust,
+            "fuel_flow": now.fuel,
+            "ventilation": now.ventilation_after,
+            "ship_speed": now.ship_speed,
+            "shaft_speed": now.shaft_speed,
+            "shaft_torque": now.outputs.shaft_torque,
+            "brake_torque": now.outputs.brake_torque,
+            "position": now.position_after,
+            "blade_pitch": now.outputs.pitch_ratio,
             "angle_of_attack": attack_of(hand.plant, now),
             "outside_bucket": outside_bucket(
                 hand.plant, attack_of(hand.plant, now), now.shaft_speed, now.outputs.submergence
             ),
-        }  # fmt: skip
+        }
         assert {name: info[name] for name in truth} == pytest.approx(truth, rel=1e-9)
         assert len({*expected, *truth.values()}) >= len(expected) + len(truth) - 2
         changed |= {now.order for now in moments}
@@ -157,8 +181,14 @@ def by_formula(
         way = plant["mass"] * mean[3] * (now.ship_speed - mean[3]) / 20.0
         towing = episode["reference_power"][order]
         asked = rack_torque(plant, engine, now.rack) / torque_limit(plant, engine)
-        burrill = burrill_ratio(plant, out.thrust, out.advance_velocity, now.shaft_speed,
-                                out.pitch_ratio, out.submergence)  # fmt: skip
+        burrill = burrill_ratio(
+            plant,
+            out.thrust,
+            out.advance_velocity,
+            now.shaft_speed,
+            out.pitch_ratio,
+            out.submergence,
+        )
         rows.append(
             {
                 "speed_error_m_s": abs(error),
@@ -246,16 +276,26 @@ def episode(**values: Any) -> Any:
 
 def test_orders_follow_one_another_and_the_last_is_held() -> None:
     record = episode(orders=np.arange(64.0), order_interval=10.0)
-    times = {0.0: 0.0, 9.99: 0.0, 10.0: 1.0, 19.99: 1.0, 629.9: 62.0, 630.0: 63.0, 640.0: 63.0,
-             1e6: 63.0}  # fmt: skip
+    times = {
+        0.0: 0.0,
+        9.99: 0.0,
+        10.0: 1.0,
+        19.99: 1.0,
+        629.9: 62.0,
+        630.0: 63.0,
+        640.0: 63.0,
+        1e6: 63.0,
+    }
     assert {time: speed_order(record, time) for time in times} == times
 
 
 def test_resistance_swings_about_its_mean() -> None:
     record = episode(
-        resistance_mean=1.2, resistance_swing=0.1, resistance_frequency=math.pi / 40.0,
+        resistance_mean=1.2,
+        resistance_swing=0.1,
+        resistance_frequency=math.pi / 40.0,
         resistance_phase=math.pi / 6.0,
-    )  # fmt: skip
+    )
     for time, sine in ((0.0, 0.5), (40.0 / 3.0, 1.0), (100.0 / 3.0, 0.0), (160.0 / 3.0, -1.0)):
         found = disturbance(record, time)
         assert found[:3] == pytest.approx((0.0, 0.0, 1.2 + 0.1 * sine))
@@ -265,9 +305,15 @@ def test_resistance_swings_about_its_mean() -> None:
 def test_gains_lie_on_lines_between_the_speeds_of_the_tuning() -> None:
     gains = np.array([[4.0, 6.0, 10.0], [1.0, 2.0, 8.0], [0.5, 0.4, 0.0]])
     expected = {
-        3.0: (1.0, 0.5), 4.0: (1.0, 0.5), 5.5: (1.75, 0.425), 6.0: (2.0, 0.4), 7.0: (3.5, 0.3),
-        9.0: (6.5, 0.1), 10.0: (8.0, 0.0), 12.0: (8.0, 0.0),
-    }  # fmt: skip
+        3.0: (1.0, 0.5),
+        4.0: (1.0, 0.5),
+        5.5: (1.75, 0.425),
+        6.0: (2.0, 0.4),
+        7.0: (3.5, 0.3),
+        9.0: (6.5, 0.1),
+        10.0: (8.0, 0.0),
+        12.0: (8.0, 0.0),
+    }
     for speed, pair in expected.items():
         assert _gains_at(gains, speed) == pytest.approx(pair)
     for speed in (3.0, 4.0, 5.0):

@@ -23,17 +23,25 @@ USUAL = {
     "ship_speed": 5e-2,
 }
 COLUMNS = {
-    "shaft_speed": "shaft_speed", "shaft_torque": "measured_shaft_torque",
-    "pitch_ratio": "measured_pitch_ratio", "ship_speed": "measured_ship_speed",
-}  # fmt: skip
+    "shaft_speed": "shaft_speed",
+    "shaft_torque": "measured_shaft_torque",
+    "pitch_ratio": "measured_pitch_ratio",
+    "ship_speed": "measured_ship_speed",
+}
 
 
 def readings(noise: Any, intervals: int = 40, n: int = 60) -> Any:
     """Return the observations of n environments under constant commands, shape (intervals + 1, n)."""
     env = FrigateVectorEnv(
-        n, task=STILL, sensor_noise=noise, observer="shaft-acceleration", control_interval_s=0.05,
-        max_episode_steps=None, threads=1, **CLASSIC,
-    )  # fmt: skip
+        n,
+        task=STILL,
+        sensor_noise=noise,
+        observer="shaft-acceleration",
+        control_interval_s=0.05,
+        max_episode_steps=None,
+        threads=1,
+        **CLASSIC,
+    )
     env.reset(seed=7)
     rows = [env.batch.arrays.observations.copy()]
     for _ in range(intervals):
@@ -48,9 +56,13 @@ def accelerations(table: Any, ship: Ship) -> Any:
     flat = table.ravel()
     torque = [
         model_torque(plant, *map(float, row))
-        for row in zip(flat["estimated_advance_velocity"], flat["shaft_speed"],
-                       flat["measured_pitch_ratio"], strict=True)
-    ]  # fmt: skip
+        for row in zip(
+            flat["estimated_advance_velocity"],
+            flat["shaft_speed"],
+            flat["measured_pitch_ratio"],
+            strict=True,
+        )
+    ]
     own = (flat["measured_shaft_torque"] - np.array(torque)) / plant["inertia_propeller_side"]
     return own.reshape(table.shape)
 

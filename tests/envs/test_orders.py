@@ -59,8 +59,9 @@ def test_a_profile_of_the_drawn_orders_changes_no_bit() -> None:
     options = {"speed_order_m_s": [5.0, 8.0, 6.0], "order_interval_s": 10.0}
     rows = []
     for keywords, begin in (
-        ({"order_profile": [(0.0, 5.0), (10.0, 8.0), (20.0, 6.0)]}, None), ({}, options),
-    ):  # fmt: skip
+        ({"order_profile": [(0.0, 5.0), (10.0, 8.0), (20.0, 6.0)]}, None),
+        ({}, options),
+    ):
         env = FrigateEnv(task="transit", sea="state-5", **CLASSIC, **keywords)  # type: ignore[arg-type]
         env.reset(seed=4, options=begin)
         rows.append([env.step([0.4, 0.1])[1] for _ in range(60)])
@@ -97,11 +98,16 @@ def test_an_automatic_reset_begins_the_profile_again() -> None:
 @pytest.mark.parametrize(
     ("rows", "words"),
     [
-        ("0,5", "must be pairs"), ([], "must be pairs"), ([(0, 5, 1)], "must be pairs"), (5, "must be"),
-        ([(1, 5)], "row 1: time 1 s; times must begin at 0"), ([(0, 5), (0, 6)], "row 2: time 0 s"),
-        ([(0, 5), (1, 41)], "row 2: 41 m/s; must be 0 to 40"), ([(0, float("nan"))], "row 1: nan m/s"),
+        ("0,5", "must be pairs"),
+        ([], "must be pairs"),
+        ([(0, 5, 1)], "must be pairs"),
+        (5, "must be"),
+        ([(1, 5)], "row 1: time 1 s; times must begin at 0"),
+        ([(0, 5), (0, 6)], "row 2: time 0 s"),
+        ([(0, 5), (1, 41)], "row 2: 41 m/s; must be 0 to 40"),
+        ([(0, float("nan"))], "row 1: nan m/s"),
     ],
-)  # fmt: skip
+)
 def test_bad_profiles(rows: Any, words: str) -> None:
     with pytest.raises(ValueError, match=f"order_profile.*{words}"):
         FrigateEnv(order_profile=rows)

@@ -48,6 +48,11 @@ def test_the_bits_are_splitmix64s() -> None:
     """The published sequence of seed 1234567 (Steele, Lea & Flood 2014, reference implementation)."""
     episode = np.zeros(1, EPISODE)[0]
     episode["random"] = 1234567
-    published = [6457827717110365317, 3203168211198807973, 9817491932198370423, 4593380528125082431,
-                 16408922859458223821]  # fmt: skip
+    published = [
+        6457827717110365317,
+        3203168211198807973,
+        9817491932198370423,
+        4593380528125082431,
+        16408922859458223821,
+    ]
     assert [int(_bits(episode)) for _ in published] == published

@@ -45,9 +45,12 @@ def rack_at(torque: float, shaft_speed: float = SPEED) -> float:
 
 def outputs(**values: float) -> Outputs:
     plain = dict.fromkeys(Outputs._fields, 0.0) | {
-        "pitch_ratio": 1.2, "advance_velocity": 7.0, "submergence": 4.0, "shaft_torque": 2e5,
+        "pitch_ratio": 1.2,
+        "advance_velocity": 7.0,
+        "submergence": 4.0,
+        "shaft_torque": 2e5,
         "brake_torque": 2e4,
-    }  # fmt: skip
+    }
     return Outputs(**(plain | values))
 
 
@@ -76,17 +79,21 @@ def test_fuel_is_that_of_both_engines() -> None:
 
 @pytest.mark.parametrize(
     ("share_of_limit", "expected", "near"),
-    [(0.94, 0.0, 0.0), (0.96, 0.0, 0.2), (0.99, 0.0, 0.8), (1.01, 0.01, 1.0), (1.1, 0.1, 1.0),
-     (1.5, 0.5, 1.0)],
-)  # fmt: skip
+    [
+        (0.94, 0.0, 0.0),
+        (0.96, 0.0, 0.2),
+        (0.99, 0.0, 0.8),
+        (1.01, 0.01, 1.0),
+        (1.1, 0.1, 1.0),
+        (1.5, 0.5, 1.0),
+    ],
+)
 @pytest.mark.parametrize("shaft_speed", [SPEED, 0.98 * HIGHEST / GEAR])
 def test_overload_counts_from_the_envelope_on_and_nearness_from_a_twentieth_below(
     share_of_limit: float, expected: float, near: float, shaft_speed: float
 ) -> None:
     limit = min(15e3 + 467.0 * (GEAR * shaft_speed - LOWEST), 38e3)
-    now = QUIET._replace(
-        shaft_speed=shaft_speed, rack=rack_at(share_of_limit * limit, shaft_speed)
-    )  # fmt: skip
+    now = QUIET._replace(shaft_speed=shaft_speed, rack=rack_at(share_of_limit * limit, shaft_speed))
     found = terms_of(now, share=0.5)
     both = {"overload": 0.5 * expected, "near_limit": 0.5 * near}
     assert found == pytest.approx({name: value for name, value in both.items() if value})
@@ -194,9 +201,10 @@ def test_steps_add_up_and_are_cleared() -> None:
 def test_steering_terms_are_in_degrees_and_metres_and_count_both_ways() -> None:
     for sign in (-1.0, 1.0):
         now = QUIET._replace(
-            heading_error=sign * math.radians(3.0), track_error=sign * 20.0,
+            heading_error=sign * math.radians(3.0),
+            track_error=sign * 20.0,
             rudder_turn=sign * math.radians(0.1),
-        )  # fmt: skip
+        )
         assert terms_of(now, share=0.25) == pytest.approx(
             {
                 "heading_error_deg": 0.75,
@@ -209,11 +217,19 @@ def test_steering_terms_are_in_degrees_and_metres_and_count_both_ways() -> None:
 @pytest.mark.parametrize(
     ("x", "value"),
     [
-        (-9.0, 1.0), (0.3, 1.0), (0.3 + 1e-9, 1.0), (0.3 + 2.0 / 3.0, 0.5), (2.3, 0.1),
-        (0.3 + 4.0, 1.0 / 37.0), (0.3 + 2e3, 1.0 / 9000001.0), (1e300, 0.0), (math.inf, 0.0),
-        (math.nan, 0.0), (-math.inf, 1.0),
+        (-9.0, 1.0),
+        (0.3, 1.0),
+        (0.3 + 1e-9, 1.0),
+        (0.3 + 2.0 / 3.0, 0.5),
+        (2.3, 0.1),
+        (0.3 + 4.0, 1.0 / 37.0),
+        (0.3 + 2e3, 1.0 / 9000001.0),
+        (1e300, 0.0),
+        (math.inf, 0.0),
+        (math.nan, 0.0),
+        (-math.inf, 1.0),
     ],
-)  # fmt: skip
+)
 def test_the_value_of_a_goal_is_one_within_and_a_tenth_one_margin_beyond(
     x: float, value: float
 ) -> None:
@@ -248,10 +264,11 @@ def test_goals_without_weight_multiply() -> None:
 def test_goals_with_weights_share_and_are_scaled_by_the_factors() -> None:
     goals = Goals.model_validate(
         {
-            "speed_error_m_s": goal(0.0, 1.0), "cavitation": goal(0.0, 0.5, 0.5),
+            "speed_error_m_s": goal(0.0, 1.0),
+            "cavitation": goal(0.0, 0.5, 0.5),
             "fuel_excess": goal(-0.2, 0.4, 0.3),
         }
-    )  # fmt: skip
+    )
     assert reward(goals, fuel_excess=-0.3) == 1.0
     assert reward(goals, fuel_excess=0.2) == pytest.approx(1.0 - 0.3 * 0.9)
     assert reward(goals, fuel_excess=-0.3, cavitation=0.5) == pytest.approx(1.0 - 0.5 * 0.9)
@@ -278,8 +295,10 @@ def test_every_term_may_be_a_goal_of_either_kind(name: str) -> None:
 NUMBER = st.floats(allow_nan=True, allow_infinity=True)
 GOAL = st.builds(
     lambda within, margin, weight: {"within": within, "margin": margin, "weight": weight},
-    st.floats(-1e3, 1e3), st.floats(1e-9, 1e9), st.none() | st.floats(1e-6, 1.0 / len(TERMS)),
-)  # fmt: skip
+    st.floats(-1e3, 1e3),
+    st.floats(1e-9, 1e9),
+    st.none() | st.floats(1e-6, 1.0 / len(TERMS)),
+)
 
 
 @settings(max_examples=300, deadline=None)

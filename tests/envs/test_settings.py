@@ -22,11 +22,20 @@ PAGE = (Path(__file__).parents[2] / "docs/environment.md").read_text(encoding="u
 
 def test_defaults() -> None:
     assert DEFAULTS.model_dump() == {
-        "ship": None, "task": "speed-keeping", "observer": "random-walk-kalman",
-        "tuning": None, "sea": None, "sensor_noise": 1.0, "control_interval_s": 0.5,
-        "max_episode_steps": 600, "randomise": None, "normalised": True,
-        "action_mode": "increment", "command": None, "order_profile": None,
-    }  # fmt: skip
+        "ship": None,
+        "task": "speed-keeping",
+        "observer": "random-walk-kalman",
+        "tuning": None,
+        "sea": None,
+        "sensor_noise": 1.0,
+        "control_interval_s": 0.5,
+        "max_episode_steps": 600,
+        "randomise": None,
+        "normalised": True,
+        "action_mode": "increment",
+        "command": None,
+        "order_profile": None,
+    }
     assert FrigateEnv().batch.settings == FrigateVectorEnv(2).batch.settings == DEFAULTS
 
 
@@ -171,11 +180,17 @@ def test_seas_that_do_not_exist_are_named(sea: Any, words: str) -> None:
 def test_usual_instruments_follow_the_ships_full_scale() -> None:
     frigate, ferry = load_ship("frigate"), load_ship("ferry")
     usual = {
-        "shaft_speed": 1e-3 * 1000.0 * math.pi / 30.0 / 7.38, "shaft_torque": 5e-3 * 38e3 * 7.38,
-        "pitch_ratio": 4e-3, "shaft_acceleration": 2e-2, "ship_speed": 5e-2,
-        "heading": math.radians(0.1), "yaw_rate": math.radians(0.02),
-        "rudder_angle": math.radians(0.1), "cross_track": 5e-2, "wave_inflow": 5e-2,
-    }  # fmt: skip
+        "shaft_speed": 1e-3 * 1000.0 * math.pi / 30.0 / 7.38,
+        "shaft_torque": 5e-3 * 38e3 * 7.38,
+        "pitch_ratio": 4e-3,
+        "shaft_acceleration": 2e-2,
+        "ship_speed": 5e-2,
+        "heading": math.radians(0.1),
+        "yaw_rate": math.radians(0.02),
+        "rudder_angle": math.radians(0.1),
+        "cross_track": 5e-2,
+        "wave_inflow": 5e-2,
+    }
     for share in (1.0, 0.5, 0.0):
         record = noise_record(frigate, share)
         assert {name: record[name] for name in record.dtype.names} == pytest.approx(
@@ -253,9 +268,16 @@ def test_no_options_leave_all_to_the_task() -> None:
 
 def test_options_become_what_an_episode_begins_with() -> None:
     begin = ResetOptions.of(
-        {"sea": "state-5", "speed_order_m_s": (5, 6.5), "order_interval_s": 20,
-         "initial_speed_m_s": 7, "resistance_rise": 0.1}, TRANSIT, SPEEDS,
-    )  # fmt: skip
+        {
+            "sea": "state-5",
+            "speed_order_m_s": (5, 6.5),
+            "order_interval_s": 20,
+            "initial_speed_m_s": 7,
+            "resistance_rise": 0.1,
+        },
+        TRANSIT,
+        SPEEDS,
+    )
     assert begin.seas == read_seas("state-5", TRANSIT)
     assert begin.orders is not None
     assert begin.orders.tolist() == [5.0] + 63 * [6.5]
@@ -269,9 +291,11 @@ def test_options_become_what_an_episode_begins_with() -> None:
 
 
 GOOD_ENDS: dict[str, tuple[Any, ...]] = {
-    "speed_order_m_s": (0.0, 40.0), "order_interval_s": (1e-3, math.inf),
-    "initial_speed_m_s": SPEEDS, "resistance_rise": (-0.85, 10.0),
-}  # fmt: skip
+    "speed_order_m_s": (0.0, 40.0),
+    "order_interval_s": (1e-3, math.inf),
+    "initial_speed_m_s": SPEEDS,
+    "resistance_rise": (-0.85, 10.0),
+}
 
 
 @pytest.mark.parametrize("name", GOOD_ENDS)

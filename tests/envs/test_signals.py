@@ -22,8 +22,12 @@ def test_signals_stand_in_one_order() -> None:
     env, steered = FrigateEnv(), SteeringVectorEnv(1)
     assert env.batch.observed == (*OBSERVED, *LEARNER_SIGNALS, "shaft_speed_command")
     assert steered.batch.observed == (
-        *OBSERVED, *STEERED, *LEARNER_SIGNALS, *COURSE_ERRORS, "shaft_speed_command",
-    )  # fmt: skip
+        *OBSERVED,
+        *STEERED,
+        *LEARNER_SIGNALS,
+        *COURSE_ERRORS,
+        "shaft_speed_command",
+    )
     rack = FrigateEnv(command="limited-rack").batch.observed
     assert rack == (*OBSERVED, *LEARNER_SIGNALS, "fuel_rack_command")
     residual = FrigateEnv(action_mode="residual").batch.observed
@@ -66,14 +70,21 @@ def test_the_mean_of_a_deviation_moves_with_the_control_interval(interval_s: flo
 
 RANGES: dict[str, tuple[float, float]] = {
     "shaft_speed": (0.0, 1000.0 * math.pi / 30.0 / 7.38),
-    "measured_shaft_torque": (0.0, 38e3 * 7.38), "measured_pitch_ratio": (0.6, 1.4),
-    "fuel_rack": (0.0, 40.0), "estimate_valid": (0.0, 1.0), "speed_error": (-2.0, 2.0),
-    "pitch_command": (0.6, 1.4), "shaft_torque_deviation": (-56088.0, 56088.0),
-    "engine_torque_deviation": (-7600.0, 7600.0), "estimated_angle_of_attack": (0.0, 10.0),
-    "angle_of_attack_deviation": (-4.0, 4.0), "fuel_rack_command": (0.0, 40.0),
-    "base_pitch_ratio": (0.6, 1.4), "base_fuel_rack": (0.0, 40.0),
+    "measured_shaft_torque": (0.0, 38e3 * 7.38),
+    "measured_pitch_ratio": (0.6, 1.4),
+    "fuel_rack": (0.0, 40.0),
+    "estimate_valid": (0.0, 1.0),
+    "speed_error": (-2.0, 2.0),
+    "pitch_command": (0.6, 1.4),
+    "shaft_torque_deviation": (-56088.0, 56088.0),
+    "engine_torque_deviation": (-7600.0, 7600.0),
+    "estimated_angle_of_attack": (0.0, 10.0),
+    "angle_of_attack_deviation": (-4.0, 4.0),
+    "fuel_rack_command": (0.0, 40.0),
+    "base_pitch_ratio": (0.6, 1.4),
+    "base_fuel_rack": (0.0, 40.0),
     "shaft_speed_command": (350.0 * math.pi / 30.0 / 7.38, 1000.0 * math.pi / 30.0 / 7.38),
-}  # fmt: skip
+}
 """Range of each signal of the frigate that is scaled to -1 to 1."""
 
 
@@ -131,9 +142,7 @@ def test_observations_stay_in_the_box_far_outside_the_usual(settings: dict[str, 
 @pytest.mark.parametrize("task", ["course-keeping", "track-keeping"])
 def test_steered_observations_stay_in_the_box(task: str) -> None:
     env = SteeringVectorEnv(4, task=task, threads=1, max_episode_steps=None)
-    plain = SteeringVectorEnv(
-        4, task=task, threads=1, max_episode_steps=None, normalised=False
-    )  # fmt: skip
+    plain = SteeringVectorEnv(4, task=task, threads=1, max_episode_steps=None, normalised=False)
     seen, _ = env.reset(seed=1)
     raw, _ = plain.reset(seed=1)
     index = {name: k for k, name in enumerate(env.batch.observed)}

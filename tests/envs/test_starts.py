@@ -69,13 +69,19 @@ OPTIONS: list[dict[str, Any]] = [
     [
         (FrigateEnv, FrigateVectorEnv, {"task": "speed-keeping"}),
         (FrigateEnv, FrigateVectorEnv, {"task": "storm", "command": "fuel-rack"}),
-        (FrigateEnv, FrigateVectorEnv, {"task": "rough-sea:held-out",
-                                        "randomise": {"hull.mass_kg": 0.2, "propeller.depth_m": 0.1}}),
+        (
+            FrigateEnv,
+            FrigateVectorEnv,
+            {
+                "task": "rough-sea:held-out",
+                "randomise": {"hull.mass_kg": 0.2, "propeller.depth_m": 0.1},
+            },
+        ),
         (FrigateEnv, FrigateVectorEnv, {"action_mode": "residual:combinator-trimmed"}),
         (SteeringEnv, SteeringVectorEnv, {"task": "track-keeping:held-out"}),
         (SteeringEnv, SteeringVectorEnv, {"action_mode": "residual", "normalised": False}),
     ],
-)  # fmt: skip
+)
 def test_vector_environments_begin_as_single_ones_to_the_bit(
     one: Any, many: Any, settings: dict[str, Any], options: dict[str, Any]
 ) -> None:

@@ -21,9 +21,14 @@ from shaftline.plant import approach, load_ship, nomoto
 from shaftline.plant.manoeuvres import criteria, trials
 
 CALM: dict[str, Any] = {
-    "sea": "calm", "speed_order_m_s": 8.0, "cross_current_m_s": 0.0, "drift_force_kN": 0.0,
-    "resistance_rise": 0.0, "heading_order_deg": 0.0, "track_order_m": 0.0,
-}  # fmt: skip
+    "sea": "calm",
+    "speed_order_m_s": 8.0,
+    "cross_current_m_s": 0.0,
+    "drift_force_kN": 0.0,
+    "resistance_rise": 0.0,
+    "heading_order_deg": 0.0,
+    "track_order_m": 0.0,
+}
 SEEN = {name: k for k, name in enumerate(OBSERVED_STEERED)}
 
 

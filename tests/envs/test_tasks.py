@@ -27,11 +27,16 @@ def test_held_out_is_the_same_task_in_other_seas_and_resistances(name: str) -> N
     task, held = get_task(name), get_task(f"{name}:{HELD_OUT}")
     assert task.held_out is not None
     assert (held.seas, held.resistance_rise, held.resistance_swing) == (
-        task.held_out.seas, task.held_out.resistance_rise, task.held_out.resistance_swing,
-    )  # fmt: skip
+        task.held_out.seas,
+        task.held_out.resistance_rise,
+        task.held_out.resistance_swing,
+    )
     assert held.resistance_swing > task.resistance_swing
-    same = {"seas": task.seas, "resistance_rise": task.resistance_rise,
-            "resistance_swing": task.resistance_swing}  # fmt: skip
+    same = {
+        "seas": task.seas,
+        "resistance_rise": task.resistance_rise,
+        "resistance_swing": task.resistance_swing,
+    }
     assert held.model_copy(update=same) == task
     assert all(read_seas(list(seas), task) for seas in (task.seas, held.seas))
 

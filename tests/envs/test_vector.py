@@ -43,9 +43,13 @@ def test_infos_of_the_vector_environment_are_columns_with_masks() -> None:
 def test_the_last_interval_of_an_episode_is_told_in_final_info() -> None:
     limit = 1000.0 * math.pi / 30.0 / 7.38
     env = FrigateVectorEnv(
-        4, control_interval_s=0.05, max_episode_steps=4, sea="calm", command="fuel-rack",
+        4,
+        control_interval_s=0.05,
+        max_episode_steps=4,
+        sea="calm",
+        command="fuel-rack",
         normalised=False,
-    )  # fmt: skip
+    )
     env.reset(seed=1)
     for _ in range(3):
         info = env.step(np.zeros((4, 2)))[4]

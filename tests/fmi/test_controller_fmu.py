@@ -145,7 +145,7 @@ def changed(slot: int, **values: Any) -> list[Variable]:
         (changed(3, unit="m"), "fuel_rack_mm has the unit m, but must have mm"),
         (changed(2, unit="furlong"), "shaft_speed_rad_s has the unit furlong, but must have rad/s"),
     ],
-)  # fmt: skip
+)
 def test_variables_that_do_not_suit_are_refused(tmp_path: Path, variables: Any, words: str) -> None:
     file = write(tmp_path / "other.fmu", variables)
     with pytest.raises(FmuError, match=words):
@@ -169,15 +169,23 @@ def edited(keeper: Path, file: Path, edit: Callable[[str], str], drop: str = "no
     [
         (lambda t: t, "binaries", "has no binary for linux64, only for c-code"),
         (lambda t: t.replace('fmiVersion="2.0"', 'fmiVersion="1.0"'), "x", "not a valid FMU"),
-        (lambda t: t.replace("CoSimulation", "ModelExchange")
-            .replace('canHandleVariableCommunicationStepSize="true"', ""), "x", "for model exchange"),
+        (
+            lambda t: t.replace("CoSimulation", "ModelExchange").replace(
+                'canHandleVariableCommunicationStepSize="true"', ""
+            ),
+            "x",
+            "for model exchange",
+        ),
         (lambda t: t[:400], "x", "not a valid FMU"),
         (lambda t: t, "modelDescription", "not a valid FMU"),
-        (lambda t: t.replace("<CoSimulation", f'<CoSimulation {ONCE}="true"'),
-            "x", "only once in a process"),
+        (
+            lambda t: t.replace("<CoSimulation", f'<CoSimulation {ONCE}="true"'),
+            "x",
+            "only once in a process",
+        ),
         (lambda t: t.replace('guid="', 'guid="a'), "x", "cannot be loaded: not instantiated"),
     ],
-)  # fmt: skip
+)
 def test_other_fmus_are_refused(
     keeper: Path, tmp_path: Path, edit: Callable[[str], str], drop: str, words: str
 ) -> None:
@@ -209,9 +217,11 @@ def test_files_that_are_no_fmus_are_refused(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "large.fmu", "w", zipfile.ZIP_DEFLATED) as large:
         large.writestr("zeros", bytes(501_000_000))
     for name, words in {
-        "none.fmu": "no such FMU", "text.fmu": "not a valid FMU", ".": "is a folder",
+        "none.fmu": "no such FMU",
+        "text.fmu": "not a valid FMU",
+        ".": "is a folder",
         "large.fmu": "unpacks to 501 MB; at most 500 MB are read",
-    }.items():  # fmt: skip
+    }.items():
         with pytest.raises(ValueError, match=words):
             FmuController(tmp_path / name, ship, 0.5)
 
@@ -249,8 +259,19 @@ def test_its_label_changes_with_its_content(keeper: Path, tmp_path: Path) -> Non
 
 
 def test_evaluate_takes_it_and_its_help_warns(keeper: Path, tmp_path: Path) -> None:
-    ask = ("evaluate", "--controller", f"fmu:{keeper}", "--controller", "combinator", "--seeds", 2,
-           "--episode-s", 20, "--out", tmp_path / "ev")  # fmt: skip
+    ask = (
+        "evaluate",
+        "--controller",
+        f"fmu:{keeper}",
+        "--controller",
+        "combinator",
+        "--seeds",
+        2,
+        "--episode-s",
+        20,
+        "--out",
+        tmp_path / "ev",
+    )
     result = CliRunner().invoke(app, list(map(str, ask)))
     assert result.exit_code == 0, result.output
     assert "keeper.fmu" in (tmp_path / "ev" / "table.csv").read_text()

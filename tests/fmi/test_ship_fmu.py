@@ -35,9 +35,20 @@ fmpy = pytest.importorskip("fmpy")
 validate_fmu = pytest.importorskip("fmpy.validation").validate_fmu
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler named cc")
 
-STATES = ("true_pitch_ratio", "true_shaft_speed_rad_s", "true_ship_speed_m_s", "ventilation",
-          "shaft_angle_rad", "rudder_rad", "sway_speed_m_s", "yaw_rate_rad_s", "heading_rad",
-          "cross_track_m", "position_m", "ship_speed_m_s")  # fmt: skip
+STATES = (
+    "true_pitch_ratio",
+    "true_shaft_speed_rad_s",
+    "true_ship_speed_m_s",
+    "ventilation",
+    "shaft_angle_rad",
+    "rudder_rad",
+    "sway_speed_m_s",
+    "yaw_rate_rad_s",
+    "heading_rad",
+    "cross_track_m",
+    "position_m",
+    "ship_speed_m_s",
+)
 """Signals that do not depend on the commands of the same instant."""
 
 
@@ -53,9 +64,14 @@ def run(file: Path, table: pd.DataFrame, outputs: list[str], **more: Any) -> Any
     inputs = np.array(list(map(tuple, table.to_numpy(float))), [(name, float) for name in names])
     interval = float(table["time_s"][1])
     return fmpy.simulate_fmu(
-        str(file), stop_time=float(table["time_s"].iloc[-1]), output_interval=interval, input=inputs,
-        output=outputs, set_input_derivatives=False, **more,
-    )  # fmt: skip
+        str(file),
+        stop_time=float(table["time_s"].iloc[-1]),
+        output_interval=interval,
+        input=inputs,
+        output=outputs,
+        set_input_derivatives=False,
+        **more,
+    )
 
 
 def commands(ship: Ship, rows: int, interval_s: float) -> pd.DataFrame:
@@ -115,8 +131,11 @@ def test_an_fmu_equals_simulate_to_the_last_bit(
     table = commands(ship, 161, interval)
     if ship.signals:
         table["gust"] = 5e3
-    first = {"pitch_ratio": point.state.pitch_ratio, "shaft_speed_rad_s": point.state.shaft_speed,
-             "ship_speed_m_s": point.state.ship_speed}  # fmt: skip
+    first = {
+        "pitch_ratio": point.state.pitch_ratio,
+        "shaft_speed_rad_s": point.state.shaft_speed,
+        "ship_speed_m_s": point.state.ship_speed,
+    }
     recording = table.assign(**{k: float(v) for k, v in first.items()})
     expected = simulate_recording(ship, recording, waves, every_signal=True)
     outputs = [c for c in signal_columns(ship) if c not in table]
@@ -179,8 +198,14 @@ def refused(instance: Any, call: Callable[[], Any], *words: str) -> None:
 
 def test_disturbances_act_as_in_a_simulation(frigate: Path) -> None:
     ship, rows = load_ship("frigate"), 81
-    table = pd.DataFrame({"time_s": np.arange(rows) * 0.05, "inflow_disturbance_m_s": 0.7,
-                          "surface_elevation_m": -0.4, "resistance_factor": 1.5})  # fmt: skip
+    table = pd.DataFrame(
+        {
+            "time_s": np.arange(rows) * 0.05,
+            "inflow_disturbance_m_s": 0.7,
+            "surface_elevation_m": -0.4,
+            "resistance_factor": 1.5,
+        }
+    )
     result = run(frigate, table, ["true_ship_speed_m_s", "thrust_N", "propeller_submergence_m"])
     schedule = Schedule(20.0, 1.2, inflow=0.7, elevation=-0.4, resistance_factor=1.5)
     samples = simulate(ship, schedule, 4.0, initial=equilibrium(ship, 20.0, 1.2).state)
@@ -199,8 +224,13 @@ def test_lags_start_settled_on_the_disturbances(tmp_path: Path) -> None:
     inputs = Inputs(20.0, 1.2, 0.7, elevation=-0.4)
     start = settle_lags(ship.record(), point.state, inputs)
     assert start.inflow != point.state.inflow
-    table = pd.DataFrame({"time_s": np.arange(41) * ship.time_step_s, "inflow_disturbance_m_s": 0.7,
-                          "surface_elevation_m": -0.4})  # fmt: skip
+    table = pd.DataFrame(
+        {
+            "time_s": np.arange(41) * ship.time_step_s,
+            "inflow_disturbance_m_s": 0.7,
+            "surface_elevation_m": -0.4,
+        }
+    )
     result = run(file, table, ["advance_velocity_m_s"])
     schedule = Schedule(20.0, 1.2, inflow=0.7, elevation=-0.4)
     samples = simulate(ship, schedule, float(table["time_s"].iloc[-1]), initial=start)
@@ -230,8 +260,13 @@ def test_outputs_follow_inputs_in_the_initialization_mode(make: Make) -> None:
 
 def test_other_communication_steps_are_refused(make: Make) -> None:
     one = make()
-    refused(one, lambda: one.doStep(0.0, 0.07), "communication step 0.07 s",
-            "whole multiple of the time step of this FMU, 0.05 s", "such as 0.05 s")  # fmt: skip
+    refused(
+        one,
+        lambda: one.doStep(0.0, 0.07),
+        "communication step 0.07 s",
+        "whole multiple of the time step of this FMU, 0.05 s",
+        "such as 0.05 s",
+    )
     refused(one, lambda: one.doStep(0.0, 0.02), "communication step 0.02 s")
     refused(one, lambda: one.doStep(0.0, -0.05), "communication step -0.05 s")
     one.doStep(0.0, 0.15)
@@ -371,12 +406,16 @@ def test_the_description_follows_the_registry(frigate: Path) -> None:
 @pytest.mark.parametrize(
     ("unit", "expected"),
     [
-        ("rad/s2", (1.0, {"rad": 1, "s": -2})), ("kg/s", (1.0, {"kg": 1, "s": -1})),
-        ("W", (1.0, {"kg": 1, "m": 2, "s": -3})), ("-", (1.0, {})),
+        ("rad/s2", (1.0, {"rad": 1, "s": -2})),
+        ("kg/s", (1.0, {"kg": 1, "s": -1})),
+        ("W", (1.0, {"kg": 1, "m": 2, "s": -3})),
+        ("-", (1.0, {})),
         ("N.m", (1.0, {"kg": 1, "m": 2, "s": -2})),
-        ("m/s/s", (1.0, {"m": 1, "s": -2})), ("furlong", None), ("m2", (1.0, {"m": 2})),
+        ("m/s/s", (1.0, {"m": 1, "s": -2})),
+        ("furlong", None),
+        ("m2", (1.0, {"m": 2})),
     ],
-)  # fmt: skip
+)
 def test_base_units(unit: str, expected: Any) -> None:
     assert base_unit(unit) == expected
 

@@ -25,16 +25,24 @@ def _texts(mark: Path) -> dict[str, str]:
     ship = SHIP.read_text(encoding="utf-8")
     mass = "mass_kg = 3.3e6"
     recipes = {
-        "gamma": "gamma: 5", "rate": "learning_rate: -1", "steps": "n_steps: 1000000000",
+        "gamma": "gamma: 5",
+        "rate": "learning_rate: -1",
+        "steps": "n_steps: 1000000000",
         "net": "policy_kwargs: {net_arch: [1000000, 1000000]}",
         "endless": "env_kwargs: {max_episode_steps: .inf}",
         "long": "env_kwargs: {max_episode_steps: 1000000000000}",
         "words": "env_kwargs: {max_episode_steps: long}",
-        "nan": "gamma: .nan", "high": "gamma: high", "thin": "policy_kwargs: {net_arch: [-3]}",
-        "big": "policy_kwargs: {net_arch: big}", "batch": "batch_size: 0", "five": "policy_kwargs: 5",
-        "noise": "env_kwargs: {sensor_noise: .nan}", "nobody": "env_kwargs: {observer: nobody}",
-        "fule": "weights: {fule: 1}", "buffer": "buffer_size: 1000000000000",
-    }  # fmt: skip
+        "nan": "gamma: .nan",
+        "high": "gamma: high",
+        "thin": "policy_kwargs: {net_arch: [-3]}",
+        "big": "policy_kwargs: {net_arch: big}",
+        "batch": "batch_size: 0",
+        "five": "policy_kwargs: 5",
+        "noise": "env_kwargs: {sensor_noise: .nan}",
+        "nobody": "env_kwargs: {observer: nobody}",
+        "fule": "weights: {fule: 1}",
+        "buffer": "buffer_size: 1000000000000",
+    }
     return {
         "nested.toml": "a = " + "[" * 20000 + "]" * 20000,
         "dotted.toml": "a." * 5000 + "b = 1",
@@ -68,10 +76,16 @@ def _texts(mark: Path) -> dict[str, str]:
         "zip.toml": '[file]\nencoding = "zip"\n',
         "rot13.toml": '[file]\nencoding = "rot13"\n',
         "commas.toml": '[file]\nseparator = ","\ndecimal = ","\n',
-        **{f"{name}-term.toml": _TERM.format(expression=expression) for name, expression in {
-            "constant": "k + 5", "tower": "k * 9 ** 9 ** 9 ** 9", "root": "k * log(-1 - abs(time))",
-            "attribute": "k * time.__class__", "lambda": "k * (lambda: 1)()",
-        }.items()},
+        **{
+            f"{name}-term.toml": _TERM.format(expression=expression)
+            for name, expression in {
+                "constant": "k + 5",
+                "tower": "k * 9 ** 9 ** 9 ** 9",
+                "root": "k * log(-1 - abs(time))",
+                "attribute": "k * time.__class__",
+                "lambda": "k * (lambda: 1)()",
+            }.items()
+        },
         "switch.csv": HEAD + "".join(f"{0.1 * i:.1f},True,1.2\n" for i in range(50)),
         "measured.csv": "time_s,fuel_rack_mm,pitch_ratio_command,shaft_speed_rad_s\n"
         + "".join(f"{0.1 * i:.1f},{20 + i % 7},1.2,{9.8 + 0.01 * (i % 5)}\n" for i in range(200)),
@@ -90,7 +104,7 @@ def _texts(mark: Path) -> dict[str, str]:
         "minus.yml": "transit:\n  n_envs: 4\n  n_timesteps: -5\n",
         "junk.npz": "PK junk",
         **{f"{name}.yml": f"{TRAINING}  {line}\n" for name, line in recipes.items()},
-    }  # fmt: skip
+    }
 
 
 @pytest.fixture(scope="session")

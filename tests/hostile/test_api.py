@@ -84,12 +84,18 @@ STATE = State(1.2, 10.0, 8.0)
         (0.0, STATE, "duration_s = 0.0 must be above 0 s"),
         (-1.0, STATE, "duration_s = -1.0 must be above 0 s"),
         (float("nan"), STATE, "duration_s = nan must be above 0 s"),
-        (10.0, STATE._replace(shaft_speed=float("nan")),
-         "initial state contains a value that is not finite"),
-        (10.0, STATE._replace(ship_speed=1e200),
-         r"the simulation diverges: true_ship_speed_m_s = 1e\+200 m/s at 0 s"),
+        (
+            10.0,
+            STATE._replace(shaft_speed=float("nan")),
+            "initial state contains a value that is not finite",
+        ),
+        (
+            10.0,
+            STATE._replace(ship_speed=1e200),
+            r"the simulation diverges: true_ship_speed_m_s = 1e\+200 m/s at 0 s",
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_simulation_that_would_give_no_numbers_is_refused(
     duration: float, state: State, words: str
 ) -> None:
@@ -107,9 +113,10 @@ def test_columns_that_are_missing_or_no_numbers_are_named() -> None:
     for bad, words in (
         (table.drop(columns="fuel_rack_mm"), "column 'fuel_rack_mm' is missing"),
         (gap, "fuel_rack_mm, row 8: nan is not a finite number"),
-        (table[:0], "at least two rows"), (table[:1], "at least two rows"),
+        (table[:0], "at least two rows"),
+        (table[:1], "at least two rows"),
         (table[::-1], "rising time"),
-    ):  # fmt: skip
+    ):
         with pytest.raises(ValueError, match=words):
             simulate_recording(ship, bad)
 
@@ -130,9 +137,14 @@ def test_an_estimate_that_is_lost_accounts_for_no_share() -> None:
 
 def _alone(code: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-c", code], cwd=folder, env=os.environ | environment,
-        capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
+        [sys.executable, "-c", code],
+        cwd=folder,
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
 
 
 def test_a_switch_of_the_compiler_that_would_stop_all_is_not_heeded(tmp_path: Path) -> None:
@@ -246,8 +258,11 @@ def _workers(folder: Path, count: int) -> list[int]:
 
 def _gone(pids: list[int]) -> bool:
     for _ in range(100):
-        alive = [p for p in pids if Path(f"/proc/{p}/stat").exists() and " Z " not in
-                 Path(f"/proc/{p}/stat").read_text()]  # fmt: skip
+        alive = [
+            p
+            for p in pids
+            if Path(f"/proc/{p}/stat").exists() and " Z " not in Path(f"/proc/{p}/stat").read_text()
+        ]
         if not alive:
             return True
         time.sleep(0.1)
@@ -260,8 +275,11 @@ def test_no_worker_outlives_its_parent(tmp_path: Path, blow: signal.Signals) -> 
     (tmp_path / "work.py").write_text(WORK)
     parent = subprocess.Popen(
         [sys.executable, str(tmp_path / "work.py"), str(tmp_path)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
-    )  # fmt: skip
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
     workers = _workers(tmp_path, 2)
     if blow is signal.SIGINT:  # as a terminal does: to all of them
         os.killpg(parent.pid, signal.SIGINT)

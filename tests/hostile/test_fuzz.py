@@ -59,11 +59,17 @@ KINDS: dict[str, tuple[str, bytes, Callable[[Path], object]]] = {
     "recipe": ("recipe.yml", RECIPE, lambda path: read_recipe("ppo", "rough-sea", path)),
     "column map": ("map.toml", MAP.encode(), load_map),
     "effects": ("effects.toml", EFFECTS.encode(), read_entries),
-    "recording": ("log.csv", PLAIN.encode(), lambda path: read_recording(
-        path, input_columns(FRIGATE), {})),
-    "logger's file": ("log.csv", LOG.encode(), lambda path: load_recording(
-        path, FRIGATE, path.with_name("names.toml"))),
-}  # fmt: skip
+    "recording": (
+        "log.csv",
+        PLAIN.encode(),
+        lambda path: read_recording(path, input_columns(FRIGATE), {}),
+    ),
+    "logger's file": (
+        "log.csv",
+        LOG.encode(),
+        lambda path: load_recording(path, FRIGATE, path.with_name("names.toml")),
+    ),
+}
 
 VALUES = [b"true", b"nan", b"inf", b"-1", b"0", b"1e300", b"-1e300", b"1e-300", b'"text"', b"[1, 2]",
           b"{ a = 1 }", b"1979-05-27", b"9" * 400, b"'" + b"x" * 3000 + b"'", b"m**9**9**9**9", b"",
@@ -92,8 +98,11 @@ def _bounded() -> Iterator[None]:
 
 def _flipped(content: bytes, draw: Any) -> bytes:
     found = bytearray(content)
-    for place, bit in draw(st.lists(st.tuples(st.integers(0, len(found) - 1), st.integers(0, 7)),
-                                    min_size=1, max_size=12)):  # fmt: skip
+    for place, bit in draw(
+        st.lists(
+            st.tuples(st.integers(0, len(found) - 1), st.integers(0, 7)), min_size=1, max_size=12
+        )
+    ):
         found[place] ^= 1 << bit
     return bytes(found)
 
@@ -126,8 +135,13 @@ def test_a_damaged_file_is_read_or_refused(kind: str, tmp_path: Path) -> None:
     (tmp_path / "names.toml").write_text(NAMES, encoding="utf-8")
     read(path)
 
-    @settings(max_examples=60, deadline=None, derandomize=True, database=None,
-              suppress_health_check=list(HealthCheck))  # fmt: skip
+    @settings(
+        max_examples=60,
+        deadline=None,
+        derandomize=True,
+        database=None,
+        suppress_health_check=list(HealthCheck),
+    )
     @given(_damaged(content))
     def one(damaged: bytes) -> None:
         path.write_bytes(damaged)

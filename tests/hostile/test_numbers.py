@@ -25,8 +25,16 @@ pytest.importorskip("stable_baselines3")
 
 ROOT = Path(__file__).parents[2]
 TASK = "transit"
-UNLIMITED = ("rate_limit", "torque_limit", "smoke_limit_N", "loading_limit_N", "supply_", "suction",
-             "pressure_deg", "episode_end")  # fmt: skip
+UNLIMITED = (
+    "rate_limit",
+    "torque_limit",
+    "smoke_limit_N",
+    "loading_limit_N",
+    "supply_",
+    "suction",
+    "pressure_deg",
+    "episode_end",
+)
 """Parts of the names of keys whose own default is infinity."""
 
 TEXTS = ("hull.mass_kg", "gamma", "gae_lambda", "ent_coef", "clip_range", "max_grad_norm")

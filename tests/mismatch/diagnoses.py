@@ -51,8 +51,14 @@ def friction(ship: Ship, trace: Any) -> dict[str, Any]:
     finding = Finding(
         entry("coulomb-friction (engine)"),
         (Estimate.of(ship, FRICTION, 8000.0, 1050.0 / 1.96),),
-        347.0, 10.5, (ranked()[1][0],), trace, 1, [(60.0, 120.0)], "shaft_speed above 11 rad/s",
-    )  # fmt: skip
+        347.0,
+        10.5,
+        (ranked()[1][0],),
+        trace,
+        1,
+        [(60.0, 120.0)],
+        "shaft_speed above 11 rad/s",
+    )
     corrected = ship.with_values({FRICTION: 8000.0})
     return {"verdict": "explained", "findings": [finding], "corrected": corrected}
 

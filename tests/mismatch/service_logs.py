@@ -11,8 +11,13 @@ import pandas as pd
 from shaftline.plant import Ship, equilibrium, load_ship
 from shaftline.plant.equilibria import simulate_steady
 
-NOISE = {"pitch_ratio": 0.004, "shaft_speed_rad_s": 0.002, "shaft_torque_N_m": 0.01,
-         "ship_speed_m_s": 0.01, "shaft_power_W": 0.01}  # fmt: skip
+NOISE = {
+    "pitch_ratio": 0.004,
+    "shaft_speed_rad_s": 0.002,
+    "shaft_torque_N_m": 0.01,
+    "ship_speed_m_s": 0.01,
+    "shaft_power_W": 0.01,
+}
 """Rms noise of each channel: P/D, and shares of the rms of the others."""
 
 RACK_MM = {"ferry": 26.0, "frigate": 25.0}
@@ -26,9 +31,14 @@ def _wandering(rng: np.random.Generator, rows: int, over: int) -> Any:
 
 
 def service_log(
-    name: str, values: dict[str, Any] | None = None, *, rows: int = 1500, interval_s: float = HOUR_S,
-    seed: int = 0, over: int = 41,
-) -> pd.DataFrame:  # fmt: skip
+    name: str,
+    values: dict[str, Any] | None = None,
+    *,
+    rows: int = 1500,
+    interval_s: float = HOUR_S,
+    seed: int = 0,
+    over: int = 41,
+) -> pd.DataFrame:
     """Slowly varying orders of rack and pitch, and what a ship with some values of its own does.
 
     Few rows are solved one by one by scipy's root finder, many by the package's replay.
@@ -62,10 +72,12 @@ def _by_scipy(ship: Ship, table: pd.DataFrame) -> pd.DataFrame:
     torque = np.array([ship.sensors.torque_gain * one.outputs.shaft_torque for one in at])
     turning = np.array([one.state.shaft_speed for one in at])
     return table.assign(
-        pitch_ratio=[one.outputs.pitch_ratio for one in at], shaft_speed_rad_s=turning,
-        shaft_torque_N_m=torque, ship_speed_m_s=[one.state.ship_speed for one in at],
+        pitch_ratio=[one.outputs.pitch_ratio for one in at],
+        shaft_speed_rad_s=turning,
+        shaft_torque_N_m=torque,
+        ship_speed_m_s=[one.state.ship_speed for one in at],
         shaft_power_W=torque * turning,
-    )  # fmt: skip
+    )
 
 
 @functools.cache

@@ -17,10 +17,19 @@ from .service_logs import DAY_S, service_log
 FOULING = {"hull.fouling_fraction": 0.12}
 GAIN = {"sensors.torque_gain": 1.04}
 TRANSIENT = {
-    "engine-torque-lag", "engine-dead-time", "rack-rate-limit", "entrained-water-inertia", "inflow-lag",
-    "pitch-dead-band", "pitch-backlash", "pitch-rate-limit", "torque-sensor-delay",
-    "torque-sensor-lag", "speed-sensor-delay", "speed-log-lag",
-}  # fmt: skip
+    "engine-torque-lag",
+    "engine-dead-time",
+    "rack-rate-limit",
+    "entrained-water-inertia",
+    "inflow-lag",
+    "pitch-dead-band",
+    "pitch-backlash",
+    "pitch-rate-limit",
+    "torque-sensor-delay",
+    "torque-sensor-lag",
+    "speed-sensor-delay",
+    "speed-log-lag",
+}
 
 
 @pytest.mark.parametrize(

@@ -86,8 +86,10 @@ def test_what_no_entry_describes_gets_a_formula_in_the_yaw_balance() -> None:
     found = diagnose(quick_tanker(), swinging(true))
     assert found.verdict == "unexplained"
     assert {b.name: b.verdict for b in found.balance_verdicts} == {
-        "hull": "nothing-missing", "sway": "nothing-missing", "yaw": "unexplained",
-    }  # fmt: skip
+        "hull": "nothing-missing",
+        "sway": "nothing-missing",
+        "yaw": "unexplained",
+    }
     assert found.shape is not None
     assert (found.shape.balance, found.shape.signal, found.shape.unit) == (
         "yaw",

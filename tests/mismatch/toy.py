@@ -106,10 +106,16 @@ class Toy:
             number = self.ship.parameter(key)
             rows += slope * (number.read(plant) - number.read(own))
         level: dict[str, Any] = {
-            "propeller_torque": 2e5, "brake_torque": 3e4, "resistance": 1.5e5, "ship_speed": 7.0,
-            "motor_current": 0.0, "pitch_ratio": 1.2, "shaft_speed": SPEED, "drive": 20.0 + steps(5),
+            "propeller_torque": 2e5,
+            "brake_torque": 3e4,
+            "resistance": 1.5e5,
+            "ship_speed": 7.0,
+            "motor_current": 0.0,
+            "pitch_ratio": 1.2,
+            "shaft_speed": SPEED,
+            "drive": 20.0 + steps(5),
             "thrust": 2e5,
-        }  # fmt: skip
+        }
         samples = {name: np.zeros(ROWS) + value for name, value in level.items()}
         return samples | dict(zip(self.names, rows, strict=True))
 

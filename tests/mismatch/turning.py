@@ -53,9 +53,14 @@ def swinging(
     if astern:
         turns = np.where(np.sin(time / 29.0) > 0.6, -turns, turns)
     given = pd.DataFrame(
-        {"time_s": time, "shaft_speed_rad_s": turns, "rudder_command_rad": rudder,
-         "ship_speed_m_s": 1.18, **dict.fromkeys([*NOISE][1:], 0.0)}
-    )  # fmt: skip
+        {
+            "time_s": time,
+            "shaft_speed_rad_s": turns,
+            "rudder_command_rad": rudder,
+            "ship_speed_m_s": 1.18,
+            **dict.fromkeys([*NOISE][1:], 0.0),
+        }
+    )
     for column, series in (extra or {}).items():
         given[column] = series(time)
     sailed = given.copy()

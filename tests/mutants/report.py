@@ -51,12 +51,15 @@ def shares(outcomes: Iterable[Outcome]) -> dict[str, tuple[int, int]]:
 def page(outcomes: list[Outcome], seed: int, let_pass: list[dict[str, Any]]) -> str:
     """The report as Markdown."""
     lines = [
-        "# Small wrong changes, and whether the tests notice", "",
+        "# Small wrong changes, and whether the tests notice",
+        "",
         f"`make mutants` makes small wrong changes to the code, one at a time (seed {seed}, at most one "
         "to a line), and runs the tests that stand in the mirror of the changed module. A change that "
-        "no test notices is a gap in the tests, or makes no wrong result.", "",
-        "| folder | changes | noticed | share | at least |", "|---|---|---|---|---|",
-    ]  # fmt: skip
+        "no test notices is a gap in the tests, or makes no wrong result.",
+        "",
+        "| folder | changes | noticed | share | at least |",
+        "|---|---|---|---|---|",
+    ]
     for folder, (noticed, made) in shares(outcomes).items():
         lines.append(
             f"| `{folder}/` | {made} | {noticed} | {noticed / made:.1%} | {target(folder):.0%} |"
@@ -67,8 +70,13 @@ def page(outcomes: list[Outcome], seed: int, let_pass: list[dict[str, Any]]) -> 
     for mutant in survivors:
         if mutant.folder != folder:
             folder = mutant.folder
-            lines += ["", f"### {folder}", "", "| where | change | line | why it may pass |",
-                      "|---|---|---|---|"]  # fmt: skip
+            lines += [
+                "",
+                f"### {folder}",
+                "",
+                "| where | change | line | why it may pass |",
+                "|---|---|---|---|",
+            ]
         change = mutant.change
         why = reason(mutant, let_pass) or "**a hole**"
         cells = (f"`{mutant.file}:{change.line}`", change.what, f"`{change.source}`", why)

@@ -11,8 +11,14 @@ from .changes import Change, changed, changes, makes_other_code
 from .mirror import draws, mirror
 
 SHARES = {
-    "core": 30, "plant": 150, "observers": 60, "baselines": 60, "envs": 60, "agents": 60, "mismatch": 60,
-}  # fmt: skip
+    "core": 30,
+    "plant": 150,
+    "observers": 60,
+    "baselines": 60,
+    "envs": 60,
+    "agents": 60,
+    "mismatch": 60,
+}
 """Changes to each folder in a whole sample."""
 
 

@@ -29,7 +29,10 @@ def made(text: str) -> set[str]:
         ("x = a ** 2", {"x = a * 2", "x = a ** 3", "x = a ** 1"}),
         ("x = 'a' + b", set()),
         ("x -= y", {"x += y"}),
-        ("x = a < b <= c", {"x = a <= b <= c", "x = a >= b <= c", "x = a < b < c", "x = a < b > c"}),
+        (
+            "x = a < b <= c",
+            {"x = a <= b <= c", "x = a >= b <= c", "x = a < b < c", "x = a < b > c"},
+        ),
         ("x = a not in b", {"x = a in b"}),
         ("x = a and b or c", {"x = a or b or c", "x = a and b and c"}),
         ("x = not a", {"x =  a"}),
@@ -44,13 +47,21 @@ def made(text: str) -> set[str]:
         ("x = np.cos(a)", {"x = np.sin(a)"}),
         ("x = abs(a)", {"x = (a)"}),
         ("x = f(a, b=c)", {"x = f(a, )"}),
-        ("x = number('text', record='field', ge=0)", {"x = number('text', record='field', )",
-                                                      "x = number('text', record='field', ge=1)"}),
+        (
+            "x = number('text', record='field', ge=0)",
+            {"x = number('text', record='field', )", "x = number('text', record='field', ge=1)"},
+        ),
         ("if a: f(b)", {"if (not a): f(b)", "if a: pass"}),
         ("a.b = c", {"pass"}),
-        ("def f(a: int = 3) -> float: return a * b",
-         {"def f(a: int = 4) -> float: return a * b", "def f(a: int = 2) -> float: return a * b",
-          "def f(a: int = 3) -> float: return a / b", "def f(a: int = 3) -> float: return -(a * b)"}),
+        (
+            "def f(a: int = 3) -> float: return a * b",
+            {
+                "def f(a: int = 4) -> float: return a * b",
+                "def f(a: int = 2) -> float: return a * b",
+                "def f(a: int = 3) -> float: return a / b",
+                "def f(a: int = 3) -> float: return -(a * b)",
+            },
+        ),
         ("def f() -> bool: return g()", {"def f() -> bool: return not (g())"}),
         ("raise ValueError(f'{1 + a}')", set()),
         ("'''Text.'''", set()),
@@ -58,7 +69,7 @@ def made(text: str) -> set[str]:
         ("a: Sequence[2] = b", set()),
         ("x = f'{a + 1}'", set()),
     ],
-)  # fmt: skip
+)
 def test_changes_to_a_line(text: str, expected: set[str]) -> None:
     assert made(text) == expected
 
@@ -92,8 +103,11 @@ def line_of(file: str, text: str) -> int:
 
 def test_kernels_rest_on_what_they_call(rests: Rests) -> None:
     on = rests.on("core/numeric.py", line_of("core/numeric.py", "def clip") + 3)
-    for name in (("plant/actuators.py", "pitch_rate"), ("plant/dynamics.py", "evaluate"),
-                 ("plant/simulation.py", "trajectory")):  # fmt: skip
+    for name in (
+        ("plant/actuators.py", "pitch_rate"),
+        ("plant/dynamics.py", "evaluate"),
+        ("plant/simulation.py", "trajectory"),
+    ):
         assert name in on
     assert ("plant/fuel.py", "fuel_rate") not in on
 
@@ -114,11 +128,13 @@ def test_kernels_do_not_rest_on_the_range_of_a_number(rests: Rests) -> None:
 
 def test_the_nearest_tests_come_first(tmp_path: Path) -> None:
     texts = {
-        "plant/hull.py": "", "plant/drives/hull.py": "", "plant/shaft.py": "",
+        "plant/hull.py": "",
+        "plant/drives/hull.py": "",
+        "plant/shaft.py": "",
         "tests/plant/test_hull.py": "from shaftline.plant.shaft import x",
         "tests/plant/drives/test_hull.py": "",
         "tests/plant/test_a.py": "from shaftline.plant.hull import x",
-    }  # fmt: skip
+    }
     for name, text in texts.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
@@ -129,8 +145,9 @@ def test_the_nearest_tests_come_first(tmp_path: Path) -> None:
     assert mirror(tmp_path, "plant/drives/hull.py", {}) == ["tests/plant/drives/test_hull.py"]
     assert mirror(tmp_path, "plant/shaft.py", {}) == ["tests/plant/test_hull.py"]
     assert mirror(tmp_path, "plant/shaft.py", {"tests/plant/test_a.py": ["plant/shaft.py"]}) == [
-        "tests/plant/test_hull.py", "tests/plant/test_a.py",
-    ]  # fmt: skip
+        "tests/plant/test_hull.py",
+        "tests/plant/test_a.py",
+    ]
     (tmp_path / "plant/other.py").write_text("")
     assert len(mirror(tmp_path, "plant/other.py", {})) == 3
 
@@ -145,9 +162,13 @@ def test_a_seed_draws_the_same_changes_and_one_a_line() -> None:
 def test_a_survivor_has_a_reason_or_is_a_hole() -> None:
     first, second, *_ = sample(ROOT, 5, 1, ["plant/shaft.py"], {})
     let_pass = [
-        {"file": first.file, "line": first.change.source, "change": first.change.what,
-         "reason": "of no weight"},
-    ]  # fmt: skip
+        {
+            "file": first.file,
+            "line": first.change.source,
+            "change": first.change.what,
+            "reason": "of no weight",
+        },
+    ]
     assert reason(first, let_pass) == "of no weight"
     assert reason(second, let_pass) == ""
     outcomes = [Outcome(first, False, "", 1.0), Outcome(second, True, "test_x", 1.0)]

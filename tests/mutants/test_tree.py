@@ -56,8 +56,11 @@ def test_a_change_deep_down_is_compiled_into_what_the_tests_run(tmp_path: Path) 
             assert code() == 1
         assert code() == PASSED
         assert machine_code("plant") | machine_code("core") == before
-        change = the_change("plant/hull.py", "factor = resistance_factor * (1.0 + plant.hull_fouling)",
-                            "`1.0` -> `1.1`")  # fmt: skip
+        change = the_change(
+            "plant/hull.py",
+            "factor = resistance_factor * (1.0 + plant.hull_fouling)",
+            "`1.0` -> `1.1`",
+        )
         with tree.with_change("plant/hull.py", change):
             assert code() == 1
         assert machine_code("plant") | machine_code("core") == before

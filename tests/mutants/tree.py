@@ -43,9 +43,12 @@ class Tree:
         environment |= dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
         self.worker = subprocess.Popen(
             [sys.executable, "-m", "tests.mutants.worker", *rooms, "tests"],
-            cwd=self.root, env=environment, text=True,
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-        )  # fmt: skip
+            cwd=self.root,
+            env=environment,
+            text=True,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        )
 
     def close(self) -> None:
         """End the worker."""
@@ -60,9 +63,12 @@ class Tree:
             ``seconds`` by test file.
         """
         order = {
-            "tests": tests, "limit_s": limit_s, "changed": changed,
-            "temporary": str(self.place / "temporary"), "findings": str(self.place / "findings"),
-        }  # fmt: skip
+            "tests": tests,
+            "limit_s": limit_s,
+            "changed": changed,
+            "temporary": str(self.place / "temporary"),
+            "findings": str(self.place / "findings"),
+        }
         assert self.worker.stdin is not None
         assert self.worker.stdout is not None
         self.worker.stdin.write(json.dumps(order) + "\n")

@@ -93,9 +93,14 @@ def test_prediction_follows_the_model_and_its_exact_slopes() -> None:
 
 def test_process_noise_adds_its_density_times_time() -> None:
     filter_ = AugmentedFilter(
-        lambda x, theta, u: 0.0 * x, lambda x, theta, u: x, [0.0], [1.0],
-        covariance=[0.0, 0.0], noise=[1.0], process=[0.5, 0.02],
-    )  # fmt: skip
+        lambda x, theta, u: 0.0 * x,
+        lambda x, theta, u: x,
+        [0.0],
+        [1.0],
+        covariance=[0.0, 0.0],
+        noise=[1.0],
+        process=[0.5, 0.02],
+    )
     filter_.predict(None, 4.0, steps=3)
     np.testing.assert_allclose(filter_.standard_errors, np.sqrt([2.0, 0.08]), rtol=1e-12)
 

@@ -118,9 +118,10 @@ def voyage(
     known = get_sea(sea) if sea else None
     waves = realise(known, depth_m=4.0, seed=seed) if known else None
     schedule = Schedule(
-        lambda t: rack[(t // 120.0).astype(int)], 1.3,
+        lambda t: rack[(t // 120.0).astype(int)],
+        1.3,
         resistance_factor=lambda t: 1.0 + np.interp(t, *fouling) if fouling else 1.0 + 0.0 * t,
-    )  # fmt: skip
+    )
     samples = simulate(truth, schedule, seconds, initial=begin.state, sea=waves)
     measurements = simulated_measurements(samples)
     measurements[:, :3] += (0.01, 1.5e3, 0.004) * rng.standard_normal((len(measurements), 3))
@@ -161,8 +162,13 @@ def test_friction_is_estimated(key: str, number: float) -> None:
 
 def test_the_estimated_parameter_is_a_column_by_its_key() -> None:
     measurements = noisy_measurements(30)
-    names = ["shaft_speed_rad_s", "shaft_torque_N_m", "pitch_ratio", "shaft_acceleration_rad_s2",
-             "advance_velocity_m_s"]  # fmt: skip
+    names = [
+        "shaft_speed_rad_s",
+        "shaft_torque_N_m",
+        "pitch_ratio",
+        "shaft_acceleration_rad_s2",
+        "advance_velocity_m_s",
+    ]
     table = pd.DataFrame(measurements, columns=names).assign(time_s=DT * np.arange(30))
     found = follow_table(get_observer("augmented-kalman-friction"), SHIP, table)
     number, deviation = follow_parameter(

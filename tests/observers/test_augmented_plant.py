@@ -47,9 +47,12 @@ def blind(ship: Ship, noise: dict[str, float], key: str = Y_V) -> ShipFilter:
     """Return a filter that no measurement corrects."""
     states = active_states(ship.record())
     return ShipFilter(
-        ship, [key], parameter_spread={key: 1e-30}, noise=noise,
+        ship,
+        [key],
+        parameter_spread={key: 1e-30},
+        noise=noise,
         state_spread=dict.fromkeys(states, 0.0),
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize(
@@ -113,9 +116,12 @@ def test_a_measurement_in_a_turn_corrects_the_parameters(name: str, column: str)
     replay, signal = Replay(ship, table), MEASURED[column]
     spread = dict.fromkeys(keys, 1e-6)
     own = ShipFilter(
-        ship, keys, parameter_spread=spread, noise={column: 1e-13},
+        ship,
+        keys,
+        parameter_spread=spread,
+        noise={column: 1e-13},
         state_spread=dict.fromkeys(active_states(ship.record()), 0.0),
-    )  # fmt: skip
+    )
     nominal = replay.simulate(ship.record())[signal][-1]
     measurements = table.copy()
     measurements[column] = math.nan
@@ -194,9 +200,12 @@ def test_a_held_shaft_speed_is_interpolated_as_in_the_simulation(held_frigate: S
 def turning_filter() -> ShipFilter:
     ship = load_ship("esso-osaka")
     return ShipFilter(
-        ship, [Y_V, N_V], parameter_spread={Y_V: 0.02, N_V: 0.002}, noise={SWAY_SPEED: 0.1},
+        ship,
+        [Y_V, N_V],
+        parameter_spread={Y_V: 0.02, N_V: 0.002},
+        noise={SWAY_SPEED: 0.1},
         state_spread=dict.fromkeys(active_states(ship.record()), 0.1),
-    )  # fmt: skip
+    )
 
 
 def test_a_parameter_at_its_bound_corrects_the_other_estimates() -> None:

@@ -37,8 +37,12 @@ def test_a_failed_accelerometer_is_no_implausible_measurement() -> None:
 def test_pitch_is_known_to_a_tenth_beyond_the_ships_range(frigate: Ship) -> None:
     plant = frigate.record()  # 0.6 to 1.4
     assert [pitch_is_known(plant, p) for p in (0.4999, 0.5001, 1.0, 1.4999, 1.5001)] == [
-        False, True, True, True, False,
-    ]  # fmt: skip
+        False,
+        True,
+        True,
+        True,
+        False,
+    ]
 
 
 def test_without_a_propeller_there_is_nothing_to_observe(servo: Ship) -> None:

@@ -95,9 +95,12 @@ def test_observers_of_the_package_give_the_same_bits_by_address(run: Any, frigat
 
 def make_environment(count: int, observer: str = MINE) -> gymnasium.vector.VectorEnv[Any, Any, Any]:
     return gymnasium.make_vec(
-        "shaftline/Frigate-v0", num_envs=count, vectorization_mode="vector_entry_point",
-        task="transit", observer=observer,
-    )  # fmt: skip
+        "shaftline/Frigate-v0",
+        num_envs=count,
+        vectorization_mode="vector_entry_point",
+        task="transit",
+        observer=observer,
+    )
 
 
 def steps(env: Any, count: int) -> Any:

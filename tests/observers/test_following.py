@@ -43,8 +43,13 @@ def test_a_record_may_hold_another_ship_model() -> None:
 
 
 def table_of(measurements: Any, dt: float) -> pd.DataFrame:
-    names = ["shaft_speed_rad_s", "shaft_torque_N_m", "pitch_ratio", "shaft_acceleration_rad_s2",
-             "advance_velocity_m_s"]  # fmt: skip
+    names = [
+        "shaft_speed_rad_s",
+        "shaft_torque_N_m",
+        "pitch_ratio",
+        "shaft_acceleration_rad_s2",
+        "advance_velocity_m_s",
+    ]
     table = pd.DataFrame(measurements, columns=names)
     return table.assign(time_s=dt * np.arange(len(table)))
 
@@ -78,8 +83,13 @@ def test_a_table_may_lack_acceleration_and_truth() -> None:
 def test_measurements_of_a_simulation(frigate: Ship, design_point: Equilibrium) -> None:
     run = simulate(frigate, Schedule(22.0, 1.3), 2.0, initial=design_point.state)
     measurements = simulated_measurements(run)
-    names = ("measured_shaft_speed", "measured_shaft_torque", "measured_pitch_ratio",
-             "shaft_acceleration", "advance_velocity")  # fmt: skip
+    names = (
+        "measured_shaft_speed",
+        "measured_shaft_torque",
+        "measured_pitch_ratio",
+        "shaft_acceleration",
+        "advance_velocity",
+    )
     assert measurements.shape == (len(run), 5)
     for column, name in enumerate(names):
         assert np.array_equal(measurements[:, column], run[name])

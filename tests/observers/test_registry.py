@@ -49,9 +49,12 @@ def test_tuning_may_stand_in_the_name_or_beside_it(name: str, tuning: str) -> No
 
 @pytest.mark.parametrize(
     ("name", "default"),
-    [("luenberger", "moderate"), ("immersion-invariance", "moderate"),
-     ("random-walk-kalman", "extended")],
-)  # fmt: skip
+    [
+        ("luenberger", "moderate"),
+        ("immersion-invariance", "moderate"),
+        ("random-walk-kalman", "extended"),
+    ],
+)
 def test_the_default_is_one_of_the_tunings(name: str, default: str) -> None:
     assert get_observer(name) == get_observer(name, default)
     tunings = get_observer(name).tunings

@@ -16,11 +16,20 @@ from shaftline.plant.columns import MEASURED, drive_column
 from shaftline.plant.replay import Replay
 
 NOISE = {
-    "pitch_ratio": 0.002, "shaft_speed_rad_s": 0.01, "shaft_torque_N_m": 1.5e3,
+    "pitch_ratio": 0.002,
+    "shaft_speed_rad_s": 0.01,
+    "shaft_torque_N_m": 1.5e3,
     "ship_speed_m_s": 0.05,
-}  # fmt: skip
-START = {"pitch_ratio": 0.02, "shaft_speed": 0.2, "ship_speed": 0.1, "brake_torque": 2e3,
-         "inflow": 0.5, "ventilation": 0.1, "motor_current": 1.0}  # fmt: skip
+}
+START = {
+    "pitch_ratio": 0.02,
+    "shaft_speed": 0.2,
+    "ship_speed": 0.1,
+    "brake_torque": 2e3,
+    "inflow": 0.5,
+    "ventilation": 0.1,
+    "motor_current": 1.0,
+}
 TRUTH = {
     "hull.fouling_fraction": 0.15,
     "transmission.coulomb_friction_engine_side_N_m": 8e3,
@@ -51,8 +60,10 @@ def recording(
 
 def frigate_filter(**changes: Any) -> ShipFilter:
     settings: dict[str, Any] = {
-        "parameter_spread": SPREAD, "noise": NOISE, "state_spread": START,
-    }  # fmt: skip
+        "parameter_spread": SPREAD,
+        "noise": NOISE,
+        "state_spread": START,
+    }
     return ShipFilter(load_ship("frigate"), list(TRUTH), **(settings | changes))
 
 
@@ -78,14 +89,24 @@ def test_parameters_and_standard_errors_are_right() -> None:
 
 
 RICH = {
-    "prime_mover.lag_s": 0.4, "prime_mover.dead_time_s": 0.63, "prime_mover.rack_rate_limit_mm_s": 2.0,
-    "pitch_actuator.backlash": 0.03, "pitch_actuator.dead_band": 0.01, "propeller.inflow_lag_s": 0.5,
-    "ventilation.thrust_loss": 0.4, "ventilation.torque_loss": 0.3,
-    "ventilation.onset_submergence": 1.5, "ventilation.hysteresis": 0.2, "ventilation.surface_loss": 1.0,
-    "hull.episode_resistance_fraction": 0.4, "hull.episode_start_s": 20.0,
-    "hull.episode_end_s": 40.0, "sensors.torque_gain": 1.02, "sensors.pitch_offset": 0.01,
+    "prime_mover.lag_s": 0.4,
+    "prime_mover.dead_time_s": 0.63,
+    "prime_mover.rack_rate_limit_mm_s": 2.0,
+    "pitch_actuator.backlash": 0.03,
+    "pitch_actuator.dead_band": 0.01,
+    "propeller.inflow_lag_s": 0.5,
+    "ventilation.thrust_loss": 0.4,
+    "ventilation.torque_loss": 0.3,
+    "ventilation.onset_submergence": 1.5,
+    "ventilation.hysteresis": 0.2,
+    "ventilation.surface_loss": 1.0,
+    "hull.episode_resistance_fraction": 0.4,
+    "hull.episode_start_s": 20.0,
+    "hull.episode_end_s": 40.0,
+    "sensors.torque_gain": 1.02,
+    "sensors.pitch_offset": 0.01,
     "sensors.torque_bias_N_m": 500.0,
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("every", "changes"), [(1, {}), (3, RICH), (1, RICH)])
@@ -99,9 +120,12 @@ def test_a_filter_without_measurements_is_the_simulation(
     table = table.assign(propeller_submergence_m=swell)
     replay = Replay(ship, table)
     blind = ShipFilter(
-        ship, ["hull.fouling_fraction"], parameter_spread={"hull.fouling_fraction": 1e-30},
-        noise=dict.fromkeys(NOISE, 1e30), state_spread=dict.fromkeys(START, 0.0),
-    )  # fmt: skip
+        ship,
+        ["hull.fouling_fraction"],
+        parameter_spread={"hull.fouling_fraction": 1e-30},
+        noise=dict.fromkeys(NOISE, 1e30),
+        state_spread=dict.fromkeys(START, 0.0),
+    )
     followed = blind.follow(replay)
     simulated = replay.simulate(ship.record())
     for name in ("pitch_ratio", "shaft_speed", "ship_speed"):
@@ -116,16 +140,21 @@ def test_the_slopes_of_a_prediction_are_those_of_the_simulation() -> None:
     ship = load_ship("frigate")
     table = recording(ship, 30.0, NOISE)
     keys = [
-        "hull.fouling_fraction", "prime_mover.torque_per_rack_N_m_mm",
-        "pitch_actuator.time_constant_s", "transmission.inertia_engine_side_kg_m2",
-    ]  # fmt: skip
+        "hull.fouling_fraction",
+        "prime_mover.torque_per_rack_N_m_mm",
+        "pitch_actuator.time_constant_s",
+        "transmission.inertia_engine_side_kg_m2",
+    ]
     spread = dict(zip(keys, (1e-4, 1e-2, 1e-2, 100.0), strict=True))
     measurements = table.copy()
     measurements.loc[measurements.index[:-1], "ship_speed_m_s"] = math.nan
     one = ShipFilter(
-        ship, keys, parameter_spread=spread, noise={"ship_speed_m_s": 1e-9},
+        ship,
+        keys,
+        parameter_spread=spread,
+        noise={"ship_speed_m_s": 1e-9},
         state_spread=dict.fromkeys(START, 0.0),
-    )  # fmt: skip
+    )
     replay = Replay(ship, table)
     nominal = replay.simulate(ship.record())["ship_speed"][-1]
     measurements.loc[measurements.index[-1], "ship_speed_m_s"] = nominal + 1e-6
@@ -160,9 +189,11 @@ def test_the_parameters_of_a_motor() -> None:
     """Estimate K_e, R_a, KQ and friction of a model tug from voltage, speed and current."""
     nominal = load_ship("tito-neri-sine")
     keys = [
-        "prime_mover.motor_constant_V_s_rad", "prime_mover.armature_resistance_ohm",
-        "propeller.torque_coefficient", "transmission.coulomb_friction_engine_side_N_m",
-    ]  # fmt: skip
+        "prime_mover.motor_constant_V_s_rad",
+        "prime_mover.armature_resistance_ohm",
+        "propeller.torque_coefficient",
+        "transmission.coulomb_friction_engine_side_N_m",
+    ]
     size = dict(zip(keys, (0.00618, 0.5, 0.04, 0.008), strict=True))
     for key in keys:
         section, _, name = key.partition(".")
@@ -171,9 +202,12 @@ def test_the_parameters_of_a_motor() -> None:
     noise = {"shaft_speed_rad_s": 0.3, "motor_current_A": 0.02}
     table = recording(truth, 30.0, noise)
     own = ShipFilter(
-        nominal, keys, parameter_spread={key: 0.5 * value for key, value in size.items()},
-        noise=noise, state_spread=START,
-    )  # fmt: skip
+        nominal,
+        keys,
+        parameter_spread={key: 0.5 * value for key, value in size.items()},
+        noise=noise,
+        state_spread=START,
+    )
     own.follow(Replay(nominal, table, 0.05))
     np.testing.assert_allclose(own.parameters / [*size.values()], 1.2, rtol=0.02)
     assert np.all(
@@ -220,9 +254,13 @@ def test_waves_are_estimated_and_bias_no_parameter() -> None:
         table[column] = samples[MEASURED[column]] + sd * rng.standard_normal(len(samples))
     inflow = samples["advance_velocity"] - 0.95 * samples["ship_speed"]
     own = ShipFilter(
-        load_ship("frigate"), [key], parameter_spread={key: 0.5}, noise=NOISE, state_spread=START,
+        load_ship("frigate"),
+        [key],
+        parameter_spread={key: 0.5},
+        noise=NOISE,
+        state_spread=START,
         state_walk={DISTURBANCE: 0.5},
-    )  # fmt: skip
+    )
     followed = own.follow(Replay(own.ship, pd.DataFrame(table), 2.0))
     error = followed.estimates[200:, 3] - inflow[200:]
     assert inflow.std() > 0.4
@@ -260,8 +298,11 @@ def test_a_disturbance_without_measurements_decays() -> None:
 )
 def test_invalid_arguments_are_refused(changes: dict[str, Any], why: str) -> None:
     settings: dict[str, Any] = {
-        "free": list(TRUTH), "parameter_spread": SPREAD, "noise": NOISE, "state_spread": START,
-    }  # fmt: skip
+        "free": list(TRUTH),
+        "parameter_spread": SPREAD,
+        "noise": NOISE,
+        "state_spread": START,
+    }
     with pytest.raises(ObserverError, match=why):
         ShipFilter(load_ship("frigate"), **(settings | changes))
 

@@ -26,18 +26,30 @@ from shaftline.plant.surroundings import GRAVITY
 from shaftline.plant.wind import Superstructure
 
 TANKER = HullForm(
-    length_m=320, beam_m=58, draught_m=20.8, displacement_m3=312622, midship_coefficient=0.998,
-    waterplane_coefficient=0.9, lcb_percent=3.5,
-)  # fmt: skip
+    length_m=320,
+    beam_m=58,
+    draught_m=20.8,
+    displacement_m3=312622,
+    midship_coefficient=0.998,
+    waterplane_coefficient=0.9,
+    lcb_percent=3.5,
+)
 KNOT = 1852.0 / 3600.0
 TESTED = {"frontal_area_m2": 1161.0, "angle_deg": [0, 90, 180], "coefficient": [0.9, 0.1, -0.6]}
 
 
 @pytest.mark.parametrize(
     ("length_ratio", "coefficient"),
-    [(0.2, 0.59833), (0.5, 0.80324), (0.8, 1.43766), (1.0, 1.69708), (1.2, 1.2448), (1.5, 0.46587),
-     (2.0, 0.10527)],
-)  # fmt: skip
+    [
+        (0.2, 0.59833),
+        (0.5, 0.80324),
+        (0.8, 1.43766),
+        (1.0, 1.69708),
+        (1.2, 1.2448),
+        (1.5, 0.46587),
+        (2.0, 0.10527),
+    ],
+)
 def test_stawave_2_equals_another_implementation(length_ratio: float, coefficient: float) -> None:
     # R / (4 rho g zeta^2 B^2 / L) of the program sta.js (Johann426) at 15.5 kn; its Bessel functions are
     # polynomials with errors of about 1e-4

@@ -20,9 +20,14 @@ LEGS = ((20.0, 12e3), (200.0, 12e3), (20.0, 20e3), (200.0, 20e3))
 
 
 def trial_log(
-    legs: Sequence[tuple[float, float]] = LEGS, steady: float = 15.0, turn: float = 8.0,
-    interval: float = 10.0, seed: int = 0, current: float = 0.6, waves: float = 1.0,
-) -> pd.DataFrame:  # fmt: skip
+    legs: Sequence[tuple[float, float]] = LEGS,
+    steady: float = 15.0,
+    turn: float = 8.0,
+    interval: float = 10.0,
+    seed: int = 0,
+    current: float = 0.6,
+    waves: float = 1.0,
+) -> pd.DataFrame:
     """A log of legs in a current [kn] along 20 deg, with the turns between them.
 
     The first minutes of a turn change the heading; the speed settles with a time constant of 2 minutes.
@@ -41,9 +46,13 @@ def trial_log(
     ground, power, course = np.array(rows).T
     noise = waves * rng.standard_normal((3, len(rows)))
     return pd.DataFrame(
-        {"time_s": interval * np.arange(len(rows)), "SOG [kn]": ground + 0.15 * noise[0],
-         "Power [kW]": power * (1.0 + 0.04 * noise[1]), "HDG (deg)": (course + 2.0 * noise[2]) % 360.0}
-    )  # fmt: skip
+        {
+            "time_s": interval * np.arange(len(rows)),
+            "SOG [kn]": ground + 0.15 * noise[0],
+            "Power [kW]": power * (1.0 + 0.04 * noise[1]),
+            "HDG (deg)": (course + 2.0 * noise[2]) % 360.0,
+        }
+    )
 
 
 def test_each_leg_is_one_run_without_its_turn() -> None:

@@ -31,13 +31,18 @@ SPEEDS = np.arange(7.0, 18.0)
 EXPONENT = 3.3
 COEFFICIENTS = [0.8, 0.9, 0.5, 0.1, -0.3, -0.6, -0.6]
 AIR = {
-    "frontal_area_m2": 600.0, "angle_deg": [0, 30, 60, 90, 120, 150, 180],
+    "frontal_area_m2": 600.0,
+    "angle_deg": [0, 30, 60, 90, 120, 150, 180],
     "coefficient": COEFFICIENTS,
-}  # fmt: skip
+}
 SHIP: dict[str, Any] = {
-    "name": "bulk carrier", "beam_m": 32.0, "draught_m": 10.0, "speed_kn": SPEEDS.tolist(),
-    "power_kW": (6000.0 * (SPEEDS / 12.0) ** EXPONENT).tolist(), "superstructure": AIR,
-}  # fmt: skip
+    "name": "bulk carrier",
+    "beam_m": 32.0,
+    "draught_m": 10.0,
+    "speed_kn": SPEEDS.tolist(),
+    "power_kW": (6000.0 * (SPEEDS / 12.0) ** EXPONENT).tolist(),
+    "superstructure": AIR,
+}
 KNOT = 1852.0 / 3600.0
 
 
@@ -195,8 +200,11 @@ def test_the_files_of_a_report(tmp_path: Path) -> None:
     report = analyse(tmp_path, log(5, 700, cleaned=420, hours=6.0))
     found = save_performance(report, tmp_path / "out")
     assert {file.name for file in (tmp_path / "out").iterdir()} == {
-        "periods.csv", "daily.csv", "report.json", "speed-loss.png",
-    }  # fmt: skip
+        "periods.csv",
+        "daily.csv",
+        "report.json",
+        "speed-loss.png",
+    }
     assert found["periods"][0]["step_percent"] is None
     assert periods_table(report)["from"].tolist()[0] == "2024-02-03"
 

@@ -22,9 +22,14 @@ from shaftline.performance.speed_trial import fit_curve
 from shaftline.plant.surroundings import KNOT
 
 HULL = {
-    "length_m": 320, "beam_m": 58, "draught_m": 20.8, "displacement_m3": 312622,
-    "midship_coefficient": 0.998, "waterplane_coefficient": 0.9, "lcb_percent": 3.5,
-}  # fmt: skip
+    "length_m": 320,
+    "beam_m": 58,
+    "draught_m": 20.8,
+    "displacement_m3": 312622,
+    "midship_coefficient": 0.998,
+    "waterplane_coefficient": 0.9,
+    "lcb_percent": 3.5,
+}
 SHIP: dict[str, Any] = {
     "name": "tanker",
     "hull": HULL,
@@ -32,9 +37,11 @@ SHIP: dict[str, Any] = {
     "mcr_kW": 27000,
 }
 AIR = {
-    "frontal_area_m2": 1161, "anemometer_height_m": 25,
-    "angle_deg": [0, 30, 60, 90, 120, 150, 180], "coefficient": [0.9, 1.0, 0.5, 0.1, -0.3, -0.6, -0.6],
-}  # fmt: skip
+    "frontal_area_m2": 1161,
+    "anemometer_height_m": 25,
+    "angle_deg": [0, 30, 60, 90, 120, 150, 180],
+    "coefficient": [0.9, 1.0, 0.5, 0.1, -0.3, -0.6, -0.6],
+}
 
 
 def ship(**keys: Any) -> TrialShip:
@@ -77,9 +84,12 @@ def test_a_tidal_current_is_removed_and_the_curve_is_the_true_one(tmp_path: Path
 
 def test_a_double_run_takes_the_mean_and_four_runs_the_mean_of_means(tmp_path: Path) -> None:
     table = pd.DataFrame(
-        {"heading_deg": [0, 180, 0, 180], "SOG [kn]": [15.0, 13.0, 15.4, 12.6],
-         "power_kW": [20000.0, 20200.0, 20000.0, 20200.0]}
-    )  # fmt: skip
+        {
+            "heading_deg": [0, 180, 0, 180],
+            "SOG [kn]": [15.0, 13.0, 15.4, 12.6],
+            "power_kW": [20000.0, 20200.0, 20000.0, 20200.0],
+        }
+    )
     trial = analyse_trial(ship(), write(tmp_path, table))
     assert trial.method == "mean of means"
     assert trial.runs["speed_m_s"].iloc[0] / KNOT == pytest.approx(

@@ -14,8 +14,10 @@ from shaftline.plant.order_tables import with_combinator_table
 
 FRIGATE = load_ship("frigate")
 TABLE = {
-    "lever": (0.0, 0.5, 1.0), "shaft_speed_rpm": (70.0, 90.0, 130.0), "pitch_ratio": (0.7, 1.3, 1.35)
-}  # fmt: skip
+    "lever": (0.0, 0.5, 1.0),
+    "shaft_speed_rpm": (70.0, 90.0, 130.0),
+    "pitch_ratio": (0.7, 1.3, 1.35),
+}
 
 
 def test_a_table_by_lever_gives_its_settings_and_reaches_the_order_in_calm_water() -> None:
@@ -134,7 +136,7 @@ def test_the_ship_speed_must_rise_along_the_table() -> None:
         ("a.toml", "", "has no combinator table"),
         ("none.csv", None, "none.csv"),
     ],
-)  # fmt: skip
+)
 def test_bad_files(tmp_path: Path, name: str, text: str | None, words: str) -> None:
     if text is not None:
         (tmp_path / name).write_text(text)

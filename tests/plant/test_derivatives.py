@@ -130,10 +130,14 @@ def test_derivative_to_every_number_of_a_file(name: str) -> None:
         if np.any(exact):
             felt.add(number.key)
     expected = {
-        "water.density_kg_m3", "propeller.diameter_m", "propeller.roughness_drag",
-        "transmission.coulomb_friction_engine_side_N_m", "transmission.quadratic_drag_N_m_s2_rad2",
-        "transmission.inertia_engine_side_kg_m2", "transmission.gear_ratio",
-    }  # fmt: skip
+        "water.density_kg_m3",
+        "propeller.diameter_m",
+        "propeller.roughness_drag",
+        "transmission.coulomb_friction_engine_side_N_m",
+        "transmission.quadratic_drag_N_m_s2_rad2",
+        "transmission.inertia_engine_side_kg_m2",
+        "transmission.gear_ratio",
+    }
     if ship.turns:
         own = {f"manoeuvring.{name}" for name in Manoeuvring.model_fields}
         expected = {key for key in own if ship.has_key(key) and "_drift" not in key}
@@ -166,9 +170,11 @@ def test_derivatives_to_the_states_are_those_of_the_linear_model(name: str) -> N
 
 def test_a_number_of_a_term_has_its_derivative_too() -> None:
     term = Term(
-        id="drag", acts_on="load_torque", expression="a * shaft_speed + b * shaft_speed ** 2",
+        id="drag",
+        acts_on="load_torque",
+        expression="a * shaft_speed + b * shaft_speed ** 2",
         parameters={"a": 100.0, "b": 7.0},  # type: ignore[dict-item]
-    )  # fmt: skip
+    )
     ship = load_ship("frigate").with_term(term)
     state, inputs = somewhere(ship)
     own = Outputs._fields.index("shaft_acceleration") + len(State._fields)

@@ -27,8 +27,13 @@ def _runaway(ship: Ship) -> Ship:
 
     It grows slowly enough to be loaded, and has a rest, without which no start would be found.
     """
-    term = {"id": "runaway", "acts_on": "resistance", "expression": "u", "state": "u",
-            "rate": "ship_speed + u * 15"}  # fmt: skip
+    term = {
+        "id": "runaway",
+        "acts_on": "resistance",
+        "expression": "u",
+        "state": "u",
+        "rate": "ship_speed + u * 15",
+    }
     return ship.with_values({"term": [term]})
 
 
@@ -60,9 +65,16 @@ def test_a_recordings_simulation_is_refused() -> None:
     start = equilibrium(SHIP, 20.0, 1.2).state
     time = 0.1 * np.arange(600)
     rack = np.where(time < 5.0, 20.0, 15.0)
-    table = pd.DataFrame({"time_s": time, "fuel_rack_mm": rack, "pitch_ratio_command": 1.2,
-                          "pitch_ratio": 1.2, "shaft_speed_rad_s": start.shaft_speed,
-                          "ship_speed_m_s": start.ship_speed})  # fmt: skip
+    table = pd.DataFrame(
+        {
+            "time_s": time,
+            "fuel_rack_mm": rack,
+            "pitch_ratio_command": 1.2,
+            "pitch_ratio": 1.2,
+            "shaft_speed_rad_s": start.shaft_speed,
+            "ship_speed_m_s": start.ship_speed,
+        }
+    )
     simulate_recording(SHIP, table)
     with pytest.raises(ValueError, match="diverges"):
         simulate_recording(_runaway(SHIP), table)

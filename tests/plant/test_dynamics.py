@@ -91,11 +91,20 @@ def test_rate_is_the_thesis_right_hand_side(
 def busy(plant: Any) -> Any:
     """Every effect of loads and rates present at once."""
     fields = {
-        "current": 0.5, "wake_slope": 0.01, "wake_reference_speed": 5.0, "inflow_lag": 2.0,
-        "engine_lag": 1.5, "relative_rotative_efficiency": 1.05, "coulomb_engine_side": 4e3,
-        "viscous_propeller_side": 300.0, "quadratic_drag": 20.0, "entrained_inertia": 8e3,
-        "hull_fouling": 0.2, "ventilation_thrust_loss": 0.6, "ventilation_torque_loss": 0.5,
-    }  # fmt: skip
+        "current": 0.5,
+        "wake_slope": 0.01,
+        "wake_reference_speed": 5.0,
+        "inflow_lag": 2.0,
+        "engine_lag": 1.5,
+        "relative_rotative_efficiency": 1.05,
+        "coulomb_engine_side": 4e3,
+        "viscous_propeller_side": 300.0,
+        "quadratic_drag": 20.0,
+        "entrained_inertia": 8e3,
+        "hull_fouling": 0.2,
+        "ventilation_thrust_loss": 0.6,
+        "ventilation_torque_loss": 0.5,
+    }
     for name, value in fields.items():
         plant[name] = value
     return plant
@@ -179,8 +188,15 @@ def test_rates_follow_from_the_loads(busy: Any) -> None:
     assert out.pitch_ratio == 1.2
     assert out.shaft_torque == pytest.approx(acting.drive_torque - LEFT * turning, rel=1e-12)
     assert out.motor_current == acting.mover.current
-    for name in ("advance_velocity", "thrust", "propeller_torque", "brake_torque", "resistance",
-                 "thrust_coefficient", "submergence"):  # fmt: skip
+    for name in (
+        "advance_velocity",
+        "thrust",
+        "propeller_torque",
+        "brake_torque",
+        "resistance",
+        "thrust_coefficient",
+        "submergence",
+    ):
         assert getattr(out, name) == getattr(acting, name), name
 
 

@@ -259,9 +259,15 @@ def test_coasting_agrees_with_an_independent_integrator(name: str) -> None:
         return [float(value) for value in rate]
 
     exact = scipy.integrate.solve_ivp(
-        rates, (0.0, 600.0), list(map(float, begin)), method="DOP853", rtol=1e-10, atol=1e-10,
-        t_eval=np.arange(0.0, 600.1, 20.0), max_step=0.5,
-    )  # fmt: skip
+        rates,
+        (0.0, 600.0),
+        list(map(float, begin)),
+        method="DOP853",
+        rtol=1e-10,
+        atol=1e-10,
+        t_eval=np.arange(0.0, 600.1, 20.0),
+        max_step=0.5,
+    )
     rows = coasted(name)[:: round(20.0 / ship.time_step_s)]
     names = list(State._fields)
     for signal in ("shaft_speed", "ship_speed", "position"):

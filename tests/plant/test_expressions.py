@@ -44,8 +44,10 @@ from .terms import HEARD, LOADED, value
         ("abs(-3) + sign(-3) + sign(0) + sign(2)", 3.0),
         ("step(0.1) + 10 * step(0) + 100 * step(-1)", 1.0),
         ("sqrt(9) + exp(0) + log(1)", 4.0),
-        ("tanh(0.5) - sin(0.5) + cos(0.5) - atan(0.5)",
-         np.tanh(0.5) - np.sin(0.5) + np.cos(0.5) - np.arctan(0.5)),
+        (
+            "tanh(0.5) - sin(0.5) + cos(0.5) - atan(0.5)",
+            np.tanh(0.5) - np.sin(0.5) + np.cos(0.5) - np.arctan(0.5),
+        ),
         ("min(2, 3) + 10 * max(2, 3)", 32.0),
         ("max(min(shaft_speed, 5), -5)", 5.0),
         ("thrust / propeller_torque", 2e5 / 6e4),
@@ -55,7 +57,7 @@ from .terms import HEARD, LOADED, value
         ("1 + table(2 * shaft_speed, 0, 5, 10, 25) * 2", 51.0),
         ("+a * 2 - b", 5.0),
     ],
-)  # fmt: skip
+)
 def test_an_expression_means_what_it_says(frigate: Ship, expression: str, expected: float) -> None:
     numbers = {"a": 4.0, "b": 3.0} if "a *" in expression else {}
     assert value(frigate, expression, HEARD, **numbers) == pytest.approx(expected, rel=1e-14)
@@ -134,7 +136,7 @@ def test_complex_steps_give_the_derivative(frigate: Ship) -> None:
         ("max(drive, " * 24 + "drive" + ")" * 24, "25 levels of nesting; at most 24"),
         ("(" * 3000 + "1" + ")" * 3000, "not a valid expression"),
     ],
-)  # fmt: skip
+)
 def test_what_is_no_expression_is_refused(expression: str, words: str) -> None:
     with pytest.raises(TermError, match=words.replace("(", r"\(")):
         parse_expression(expression, ["k"], {name: i for i, name in enumerate(TERM_SIGNALS)}, [])

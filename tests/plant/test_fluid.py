@@ -16,11 +16,16 @@ FAN: dict[str, Any] = {
     "water": {"density_kg_m3": 1.2},
     "hull": {"fixed": True},
     "propeller": {
-        "model": "bollard", "diameter_m": 0.2, "pitch_ratio_min": 0.7, "pitch_ratio_max": 0.7,
-        "depth_m": 1.0, "thrust_coefficient": 0.1, "torque_coefficient": 0.017,
+        "model": "bollard",
+        "diameter_m": 0.2,
+        "pitch_ratio_min": 0.7,
+        "pitch_ratio_max": 0.7,
+        "depth_m": 1.0,
+        "thrust_coefficient": 0.1,
+        "torque_coefficient": 0.017,
     },
     "prime_mover": {"type": "speed-command", "speed_max_rad_s": 1300.0},
-}  # fmt: skip
+}
 
 
 def fan(**sections: Any) -> Ship:
@@ -43,16 +48,22 @@ def test_thrust_and_torque_are_those_of_any_fluid(density: float) -> None:
     ("sections", "words"),
     [
         ({"ventilation": {"thrust_loss": 0.3}}, r"ventilation draws air .* 1\.2 kg/m3 is a gas"),
-        ({"propeller": FAN["propeller"] | {"cavitation_breakdown": 0.5}},
-         r"vapour pressure of water.*950 to 1100.*remove propeller\.cavitation_breakdown"),
+        (
+            {"propeller": FAN["propeller"] | {"cavitation_breakdown": 0.5}},
+            r"vapour pressure of water.*950 to 1100.*remove propeller\.cavitation_breakdown",
+        ),
         ({"cavitation_bucket": {"suction_deg": 3.0}}, r"remove \[cavitation_bucket\]"),
-        ({"water": {"density_kg_m3": 13600.0}, "cavitation_bucket": {"suction_deg": 3.0}},
-         r"13600 kg/m3 is another fluid"),
-        ({"hull": {"mass_kg": 10.0, "resistance_coefficient_N_s2_m2": 1.0}},
-         r"a gas, in which no hull floats.*hull\.fixed = true.*inflow_velocity_m_s"),
+        (
+            {"water": {"density_kg_m3": 13600.0}, "cavitation_bucket": {"suction_deg": 3.0}},
+            r"13600 kg/m3 is another fluid",
+        ),
+        (
+            {"hull": {"mass_kg": 10.0, "resistance_coefficient_N_s2_m2": 1.0}},
+            r"a gas, in which no hull floats.*hull\.fixed = true.*inflow_velocity_m_s",
+        ),
         ({"water": {"density_kg_m3": 0.3}}, r"density_kg_m3 = 0\.3.*>= 0\.5 and <= 14000"),
     ],
-)  # fmt: skip
+)
 def test_what_the_fluid_does_not_have_is_refused(sections: dict[str, Any], words: str) -> None:
     with pytest.raises(ShipError, match=words):
         fan(**sections)

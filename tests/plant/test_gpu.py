@@ -81,9 +81,13 @@ def test_simulated_gpu_gives_the_states_of_the_cpu() -> None:
     """Own commands and parameters of 35 ships, bit for bit; wrong arguments are refused."""
     environment = os.environ | {"NUMBA_ENABLE_CUDASIM": "1"}
     done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", SIMULATED], env=environment, capture_output=True,
-        text=True, timeout=300, check=False,
-    )  # fmt: skip
+        [sys.executable, "-W", "ignore", "-c", SIMULATED],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
     assert done.stdout == "equal\n", done.stderr
 
 

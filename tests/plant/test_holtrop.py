@@ -10,27 +10,49 @@ from shaftline.plant.holtrop import HullForm, interaction, resistance
 KNOT = 1852.0 / 3600.0
 
 SHIP_1982: dict[str, float] = {
-    "length_m": 205.0, "beam_m": 32.0, "draught_m": 10.0, "displacement_m3": 37500.0,
-    "midship_coefficient": 0.98, "waterplane_coefficient": 0.75, "lcb_percent": -0.75,
-    "transom_area_m2": 16.0, "bulb_area_m2": 20.0, "bulb_centre_m": 4.0, "appendage_area_m2": 50.0,
-    "appendage_factor": 1.5, "stern_shape": 10.0,
-}  # fmt: skip
+    "length_m": 205.0,
+    "beam_m": 32.0,
+    "draught_m": 10.0,
+    "displacement_m3": 37500.0,
+    "midship_coefficient": 0.98,
+    "waterplane_coefficient": 0.75,
+    "lcb_percent": -0.75,
+    "transom_area_m2": 16.0,
+    "bulb_area_m2": 20.0,
+    "bulb_centre_m": 4.0,
+    "appendage_area_m2": 50.0,
+    "appendage_factor": 1.5,
+    "stern_shape": 10.0,
+}
 SHIP_1984: dict[str, float] = {
-    "length_m": 50.0, "beam_m": 12.0, "draught_m": 3.2, "draught_forward_m": 3.1, "draught_aft_m": 3.3,
-    "displacement_m3": 900.0, "midship_coefficient": 0.78, "waterplane_coefficient": 0.8,
-    "lcb_percent": -4.5, "transom_area_m2": 10.0, "appendage_area_m2": 50.0, "appendage_factor": 3.0,
-    "entrance_angle_deg": 25.0, "wetted_surface_m2": 584.9,
-}  # fmt: skip
+    "length_m": 50.0,
+    "beam_m": 12.0,
+    "draught_m": 3.2,
+    "draught_forward_m": 3.1,
+    "draught_aft_m": 3.3,
+    "displacement_m3": 900.0,
+    "midship_coefficient": 0.78,
+    "waterplane_coefficient": 0.8,
+    "lcb_percent": -4.5,
+    "transom_area_m2": 10.0,
+    "appendage_area_m2": 50.0,
+    "appendage_factor": 3.0,
+    "entrance_angle_deg": 25.0,
+    "wetted_surface_m2": 584.9,
+}
 
 
 @pytest.mark.parametrize(
     ("name", "printed", "digits"),
     [
-        ("prismatic_coefficient", 0.5833, 4), ("length_of_run", 81.385, 3),
-        ("wetted_surface", 7381.45, 2), ("entrance_angle", 12.08, 2), ("bulb_factor", 0.7595, 4),
+        ("prismatic_coefficient", 0.5833, 4),
+        ("length_of_run", 81.385, 3),
+        ("wetted_surface", 7381.45, 2),
+        ("entrance_angle", 12.08, 2),
+        ("bulb_factor", 0.7595, 4),
         ("correlation_allowance", 0.000352, 6),
     ],
-)  # fmt: skip
+)
 def test_values_that_both_papers_share_equal_the_example_of_1982(
     name: str, printed: float, digits: int
 ) -> None:

@@ -70,9 +70,13 @@ def test_a_range_in_words(key: str, words: str) -> None:
 def test_a_number_has_a_field_in_the_record() -> None:
     found = {key: record_field(info) for key, info in FIELDS.items()}
     assert found == {
-        "plain": "length", "upper": "share", "free": "free", "absent": "limit",
-        "outside": None, "bare": None,
-    }  # fmt: skip
+        "plain": "length",
+        "upper": "share",
+        "free": "free",
+        "absent": "limit",
+        "outside": None,
+        "bare": None,
+    }
 
 
 def test_an_effect_is_neutral_unless_said_otherwise() -> None:

@@ -41,9 +41,10 @@ def test_track_and_heading_are_the_integrals_of_their_rates() -> None:
     u, v, heading = run["ship_speed"], run["sway_speed"], run["heading"]
     cosine, sine = np.cos(heading), np.sin(heading)
     for signal, rate in (
-        ("position", u * cosine - v * sine), ("cross_track", u * sine + v * cosine),
+        ("position", u * cosine - v * sine),
+        ("cross_track", u * sine + v * cosine),
         ("heading", run["yaw_rate"]),
-    ):  # fmt: skip
+    ):
         sailed = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * 0.05)])
         np.testing.assert_allclose(run[signal], sailed, atol=1e-4)
     assert heading[-1] > 2.0 * math.pi  # counted on beyond a turn

@@ -106,9 +106,13 @@ def test_intervals_cost_half_of_themselves_in_phase() -> None:
 
 def test_what_follows_at_once_is_read_an_interval_late() -> None:
     plant = control.ss(
-        [[-1.0]], [[1.0, 0.0]], [[1.0], [0.0]], [[0.0, 0.0], [0.0, 3.0]],
-        inputs=["slow", "prompt"], outputs=["state", "echo"],
-    )  # fmt: skip
+        [[-1.0]],
+        [[1.0, 0.0]],
+        [[1.0], [0.0]],
+        [[0.0, 0.0], [0.0, 3.0]],
+        inputs=["slow", "prompt"],
+        outputs=["state", "echo"],
+    )
     held = sample_plant(plant, 0.5)
     assert not np.any(held.D)
     time, forced = np.arange(4) * 0.5, np.array([[0.0] * 4, [1.0, 2.0, 4.0, 8.0]])
@@ -122,9 +126,11 @@ def test_what_follows_at_once_is_read_an_interval_late() -> None:
 
 def test_what_no_input_moves_or_no_output_shows_is_left_out() -> None:
     whole = control.ss(
-        [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -2.0]], [[1.0], [0.0], [0.0]],
-        [[1.0, 0.0, 5.0]], [[0.0]],
-    )  # fmt: skip
+        [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -2.0]],
+        [[1.0], [0.0], [0.0]],
+        [[1.0, 0.0, 5.0]],
+        [[0.0]],
+    )
     kept = drop_unconnected_states(whole)
     assert kept.nstates == 1
     assert complex(kept(0.3j)) == pytest.approx(complex(whole(0.3j)))
@@ -133,19 +139,23 @@ def test_what_no_input_moves_or_no_output_shows_is_left_out() -> None:
 def test_a_loop_is_opened_at_one_command_with_the_inner_one_closed() -> None:
     """u = -2 w + 3 (r - y): opened at u, L = 2 W + 3 Y; closed, y follows r with 3 Y / (1 + L)."""
     plant = control.ss(
-        [[-1.0, 0.0], [1.0, 0.0]], [[1.0], [0.0]], np.eye(2), np.zeros((2, 1)),
-        inputs=["u"], outputs=["w", "y"],
-    )  # fmt: skip
-    law = control.ss(
-        [], [], [], [[3.0, -2.0, -3.0]], inputs=["r", "w", "y"], outputs=["u"]
-    )  # fmt: skip
+        [[-1.0, 0.0], [1.0, 0.0]],
+        [[1.0], [0.0]],
+        np.eye(2),
+        np.zeros((2, 1)),
+        inputs=["u"],
+        outputs=["w", "y"],
+    )
+    law = control.ss([], [], [], [[3.0, -2.0, -3.0]], inputs=["r", "w", "y"], outputs=["u"])
     loop = loop_at_command(plant, law, "u", "r", "y")
     point = 0.7j
     w, y = 1.0 / (point + 1.0), 1.0 / (point * (point + 1.0))
     assert complex(loop.open_loop(point)) == pytest.approx(2.0 * w + 3.0 * y)
     assert complex(loop.closed_loop(point)) == pytest.approx(3.0 * y / (1.0 + 2.0 * w + 3.0 * y))
     for bad, kind in (
-        (("x", "r", "y"), "command"), (("u", "x", "y"), "set-point"), (("u", "r", "x"), "measurement"),
-    ):  # fmt: skip
+        (("x", "r", "y"), "command"),
+        (("u", "x", "y"), "set-point"),
+        (("u", "r", "x"), "measurement"),
+    ):
         with pytest.raises(ValueError, match=f"unknown {kind} 'x'"):
             loop_at_command(plant, law, *bad)

@@ -125,8 +125,15 @@ def test_a_current_changes_no_manoeuvre() -> None:
     current = {"hull__current_m_s": 0.4, "manoeuvring__cross_current_m_s": -0.3}
     carried = at_speed("kvlcc2", 1.18, **current)
     before, after = (turning_circle(*one, HARD) for one in (still, carried))
-    for name in ("advance", "transfer", "tactical_diameter", "steady_diameter", "speed_ratio",
-                 "drift_rad", "rate_of_turn"):  # fmt: skip
+    for name in (
+        "advance",
+        "transfer",
+        "tactical_diameter",
+        "steady_diameter",
+        "speed_ratio",
+        "drift_rad",
+        "rate_of_turn",
+    ):
         assert getattr(after, name) == pytest.approx(getattr(before, name), rel=1e-5), name
     swung, drifted = (zig_zag(*one, TEN, TEN) for one in (still, carried))
     assert drifted.overshoots_deg == pytest.approx(swung.overshoots_deg, abs=1e-3)
@@ -156,8 +163,9 @@ def test_zig_zag_by_its_definitions(tanker: Sailing, angle: float) -> None:
         )
     assert found.period_s == times[4] - times[2]
     u = found.track["speed_m_s"].to_numpy()
-    until = time < np.interp(angle, heading[: int(times[1] / 0.05) + 3],
-                             time[: int(times[1] / 0.05) + 3])  # fmt: skip
+    until = time < np.interp(
+        angle, heading[: int(times[1] / 0.05) + 3], time[: int(times[1] / 0.05) + 3]
+    )
     assert found.initial_turning == pytest.approx(u[until].sum() * 0.05 / 7.0, abs=0.01)
     last = found.track.iloc[-1]
     assert abs(last["heading_rad"]) < 0.01  # back on the first course
@@ -244,17 +252,21 @@ def test_what_is_asked_for_has_its_range(
 
 @pytest.mark.parametrize(
     ("name", "values", "lacking"),
-    [("frigate", {}, r"manoeuvring\.length_m \(unit m; allowed: > 0"),
-     ("kvlcc2", {"rudder__area_m2": 0.0}, r"rudder\.area_m2 \(unit m2; allowed: > 0")],
-)  # fmt: skip
+    [
+        ("frigate", {}, r"manoeuvring\.length_m \(unit m; allowed: > 0"),
+        ("kvlcc2", {"rudder__area_m2": 0.0}, r"rudder\.area_m2 \(unit m2; allowed: > 0"),
+    ],
+)
 def test_a_ship_that_cannot_be_steered_says_why(
     name: str, values: dict[str, float], lacking: str
 ) -> None:
     sailing = at_speed(name, 1.18 if name == "kvlcc2" else 8.0, **values)
     calls: list[Callable[[], Any]] = [
-        lambda: turning_circle(*sailing, HARD), lambda: zig_zag(*sailing, TEN, TEN),
-        lambda: spiral(*sailing), lambda: trials(*sailing),
-    ]  # fmt: skip
+        lambda: turning_circle(*sailing, HARD),
+        lambda: zig_zag(*sailing, TEN, TEN),
+        lambda: spiral(*sailing),
+        lambda: trials(*sailing),
+    ]
     for call in calls:
         with pytest.raises(
             ShipError, match=f"{name} cannot be steered: the ship file has no {lacking}"
@@ -286,8 +298,14 @@ def test_a_ship_that_stops_is_told_of(tanker: Sailing) -> None:
 
 @pytest.mark.parametrize(
     ("time", "first", "second"),
-    [(5.0, 10.0, 25.0), (10.0, 10.0, 25.0), (20.0, 15.0, 32.5), (30.0, 20.0, 40.0), (60.0, 20.0, 40.0)],
-)  # fmt: skip
+    [
+        (5.0, 10.0, 25.0),
+        (10.0, 10.0, 25.0),
+        (20.0, 15.0, 32.5),
+        (30.0, 20.0, 40.0),
+        (60.0, 20.0, 40.0),
+    ],
+)
 def test_limits_are_imos(time: float, first: float, second: float) -> None:
     """MSC.137(76): 10, 5 + L/2V, 20 degrees; 25, 17.5 + 0.75 L/V, 40 degrees."""
     found = limits(time)

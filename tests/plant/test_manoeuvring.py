@@ -80,8 +80,14 @@ def test_every_derivative_acts_at_its_place(key: str) -> None:
     given = getattr(ship.manoeuvring, key)
     more = ship.with_values({f"manoeuvring.{key}": given + 0.01})
     u, v, r = 1.1, -0.2 / 1.1, 0.06 * 7.0 / 1.1
-    monomial = {"Y_rr": r * abs(r), "N_vv": v * abs(v), "Y_vvv": v**3, "N_rrr": r**3,
-                "Y_vrr": v * r * r, "N_vvr": v * v * r}[key]  # fmt: skip
+    monomial = {
+        "Y_rr": r * abs(r),
+        "N_vv": v * abs(v),
+        "Y_vvv": v**3,
+        "N_rrr": r**3,
+        "Y_vrr": v * r * r,
+        "N_vvr": v * v * r,
+    }[key]
     before, after = (hull_forces(one.record(), u, -0.2, 0.06) for one in (ship, more))
     difference = [b - a for a, b in zip(before, after, strict=True)]
     force = 0.5 * 1000.0 * 7.0 * 0.455 * 1.1**2 * 0.01 * monomial
@@ -254,14 +260,19 @@ def kvlcc2_rates(rev: float, order: float) -> Any:
         lever = k.position_m + k.hull_force_share * k.hull_force_position_m
         big_n = force * length * hn - lever * normal * math.cos(rudder)
         left = np.array([[mass + mx, 0.0, 0.0], [0.0, mass + my, off], [0.0, off, inertia]])
-        right = [big_x + (mass + my) * v * r + off * r * r, big_y - (mass + mx) * u * r,
-                 big_n - off * u * r]  # fmt: skip
+        right = [
+            big_x + (mass + my) * v * r + off * r * r,
+            big_y - (mass + mx) * u * r,
+            big_n - off * u * r,
+        ]
         du, dv, dr = np.linalg.solve(left, right)
         gear = np.clip(
             (order - rudder) / k.time_constant_s, -k.rate_limit_rad_s, k.rate_limit_rad_s
         )
-        ground = (u * math.cos(heading) - v * math.sin(heading),
-                  u * math.sin(heading) + v * math.cos(heading))  # fmt: skip
+        ground = (
+            u * math.cos(heading) - v * math.sin(heading),
+            u * math.sin(heading) + v * math.cos(heading),
+        )
         return [*ground, r, du, dv, dr, float(gear)]
 
     return rates

@@ -294,10 +294,15 @@ def test_a_replay_starts_at_the_speed_that_the_log_would_show(
     ship = frigate.with_values({"sensors.speed_log_gain": 1.05})
     truth = simulate(frigate, Schedule(25.0, 1.2), 60.0, initial=design_point.state)
     table = pd.DataFrame(
-        {"time_s": truth["time"], "fuel_rack_mm": 25.0, "pitch_ratio_command": 1.2,
-         "pitch_ratio": truth["pitch_ratio"], "shaft_speed_rad_s": truth["shaft_speed"],
-         "ship_speed_m_s": 1.05 * truth["ship_speed"]}
-    )[:: round(1.0 / (truth["time"][1] - truth["time"][0]))].reset_index(drop=True)  # fmt: skip
+        {
+            "time_s": truth["time"],
+            "fuel_rack_mm": 25.0,
+            "pitch_ratio_command": 1.2,
+            "pitch_ratio": truth["pitch_ratio"],
+            "shaft_speed_rad_s": truth["shaft_speed"],
+            "ship_speed_m_s": 1.05 * truth["ship_speed"],
+        }
+    )[:: round(1.0 / (truth["time"][1] - truth["time"][0]))].reset_index(drop=True)
     again = simulate_recording(ship, table)
     np.testing.assert_allclose(again["ship_speed_m_s"], table["ship_speed_m_s"], rtol=1e-4)
     np.testing.assert_allclose(again["shaft_speed_rad_s"], table["shaft_speed_rad_s"], rtol=1e-4)

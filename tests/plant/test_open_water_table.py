@@ -254,5 +254,6 @@ def test_a_damaged_entry_is_named(frigate: Ship, row: int, damage: float) -> Non
         with_table(
             frigate,
             {"advance_ratio": LINE, "thrust_coefficient": kt, "torque_coefficient": kq},
-            pitch_ratio_min=1.0, pitch_ratio_max=1.0,
-        )  # fmt: skip
+            pitch_ratio_min=1.0,
+            pitch_ratio_max=1.0,
+        )

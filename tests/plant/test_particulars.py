@@ -22,17 +22,36 @@ from shaftline.plant.particulars import (
 from shaftline.plant.surroundings import KNOT
 
 TANKER: dict[str, Any] = {
-    "name": "tanker", "length_m": 325.5, "beam_m": 58.0, "draught_m": 20.8, "displacement_t": 320438.0,
-    "design_speed_kn": 15.5, "mcr_kW": 28000.0, "engine_speed_rpm": 76.0, "shaft_speed_rpm": 76.0,
-    "propeller_diameter_m": 9.86, "midship_coefficient": 0.998, "lcb_percent": 3.5, "stern_shape": 10.0,
-}  # fmt: skip
+    "name": "tanker",
+    "length_m": 325.5,
+    "beam_m": 58.0,
+    "draught_m": 20.8,
+    "displacement_t": 320438.0,
+    "design_speed_kn": 15.5,
+    "mcr_kW": 28000.0,
+    "engine_speed_rpm": 76.0,
+    "shaft_speed_rpm": 76.0,
+    "propeller_diameter_m": 9.86,
+    "midship_coefficient": 0.998,
+    "lcb_percent": 3.5,
+    "stern_shape": 10.0,
+}
 """The tanker KVLCC2, a public benchmark; rating and shaft speed are assumed."""
 
 FERRY: dict[str, Any] = {
-    "name": "ferry", "length_m": 150.0, "beam_m": 25.0, "draught_m": 6.0, "displacement_t": 13500.0,
-    "design_speed_kn": 21.0, "mcr_kW": 10000.0, "engine_speed_rpm": 500.0, "shaft_speed_rpm": 140.0,
-    "propeller_diameter_m": 4.6, "shafts": 2, "controllable_pitch": True,
-}  # fmt: skip
+    "name": "ferry",
+    "length_m": 150.0,
+    "beam_m": 25.0,
+    "draught_m": 6.0,
+    "displacement_t": 13500.0,
+    "design_speed_kn": 21.0,
+    "mcr_kW": 10000.0,
+    "engine_speed_rpm": 500.0,
+    "shaft_speed_rpm": 140.0,
+    "propeller_diameter_m": 4.6,
+    "shafts": 2,
+    "controllable_pitch": True,
+}
 
 
 def test_the_propeller_of_kvlcc2_is_near_the_published_one() -> None:

@@ -18,9 +18,13 @@ TUG = load_ship("tito-neri-sine")
 
 def test_a_held_shaft_takes_its_load_by_the_drives_efficiency() -> None:
     ship = fan(
-        prime_mover={"type": "speed-command", "speed_max_rad_s": 1300.0, "drive_efficiency": 0.8,
-                     "idle_power_W": 3.0},
-    )  # fmt: skip
+        prime_mover={
+            "type": "speed-command",
+            "speed_max_rad_s": 1300.0,
+            "drive_efficiency": 0.8,
+            "idle_power_W": 3.0,
+        },
+    )
     found = simulate(ship, Schedule(600.0, 0.7), 0.5, initial=State(0.7, 600.0, 0.0))[-1]
     mechanical = found["propeller_torque"] * 600.0
     assert found["shaft_power"] == pytest.approx(mechanical, rel=1e-12)
@@ -48,8 +52,12 @@ def test_a_motor_takes_its_voltage_times_its_current() -> None:
 
 def test_a_torque_command_takes_torque_times_engine_speed() -> None:
     mover = {"type": "torque-command", "torque_max_N_m": 2.0, "drive_efficiency": 0.5}
-    line = {"gear_ratio": 2.0, "efficiency": 1.0, "inertia_engine_side_kg_m2": 1e-3,
-            "inertia_propeller_side_kg_m2": 1e-4}  # fmt: skip
+    line = {
+        "gear_ratio": 2.0,
+        "efficiency": 1.0,
+        "inertia_engine_side_kg_m2": 1e-3,
+        "inertia_propeller_side_kg_m2": 1e-4,
+    }
     ship = fan(prime_mover=mover, transmission=line)
     found = simulate(ship, Schedule(0.05, 0.7), 1.0, initial=State(0.7, 300.0, 0.0))[-1]
     assert found["electric_power"] == pytest.approx(0.05 * 2.0 * found["shaft_speed"] / 0.5)
@@ -75,9 +83,13 @@ def test_linear_models_know_power() -> None:
     """dP/domega = M + omega dM/domega at a working point."""
     point = equilibrium(TUG, 5.0, 1.0)
     found = tangent(
-        TUG.record(), point.state, point.inputs, 1.0, active_states(TUG.record()),
+        TUG.record(),
+        point.state,
+        point.inputs,
+        1.0,
+        active_states(TUG.record()),
         ("shaft_torque", "shaft_power"),
-    )  # fmt: skip
+    )
     omega, torque = point.state.shaft_speed, found.values[0]
     assert found.values[1] == pytest.approx(torque * omega)
     at = active_states(TUG.record()).index("shaft_speed")

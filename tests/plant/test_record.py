@@ -45,11 +45,14 @@ NEEDED = {
 
 @pytest.mark.parametrize(
     ("name", "key"),
-    [("frigate", key) for key in numbers(FRIGATE)
-     if not key.startswith((*STEERED, *OF_A_MOTOR[1:]))]
+    [
+        ("frigate", key)
+        for key in numbers(FRIGATE)
+        if not key.startswith((*STEERED, *OF_A_MOTOR[1:]))
+    ]
     + [("ddg-51-surrogate", key) for key in numbers(DESTROYER) if key.startswith(STEERED)]
     + [("tito-neri-sine", key) for key in numbers(TUG) if key.startswith(OF_A_MOTOR)],
-)  # fmt: skip
+)
 def test_a_number_of_the_file_is_in_its_field(name: str, key: str) -> None:
     ship = load_ship(name)
     number = ship.parameter(key)
@@ -77,9 +80,13 @@ def test_no_two_numbers_share_a_field() -> None:
     twice = {field for field, places in shared.items() if len(places) > 1}
     # of whichever prime mover there is
     assert twice == {
-        "drive_max", "torque_offset", "drive_efficiency", "idle_power", "command_dead_time",
+        "drive_max",
+        "torque_offset",
+        "drive_efficiency",
+        "idle_power",
+        "command_dead_time",
         "command_lag",
-    }  # fmt: skip
+    }
 
 
 def test_the_record_has_a_field_for_each_number_and_what_is_derived() -> None:

@@ -71,14 +71,17 @@ def test_measured_inflow_and_submergence_act(frigate: Ship, values: dict[str, fl
     water = s["ship_speed"] - ship.hull.current_m_s
     recording = pd.DataFrame(
         {
-            "time_s": s["time"], "fuel_rack_mm": s["drive"], "pitch_ratio_command": 1.3,
-            "pitch_ratio": s["measured_pitch_ratio"], "shaft_speed_rad_s": s["shaft_speed"],
+            "time_s": s["time"],
+            "fuel_rack_mm": s["drive"],
+            "pitch_ratio_command": 1.3,
+            "pitch_ratio": s["measured_pitch_ratio"],
+            "shaft_speed_rad_s": s["shaft_speed"],
             "shaft_torque_N_m": s["measured_shaft_torque"],
             "ship_speed_m_s": s["measured_ship_speed"],
             "inflow_velocity_m_s": 0.95 * water + 0.05 * s["time"],
             "propeller_submergence_m": s["submergence"],
         }
-    )  # fmt: skip
+    )
     found = simulate_recording(ship, recording)
     for name in [*MEASURED, "inflow_velocity_m_s", "propeller_submergence_m"]:
         np.testing.assert_allclose(found[name], recording[name], rtol=1e-7, err_msg=name)
@@ -95,11 +98,15 @@ def test_measured_inflow_of_a_fixed_hull_needs_no_speed(frigate: Ship) -> None:
     )
     recording = pd.DataFrame(
         {
-            "time_s": s["time"], "fuel_rack_mm": 15.0, "pitch_ratio_command": 0.8,
-            "pitch_ratio": 0.8, "shaft_speed_rad_s": s["shaft_speed"], "ship_speed_m_s": 0.0,
+            "time_s": s["time"],
+            "fuel_rack_mm": 15.0,
+            "pitch_ratio_command": 0.8,
+            "pitch_ratio": 0.8,
+            "shaft_speed_rad_s": s["shaft_speed"],
+            "ship_speed_m_s": 0.0,
             "inflow_velocity_m_s": 2.0,
         }
-    )  # fmt: skip
+    )
     found = simulate_recording(moored, recording)
     np.testing.assert_allclose(found["shaft_speed_rad_s"], s["shaft_speed"], rtol=1e-9)
 
@@ -224,9 +231,15 @@ def test_a_start_that_cannot_be_found_says_what_is_lacking(frigate: Ship) -> Non
 def test_moored_ship_of_fixed_pitch_needs_a_shaft_speed_alone() -> None:
     tug = load_ship("tito-neri-sine")
     table = pd.DataFrame(
-        {"time_s": 1e-3 * np.arange(9), "motor_voltage_V": 5.0, "shaft_speed_rad_s": 70.0,
-         "ship_speed_m_s": 0.3, "pitch_ratio": 0.7, "pitch_ratio_command": 0.7}
-    )  # fmt: skip
+        {
+            "time_s": 1e-3 * np.arange(9),
+            "motor_voltage_V": 5.0,
+            "shaft_speed_rad_s": 70.0,
+            "ship_speed_m_s": 0.3,
+            "pitch_ratio": 0.7,
+            "pitch_ratio_command": 0.7,
+        }
+    )
     replay = Replay(tug, table)
     assert replay.start == (1.0, 70.0, 0.0)
     assert replay.command.tolist() == [1.0] * 9
@@ -245,10 +258,15 @@ def test_a_delay_must_fit_the_replays_step(frigate: Ship) -> None:
 
 
 STEADY = {
-    "prime_mover.lag_s": 1.5, "prime_mover.dead_time_s": 0.22, "propeller.inflow_lag_s": 2.0,
-    "pitch_actuator.offset": 0.05, "sensors.speed_log_lag_s": 5.0, "sensors.torque_delay_s": 0.13,
-    "hull.current_m_s": 0.5, "hull.wake_slope_s_m": 0.004,
-}  # fmt: skip
+    "prime_mover.lag_s": 1.5,
+    "prime_mover.dead_time_s": 0.22,
+    "propeller.inflow_lag_s": 2.0,
+    "pitch_actuator.offset": 0.05,
+    "sensors.speed_log_lag_s": 5.0,
+    "sensors.torque_delay_s": 0.13,
+    "hull.current_m_s": 0.5,
+    "hull.wake_slope_s_m": 0.004,
+}
 
 
 @pytest.mark.parametrize(
@@ -272,9 +290,13 @@ def test_a_lagging_inflow_starts_where_the_measured_one_is(frigate: Ship) -> Non
     start = equilibrium(ship, 22.0, 1.2, inflow=1.0).state
     water = start.ship_speed - 0.5
     table = plain(
-        201, pitch_ratio_command=1.2, pitch_ratio=start.pitch_ratio, shaft_speed_rad_s=start.shaft_speed,
-        ship_speed_m_s=start.ship_speed, inflow_velocity_m_s=(0.95 - 0.004 * water) * water + 1.0,
-    )  # fmt: skip
+        201,
+        pitch_ratio_command=1.2,
+        pitch_ratio=start.pitch_ratio,
+        shaft_speed_rad_s=start.shaft_speed,
+        ship_speed_m_s=start.ship_speed,
+        inflow_velocity_m_s=(0.95 - 0.004 * water) * water + 1.0,
+    )
     found = simulate_recording(ship, table)
     for name in MEASURED:
         np.testing.assert_allclose(found[name], found[name][0], rtol=1e-7, err_msg=name)
@@ -287,10 +309,17 @@ def test_every_way_of_replaying_gives_the_same(frigate: Ship, interval: float) -
     rows = 200
     time = interval * np.arange(rows)
     table = plain(
-        rows, interval, fuel_rack_mm=22.0 + 3.0 * np.sin(0.3 * time), pitch_ratio_command=1.2,
-        pitch_ratio=1.25, shaft_speed_rad_s=10.4, shaft_torque_N_m=9e4, ship_speed_m_s=8.0 + 0.02 * time,
-        inflow_velocity_m_s=7.6 + 0.3 * np.sin(time), propeller_submergence_m=4.0 + 0.2 * np.cos(time),
-    )  # fmt: skip
+        rows,
+        interval,
+        fuel_rack_mm=22.0 + 3.0 * np.sin(0.3 * time),
+        pitch_ratio_command=1.2,
+        pitch_ratio=1.25,
+        shaft_speed_rad_s=10.4,
+        shaft_torque_N_m=9e4,
+        ship_speed_m_s=8.0 + 0.02 * time,
+        inflow_velocity_m_s=7.6 + 0.3 * np.sin(time),
+        propeller_submergence_m=4.0 + 0.2 * np.cos(time),
+    )
     found = simulate_recording(ship, table)
     joint = JointReplay(ship, table)
     replay = Replay(ship, table)
@@ -303,9 +332,12 @@ def test_every_way_of_replaying_gives_the_same(frigate: Ship, interval: float) -
     half = np.arange(2 * len(replay.drive) + 1) * 0.5 * replay.dt
     inflow = np.interp(half, replay.time_s, replay.inflow_rows(ship.record()))
     first = equilibrium(ship, 22.0, 1.2).state._replace(
-        pitch_ratio=1.25, shaft_speed=10.4, ship_speed=8.0, inflow=7.6,
+        pitch_ratio=1.25,
+        shaft_speed=10.4,
+        ship_speed=8.0,
+        inflow=7.6,
         brake_torque=-45.5 * 7.38 * 10.4 + 1428.6 * table["fuel_rack_mm"][0] - 7381.0,
-    )  # fmt: skip
+    )
     schedule = Schedule(replay.drive, replay.pitch, inflow, 1.0, replay.elevation)
     direct = simulate(ship, schedule, replay.time_s[-1], initial=first)[:: replay.per_row]
     for column in MEASURED:

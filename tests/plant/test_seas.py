@@ -111,9 +111,14 @@ def test_thesis_sea_is_the_printed_one() -> None:
 
 @pytest.mark.parametrize(
     ("name", "hs", "tp"),
-    [("state-3", 0.88, 7.5), ("state-4", 1.88, 8.8), ("state-5", 3.25, 9.7), ("state-6", 5.0, 12.4),
-     ("state-7", 7.5, 15.0)],
-)  # fmt: skip
+    [
+        ("state-3", 0.88, 7.5),
+        ("state-4", 1.88, 8.8),
+        ("state-5", 3.25, 9.7),
+        ("state-6", 5.0, 12.4),
+        ("state-7", 7.5, 15.0),
+    ],
+)
 def test_sea_states_are_the_north_atlantics(name: str, hs: float, tp: float) -> None:
     """Bales 1983: mean significant height and most probable modal period; head seas."""
     assert get_sea(name) == Sea(hs_m=hs, tp_s=tp, gamma=3.3, heading_deg=180.0)

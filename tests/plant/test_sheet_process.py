@@ -53,7 +53,11 @@ def test_a_sound_one_is_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("member", "change", "reason"),
     [
-        (SHEET, lambda x: x.replace(b"</sheetData>", CELL), "more than 2 GB of memory: perhaps a stray"),
+        (
+            SHEET,
+            lambda x: x.replace(b"</sheetData>", CELL),
+            "more than 2 GB of memory: perhaps a stray",
+        ),
         (SHEET, lambda x: x.replace(b"<worksheet", ENTITIES, 1), "declares a document type"),
         (SHEET, lambda x: x[: len(x) // 2], "damaged"),
         (SHEET, lambda x: None, "damaged"),
@@ -63,7 +67,7 @@ def test_a_sound_one_is_read(tmp_path: Path) -> None:
         (SHEET, lambda x: b" " * 500_000_000, "unpacks to 500 MB"),
     ],
     ids=["stray-cell", "entities", "cut", "gone", "junk", "address", "no-book", "bomb"],
-)  # fmt: skip
+)
 def test_one_that_is_not_is_refused_for_its_reason(
     member: str, change: Callable[[bytes], bytes | None], reason: str, tmp_path: Path
 ) -> None:

@@ -75,19 +75,29 @@ def test_a_number_that_acts_on_nothing_is_none_of_the_ship(servo: Ship, key: str
 
 FREED = {
     "frigate": [
-        "hull.wake_fraction", "hull.thrust_deduction", "hull.resistance_coefficient_N_s2_m2",
-        "hull.mass_kg", "propeller.relative_rotative_efficiency", "transmission.gear_ratio",
-        "transmission.inertia_propeller_side_kg_m2", "prime_mover.torque_per_rack_N_m_mm",
-        "pitch_actuator.time_constant_s", "transmission.coulomb_friction_engine_side_N_m",
+        "hull.wake_fraction",
+        "hull.thrust_deduction",
+        "hull.resistance_coefficient_N_s2_m2",
+        "hull.mass_kg",
+        "propeller.relative_rotative_efficiency",
+        "transmission.gear_ratio",
+        "transmission.inertia_propeller_side_kg_m2",
+        "prime_mover.torque_per_rack_N_m_mm",
+        "pitch_actuator.time_constant_s",
+        "transmission.coulomb_friction_engine_side_N_m",
     ],
     "tito-neri-sine": [
-        "prime_mover.motor_constant_V_s_rad", "prime_mover.armature_resistance_ohm",
-        "prime_mover.armature_inductance_H", "transmission.inertia_engine_side_kg_m2",
-        "transmission.coulomb_friction_engine_side_N_m", "propeller.torque_coefficient",
-        "prime_mover.torque_offset_N_m", "transmission.stiction_speed_rad_s",
+        "prime_mover.motor_constant_V_s_rad",
+        "prime_mover.armature_resistance_ohm",
+        "prime_mover.armature_inductance_H",
+        "transmission.inertia_engine_side_kg_m2",
+        "transmission.coulomb_friction_engine_side_N_m",
+        "propeller.torque_coefficient",
+        "prime_mover.torque_offset_N_m",
+        "transmission.stiction_speed_rad_s",
     ],
     "rov-thruster": ["propeller.thrust_coefficient", "propeller.torque_coefficient"],
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("name", "key"), [(s, k) for s, keys in FREED.items() for k in keys])
@@ -253,8 +263,11 @@ def test_time_step_must_resolve_the_armature() -> None:
         ShipError, match=r"resistance_ohm = 0\.0003993 s is shorter than .*time_step_s"
     ):
         tug.with_values({"integration.time_step_s": 1.01 * constant})
-    keys = ("prime_mover.armature_inductance_H", "prime_mover.armature_resistance_ohm",
-            "integration.time_step_s")  # fmt: skip
+    keys = (
+        "prime_mover.armature_inductance_H",
+        "prime_mover.armature_resistance_ohm",
+        "integration.time_step_s",
+    )
     at = tug.with_values(dict(zip(keys, (0.5, 64.0, 0.5 / 64.0), strict=True)))
     assert at.time_step_s == 0.0078125
 
@@ -267,9 +280,13 @@ def test_motor_without_inductance_takes_any_step() -> None:
 
 TERMS = [
     {"id": "first", "acts_on": "thrust", "expression": "k", "parameters": {"k": 1.0}},
-    {"id": "second", "acts_on": "load_torque", "expression": "j * k",
-     "parameters": {"j": 2.0, "k": {"value": 3.0, "unit": "N m", "low": 0.0, "high": 9.0}}},
-]  # fmt: skip
+    {
+        "id": "second",
+        "acts_on": "load_torque",
+        "expression": "j * k",
+        "parameters": {"j": 2.0, "k": {"value": 3.0, "unit": "N m", "low": 0.0, "high": 9.0}},
+    },
+]
 
 
 def test_a_terms_number_is_found_by_term_and_name(frigate: Ship) -> None:

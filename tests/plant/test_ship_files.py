@@ -75,10 +75,13 @@ def test_limits_may_be_infinite(edited: Edit, limit: str) -> None:
 
 SHAPE = {
     "term": [
-        {"id": "shape", "acts_on": "resistance",
-         "expression": "table(ship_speed, 0, 0, 2.5, 1e-7, 1e3, -3e8)"}
+        {
+            "id": "shape",
+            "acts_on": "resistance",
+            "expression": "table(ship_speed, 0, 0, 2.5, 1e-7, 1e3, -3e8)",
+        }
     ]
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(

@@ -17,9 +17,12 @@ from shaftline.plant.ship_files import template, template_names, template_text
 NAMES = template_names()
 EACH = pytest.mark.parametrize("name", NAMES)
 DRIVES = {
-    "diesel-controllable-pitch": 22.0, "electric-fixed-pitch": 40.0, "thruster-on-a-bench": 2.0,
-    "drive-with-load": 60.0, "constant-revolutions": 60.0,
-}  # fmt: skip
+    "diesel-controllable-pitch": 22.0,
+    "electric-fixed-pitch": 40.0,
+    "thruster-on-a-bench": 2.0,
+    "drive-with-load": 60.0,
+    "constant-revolutions": 60.0,
+}
 
 
 def written(name: str, folder: Path, text: str) -> Ship:
@@ -31,8 +34,11 @@ def test_there_is_one_for_each_kind_of_rig() -> None:
     assert set(NAMES) == set(DRIVES)
     ships = [template(name) for name in NAMES]
     assert {type(ship.prime_mover).__name__ for ship in ships} == {
-        "Diesel", "DcMotor", "TorqueSource", "SpeedSource",
-    }  # fmt: skip
+        "Diesel",
+        "DcMotor",
+        "TorqueSource",
+        "SpeedSource",
+    }
     assert {ship.propeller.model for ship in ships} == {"b-series", "bollard", "table", "none"}
     with pytest.raises(
         ShipError, match="unknown template 'yacht'; known templates: constant-revolutions"

@@ -28,22 +28,38 @@ def without(section: str, *keys: str) -> dict[str, Any]:
         ({"Y_v": 0.1}, r"manoeuvring\.Y_v = 0\.1: .*less than 0 \(unit -; allowed: < 0\)"),
         ({"N_r": 0.0}, r"manoeuvring\.N_r = 0\.0: .*allowed: < 0"),
         ({"Y_vdot": 0.1}, r"manoeuvring\.Y_vdot = 0\.1: .*allowed: <= 0"),
-        ({"displacement_kg": 4000.0},
-         r"hull\.mass_kg = 3515\.2 kg includes the added mass, so it must not be "
-         r"less than manoeuvring\.displacement_kg = 4000 kg"),
-        ({"Y_rdot": -1.0, "N_vdot": -1.0},
-         "the inertia matrix of sway and yaw is not positive definite"),
-        ({"length_m": 600.0}, r"manoeuvring\.length_m = 600\.0: .*unit m; allowed: >= 0 and <= 500"),
+        (
+            {"displacement_kg": 4000.0},
+            r"hull\.mass_kg = 3515\.2 kg includes the added mass, so it must not be "
+            r"less than manoeuvring\.displacement_kg = 4000 kg",
+        ),
+        (
+            {"Y_rdot": -1.0, "N_vdot": -1.0},
+            "the inertia matrix of sway and yaw is not positive definite",
+        ),
+        (
+            {"length_m": 600.0},
+            r"manoeuvring\.length_m = 600\.0: .*unit m; allowed: >= 0 and <= 500",
+        ),
     ],
-)  # fmt: skip
+)
 def test_wrong_sections_are_refused_by_name(values: dict[str, float], words: str) -> None:
     keys = {f"manoeuvring.{key}": value for key, value in values.items()}
     with pytest.raises(ShipError, match=words):
         load_ship("kvlcc2").with_values(keys)
 
 
-NEEDED = ("draught_m", "displacement_kg", "radius_of_gyration_m", "Y_vdot", "N_rdot", "Y_v", "Y_r",
-          "N_v", "N_r")  # fmt: skip
+NEEDED = (
+    "draught_m",
+    "displacement_kg",
+    "radius_of_gyration_m",
+    "Y_vdot",
+    "N_rdot",
+    "Y_v",
+    "Y_r",
+    "N_v",
+    "N_r",
+)
 
 
 @pytest.mark.parametrize("key", NEEDED)

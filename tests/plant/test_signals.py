@@ -35,8 +35,14 @@ BOUNDS = {
 
 @pytest.mark.parametrize("signal", EVERY, ids=lambda signal: signal.name)
 def test_bounds_hold_any_ship_and_no_slip_of_unit(signal: object) -> None:
-    by_unit = {"m/s": (-40, 40), "N m": (-1e8, 1e8), "rad/s": (-1e4, 1e4), "W": (-1e9, 1e9),
-               "N": (-1e8, 1e8), "A": (-1e5, 1e5)}  # fmt: skip
+    by_unit = {
+        "m/s": (-40, 40),
+        "N m": (-1e8, 1e8),
+        "rad/s": (-1e4, 1e4),
+        "W": (-1e9, 1e9),
+        "N": (-1e8, 1e8),
+        "A": (-1e5, 1e5),
+    }
     bounds = BOUNDS.get(signal.column) or by_unit[signal.unit]  # type: ignore[attr-defined]
     assert (signal.low, signal.high) == bounds  # type: ignore[attr-defined]
 

@@ -40,11 +40,17 @@ BUSY = {
     "sensors.speed_log_lag_s": 5.0,
 }
 STEADY = {
-    "prime_mover.lag_s": 1.5, "prime_mover.dead_time_s": 0.22, "propeller.inflow_lag_s": 2.0,
-    "pitch_actuator.offset": 0.05, "pitch_actuator.backlash": 0.02, "sensors.speed_log_lag_s": 5.0,
-    "sensors.torque_delay_s": 0.13, "sensors.torque_gain": 1.02, "hull.current_m_s": 0.5,
+    "prime_mover.lag_s": 1.5,
+    "prime_mover.dead_time_s": 0.22,
+    "propeller.inflow_lag_s": 2.0,
+    "pitch_actuator.offset": 0.05,
+    "pitch_actuator.backlash": 0.02,
+    "sensors.speed_log_lag_s": 5.0,
+    "sensors.torque_delay_s": 0.13,
+    "sensors.torque_gain": 1.02,
+    "hull.current_m_s": 0.5,
     "hull.wake_slope_s_m": 0.004,
-}  # fmt: skip
+}
 
 
 def test_a_steady_ship_begins_without_a_transient(frigate: Ship) -> None:
@@ -71,9 +77,13 @@ def test_samples_are_the_outputs_of_single_steps(
     half = 0.5 * dt * np.arange(2 * steps + 1)
     acts = [Disturbance(math.sin(t), 0.2 - t, 1.0 + t) for t in half]
     schedule = Schedule(
-        drive, lambda _: pitch, lambda t: [math.sin(x) for x in t], lambda t: 1.0 + t,
-        lambda t: 0.2 - t, rudder_command=helm,
-    )  # fmt: skip
+        drive,
+        lambda _: pitch,
+        lambda t: [math.sin(x) for x in t],
+        lambda t: 1.0 + t,
+        lambda t: 0.2 - t,
+        rudder_command=helm,
+    )
     start = design_point.state._replace(pitch_ratio=1.3, position=12.0)
     found = simulate(ship, schedule, steps * dt, initial=start, sea=thesis_sea)
 
@@ -92,17 +102,28 @@ def test_samples_are_the_outputs_of_single_steps(
         else:
             out = observe(plant, state, memory, sea, pitch[last], helm[last], acts[-1], dt)
         expected = {
-            "time": k * dt, "drive": drive[last], "pitch_command": pitch[last],
-            "rudder_command": helm[last], "rudder_angle": helm[last],
-            "measured_pitch_ratio": memory["pitch_ratio"], "measured_ship_speed": log,
-            "measured_shaft_torque": memory["shaft_torque"], "shaft_speed": now.shaft_speed,
+            "time": k * dt,
+            "drive": drive[last],
+            "pitch_command": pitch[last],
+            "rudder_command": helm[last],
+            "rudder_angle": helm[last],
+            "measured_pitch_ratio": memory["pitch_ratio"],
+            "measured_ship_speed": log,
+            "measured_shaft_torque": memory["shaft_torque"],
+            "shaft_speed": now.shaft_speed,
             "measured_shaft_speed": memory["shaft_speed"],
             "measured_thrust": memory["thrust"],
             "measured_motor_current": memory["motor_current"],
-            "ship_speed": now.ship_speed, "ventilation": now.ventilation, "position": now.position,
-            "shaft_angle": now.shaft_angle, "sway_speed": 0.0, "yaw_rate": 0.0, "heading": 0.0,
-            "cross_track": 0.0, "shaft_power": memory["shaft_torque"] * memory["shaft_speed"],
-        }  # fmt: skip
+            "ship_speed": now.ship_speed,
+            "ventilation": now.ventilation,
+            "position": now.position,
+            "shaft_angle": now.shaft_angle,
+            "sway_speed": 0.0,
+            "yaw_rate": 0.0,
+            "heading": 0.0,
+            "cross_track": 0.0,
+            "shaft_power": memory["shaft_torque"] * memory["shaft_speed"],
+        }
         for name in SAMPLE.names or ():
             value = expected.get(name, getattr(out, name, None))
             assert found[k][name] == value, (k, name)
@@ -217,9 +238,12 @@ def test_trajectory_of_records_is_the_simulation_of_ships(
     steps, dt = 200, frigate.time_step_s
     half = np.arange(2 * steps + 1) * 0.5 * dt
     expected = simulate(
-        frigate.with_values(keys), Schedule(24.0, 1.3, np.sin, 1.1, np.cos), steps * dt,
-        initial=design_point.state, sea=thesis_sea,
-    )  # fmt: skip
+        frigate.with_values(keys),
+        Schedule(24.0, 1.3, np.sin, 1.1, np.cos),
+        steps * dt,
+        initial=design_point.state,
+        sea=thesis_sea,
+    )
     plant, memory = frigate.record(), np.zeros(1, MEMORY)[0]
     for key, value in keys.items():
         frigate.parameter(key).write(plant, value)
@@ -227,10 +251,20 @@ def test_trajectory_of_records_is_the_simulation_of_ships(
     for _ in range(2):  # a memory may be used again
         state[0] = tuple(design_point.state)
         trajectory(
-            plant, state[0], memory, thesis_sea.copy(), np.full(steps, 24.0), np.full(steps, 1.3),
-            np.zeros(steps), np.sin(half), np.cos(half), np.full(half.shape, 1.1),
-            np.zeros((1, 6)), dt, samples,
-        )  # fmt: skip
+            plant,
+            state[0],
+            memory,
+            thesis_sea.copy(),
+            np.full(steps, 24.0),
+            np.full(steps, 1.3),
+            np.zeros(steps),
+            np.sin(half),
+            np.cos(half),
+            np.full(half.shape, 1.1),
+            np.zeros((1, 6)),
+            dt,
+            samples,
+        )
         assert samples.tobytes() == expected.tobytes()
 
 
@@ -256,8 +290,10 @@ def test_input_that_is_no_number_is_named(
     frigate: Ship, design_point: Equilibrium, name: str, value: float
 ) -> None:
     inputs: dict[str, Any] = {
-        "drive": 22.0, "pitch_command": 1.4, name: lambda t: np.where(t > 0.5, value, 1.0),
-    }  # fmt: skip
+        "drive": 22.0,
+        "pitch_command": 1.4,
+        name: lambda t: np.where(t > 0.5, value, 1.0),
+    }
     with pytest.raises(ValueError, match="contains a value that is not finite"):
         simulate(frigate, Schedule(**inputs), 1.0, initial=design_point.state)
 

@@ -37,9 +37,11 @@ def test_linear_steering_is_that_of_the_derivatives(osaka: tuple[Ship, Equilibri
     mass, total, off = m.displacement_kg / unit, ship.hull.mass_kg / unit, -7.62 / length
     gyration = (81.25**2 + 7.62**2) / length**2
     inertia = np.array(
-        [[mass - m.Y_vdot, mass * off - m.Y_rdot],
-         [mass * off - m.N_vdot, mass * gyration - m.N_rdot]]
-    )  # fmt: skip
+        [
+            [mass - m.Y_vdot, mass * off - m.Y_rdot],
+            [mass * off - m.N_vdot, mass * gyration - m.N_rdot],
+        ]
+    )
     lift, drag = 119.8 / length**2 * 2.2168738, 119.8 / length**2 * 0.0085
     lever = np.array([1.0, -0.5])
     damping = np.array([[m.Y_v, m.Y_r - total], [m.N_v, m.N_r - mass * off]])

@@ -55,9 +55,18 @@ class Run:
     def step(self, drive: float, pitch: float, *acting: Disturbance, dt: float = DT) -> Any:
         start, middle, end = acting or (UNDISTURBED,) * 3
         return step(
-            self.plant, self.state, self.memory, self.sea, drive, pitch, 0.0, start, middle, end,
+            self.plant,
+            self.state,
+            self.memory,
+            self.sea,
+            drive,
+            pitch,
+            0.0,
+            start,
+            middle,
+            end,
             dt,
-        )  # fmt: skip
+        )
 
     def observe(self, pitch: float, acting: Disturbance = UNDISTURBED) -> Any:
         return observe(self.plant, self.state, self.memory, self.sea, pitch, 0.0, acting, DT)

@@ -46,15 +46,21 @@ def sailed(ship: Ship) -> Any:
 @pytest.mark.parametrize(
     ("acts_on", "expression", "same"),
     [
-        ("load_torque", "60 * shaft_speed * abs(shaft_speed)",
-         {"transmission.quadratic_drag_N_m_s2_rad2": 60.0}),
-        ("drive_torque", "-500 * shaft_speed",
-         {"transmission.viscous_friction_engine_side_N_m_s_rad": 500.0}),
+        (
+            "load_torque",
+            "60 * shaft_speed * abs(shaft_speed)",
+            {"transmission.quadratic_drag_N_m_s2_rad2": 60.0},
+        ),
+        (
+            "drive_torque",
+            "-500 * shaft_speed",
+            {"transmission.viscous_friction_engine_side_N_m_s_rad": 500.0},
+        ),
         ("resistance", "0.2 * c1 * ship_speed ** 2", {"hull.fouling_fraction": 0.2}),
         ("inflow_velocity", "-0.05 * ship_speed", {"hull.wake_fraction": 0.05}),
         ("pitch_rate", "0.03 / tau", {"pitch_actuator.offset": 0.03}),
     ],
-)  # fmt: skip
+)
 def test_a_term_is_the_effect_that_it_spells(
     frigate: Ship, acts_on: str, expression: str, same: dict[str, float]
 ) -> None:
@@ -154,8 +160,11 @@ def test_a_terms_parameter_is_a_number_of_the_ship(frigate: Ship) -> None:
     ship = frigate.with_values({"term": [first, term]})
     number = ship.parameter("term.more-drag.k")
     assert (number.value, number.info.unit, number.info.low, number.info.high) == (
-        3.0, "N m s/rad", 0.0, 9.0,
-    )  # fmt: skip
+        3.0,
+        "N m s/rad",
+        0.0,
+        9.0,
+    )
     changed = ship.with_values({"term.more-drag.k": 4.0})
     assert changed.term[1].parameters["k"].unit == "N m s/rad"
     record = ship.record()
@@ -174,9 +183,13 @@ def test_a_terms_parameter_is_a_number_of_the_ship(frigate: Ship) -> None:
 def lagging(frigate: Ship, **more: Any) -> Ship:
     """The frigate with its inflow lag of 3 s, spelled as a term with a state."""
     term = {
-        "id": "lag", "acts_on": "inflow_velocity", "expression": "z - advance_velocity",
-        "state": "z", "rate": "(advance_velocity - z) / tau", "parameters": {"tau": 3.0},
-    }  # fmt: skip
+        "id": "lag",
+        "acts_on": "inflow_velocity",
+        "expression": "z - advance_velocity",
+        "state": "z",
+        "rate": "(advance_velocity - z) / tau",
+        "parameters": {"tau": 3.0},
+    }
     return frigate.with_values({"term": [term | more]})
 
 
@@ -194,10 +207,13 @@ def test_a_state_of_ones_own_is_a_state_of_the_ship(frigate: Ship) -> None:
 def test_a_state_begins_where_its_rate_vanishes(frigate: Ship) -> None:
     """Whether its rate is linear in it, as a lag's, or not, as that of water that is set in motion."""
     term = {
-        "id": "flow", "acts_on": "load_torque", "expression": "-c * u", "state": "u",
+        "id": "flow",
+        "acts_on": "load_torque",
+        "expression": "-c * u",
+        "state": "u",
         "rate": "(g * shaft_speed * abs(shaft_speed) - u * abs(u)) / m",
         "parameters": {"c": 500.0, "g": 0.04, "m": 5.0},
-    }  # fmt: skip
+    }
     ship = frigate.with_values({"term": [term]})
     for omega in (11.0, -7.0):
         state = settle_lags(ship.record(), State(1.2, omega, 6.0), Inputs(22.0, 1.2))
@@ -217,10 +233,15 @@ def test_a_state_without_a_place_of_rest_begins_at_0(frigate: Ship) -> None:
 
 def test_each_term_has_a_state_of_its_own(frigate: Ship) -> None:
     terms = [
-        {"id": f"lag-{k}", "acts_on": "thrust", "expression": "1000 * z", "state": "z",
-         "rate": f"{k} * drive - z"}
+        {
+            "id": f"lag-{k}",
+            "acts_on": "thrust",
+            "expression": "1000 * z",
+            "state": "z",
+            "rate": f"{k} * drive - z",
+        }
         for k in (1, 2, 3)
-    ]  # fmt: skip
+    ]
     record = frigate.with_values({"term": terms}).record()
     state = settle_lags(record, State(1.2, 11.0, 6.0), Inputs(22.0, 1.2))
     assert state[-3:] == pytest.approx((22.0, 44.0, 66.0))
@@ -232,9 +253,12 @@ def test_each_term_has_a_state_of_its_own(frigate: Ship) -> None:
 def test_one_piece_of_physics_may_act_at_several_places(frigate: Ship) -> None:
     """Blades that are a tenth worse: torque up, thrust down, by one number."""
     term = {
-        "id": "worn", "acts_on": "load_torque", "expression": "k * propeller_torque",
-        "also": {"thrust": "-0.5 * k * thrust"}, "parameters": {"k": 0.1},
-    }  # fmt: skip
+        "id": "worn",
+        "acts_on": "load_torque",
+        "expression": "k * propeller_torque",
+        "also": {"thrust": "-0.5 * k * thrust"},
+        "parameters": {"k": 0.1},
+    }
     ship = frigate.with_values({"term": [term]})
     state, inputs = State(1.2, 11.0, 6.0), Inputs(22.0, 1.2)
     _, worn = evaluate(ship.record(), state, inputs, 1.2)
@@ -251,9 +275,11 @@ def test_one_piece_of_physics_may_act_at_several_places(frigate: Ship) -> None:
 
 def windy(frigate: Ship) -> Ship:
     term = {
-        "id": "wind", "acts_on": "resistance", "expression": "k * head_wind * abs(head_wind)",
+        "id": "wind",
+        "acts_on": "resistance",
+        "expression": "k * head_wind * abs(head_wind)",
         "parameters": {"k": 40.0},
-    }  # fmt: skip
+    }
     return frigate.with_values({"signals": {"head_wind": "m/s", "rudder": "rad"}, "term": [term]})
 
 
@@ -312,9 +338,15 @@ def test_a_bad_signal_is_named(frigate: Ship, signals: dict[str, str], words: st
 
 def test_a_term_with_a_state_and_a_signal_reads_back(frigate: Ship, tmp_path: Path) -> None:
     ship = windy(lagging(frigate)).with_term(
-        Term(id="swing", acts_on="thrust", expression="z", state="z", rate="head_wind - z",
-             also={"load_torque": "table(z, 0, 0, 5, 1e3)"})
-    )  # fmt: skip
+        Term(
+            id="swing",
+            acts_on="thrust",
+            expression="z",
+            state="z",
+            rate="head_wind - z",
+            also={"load_torque": "table(z, 0, 0, 5, 1e3)"},
+        )
+    )
     again = load_ship(write_ship(ship, tmp_path / "mine.toml"))
     assert again == ship
     assert hash(again) == hash(ship)
@@ -323,8 +355,13 @@ def test_a_term_with_a_state_and_a_signal_reads_back(frigate: Ship, tmp_path: Pa
 
 def test_a_tangent_passes_through_states_and_signals(frigate: Ship) -> None:
     """By complex steps and by differences alike."""
-    term = Term(id="swing", acts_on="inflow_velocity", expression="z * head_wind", state="z",
-                rate="tanh(shaft_speed / 9) * head_wind - z ** 2")  # fmt: skip
+    term = Term(
+        id="swing",
+        acts_on="inflow_velocity",
+        expression="z * head_wind",
+        state="z",
+        rate="tanh(shaft_speed / 9) * head_wind - z ** 2",
+    )
     ship = windy(frigate).with_term(term)
     state = State(1.2, 11.0, 6.0)._replace(term_1=0.4)
     inputs = Inputs(22.0, 1.2, outside=ship.external_values({"head_wind": 2.0}))
@@ -335,7 +372,7 @@ def test_a_tangent_passes_through_states_and_signals(frigate: Ship) -> None:
         up, down = (
             evaluate(ship.record(), state._replace(**{name: getattr(state, name) + s}), inputs, 1.2)
             for s in (h, -h)
-        )  # fmt: skip
+        )
         for i, other in enumerate(names):
             slope = (getattr(up[0], other) - getattr(down[0], other)) / (2.0 * h)
             assert found.a[i, j] == pytest.approx(slope, rel=1e-5, abs=1e-7)

@@ -105,10 +105,12 @@ def test_what_damps_a_motion_faster_than_the_time_step_is_refused(
 
 
 def test_the_shafts_is_its_inertia_over_what_damps_it() -> None:
-    ship = load_ship("frigate").with_values({
-        "transmission.viscous_friction_engine_side_N_m_s_rad": 1000.0,
-        "transmission.viscous_friction_propeller_side_N_m_s_rad": 500.0,
-    })  # fmt: skip
+    ship = load_ship("frigate").with_values(
+        {
+            "transmission.viscous_friction_engine_side_N_m_s_rad": 1000.0,
+            "transmission.viscous_friction_propeller_side_N_m_s_rad": 500.0,
+        }
+    )
     inertia = 68108.0
     assert time_constants(ship)[SHAFT] == pytest.approx(inertia / 1500.0)
 
@@ -124,10 +126,12 @@ def test_that_of_sway_and_yaw_is_of_the_matrix_of_derivatives(name: str) -> None
     off, gyration = (
         at / own.length_m for at in (own.centre_of_gravity_m, own.radius_of_gyration_m)
     )
-    inertia = np.array([
-        [mass - own.Y_vdot, mass * off - own.Y_rdot],
-        [mass * off - own.N_vdot, mass * (gyration**2 + off**2) - own.N_rdot],
-    ])  # fmt: skip
+    inertia = np.array(
+        [
+            [mass - own.Y_vdot, mass * off - own.Y_rdot],
+            [mass * off - own.N_vdot, mass * (gyration**2 + off**2) - own.N_rdot],
+        ]
+    )
     damping = np.array([[own.Y_v, own.Y_r - along], [own.N_v, own.N_r - mass * off]])
     fastest = np.abs(np.linalg.eigvals(np.linalg.solve(inertia, damping)).real).max()
     seconds_a_length = own.length_m / (0.5 * math.sqrt(9.80665 * own.length_m))
@@ -135,8 +139,14 @@ def test_that_of_sway_and_yaw_is_of_the_matrix_of_derivatives(name: str) -> None
 
 
 def _with_term(rate: str, **parameters: float) -> dict[str, Any]:
-    term = {"id": "mine", "acts_on": "inflow_velocity", "expression": "u - advance_velocity",
-            "state": "u", "rate": rate, "parameters": parameters}  # fmt: skip
+    term = {
+        "id": "mine",
+        "acts_on": "inflow_velocity",
+        "expression": "u - advance_velocity",
+        "state": "u",
+        "rate": rate,
+        "parameters": parameters,
+    }
     return {"term": [term]}
 
 

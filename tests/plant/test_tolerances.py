@@ -6,11 +6,20 @@ from shaftline.plant import ShipError, load_ship
 from shaftline.plant.tolerances import Tolerances
 
 STATED = {
-    "resistance": 0.004, "mass": 0.005, "wake_fraction": 0.0015, "thrust_curve": 0.002,
-    "torque_curve": 0.002, "inertia": 0.005, "torque_per_rack": 0.0015, "torque_offset": 0.001,
-    "motor_constant": 0.002, "armature_resistance": 0.0025, "pitch_time_constant": 0.01,
-    "hull_derivatives": 0.02, "rudder_force": 0.02,
-}  # fmt: skip
+    "resistance": 0.004,
+    "mass": 0.005,
+    "wake_fraction": 0.0015,
+    "thrust_curve": 0.002,
+    "torque_curve": 0.002,
+    "inertia": 0.005,
+    "torque_per_rack": 0.0015,
+    "torque_offset": 0.001,
+    "motor_constant": 0.002,
+    "armature_resistance": 0.0025,
+    "pitch_time_constant": 0.01,
+    "hull_derivatives": 0.02,
+    "rudder_force": 0.02,
+}
 """One standard deviation of each number where a file says nothing."""
 
 

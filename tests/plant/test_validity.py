@@ -132,8 +132,9 @@ def test_simulation_warns_once_for_each_range(frigate: Ship, design_point: Equil
         simulate(frigate, coast, 60.0, initial=design_point.state)
     said = [str(one.message) for one in heard]
     assert [line.split(" left")[0] for line in said] == [
-        "frigate: the propeller's advance ratio J", "frigate: engine speed",
-    ]  # fmt: skip
+        "frigate: the propeller's advance ratio J",
+        "frigate: engine speed",
+    ]
     assert all(one.filename == __file__ for one in heard)
 
 

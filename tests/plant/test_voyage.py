@@ -19,9 +19,10 @@ def test_samples_are_those_of_a_simulation_to_the_bit(name: str, speed: float, w
     drive, pitch = point.inputs.drive, point.inputs.pitch_command
     sea = realise(SEA, ship.propeller.depth_m, 3) if waves else None
     orders = Schedule(
-        lambda t: np.where(t < 9.99, drive, 1.1 * drive), lambda t: np.where(t < 19.99, pitch, 1.2),
+        lambda t: np.where(t < 9.99, drive, 1.1 * drive),
+        lambda t: np.where(t < 19.99, pitch, 1.2),
         rudder_command=lambda t: np.where(t < 4.99, 0.0, 0.3),
-    )  # fmt: skip
+    )
     expected = simulate(ship, orders, 30.0, initial=point.state, sea=sea)
     voyage = Voyage(ship, point.state, drive, sea)
     voyage.run(drive, pitch, 0.0, 100)

@@ -117,8 +117,13 @@ def test_same_seed_gives_the_same_sea_and_another_seed_another() -> None:
 def test_field_is_the_sum_of_its_components() -> None:
     sea = calm_sea()
     sea["present"], sea["along"] = 1, -1.0
-    for name, value in (("amplitude", 2.0), ("velocity", 0.5), ("frequency", 0.8),
-                        ("wavenumber", 0.06), ("phase", 1.0)):  # fmt: skip
+    for name, value in (
+        ("amplitude", 2.0),
+        ("velocity", 0.5),
+        ("frequency", 0.8),
+        ("wavenumber", 0.06),
+        ("phase", 1.0),
+    ):
         sea[name][5] = value
     angle = 0.8 * 7.0 - 0.06 * 30.0 + 1.0
     assert wave_field(sea, 7.0, 30.0) == pytest.approx(

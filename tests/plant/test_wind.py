@@ -17,10 +17,15 @@ from shaftline.plant.replay import simulate_recording
 from shaftline.plant.wind import Superstructure, wind_resistance
 
 AREAS = {
-    "frontal_area_m2": 1200.0, "length_overall_m": 180.0, "beam_m": 28.0, "lateral_area_m2": 2800.0,
-    "deck_area_m2": 850.0, "lateral_centre_m": 5.0, "lateral_centre_height_m": 15.0,
+    "frontal_area_m2": 1200.0,
+    "length_overall_m": 180.0,
+    "beam_m": 28.0,
+    "lateral_area_m2": 2800.0,
+    "deck_area_m2": 850.0,
+    "lateral_centre_m": 5.0,
+    "lateral_centre_height_m": 15.0,
     "bridge_height_m": 45.0,
-}  # fmt: skip
+}
 TESTED = {"frontal_area_m2": 1161.0, "angle_deg": [0, 90, 180], "coefficient": [0.9, 0.1, -0.6]}
 
 
@@ -31,10 +36,14 @@ TESTED = {"frontal_area_m2": 1161.0, "angle_deg": [0, 90, 180], "coefficient": [
         (0.0, 0.922 - 0.507 * 2800 / (180 * 28) - 1.162 * 5 / 180),
         (
             180.0,
-            0.018 - 5.091 * 28 / 180 + 10.367 * 15 / 180 - 3.011 * 850 / 180**2 - 0.341 * 1200 / 28**2,
+            0.018
+            - 5.091 * 28 / 180
+            + 10.367 * 15 / 180
+            - 3.011 * 850 / 180**2
+            - 0.341 * 1200 / 28**2,
         ),
     ],
-)  # fmt: skip
+)
 def test_the_wind_coefficient_ahead_and_astern_is_the_term_along_the_ship(
     degrees: float, coefficient: float
 ) -> None:

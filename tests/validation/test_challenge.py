@@ -71,8 +71,11 @@ def figure(folder: Path, tree: Any, name: str) -> float:
 def test_the_public_files_reveal_neither_truth_nor_seed(folder: Path) -> None:
     truth = open_truth(folder).cases["case-001"]
     assert {file.name for file in (folder / "case-001").iterdir()} == {
-        "recording.csv", "held_out_inputs.csv", "simulation.csv", "ship.toml",
-    }  # fmt: skip
+        "recording.csv",
+        "held_out_inputs.csv",
+        "simulation.csv",
+        "ship.toml",
+    }
     case = ChallengeCase(folder / "case-001")
     assert list(case.inputs) == ["time_s", "fuel_rack_mm", "pitch_ratio_command"]
     rows = len(case.recording) + len(case.inputs)
@@ -152,10 +155,17 @@ def test_a_right_entry_scores_fully(folder: Path) -> None:
     truth = sealed["case-001"]["truth"]["equivalents"]["viscous-friction/propeller"]
     value = truth["value"]
     right = {
-        "verdict": "explained", "balances": ["propeller"],
-        "effects": [{"id": "viscous-friction", "parameters": {
-            truth["names"][0]: {"value": 1.2 * value, "ci95": [0.9 * value, 1.5 * value]}}}],
-    }  # fmt: skip
+        "verdict": "explained",
+        "balances": ["propeller"],
+        "effects": [
+            {
+                "id": "viscous-friction",
+                "parameters": {
+                    truth["names"][0]: {"value": 1.2 * value, "ci95": [0.9 * value, 1.5 * value]}
+                },
+            }
+        ],
+    }
     tree = entries(**{"case-000": {"verdict": "nothing-missing"}, "case-001": right})
     table = score_challenge(folder, [submit(folder, tree)]).figures.set_index("figure")
     value_of = table["value"]
@@ -290,9 +300,15 @@ def test_an_error_of_a_rival_is_a_result_and_an_invalid_entry_is_refused(
 
 def test_every_rival_has_a_name() -> None:
     assert {*rivals()} == {
-        "shaftline", "shaftline-quick", "ship-file", "stepwise-bic", "pysindy", "lisdd",
-        "gaussian-process", "neural-network",
-    }  # fmt: skip
+        "shaftline",
+        "shaftline-quick",
+        "ship-file",
+        "stepwise-bic",
+        "pysindy",
+        "lisdd",
+        "gaussian-process",
+        "neural-network",
+    }
     with pytest.raises(ValueError, match=r"rival lisd: unknown; known: .*lisdd"):
         load_rival("lisd")
     with pytest.raises(ValueError, match="must be a class with the method analyse"):

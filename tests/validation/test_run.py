@@ -30,9 +30,13 @@ def report(*names: str, balance: str = "engine", verdict: str = "", **parameters
             {"id": n.split("=")[0], "equivalent_ids": n.split("=")[1:], "parameters": parameters}
             for n in names
         ],
-        "fit": {"held_out": {"before": {"shaft_speed_rad_s": 60.0},
-                             "after": {"shaft_speed_rad_s": 90.0}}},
-    }  # fmt: skip
+        "fit": {
+            "held_out": {
+                "before": {"shaft_speed_rad_s": 60.0},
+                "after": {"shaft_speed_rad_s": 90.0},
+            }
+        },
+    }
 
 
 def simulated(kind: str, *keys: str, window: Any = None) -> SimulatedCase:
@@ -40,15 +44,22 @@ def simulated(kind: str, *keys: str, window: Any = None) -> SimulatedCase:
     still = {"time_s": time, "shaft_speed_rad_s": 10.0 + 0.0 * time}
     wave = np.sin(time)
     truth = {
-        "case": {"kind": kind, "index": 0, "ship": "frigate", "programme": "steps",
-                 "wave_height": 0.0, "strength": "strong", "effects": [{"key": k} for k in keys]},
+        "case": {
+            "kind": kind,
+            "index": 0,
+            "ship": "frigate",
+            "programme": "steps",
+            "wave_height": 0.0,
+            "strength": "strong",
+            "effects": [{"key": k} for k in keys],
+        },
         "ratios": dict.fromkeys(keys, 3.0),
         "beyond_tolerances": dict.fromkeys(keys, 2.5),
         "windows": dict.fromkeys(keys, window),
         "equivalents": {
             k: {"names": ["torque_N_m"], "value": 1000.0, "neutral": 0.0} for k in keys
         },
-    }  # fmt: skip
+    }
     recording = pd.DataFrame(still)
     recording["shaft_speed_rad_s"] += 4.0 * wave
     concealed = pd.DataFrame(still)

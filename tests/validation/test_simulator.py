@@ -55,9 +55,10 @@ def test_demands_that_never_rest_are_held_to_the_last_sample(
 ) -> None:
     """A scenario integrates them sample by sample; error control alone steps over what is held."""
     case = next(
-        c for c in (draw_case(31, i) for i in range(400))
+        c
+        for c in (draw_case(31, i) for i in range(400))
         if c.kind == "null-calm" and c.ship == FRIGATE and c.programme == "sweep"
-    )  # fmt: skip
+    )
     scenario = Scenario(dataclasses.replace(case, seconds=60.0))
     assert varies_every_sample(scenario.drive)
     found = scenario.simulate(scenario.true, waves=False)
@@ -136,8 +137,12 @@ def test_an_effect_moves_its_own_signals(effect: effects.TrueEffect) -> None:
     numbers = frigate_parameters() | shaped(effect) | size | {"track_speed": 7.0}
     change = frigate_readings(numbers, effect.waves) - reference(effect.waves)
     moved = {c: float(change[c].abs().max()) for c in (*MOVED.values(), "shaft_torque_N_m")}
-    least = {"pitch_ratio": 1e-4, "shaft_speed_rad_s": 1e-3, "ship_speed_m_s": 1e-3,
-             "shaft_torque_N_m": 50.0}  # fmt: skip
+    least = {
+        "pitch_ratio": 1e-4,
+        "shaft_speed_rad_s": 1e-3,
+        "ship_speed_m_s": 1e-3,
+        "shaft_torque_N_m": 50.0,
+    }
     if effect.balance == "sensor":
         own = OWN_READING[effect.id]
         assert moved.pop(own) > least[own]
@@ -200,9 +205,13 @@ def test_an_effect_is_as_strong_as_drawn() -> None:
     effect = effects.BY_KEY["coulomb-friction/engine"]
     one = cases.Concealed(effect.key, 1.0, 1.0, shaped(effect))
     case = dataclasses.replace(
-        short("single"), ship=effects.FRIGATE, effects=(one,), programme="steps",
-        wave_height=0.0, factors=dict.fromkeys(cases.TOLERANCES[effects.FRIGATE], 1.0),
-    )  # fmt: skip
+        short("single"),
+        ship=effects.FRIGATE,
+        effects=(one,),
+        programme="steps",
+        wave_height=0.0,
+        factors=dict.fromkeys(cases.TOLERANCES[effects.FRIGATE], 1.0),
+    )
     simulated = simulate_case(case)
     assert simulated.truth["beyond_tolerances"][effect.key] == pytest.approx(1.0, abs=0.08)
     assert (

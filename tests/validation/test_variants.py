@@ -98,17 +98,21 @@ def test_a_realistic_file_is_off_as_it_says(index: int, tmp_path: Path) -> None:
     file = load_ship(tmp_path / "ship.toml")
     put_right = {  # the file's keys, and what moves each
         "transmission.coulomb_friction_engine_side_N_m": ("rub", 1),
-        **({
-            "transmission.inertia_engine_side_kg_m2": ("inertia_front", 1),
-            "transmission.inertia_propeller_side_kg_m2": ("inertia_back", 1),
-            "hull.resistance_coefficient_N_s2_m2": ("resistance", 1),
-            "propeller.relative_rotative_efficiency": ("rotative", 1),
-        } if case.ship == "frigate" else {
-            "transmission.inertia_engine_side_kg_m2": ("inertia", 1),
-            "transmission.inertia_propeller_side_kg_m2": ("inertia", 1),
-            "propeller.torque_coefficient": ("kq", 1),
-        }),
-    }  # fmt: skip
+        **(
+            {
+                "transmission.inertia_engine_side_kg_m2": ("inertia_front", 1),
+                "transmission.inertia_propeller_side_kg_m2": ("inertia_back", 1),
+                "hull.resistance_coefficient_N_s2_m2": ("resistance", 1),
+                "propeller.relative_rotative_efficiency": ("rotative", 1),
+            }
+            if case.ship == "frigate"
+            else {
+                "transmission.inertia_engine_side_kg_m2": ("inertia", 1),
+                "transmission.inertia_propeller_side_kg_m2": ("inertia", 1),
+                "propeller.torque_coefficient": ("kq", 1),
+            }
+        ),
+    }
     values = {
         key: file.parameter(key).value * case.off[name] for key, (name, _) in put_right.items()
     }

@@ -47,11 +47,12 @@ def read_words() -> list[Word]:
     table = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
     return [
         Word(
-            re.compile(rf"\b(?:{entry['word']})\b", re.IGNORECASE), entry["instead"],
+            re.compile(rf"\b(?:{entry['word']})\b", re.IGNORECASE),
+            entry["instead"],
             re.compile(entry["allowed"], re.IGNORECASE) if "allowed" in entry else None,
         )
         for entry in table["words"]
-    ]  # fmt: skip
+    ]
 
 
 def texts_of(file: Path) -> Iterator[tuple[int, str]]:

@@ -83,8 +83,10 @@ def _discover(balance: str, error: Floats, terms: Terms, period: float) -> _Disc
     def design(names: tuple[str, ...], at: Rows) -> Floats:
         return np.column_stack([means[name][at] for name in names])
 
-    best = min(sets, key=lambda s: _rss(design(s, fitted), means[""][fitted], design(s, held),
-                                        means[""][held]))  # fmt: skip
+    best = min(
+        sets,
+        key=lambda s: _rss(design(s, fitted), means[""][fitted], design(s, held), means[""][held]),
+    )
     matrix, target = design(best, tested), means[""][tested]
     after, free = _rss(matrix, target, matrix, target), len(target) - len(best)
     statistic = (float(target @ target) - after) / len(best) / (after / free)
@@ -128,8 +130,16 @@ class Lisdd(Rival):
             "balances": list(dict.fromkeys(one.balance for one in found)),
             "windows_s": found[0].windows if found else [],
             "effects": [
-                {"id": name, "parameters": {"coefficient": {
-                    "value": value, "ci95": [value - 1.96 * sd, value + 1.96 * sd]}}}
-                for one in found for name, (value, sd) in one.terms.items()
+                {
+                    "id": name,
+                    "parameters": {
+                        "coefficient": {
+                            "value": value,
+                            "ci95": [value - 1.96 * sd, value + 1.96 * sd],
+                        }
+                    },
+                }
+                for one in found
+                for name, (value, sd) in one.terms.items()
             ],
-        }  # fmt: skip
+        }

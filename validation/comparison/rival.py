@@ -183,6 +183,7 @@ def _effect(effect: Mapping[str, Any]) -> dict[str, Any]:
             parameters[name] = {"value": found["value"]}
             parameters[name] |= {} if None in ends else {"ci95": list(ends)}
     return {
-        "id": effect["id"], "equivalent_ids": list(effect.get("equivalent_ids") or []),
+        "id": effect["id"],
+        "equivalent_ids": list(effect.get("equivalent_ids") or []),
         "parameters": parameters,
-    }  # fmt: skip
+    }

@@ -123,15 +123,24 @@ def bench_errors(table: pd.DataFrame) -> dict[str, tuple[Floats, Terms]]:
     missing = torque - n["rub"] * np.tanh(omega / 0.1) - n["inertia"] * spin
     electric = volt - n["constant"] * n["gear"] * omega - n["ohm"] * current
     return {
-        "motor": (missing, {
-            "coulomb-friction": np.sign(omega), "viscous-friction": omega,
-            "quadratic-drag": omega * np.abs(omega), "inflow-lag": spin * np.abs(omega),
-            "direction-asymmetry": omega**2 * (omega < 0.0),
-        }),
-        "motor ": (electric, {
-            "command-dead-zone": np.sign(volt), "supply-limit": current * np.abs(current),
-        }),
-    }  # fmt: skip
+        "motor": (
+            missing,
+            {
+                "coulomb-friction": np.sign(omega),
+                "viscous-friction": omega,
+                "quadratic-drag": omega * np.abs(omega),
+                "inflow-lag": spin * np.abs(omega),
+                "direction-asymmetry": omega**2 * (omega < 0.0),
+            },
+        ),
+        "motor ": (
+            electric,
+            {
+                "command-dead-zone": np.sign(volt),
+                "supply-limit": current * np.abs(current),
+            },
+        ),
+    }
 
 
 def _bic(left: Floats, terms: int) -> float:
@@ -180,9 +189,11 @@ def diagnose(recording: Path, ship: str, out: Path, exclude: tuple[str, ...]) ->
 
 
 def report_by(
-    choose: Callable[[Floats, Terms], list[Chosen]], recording: Path, ship: str,
+    choose: Callable[[Floats, Terms], list[Chosen]],
+    recording: Path,
+    ship: str,
     exclude: tuple[str, ...],
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Return a report with the effects that a method chooses for the equation error of each balance."""
     table = pd.read_csv(recording)
     errors = frigate_errors if "fuel_rack_mm" in table else bench_errors

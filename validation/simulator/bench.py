@@ -66,9 +66,17 @@ time_step_s = 0.01
 def bench_parameters(**changes: float) -> Parameters:
     """Return the parameters of the thruster; ``changes`` are factors as for the frigate."""
     numbers = {
-        "density": 1000.0, "diameter": 0.20, "kt": 0.40, "kq": 0.050, "constant": 0.12,
-        "ohm": 0.6, "volt_high": 48.0, "gear": 3.0, "inertia": 0.070, "rub": 0.05,
-    }  # fmt: skip
+        "density": 1000.0,
+        "diameter": 0.20,
+        "kt": 0.40,
+        "kq": 0.050,
+        "constant": 0.12,
+        "ohm": 0.6,
+        "volt_high": 48.0,
+        "gear": 3.0,
+        "inertia": 0.070,
+        "rub": 0.05,
+    }
     for name, factor in changes.items():
         numbers[name] *= factor
     return numbers | NEUTRAL
@@ -85,8 +93,11 @@ def voltage_programme(kind: str, seconds: float, period: float, rng: Generator) 
         touched = np.cumsum(rng.random(count) < period / 100.0) % 3
         return np.asarray(rng.uniform(12.0, 26.0) + 0.1 * touched, dtype=np.float64)
     if kind == "sines":
-        tones = zip((rng.uniform(20, 60), rng.uniform(5, 15), rng.uniform(2, 4)), (18.0, 7.0, 3.0),
-                    strict=True)  # fmt: skip
+        tones = zip(
+            (rng.uniform(20, 60), rng.uniform(5, 15), rng.uniform(2, 4)),
+            (18.0, 7.0, 3.0),
+            strict=True,
+        )
         waves = sum(a * np.sin(2.0 * math.pi * time / p + rng.uniform(0, 6.28)) for p, a in tones)
         return np.asarray(waves + rng.uniform(-3.0, 12.0))
     edges = np.cumsum(rng.uniform(5.0, 25.0, count // 40 + 20))
@@ -118,8 +129,14 @@ def _motor(volt: float, y: Any, n: Any, rate: Any) -> Any:
     rate[1] = 0.0
     if n.flow_memory > 0.0:  # the water through the propeller follows its speed late
         rate[1] = (omega - y[1]) / n.flow_memory * (0.3 + abs(y[1]) / 40.0)
-        drag += n.flow_share * n.density * n.diameter**5 * n.kq * abs(turns) * (
-            (omega - y[1]) / (2.0 * math.pi))  # fmt: skip
+        drag += (
+            n.flow_share
+            * n.density
+            * n.diameter**5
+            * n.kq
+            * abs(turns)
+            * ((omega - y[1]) / (2.0 * math.pi))
+        )
     if n.astern_change != 0.0:
         drag *= 1.0 + n.astern_change * 0.5 * (1.0 - math.tanh(omega / n.astern_width))
     drag += n.turning_drag * speed**n.turning_power * (1.0 if omega >= 0.0 else -1.0)
@@ -188,6 +205,11 @@ def bench_table(
     turns = states[:, 0] / (2.0 * math.pi)
     thrust = numbers["density"] * numbers["diameter"] ** 4 * numbers["kt"] * turns * np.abs(turns)
     return pd.DataFrame(
-        {"time_s": np.arange(len(volts)) * period, "motor_voltage_V": volts,
-         "shaft_speed_rad_s": states[:, 0], "motor_current_A": currents, "thrust_N": thrust}
-    )  # fmt: skip
+        {
+            "time_s": np.arange(len(volts)) * period,
+            "motor_voltage_V": volts,
+            "shaft_speed_rad_s": states[:, 0],
+            "motor_current_A": currents,
+            "thrust_N": thrust,
+        }
+    )

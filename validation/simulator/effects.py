@@ -42,8 +42,10 @@ class TrueEffect:
 _DRY = {"stribeck_rise": (0.1, 0.4), "stribeck_speed": (3.0, 5.0)}
 _WET = {"wet_power": (0.9, 1.1)}
 _EPISODE = {
-    "episode_start": (0.15, 0.5), "episode_end": (0.6, 0.85), "episode_edge": (5.0, 25.0),
-}  # fmt: skip
+    "episode_start": (0.15, 0.5),
+    "episode_end": (0.6, 0.85),
+    "episode_edge": (5.0, 25.0),
+}
 
 EFFECTS: tuple[TrueEffect, ...] = (
     TrueEffect("engine-torque-lag", "engine", "lag_time", 1.0, 10.0, {"lag_damping": (0.75, 1.1)},
@@ -139,12 +141,21 @@ UNKNOWN: tuple[TrueEffect, ...] = (
 )  # fmt: skip
 
 CONFOUNDED = (
-    "engine-derating/engine", "engine-torque-curvature/engine", "coulomb-friction/engine",
-    "viscous-friction/engine", "coulomb-friction/propeller", "viscous-friction/propeller",
-    "propeller-roughness/propeller", "wake-speed-dependence/propeller", "hull-fouling/hull",
-    "current/hull", "pitch-actuator-offset/pitch-actuator", "pitch-sensor-offset/sensor",
-    "torque-sensor-bias/sensor", "torque-sensor-gain/sensor",
-)  # fmt: skip
+    "engine-derating/engine",
+    "engine-torque-curvature/engine",
+    "coulomb-friction/engine",
+    "viscous-friction/engine",
+    "coulomb-friction/propeller",
+    "viscous-friction/propeller",
+    "propeller-roughness/propeller",
+    "wake-speed-dependence/propeller",
+    "hull-fouling/hull",
+    "current/hull",
+    "pitch-actuator-offset/pitch-actuator",
+    "pitch-sensor-offset/sensor",
+    "torque-sensor-bias/sensor",
+    "torque-sensor-gain/sensor",
+)
 """Effects that are visible but not distinguishable in a nearly steady cruise."""
 
 BY_KEY = {effect.key: effect for effect in (*EFFECTS, *UNKNOWN)}

@@ -78,9 +78,21 @@ def _runge_kutta(
 
 @compiled
 def _voyage(
-    ship: Any, waves: Any, table: Any, step: float, fine: int, orders: Any, noise: Any, digit: float,
-    rule: Any, closed: bool, first: float, start: Any, demands: Any, states: Any,
-) -> None:  # fmt: skip
+    ship: Any,
+    waves: Any,
+    table: Any,
+    step: float,
+    fine: int,
+    orders: Any,
+    noise: Any,
+    digit: float,
+    rule: Any,
+    closed: bool,
+    first: float,
+    start: Any,
+    demands: Any,
+    states: Any,
+) -> None:
     """Write the states at the samples, the rack in the table, and in closed loop the commands."""
     ship = ship[0]
     y, k, out = start.copy(), np.zeros((4, len(start))), np.zeros(3)
@@ -144,9 +156,15 @@ def _first_rack(numbers: Parameters, order: float, table: Floats) -> tuple[float
 
 
 def simulate_governed(
-    numbers: Parameters, orders: Floats, pitch: Floats, period: float, seed: int, *,
-    waves: Waves | None = None, wind_seed: int = 0,
-) -> pd.DataFrame:  # fmt: skip
+    numbers: Parameters,
+    orders: Floats,
+    pitch: Floats,
+    period: float,
+    seed: int,
+    *,
+    waves: Waves | None = None,
+    wind_seed: int = 0,
+) -> pd.DataFrame:
     """Integrate the true ship under a governor; the rack command of the result is the governor's.
 
     Args:
@@ -171,9 +189,14 @@ def simulate_governed(
 
 
 def simulate_held(
-    numbers: Parameters, rack: Floats, pitch: Floats, period: float, *, waves: Waves | None = None,
+    numbers: Parameters,
+    rack: Floats,
+    pitch: Floats,
+    period: float,
+    *,
+    waves: Waves | None = None,
     wind_seed: int = 0,
-) -> pd.DataFrame:  # fmt: skip
+) -> pd.DataFrame:
     """Integrate the true ship with rack commands [mm] that change at every sample.
 
     The other arguments and the error are those of :func:`simulate_governed`.
@@ -188,16 +211,35 @@ def simulate_held(
 
 
 def _simulate(
-    numbers: Parameters, racks: Floats, pitch: Floats, period: float, waves: Waves | None,
-    table: Floats, orders: Floats, encoder: tuple[Floats, float], closed: bool, first: float,
+    numbers: Parameters,
+    racks: Floats,
+    pitch: Floats,
+    period: float,
+    waves: Waves | None,
+    table: Floats,
+    orders: Floats,
+    encoder: tuple[Floats, float],
+    closed: bool,
+    first: float,
     start: Floats,
-) -> pd.DataFrame:  # fmt: skip
+) -> pd.DataFrame:
     waves = calm() if waves is None else waves
     ship, states = as_record(numbers), np.zeros((len(racks), STATES))
     _voyage(
-        ship, waves, table, period / FINE, FINE, orders, *encoder, RACK[:4], closed, first,
-        start, racks, states,
-    )  # fmt: skip
+        ship,
+        waves,
+        table,
+        period / FINE,
+        FINE,
+        orders,
+        *encoder,
+        RACK[:4],
+        closed,
+        first,
+        start,
+        racks,
+        states,
+    )
     if not np.isfinite(states).all() or (states[:, 0] < STALLED).any():
         raise StalledError("the engine stops")
     return columns_of(racks, pitch, period, states, ship, waves, table)
@@ -216,9 +258,17 @@ def bench_orders(volts: Floats) -> Floats:
 
 @compiled
 def _bench(
-    ship: Any, period: float, orders: Any, noise: Any, digit: float, rule: Any,
-    first: float, demands: Any, states: Any, currents: Any,
-) -> None:  # fmt: skip
+    ship: Any,
+    period: float,
+    orders: Any,
+    noise: Any,
+    digit: float,
+    rule: Any,
+    first: float,
+    demands: Any,
+    states: Any,
+    currents: Any,
+) -> None:
     """Write commands, states and currents at the samples."""
     ship = ship[0]
     y, k, memory = np.zeros(4), np.zeros((4, 4)), first
@@ -251,7 +301,14 @@ def run_bench_governed(
     states = np.zeros((len(orders), 4))
     first = float(np.interp(orders[0], bench_orders(VOLTS), VOLTS))
     _bench(
-        thruster_record(numbers), period, wanted, *encoder, VOLTAGE[:4], first, volts, states,
+        thruster_record(numbers),
+        period,
+        wanted,
+        *encoder,
+        VOLTAGE[:4],
+        first,
+        volts,
+        states,
         currents,
-    )  # fmt: skip
+    )
     return bench_table(numbers, period, volts, states, currents)

@@ -156,10 +156,12 @@ def add_instruments(
     rng = np.random.default_rng(seed)
     noise = {
         "shaft_speed_rad_s": ("encoder_noise", ENCODER_DIGIT),
-        "shaft_torque_N_m": ("gauge_noise", 100.0), "pitch_ratio": ("pitch_noise", 0.001),
-        "ship_speed_m_s": ("log_noise", 0.01), "motor_current_A": ("current_noise", 0.001),
+        "shaft_torque_N_m": ("gauge_noise", 100.0),
+        "pitch_ratio": ("pitch_noise", 0.001),
+        "ship_speed_m_s": ("log_noise", 0.01),
+        "motor_current_A": ("current_noise", 0.001),
         "propeller_submergence_m": ("depth_noise", 0.01),
-    }  # fmt: skip
+    }
     for column, (name, digit) in noise.items():
         drawn = rng.standard_normal(len(table))
         if column in table:

@@ -32,9 +32,13 @@ def calm() -> Waves:
 
 
 def head_sea(
-    height: float, period: float, depth: float, seed: int, peakedness: float = 3.3,
+    height: float,
+    period: float,
+    depth: float,
+    seed: int,
+    peakedness: float = 3.3,
     angle: float = 0.0,
-) -> Waves:  # fmt: skip
+) -> Waves:
     """Draw a sea that meets the ship; each component has the same share of the energy height^2 / 16.
 
     Args:
@@ -203,9 +207,14 @@ def _turned_slowly(ship: Any, omega: float, torque: float) -> Any:
 
 @compiled
 def _screw(
-    ship: Any, omega: float, pitch: float, inflow: float, submergence: float, air: float,
+    ship: Any,
+    omega: float,
+    pitch: float,
+    inflow: float,
+    submergence: float,
+    air: float,
     bubbles: float,
-) -> tuple[float, float]:  # fmt: skip
+) -> tuple[float, float]:
     """Return thrust [N] and torque [N m] of one propeller."""
     n = omega / (2.0 * math.pi)
     scale = ship.density * n * n * ship.diameter**4
@@ -253,9 +262,15 @@ def _clock(table: Floats, step: float, t: float, now: Floats) -> None:
 
 @compiled
 def _balance(
-    t: float, y: Floats, ship: Any, waves: Floats, table: Floats, step: float, rate: Floats,
+    t: float,
+    y: Floats,
+    ship: Any,
+    waves: Floats,
+    table: Floats,
+    step: float,
+    rate: Floats,
     out: Floats,
-) -> None:  # fmt: skip
+) -> None:
     """Write the rates of the states, and measured torque, thrust and submergence."""
     now = np.empty(table.shape[1])
     _clock(table, step, t, now)

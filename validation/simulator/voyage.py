@@ -90,9 +90,15 @@ def _first_states(ship: NDArray[Any], numbers: Parameters, table: Floats) -> Flo
     brake = 2e4 if numbers["lag_time"] > 0.0 else 0.0
     start = np.array([9.0, 7.0 + held[0, 3], 0.0, brake, 0.0, 6.0, 0.0, 0.0, 0.0])
     whole = scipy.integrate.solve_ivp(
-        motion.rates, (0.0, SETTLING), start, method="LSODA", rtol=1e-7, atol=motion.ABSOLUTE_TOLERANCES,
-        args=(ship, calm(), held, SETTLING), events=_slow,
-    )  # fmt: skip
+        motion.rates,
+        (0.0, SETTLING),
+        start,
+        method="LSODA",
+        rtol=1e-7,
+        atol=motion.ABSOLUTE_TOLERANCES,
+        args=(ship, calm(), held, SETTLING),
+        events=_slow,
+    )
     if whole.status != 0:
         raise StalledError("the engine stops at the first demands")
     settled = np.asarray(whole.y[:, -1])
@@ -101,9 +107,14 @@ def _first_states(ship: NDArray[Any], numbers: Parameters, table: Floats) -> Flo
 
 
 def simulate_voyage(
-    numbers: Parameters, rack: Floats, pitch: Floats, period: float, *, waves: Waves | None = None,
+    numbers: Parameters,
+    rack: Floats,
+    pitch: Floats,
+    period: float,
+    *,
+    waves: Waves | None = None,
     wind_seed: int = 0,
-) -> pd.DataFrame:  # fmt: skip
+) -> pd.DataFrame:
     """Integrate the true ship; return its true signals in the canonical columns of a recording.
 
     Args:
@@ -131,10 +142,17 @@ def simulate_voyage(
             continue
         span = float(times[first]), float(times[last]) - 1e-6
         solution = scipy.integrate.solve_ivp(
-            motion.rates, span, state, method="RK45", rtol=1e-5, atol=motion.ABSOLUTE_TOLERANCES,
-            max_step=longest, t_eval=np.append(times[first:last], span[1]),
-            args=(ship, waves, table, step), events=_slow,
-        )  # fmt: skip
+            motion.rates,
+            span,
+            state,
+            method="RK45",
+            rtol=1e-5,
+            atol=motion.ABSOLUTE_TOLERANCES,
+            max_step=longest,
+            t_eval=np.append(times[first:last], span[1]),
+            args=(ship, waves, table, step),
+            events=_slow,
+        )
         if solution.status != 0:
             raise StalledError(f"the engine stops at {solution.t[-1]:.1f} s")
         states[first:last] = solution.y.T[:-1]
@@ -143,9 +161,14 @@ def simulate_voyage(
 
 
 def columns_of(
-    rack: Floats, pitch: Floats, period: float, states: Floats, ship: NDArray[Any], waves: Waves,
+    rack: Floats,
+    pitch: Floats,
+    period: float,
+    states: Floats,
+    ship: NDArray[Any],
+    waves: Waves,
     table: Floats,
-) -> pd.DataFrame:  # fmt: skip
+) -> pd.DataFrame:
     """Return the true signals in the canonical columns of a recording, from the states at the samples.
 
     ``ship`` is an array of one record, ``table`` that of the clock; the other arguments are those of
@@ -154,8 +177,15 @@ def columns_of(
     times: Floats = np.arange(len(rack), dtype=np.float64) * period
     outs = motion.signals(times, states, ship, waves, table, period / FINE)
     return pd.DataFrame(
-        {"time_s": times, "fuel_rack_mm": rack, "pitch_ratio_command": pitch,
-         "pitch_ratio": table[::FINE, 1], "shaft_speed_rad_s": states[:, 0],
-         "shaft_torque_N_m": outs[:, 0], "ship_speed_m_s": states[:, 1], "thrust_N": outs[:, 1],
-         "propeller_submergence_m": outs[:, 2]}
-    )  # fmt: skip
+        {
+            "time_s": times,
+            "fuel_rack_mm": rack,
+            "pitch_ratio_command": pitch,
+            "pitch_ratio": table[::FINE, 1],
+            "shaft_speed_rad_s": states[:, 0],
+            "shaft_torque_N_m": outs[:, 0],
+            "ship_speed_m_s": states[:, 1],
+            "thrust_N": outs[:, 1],
+            "propeller_submergence_m": outs[:, 2],
+        }
+    )

@@ -55,8 +55,14 @@ def test_kpis_and_trace_are_those_of_the_single_environment() -> None:
     cell = replace(CELL, task_model=task, sensor_noise=0.5, first_seed=40)
     kpis, trace = run_episodes(cell, Still())
     for seed in range(3):
-        env = FrigateEnv(task=task, sea="state-5", observer=CELL.observer, max_episode_steps=40,
-                         sensor_noise=0.5, **CLASSIC)  # fmt: skip
+        env = FrigateEnv(
+            task=task,
+            sea="state-5",
+            observer=CELL.observer,
+            max_episode_steps=40,
+            sensor_noise=0.5,
+            **CLASSIC,
+        )
         seen, _ = env.reset(seed=40 + seed)
         order, fuel, torque, errors, reward = float(seen[0]), 0.0, [], [], 0.0
         for k in range(40):
@@ -67,8 +73,15 @@ def test_kpis_and_trace_are_those_of_the_single_environment() -> None:
             errors.append(info["ship_speed"] - shown)
             reward += r
             if seed == 0:
-                expected = [0.5 * k, shown, seen[3], seen[4], *(info[name] for name in TRUTHS),
-                            seen[6], seen[7]]  # fmt: skip
+                expected = [
+                    0.5 * k,
+                    shown,
+                    seen[3],
+                    seen[4],
+                    *(info[name] for name in TRUTHS),
+                    seen[6],
+                    seen[7],
+                ]
                 assert trace[k] == pytest.approx(np.asarray(expected, np.float64), rel=1e-7)
         assert truncated
         assert order != shown
@@ -88,9 +101,14 @@ def test_kpis_and_trace_are_those_of_the_single_environment() -> None:
 def test_every_field_of_a_setting_decides_the_run() -> None:
     plain = run_episodes(CELL, Still())[0]
     for change in (
-        {"task": "storm"}, {"sea": "calm"}, {"observer": "none"}, {"episode_s": 10.0},
-        {"sensor_noise": 0.0}, {"ship": "ferry"}, {"first_seed": 1},
-    ):  # fmt: skip
+        {"task": "storm"},
+        {"sea": "calm"},
+        {"observer": "none"},
+        {"episode_s": 10.0},
+        {"sensor_noise": 0.0},
+        {"ship": "ferry"},
+        {"first_seed": 1},
+    ):
         field = next(iter(change))
         kpis, trace = run_episodes(replace(CELL, **change), Still())
         if field in ("observer", "sensor_noise"):  # seen by the controller alone
@@ -160,15 +178,26 @@ def test_a_stall_counts_once_and_ends_the_episode() -> None:
 def test_defaults_are_the_environments() -> None:
     cell = Setting("off", "transit", "calm", "none", seeds=2)
     assert (cell.ship, cell.episode_s, cell.sensor_noise, cell.task_model, cell.first_seed) == (
-        DEFAULTS.ship, EPISODE_S, DEFAULTS.sensor_noise, None, 0,
-    )  # fmt: skip
+        DEFAULTS.ship,
+        EPISODE_S,
+        DEFAULTS.sensor_noise,
+        None,
+        0,
+    )
 
 
 def test_names_of_cells_differ_where_settings_differ() -> None:
     others: dict[str, Any] = {
-        "controller": "lever", "task": "storm", "sea": "calm", "observer": "none", "seeds": 4,
-        "ship": "ferry", "episode_s": 21.0, "sensor_noise": {"ship_speed": 0.1}, "first_seed": 1,
-    }  # fmt: skip
+        "controller": "lever",
+        "task": "storm",
+        "sea": "calm",
+        "observer": "none",
+        "seeds": 4,
+        "ship": "ferry",
+        "episode_s": 21.0,
+        "sensor_noise": {"ship_speed": 0.1},
+        "first_seed": 1,
+    }
     names = {CELL.name, *(replace(CELL, **{key: value}).name for key, value in others.items())}
     assert len(names) == 1 + len(others)
     assert replace(CELL, task_model=get_task("transit")).name == CELL.name

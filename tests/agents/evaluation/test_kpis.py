@@ -34,7 +34,8 @@ def made_up(k: int) -> dict[str, Any]:
         "blade_pitch": column((1.0, 1.1, 1.05), (0.8, 0.9, 9.0)),
         "angle_of_attack": column((3.0, 5.0, 4.0), (1.0, 2.0, 90.0)),
         "outside_bucket": column((0.0, 0.5, 0.1), (0.0, 0.0, 9.0)),
-        "reward_terms": nothing | {
+        "reward_terms": nothing
+        | {
             "fuel_kg_s": column((1.0, 2.0, 3.0), (0.5, 0.7, 9.0)),
             "rack_travel_mm": column((1.0, 0.0, 2.0), (4.0, 0.5, 9.0)),
             "overload": column((0.004, 0.1, 0.2), (0.0, 0.0, 0.9)),
@@ -47,7 +48,7 @@ def made_up(k: int) -> dict[str, Any]:
         },
         "_ended": np.array([False, k > 0]),
         "ended": np.array([None, "overspeed trip" if k > 0 else None], dtype=object),
-    }  # fmt: skip
+    }
 
 
 @pytest.fixture(scope="module")
@@ -191,8 +192,16 @@ def test_the_page_tells_every_kpi_as_it_is_declared() -> None:
 
 
 def test_every_kpi_is_told_with_its_unit() -> None:
-    units = {"_m_s": "[m/s]", "_kN_m": "[kN m]", "_kN": "[kN]", "_s": "[s]", "_kW": "[kW]",
-             "_rad_s": "[rad/s]", "_nmi": "[kg]", "_mm_min": "[mm/min]"}  # fmt: skip
+    units = {
+        "_m_s": "[m/s]",
+        "_kN_m": "[kN m]",
+        "_kN": "[kN]",
+        "_s": "[s]",
+        "_kW": "[kW]",
+        "_rad_s": "[rad/s]",
+        "_nmi": "[kg]",
+        "_mm_min": "[mm/min]",
+    }
     for name, meaning in KPIS.items():
         ends = [end for end in units if name.endswith(end)]
         assert not ends or meaning.endswith(units[max(ends, key=len)]), name

@@ -102,8 +102,13 @@ def test_a_cells_name_changes_with_ship_and_source(
     monkeypatch.setattr(sweeps, "source_digest", digest)
     assert version_of_cells("frigate") != first
     assert set(asked) == {
-        "core", "plant", "observers", "baselines", "envs", "agents/evaluation",
-    }  # fmt: skip
+        "core",
+        "plant",
+        "observers",
+        "baselines",
+        "envs",
+        "agents/evaluation",
+    }
 
 
 def test_one_process_may_use_all_cores_and_several_one_each(
@@ -121,8 +126,13 @@ def test_one_process_may_use_all_cores_and_several_one_each(
     monkeypatch.setattr(sweeps, "run_episodes", run)
     monkeypatch.setattr(sweeps, "sweep", in_line)
     two = [CELL, replace(CELL, sea="calm")]
-    for cells, options in ((two, {"jobs": 1}), (two[:1], {}), (two, {"jobs": 2}), (two, {}),
-                           (two[:1], {"backend": "dask"})):  # fmt: skip
+    for cells, options in (
+        (two, {"jobs": 1}),
+        (two[:1], {}),
+        (two, {"jobs": 2}),
+        (two, {}),
+        (two[:1], {"backend": "dask"}),
+    ):
         threads.clear()
         episodes(cells, lambda setting: combinator, tmp_path, **options)  # type: ignore[arg-type]
         alone = options == {"jobs": 1} or (len(cells) == 1 and not options)
@@ -133,8 +143,12 @@ def test_an_evaluation_says_gives_and_saves_itself(found: Evaluation, tmp_path: 
     lines = found.summary(["fuel_kg_nmi", "failed"]).splitlines()
     assert lines[0].split() == ["controller", "sea", "observer", "fuel_kg_nmi", "failed"]
     assert lines[1].split() == [
-        "combinator", "state-5", "random-walk-kalman", f"{found.table['fuel_kg_nmi'][0]:.4g}", "0",
-    ]  # fmt: skip
+        "combinator",
+        "state-5",
+        "random-walk-kalman",
+        f"{found.table['fuel_kg_nmi'][0]:.4g}",
+        "0",
+    ]
     assert found.summary().splitlines()[0].split()[3:] == list(KPIS)
     told = json.loads(json.dumps(found.to_dict()))
     assert told["table"][1]["sea"] == "calm"

@@ -59,11 +59,15 @@ def test_an_evaluation_is_kept_and_read_again(tmp_path: Path, policy: Policy) ->
     kept(tmp_path, policy, (-9.0, 0.0), (-7.0, 0.0))
     names = sorted(file.name for file in (tmp_path / "checkpoints").iterdir())
     assert names == [
-        "model-01.npz", "model-02.npz", "policy-01.npz", "policy-02.npz",
-    ]  # fmt: skip
+        "model-01.npz",
+        "model-02.npz",
+        "policy-01.npz",
+        "policy-02.npz",
+    ]
     assert json.loads((tmp_path / "curve.json").read_text()) == [
-        {"reward": -9.0, "failed": 0.0}, {"reward": -7.0, "failed": 0.0},
-    ]  # fmt: skip
+        {"reward": -9.0, "failed": 0.0},
+        {"reward": -7.0, "failed": 0.0},
+    ]
     again = Checkpoints(tmp_path)
     assert len(again.evaluations) == 2
     assert (
@@ -71,8 +75,9 @@ def test_an_evaluation_is_kept_and_read_again(tmp_path: Path, policy: Policy) ->
         == [[2.0, 2.0]] * 2
     )
     assert load_policy(tmp_path / "checkpoints/policy-01.npz").curve == {
-        "reward": [-9.0], "failed": [0.0],
-    }  # fmt: skip
+        "reward": [-9.0],
+        "failed": [0.0],
+    }
     assert again.folder == tmp_path
 
 

@@ -34,8 +34,10 @@ from ..tiny import interrupted_after_an_evaluation, plain_policy, recipe
 STEPS = 40
 FIXED = {"propeller.pitch_ratio_min": 1.2, "propeller.pitch_ratio_max": 1.2}
 RACK: dict[str, Any] = {
-    "action_mode": "absolute", "command": "limited-rack", "max_episode_steps": STEPS,
-}  # fmt: skip
+    "action_mode": "absolute",
+    "command": "limited-rack",
+    "max_episode_steps": STEPS,
+}
 TASK, SHIP = "transit", "frigate"
 
 
@@ -160,9 +162,14 @@ def test_a_training_with_plans_repeats_and_resumes(folder: Path, tmp_path: Path)
 def test_progress_tells_how_many_plans_are_made(tmp_path: Path, folder: Path) -> None:
     told: list[str] = []
     train(
-        planned_recipe(), 3, tmp_path, device="cpu", threads=1, plan_folder=folder,
+        planned_recipe(),
+        3,
+        tmp_path,
+        device="cpu",
+        threads=1,
+        plan_folder=folder,
         tick=lambda done, total, said: told.append(said),
-    )  # fmt: skip
+    )
     assert told[:3] == ["1 of 2 plans", "2 of 2 plans", "imitating the plans"]
 
 

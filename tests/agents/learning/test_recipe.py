@@ -15,9 +15,15 @@ from shaftline.envs import get_task, tasks
 from shaftline.envs.settings import Settings
 
 CHOSEN = {
-    "observer", "tuning", "sea", "sensor_noise", "max_episode_steps", "randomise", "action_mode",
+    "observer",
+    "tuning",
+    "sea",
+    "sensor_noise",
+    "max_episode_steps",
+    "randomise",
+    "action_mode",
     "command",
-}  # fmt: skip
+}
 ELSEWHERE = sorted(set(Settings.model_fields) - CHOSEN)
 """Keywords of the environment that a recipe may not set."""
 
@@ -43,10 +49,15 @@ def mine(tmp_path: Path) -> Path:
 def test_a_section_becomes_a_recipe(mine: Path) -> None:
     plan = read_recipe("ppo", "transit", mine)
     assert plan == Recipe(
-        algorithm="ppo", task="transit", n_envs=32, n_timesteps=200_000, evaluations=3,
-        frame_stack=4, env_kwargs={"observer": "oracle", "max_episode_steps": 120},
+        algorithm="ppo",
+        task="transit",
+        n_envs=32,
+        n_timesteps=200_000,
+        evaluations=3,
+        frame_stack=4,
+        env_kwargs={"observer": "oracle", "max_episode_steps": 120},
         hyperparameters={"n_steps": 256, "learning_rate": "lin_3e-4"},
-    )  # fmt: skip
+    )
 
 
 def test_changes_go_before_the_file(mine: Path) -> None:
@@ -129,9 +140,11 @@ def test_each_algorithm_has_keys_of_its_own(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("algorithm", "task"),
-    [*(("ppo", task) for task in (*tasks(), *tasks(steered=True))),
-     *(("sac", task) for task in ("rough-sea", "speed-keeping", "storm", "flank"))],
-)  # fmt: skip
+    [
+        *(("ppo", task) for task in (*tasks(), *tasks(steered=True))),
+        *(("sac", task) for task in ("rough-sea", "speed-keeping", "storm", "flank")),
+    ],
+)
 def test_tasks_have_recipes(algorithm: str, task: str) -> None:
     plan = read_recipe(algorithm, task)
     assert (plan.algorithm, plan.task) == (algorithm, task)

@@ -87,8 +87,9 @@ def test_evaluations_have_seeds_of_their_own_and_the_last_policy_is_kept(whole: 
     assert policy.about["seed"] == 3
     assert policy.about["recipe"]["hyperparameters"]["n_steps"] == 16
     assert policy.about["torch"] == torch.__version__.split("+")[0]
-    cell = Setting("policy", "transit", "task", "random-walk-kalman", 24, episode_s=10.0,
-                   first_seed=500_000)  # fmt: skip
+    cell = Setting(
+        "policy", "transit", "task", "random-walk-kalman", 24, episode_s=10.0, first_seed=500_000
+    )
     for part in (1, 2):
         kept = load_policy(whole("ppo").parent / f"checkpoints/policy-{part:02d}.npz")
         kpis, _ = run_episodes(cell, kept)
@@ -123,8 +124,9 @@ def test_evaluations_have_the_environment_of_the_recipe(tmp_path: Path) -> None:
     keywords = {"observer": "none", "sensor_noise": 0.0, "max_episode_steps": 12}
     plan = recipe(n_timesteps=64, evaluations=1, env_kwargs=keywords)
     policy = load_policy(train(plan, 0, tmp_path, device="cpu"))
-    cell = Setting("policy", "transit", "task", "none", 24, episode_s=6.0, sensor_noise=0.0,
-                   first_seed=500_000)  # fmt: skip
+    cell = Setting(
+        "policy", "transit", "task", "none", 24, episode_s=6.0, sensor_noise=0.0, first_seed=500_000
+    )
     kpis, _ = run_episodes(cell, policy)
     assert policy.curve["reward"] == [pytest.approx(interquartile_mean(kpis["reward"]))]
 
@@ -175,8 +177,7 @@ def test_learning_is_compared_with_a_controller_in_the_same_episodes(
         if task == "course-keeping"
         else make_controller(name, load_ship(vessel), 0.5)
     )
-    cell = Setting("one", task, "task", "random-walk-kalman", 24, episode_s=5.0,
-                   first_seed=500_000)  # fmt: skip
+    cell = Setting("one", task, "task", "random-walk-kalman", 24, episode_s=5.0, first_seed=500_000)
     kpis, _ = run_episodes(cell, controller)
     assert reward == pytest.approx(interquartile_mean(kpis["reward"]))
 
@@ -198,9 +199,14 @@ def test_a_finished_training_is_left_alone(whole: Any) -> None:
 def test_few_steps_are_few_evaluations(tmp_path: Path) -> None:
     said: list[tuple[int, int, str]] = []
     policy = load_policy(
-        train(recipe(n_timesteps=70, evaluations=10), 0, tmp_path, device="cpu",
-              tick=lambda *told: said.append(told))
-    )  # fmt: skip
+        train(
+            recipe(n_timesteps=70, evaluations=10),
+            0,
+            tmp_path,
+            device="cpu",
+            tick=lambda *told: said.append(told),
+        )
+    )
     assert policy.curve["steps"] == [64]
     assert said[0] == (4, 70, "not evaluated yet")
     assert said[-1] == (70, 70, f"reward {policy.curve['reward'][0]:.1f}")

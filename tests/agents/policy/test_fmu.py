@@ -37,9 +37,13 @@ def test_the_fmu_equals_the_network_over_stacked_observations(tmp_path: Path) ->
     for k, name in enumerate(names["input"]):
         inputs[name] = seen[:, k]
     result = fmpy.simulate_fmu(
-        str(file), stop_time=0.5 * rows, output_interval=0.5, input=inputs, output=names["output"],
+        str(file),
+        stop_time=0.5 * rows,
+        output_interval=0.5,
+        input=inputs,
+        output=names["output"],
         set_input_derivatives=False,
-    )  # fmt: skip
+    )
     assert [result[name][0] for name in names["output"]] == [0.0, 0.0]  # before the first step
     stack = np.zeros(policy.frames * width)
     for k, row in enumerate(seen):

@@ -60,8 +60,9 @@ def network(**changes: Any) -> Network:
     fields: dict[str, Any] = {
         "weights": (first, last),
         "biases": (np.asarray([0.25, 0.0], np.float32), np.asarray([0.0, 0.1], np.float32)),
-        "activation": "tanh", "squashed": False,
-    }  # fmt: skip
+        "activation": "tanh",
+        "squashed": False,
+    }
     return Network(**(fields | changes))
 
 
@@ -114,9 +115,14 @@ def test_the_layout_is_everything_that_a_policy_rests_on() -> None:
     assert found["format"] == 3
     assert found["ranges"]["gear_ratio"] == load_ship("ferry").transmission.gear_ratio
     assert set(found["ranges"]) == {
-        "pitch_ratio_min", "pitch_ratio_max", "drive_min", "drive_max", "gear_ratio",
-        "engine_speed_min", "engine_speed_max",
-    }  # fmt: skip
+        "pitch_ratio_min",
+        "pitch_ratio_max",
+        "drive_min",
+        "drive_max",
+        "gear_ratio",
+        "engine_speed_min",
+        "engine_speed_max",
+    }
     assert (found["action_mode"], found["command"]) == ("absolute", "limited-rack")
     assert (found["observed"], found["actions"]) == (list(batch.observed), 2)
 
@@ -129,8 +135,10 @@ def test_a_policy_of_the_storm_has_the_ship_of_the_storm() -> None:
 def test_a_policy_is_run_with_the_keywords_of_its_training() -> None:
     policy = plain_policy(action_mode="absolute", command="limited-rack")
     assert policy.interface == {
-        "normalised": True, "action_mode": "absolute", "command": "limited-rack",
-    }  # fmt: skip
+        "normalised": True,
+        "action_mode": "absolute",
+        "command": "limited-rack",
+    }
     setting = Setting("policy", "transit", "calm", "none", 2, episode_s=5.0)
     _, trace = run_episodes(setting, policy)
     env = FrigateEnv(task="transit", sea="calm", observer="none", **policy.interface)

@@ -45,8 +45,10 @@ def test_numbers_far_off_are_found_within_their_errors() -> None:
         assert error < (0.15 if key == FRICTION else 0.02) * value, key
     assert found.remarks == ()
     assert {stage for stage, *_ in told} == {
-        "noise of the states", "passes of the filter", "tolerances of the other numbers",
-    }  # fmt: skip
+        "noise of the states",
+        "passes of the filter",
+        "tolerances of the other numbers",
+    }
     estimates = found.tables["estimates"]
     assert list(estimates) == ["time_s", *(f"{k}{s}" for k in keys for s in ("", " se"))]
     assert (estimates["time_s"].iloc[0], estimates["time_s"].iloc[-1]) == (0.0, 400.0)
@@ -131,9 +133,10 @@ def test_a_number_that_is_not_excited_is_refused() -> None:
         ValueError, match=r"fuel_base_g_kWh is not identifiable: no measured channel"
     ):
         ekf(
-            load_ship("frigate"), [frigate_voyage(seed=1, seconds=60.0)],
+            load_ship("frigate"),
+            [frigate_voyage(seed=1, seconds=60.0)],
             (RESISTANCE, "prime_mover.fuel_base_g_kWh"),
-        )  # fmt: skip
+        )
 
 
 def test_what_is_hardly_told_is_said() -> None:

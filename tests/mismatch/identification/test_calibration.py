@@ -118,8 +118,9 @@ def test_a_reference_period_without_missing_physics_gives_parameters_and_errors_
 
 
 def test_tolerances_of_the_file_stay_where_it_states_more_than_a_tenth() -> None:
-    wide = quick_frigate().with_values({"tolerances.resistance": 0.3, "tolerances.numbers": {
-        INERTIA: 100.0}})  # fmt: skip
+    wide = quick_frigate().with_values(
+        {"tolerances.resistance": 0.3, "tolerances.numbers": {INERTIA: 100.0}}
+    )
     found = doubt_parameters(wide, [healthy()]).tolerances.numbers
     assert found[RESISTANCE] == pytest.approx(0.3 * 3306.2, rel=0.05)
     assert found["hull.mass_kg"] == pytest.approx(0.1 * wide.hull.mass_kg)

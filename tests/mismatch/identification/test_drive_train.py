@@ -24,13 +24,15 @@ from .benches import poles_approximate, recorded, responses, step_responses, tug
 
 POINT_C = WorkingPoint(5.89, 215.0, 1.29)
 FULL = {
-    "transmission.efficiency": 0.9, "transmission.inertia_propeller_side_kg_m2": 2e-5,
-    "propeller.entrained_inertia_kg_m2": 3e-5, "propeller.relative_rotative_efficiency": 0.95,
+    "transmission.efficiency": 0.9,
+    "transmission.inertia_propeller_side_kg_m2": 2e-5,
+    "propeller.entrained_inertia_kg_m2": 3e-5,
+    "propeller.relative_rotative_efficiency": 0.95,
     "transmission.coulomb_friction_propeller_side_N_m": 0.004,
     "transmission.viscous_friction_engine_side_N_m_s_rad": 2e-5,
     "transmission.viscous_friction_propeller_side_N_m_s_rad": 3e-5,
     "transmission.quadratic_drag_N_m_s2_rad2": 1e-7,
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(
@@ -44,9 +46,16 @@ def test_linear_model_at_the_measured_point(name: str, expected: tuple[float, ..
     model = drive_train(tug(name)).linear(POINT_C)
     fast, slow = (pole.real for pole in model.poles)
     found = (
-        0.5 * model.damping, model.electric_s, model.effective_s, model.c, fast, slow, model.zero,
-        model.speed_gain, model.current_gain,
-    )  # fmt: skip
+        0.5 * model.damping,
+        model.electric_s,
+        model.effective_s,
+        model.c,
+        fast,
+        slow,
+        model.zero,
+        model.speed_gain,
+        model.current_gain,
+    )
     assert_allclose(found, expected, rtol=2e-3)
     assert_allclose(poles_approximate(model), (fast, slow), rtol=4e-3)
 
@@ -61,17 +70,20 @@ def test_linear_model_is_the_plant_s(values: dict[str, float]) -> None:
     point = train.equilibrium(5.89)
     assert_allclose(
         (point.motor_speed, point.current),
-        (ratio * steady.state.shaft_speed, steady.state.motor_current), rtol=1e-9,
-    )  # fmt: skip
+        (ratio * steady.state.shaft_speed, steady.state.motor_current),
+        rtol=1e-9,
+    )
     plant = linearise(ship, steady, ("shaft_speed", "motor_current"))
     model = train.linear(point)
     assert_allclose(sorted(model.poles, key=abs), sorted(plant.poles(), key=abs), rtol=1e-6)
     for frequency in (0.3, 8.0, 400.0, 5000.0):
         speed, current = (
             complex(plant[name, "drive"](1j * frequency)) * 5.89 / size
-            for name, size in (("shaft_speed", steady.state.shaft_speed),
-                               ("motor_current", steady.state.motor_current))
-        )  # fmt: skip
+            for name, size in (
+                ("shaft_speed", steady.state.shaft_speed),
+                ("motor_current", steady.state.motor_current),
+            )
+        )
         assert_allclose(responses(model, frequency), (speed, current), rtol=1e-6)
 
 

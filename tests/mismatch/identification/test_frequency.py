@@ -63,9 +63,10 @@ def test_sampled_model_is_the_simulation_s_at_a_coarse_interval() -> None:
     carrier = np.exp(-1j * frequency * time[rows])
     cause = 2.0 * np.mean((table["motor_voltage_V"] / 5.89 - 1.0).to_numpy()[rows] * carrier)
     measured = replace(
-        about(ship, step), frequency=np.array([frequency]),
+        about(ship, step),
+        frequency=np.array([frequency]),
         response={"motor_current_A": np.zeros(1, complex)},
-    )  # fmt: skip
+    )
     mean = measured.means["motor_current_A"]
     effect = 2.0 * np.mean((table["motor_current_A"] / mean - 1.0).to_numpy()[rows] * carrier)
     found = modelled_response(ship, measured)["motor_current_A"][0] * zero_order_hold(
@@ -98,9 +99,11 @@ def test_the_slowest_pole_of_a_ship_that_moves() -> None:
 
 def test_table_has_gains_phases_errors_and_coherence() -> None:
     some = replace(
-        about(tug()), response={"motor_current_A": np.full(5, 2j)},
-        error={"motor_current_A": np.full(5, 0.1)}, coherence={"motor_current_A": np.ones(5)},
-    )  # fmt: skip
+        about(tug()),
+        response={"motor_current_A": np.full(5, 2j)},
+        error={"motor_current_A": np.full(5, 0.1)},
+        coherence={"motor_current_A": np.ones(5)},
+    )
     table = some.table()
     assert table["motor_current_gain"].tolist() == [2.0] * 5
     assert table["motor_current_phase_deg"].tolist() == [90.0] * 5

@@ -40,8 +40,11 @@ def test_a_move_is_told_in_tolerances() -> None:
     assert numbers.shifts(null)[RESISTANCE] == pytest.approx(1.5, abs=0.15)
     (told,) = numbers.changes(null, numbers.start.ship)
     assert (told.key, told.source, told.file, told.corrected) == (
-        RESISTANCE, "tolerance", 3306.2, 3306.2,
-    )  # fmt: skip
+        RESISTANCE,
+        "tolerance",
+        3306.2,
+        3306.2,
+    )
     # a slope of 0.02 of rms 1 in noise of rms 2 over 600 rows: about 2 / 0.02 / sqrt(600) = 4
     assert told.standard_error == pytest.approx(4.1, abs=2.0)
 

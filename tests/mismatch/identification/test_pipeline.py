@@ -90,8 +90,11 @@ def test_what_cannot_be_is_refused_before_anything_is_read(
 def test_it_is_saved_as_page_data_and_ship(found: Identification, tmp_path: Path) -> None:
     found.save(tmp_path)
     assert sorted(p.name for p in tmp_path.iterdir()) == [
-        "identified_ship.toml", "report.html", "report.json", "search.csv",
-    ]  # fmt: skip
+        "identified_ship.toml",
+        "report.html",
+        "report.json",
+        "search.csv",
+    ]
     assert load_ship(tmp_path / "identified_ship.toml") == found.identified
     report = json.loads((tmp_path / "report.json").read_text())
     own = report["parameters"][INERTIA]

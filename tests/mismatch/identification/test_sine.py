@@ -83,12 +83,23 @@ def test_starts_are_left_out() -> None:
     [
         (lambda: [staircase(tug(), (5.0, 6.0, 5.0, 6.0))], "sine: no sine of motor_voltage_V"),
         (lambda: [recorded(tug(), np.full(20000, 5.89))], "sine: no sine of motor_voltage_V"),
-        (lambda: [swing(tug(), 5.0, 2.0)], "5 rad/s ends before its transient does; .* must last 2.1"),
-        (lambda: [swing(tug(), 30.0, 3.0), swing(tug(), 50.0, 3.0, mean=5.0)], "has the mean 5.89?"),
-        (lambda: [swing(tug(), 30.0, 3.0), swing(tug(), 50.0, 3.0).drop(columns="motor_current_A")],
-         "different columns"),
+        (
+            lambda: [swing(tug(), 5.0, 2.0)],
+            "5 rad/s ends before its transient does; .* must last 2.1",
+        ),
+        (
+            lambda: [swing(tug(), 30.0, 3.0), swing(tug(), 50.0, 3.0, mean=5.0)],
+            "has the mean 5.89?",
+        ),
+        (
+            lambda: [
+                swing(tug(), 30.0, 3.0),
+                swing(tug(), 50.0, 3.0).drop(columns="motor_current_A"),
+            ],
+            "different columns",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_does_not_fit_is_refused(make: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         sine(tug(), make())

@@ -56,8 +56,10 @@ def test_column_one_of_table_five_from_table_four(density: float) -> None:
 
 
 def test_where_the_search_begins_does_not_matter() -> None:
-    first, second = (steady(tug(name).with_values({"water.density_kg_m3": 1025.0}), [TABLE_4])
-                     for name in ("sine", "staircase"))  # fmt: skip
+    first, second = (
+        steady(tug(name).with_values({"water.density_kg_m3": 1025.0}), [TABLE_4])
+        for name in ("sine", "staircase")
+    )
     assert first.values == pytest.approx(second.values, rel=1e-9)
 
 
@@ -145,11 +147,15 @@ def test_a_ship_that_moves_has_a_hull_s_balance() -> None:
     ]
     points = pd.DataFrame(
         [
-            {"fuel_rack_mm": s.inputs.drive, "pitch_ratio": s.state.pitch_ratio,
-             "shaft_speed_rad_s": s.state.shaft_speed, "ship_speed_m_s": s.state.ship_speed}
+            {
+                "fuel_rack_mm": s.inputs.drive,
+                "pitch_ratio": s.state.pitch_ratio,
+                "shaft_speed_rad_s": s.state.shaft_speed,
+                "ship_speed_m_s": s.state.ship_speed,
+            }
             for s in states
         ]
-    )  # fmt: skip
+    )
     found = steady(ship, [points], ("hull.resistance_coefficient_N_s2_m2",))
     assert found.values[0] == pytest.approx(6500.0, rel=1e-6)
     with pytest.raises(ValueError, match="frigate needs ship_speed_m_s"):
@@ -159,14 +165,17 @@ def test_a_ship_that_moves_has_a_hull_s_balance() -> None:
 @pytest.mark.parametrize(
     ("points", "free", "message"),
     [
-        (TABLE_4.drop(columns="motor_current_A"), None,
-         "resistance_ohm needs motor_current_A"),
+        (TABLE_4.drop(columns="motor_current_A"), None, "resistance_ohm needs motor_current_A"),
         (TABLE_4.drop(columns="shaft_speed_rad_s"), None, "needs shaft_speed_rad_s"),
         (TABLE_4[:2], None, "2 steady state.* 4 equations for 4 parameters"),
         (TABLE_4, (LOAD, "transmission.quadratic_drag_N_m_s2_rad2"), "does not distinguish"),
-        (TABLE_4, (CONSTANT, "transmission.inertia_engine_side_kg_m2"), "depends on transmission.ine"),
+        (
+            TABLE_4,
+            (CONSTANT, "transmission.inertia_engine_side_kg_m2"),
+            "depends on transmission.ine",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_steady_states_cannot_tell(points: Any, free: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         steady(tug(), [points], free)

@@ -72,14 +72,23 @@ def test_order_of_the_keys_is_the_callers() -> None:
         (lambda: recorded(tug(), np.linspace(4.0, 7.0, 20000)), None, "steady: no steady state"),
         (lambda: staircase(tug(), (3.0, 6.0, 3.0)), None, "step: no step of motor_voltage_V"),
         (lambda: staircase(tug(), (5.89, 6.88)), None, "2 steady state.* 4 equations for 4"),
-        (lambda: staircase(tug(), LEVELS).drop(columns="motor_current_A"), None,
-         "step: prime_mover.armature_inductance_H needs motor_current_A"),
-        (lambda: staircase(tug(), (5.0, 6.0), interval_s=5e-3), (INDUCTANCE,),
-         "the sampling interval of 0.005 s is too long"),
-        (lambda: staircase(tug(), LEVELS), ("propeller.inflow_lag_s",),
-         "step: this method does not estimate propeller.inflow_lag_s"),
+        (
+            lambda: staircase(tug(), LEVELS).drop(columns="motor_current_A"),
+            None,
+            "step: prime_mover.armature_inductance_H needs motor_current_A",
+        ),
+        (
+            lambda: staircase(tug(), (5.0, 6.0), interval_s=5e-3),
+            (INDUCTANCE,),
+            "the sampling interval of 0.005 s is too long",
+        ),
+        (
+            lambda: staircase(tug(), LEVELS),
+            ("propeller.inflow_lag_s",),
+            "step: this method does not estimate propeller.inflow_lag_s",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_does_not_fit_is_refused(make: Any, free: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         step(tug(), [make()], free)

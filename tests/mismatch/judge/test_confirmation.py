@@ -94,8 +94,10 @@ def test_what_is_no_larger_than_the_recording_resolves_is_dropped(
     assert ids(drop_unconfirmed(chosen(LAG, gains=(400.0,)), fitter, lambda _: 0.0)) == names
 
 
-@pytest.mark.parametrize(("score", "names"), [(0.0, ["engine-torque-lag", "hull-fouling"]),
-                                              (-0.01, ["engine-torque-lag"])])  # fmt: skip
+@pytest.mark.parametrize(
+    ("score", "names"),
+    [(0.0, ["engine-torque-lag", "hull-fouling"]), (-0.01, ["engine-torque-lag"])],
+)
 def test_a_later_effect_that_new_data_speak_against_is_dropped(
     score: float, names: list[str]
 ) -> None:
@@ -108,8 +110,10 @@ def test_a_later_effect_that_new_data_speak_against_is_dropped(
         assert told(found.rivals) == [["rival of engine-torque-lag"]]
 
 
-@pytest.mark.parametrize(("gain", "names"), [(60.1, ["engine-torque-lag", "engine-derating"]),
-                                             (59.9, ["engine-torque-lag"])])  # fmt: skip
+@pytest.mark.parametrize(
+    ("gain", "names"),
+    [(60.1, ["engine-torque-lag", "engine-derating"]), (59.9, ["engine-torque-lag"])],
+)
 def test_a_later_effect_in_the_same_balance_must_bring_fifteen_hundredths(
     gain: float, names: list[str]
 ) -> None:
@@ -162,11 +166,14 @@ def alike(gain: float, rival: float, explained: float = 1.0) -> list[str]:
 @pytest.mark.parametrize(
     ("gain", "behind", "explained", "told_apart"),
     [
-        (300.0, 5.9, 1.0, False), (300.0, 6.1, 1.0, True),  # odds of twenty to one
-        (1000.0, 9.9, 1.0, False), (1000.0, 10.1, 1.0, True),  # a hundredth of the gain
-        (1000.0, 59.9, 0.95, False), (1000.0, 60.1, 0.95, True),  # and what the form leaves
+        (300.0, 5.9, 1.0, False),
+        (300.0, 6.1, 1.0, True),  # odds of twenty to one
+        (1000.0, 9.9, 1.0, False),
+        (1000.0, 10.1, 1.0, True),  # a hundredth of the gain
+        (1000.0, 59.9, 0.95, False),
+        (1000.0, 60.1, 0.95, True),  # and what the form leaves
     ],
-)  # fmt: skip
+)
 def test_a_rival_is_refuted_by_more_than_the_form_s_error(
     gain: float, behind: float, explained: float, told_apart: bool
 ) -> None:

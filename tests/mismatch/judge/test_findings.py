@@ -152,8 +152,12 @@ def test_the_smallest_size_seen_is_the_root_of_threshold_times_variance() -> Non
 
 def test_a_size_is_told_of_one_number_that_can_be_small() -> None:
     fit = fitter({})
-    untold = ["engine-torque-curvature (engine)", "resistance-episode (hull)",
-              "rack-rate-limit (engine)", "current (hull)"]  # fmt: skip
+    untold = [
+        "engine-torque-curvature (engine)",
+        "resistance-episode (hull)",
+        "rack-rate-limit (engine)",
+        "current (hull)",
+    ]
     effects = [
         entry(label) for label in untold
     ]  # two numbers; a window; absent at infinity; no trace

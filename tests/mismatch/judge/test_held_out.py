@@ -142,7 +142,9 @@ def test_a_rudder_that_moves_in_a_quarter_is_not_set_aside_with_it() -> None:
     still.rudder_rows = np.where(rows < 300, 0.0, 0.4 * np.sin(rows))
     assert [(300, 400)] not in [held for _, held in split_held_out(still, 0)]
     still.rudder_rows[rows < 100] = 0.3 * np.sin(rows[:100])
-    assert split_held_out(still, 0)[0][1] == [(300, 400)]  # the quarter that covers most of the range
+    assert split_held_out(still, 0)[0][1] == [
+        (300, 400)
+    ]  # the quarter that covers most of the range
 
 
 def test_the_part_set_aside_is_judged_alone() -> None:

@@ -67,8 +67,12 @@ def test_signals_carry_their_units() -> None:
     fit = residuals_against(np.zeros((2, ROWS)))
     found = signals_of(fit, fit.null)
     assert {name: unit for name, (_, unit) in found.items()} == {
-        "shaft_speed": "rad/s", "ship_speed": "m/s", "pitch_ratio": "", "drive": "mm", "time": "s",
-    }  # fmt: skip
+        "shaft_speed": "rad/s",
+        "ship_speed": "m/s",
+        "pitch_ratio": "",
+        "drive": "mm",
+        "time": "s",
+    }
     assert found["shaft_speed"][0] == pytest.approx(SPEED)
     fit.balances.replay.runs = [fit, fit]  # type: ignore[list-item]
     assert "time" not in signals_of(fit, fit.null)

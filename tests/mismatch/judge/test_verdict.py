@@ -33,9 +33,11 @@ class Whiteness:
     def __init__(self, before: Any, after: Any, null: bool = True, left: bool = False) -> None:
         names = [f"row{k}" for k in range(np.shape(before)[1])]
         trial_ship = SimpleNamespace(
-            range_of=lambda _: (0.001, 5.0), origin=lambda _: 1.0, ship=None,
+            range_of=lambda _: (0.001, 5.0),
+            origin=lambda _: 1.0,
+            ship=None,
             plausible_range=lambda parameter: parameter.plausible,
-        )  # fmt: skip
+        )
         self.fitter = SimpleNamespace(
             null="null", balances=SimpleNamespace(names=names), trial_ship=trial_ship
         )
@@ -64,9 +66,12 @@ def selection(
     plausible: tuple[float, float] = (-np.inf, np.inf),
 ) -> Any:
     told = SimpleNamespace(
-        key="sensors.torque_gain", name="torque_gain", whole=whole, plausible=plausible,
+        key="sensors.torque_gain",
+        name="torque_gain",
+        whole=whole,
+        plausible=plausible,
         in_ship=lambda _: SimpleNamespace(info=SimpleNamespace(unit="-")),
-    )  # fmt: skip
+    )
     placed = SimpleNamespace(pairs=((told, value),))
     return SimpleNamespace(
         fit=SimpleNamespace(effects=(placed,) * effects),
@@ -102,8 +107,11 @@ def test_a_second_name_is_close_beyond_three_fifths(second: float, close: bool) 
 def test_what_explains_all_is_believed() -> None:
     found: Any = judge_selection(selection(100.0), Whiteness([[9.0]], [[1.0]]), 50.0, True)  # type: ignore[arg-type]
     assert (found.name, found.explained, found.colour, found.left_over) == (
-        EXPLAINED, 1.0, RED, None,
-    )  # fmt: skip
+        EXPLAINED,
+        1.0,
+        RED,
+        None,
+    )
 
 
 @pytest.mark.parametrize(
@@ -243,10 +251,14 @@ def test_an_effect_is_sure_by_its_own_balance_and_its_gain(
 
 @pytest.mark.parametrize(
     ("excited", "limits", "little"),
-    [(True, [], False), (False, [], False), (False, ["insufficient excitation"], True),
-     (True, ["insufficient excitation"], False),
-     (True, ["too short for the hull"], True)],
-)  # fmt: skip
+    [
+        (True, [], False),
+        (False, [], False),
+        (False, ["insufficient excitation"], True),
+        (True, ["insufficient excitation"], False),
+        (True, ["too short for the hull"], True),
+    ],
+)
 def test_too_little_is_told_by_what_limits_the_recordings(
     excited: bool, limits: list[str], little: bool
 ) -> None:

@@ -110,9 +110,14 @@ def test_the_limit_is_twice_what_chance_reaches(share: float, coloured: bool) ->
     assert found == (
         None
         if not coloured
-        else Colour(band, 0, grid.frequency_Hz[inside][0], grid.frequency_Hz[inside][-1],
-                    pytest.approx(share * limit))  # type: ignore[arg-type]
-    )  # fmt: skip
+        else Colour(
+            band,
+            0,
+            grid.frequency_Hz[inside][0],
+            grid.frequency_Hz[inside][-1],
+            pytest.approx(share * limit),
+        )  # type: ignore[arg-type]
+    )
 
 
 def test_an_effect_that_is_missing_colours_the_null_and_not_its_own_fit() -> None:

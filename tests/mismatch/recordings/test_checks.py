@@ -100,8 +100,9 @@ def test_short_and_dull_are_limits_not_errors(load: Load, frigate: Ship) -> None
     start = equilibrium(frigate, 22.0, 1.3).state
     rng = np.random.default_rng(3)
     values = [start.pitch_ratio, start.shaft_speed, 1.3e5, start.ship_speed]
-    table = pd.DataFrame({"time_s": 0.1 * np.arange(100), "fuel_rack_mm": 22.0,
-                          "pitch_ratio_command": 1.3})  # fmt: skip
+    table = pd.DataFrame(
+        {"time_s": 0.1 * np.arange(100), "fuel_rack_mm": 22.0, "pitch_ratio_command": 1.3}
+    )
     for (column, rms), value in zip(NOISE.items(), values, strict=True):
         table[column] = value + rms * rng.standard_normal(100)
     limits = load(table).limits

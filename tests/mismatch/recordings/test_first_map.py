@@ -37,8 +37,9 @@ def test_what_may_be_two_things_is_left_to_be_filled_in() -> None:
     columns, open_ones = guessed("rov-thruster", BENCH | {"Kraft 2": "kN"})
     assert "Kanal 3" not in columns
     assert [line for line in open_ones if "Kanal 3" in line or "Kraft 2" in line] == [
-        '# "Kanal 3" = { column = "?", unit = "N" }', '# "Kraft 2" = { column = "?", unit = "kN" }',
-    ]  # fmt: skip
+        '# "Kanal 3" = { column = "?", unit = "N" }',
+        '# "Kraft 2" = { column = "?", unit = "kN" }',
+    ]
     assert "thrust_N [N]" in open_ones[0]
 
 

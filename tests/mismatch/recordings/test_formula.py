@@ -26,9 +26,14 @@ def mapped(tmp_path: Path, text: str, table: pd.DataFrame) -> pd.DataFrame:
 
 def raw() -> pd.DataFrame:
     return pd.DataFrame(
-        {"P": [0.5, 1.0, 2.0], "rpm": [60.0, 120.0, 240.0], "Wind [deg]": [0.0, 60.0, 90.0],
-         "wind": [4.0, 4.0, 4.0], "i": [1.0, 2.0, np.nan]}
-    )  # fmt: skip
+        {
+            "P": [0.5, 1.0, 2.0],
+            "rpm": [60.0, 120.0, 240.0],
+            "Wind [deg]": [0.0, 60.0, 90.0],
+            "wind": [4.0, 4.0, 4.0],
+            "i": [1.0, 2.0, np.nan],
+        }
+    )
 
 
 def test_a_torque_is_power_over_speed(tmp_path: Path) -> None:
@@ -80,12 +85,16 @@ def test_a_missing_value_stays_missing(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ('{ formula = "P / (rpm - 120)" }',
-         r"log\.csv: 'thrust_N' as thrust_N: row 2: .* no finite value with P = 1, rpm = 120 "
-         r"\(1 of 3 rows\): a division by 0.*max\(\.\.\., 0\.1\)"),
+        (
+            '{ formula = "P / (rpm - 120)" }',
+            r"log\.csv: 'thrust_N' as thrust_N: row 2: .* no finite value with P = 1, rpm = 120 "
+            r"\(1 of 3 rows\): a division by 0.*max\(\.\.\., 0\.1\)",
+        ),
         ('{ formula = "log(-P)" }', r"row 1: .*logarithm of a negative number"),
-        ('{ formula = "power / rpm" }',
-         r"uses 'power', which is no column \(found: P, rpm, .*names = \{ power = \"\.\.\." ),
+        (
+            '{ formula = "power / rpm" }',
+            r"uses 'power', which is no column \(found: P, rpm, .*names = \{ power = \"\.\.\.",
+        ),
         ('{ formula = "p / rpm", names = { p = "Power" } }', r"uses 'Power', which is no column"),
         ('{ formula = "rpm *" }', r"map\.toml: columns\.thrust_N.*not a valid expression"),
         ('{ formula = "open(rpm)" }', r"function 'open' is unknown; known: abs, sign"),
@@ -94,9 +103,12 @@ def test_a_missing_value_stays_missing(tmp_path: Path) -> None:
         ('{ formula = "rpm", names = { q = "P" } }', r"names\.q does not occur in 'rpm'"),
         ('{ column = "thrust_N", names = { q = "P" } }', r"names is allowed with formula only"),
         ('{ formula = "rpm", unit = "kg" }', r"unit 'kg' cannot be converted to N of thrust_N"),
-        ('{ formula = "rpm", colour = 1 }', r"colour is not a known key \(allowed: .*formula, names"),
+        (
+            '{ formula = "rpm", colour = 1 }',
+            r"colour is not a known key \(allowed: .*formula, names",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_worked_out_is_refused(tmp_path: Path, line: str, words: str) -> None:
     with pytest.raises(RecordingError, match=words):
         mapped(tmp_path, f"[columns]\nthrust_N = {line}", raw())
@@ -121,7 +133,10 @@ def test_a_survey_shows_formulas_and_what_they_use(tmp_path: Path) -> None:
     found = survey(tmp_path / "rig.csv", RIG, tmp_path / "map.toml")
     assert found.recording is not None
     assert {entry.name: entry.column for entry in found.entries} == {
-        "time_s": "time_s", "shaft_speed_rad_s": "shaft_speed_rad_s", "volts": "in a formula",
-        "amps": "in a formula", "= volts * amps": "electric_power_W",
-    }  # fmt: skip
+        "time_s": "time_s",
+        "shaft_speed_rad_s": "shaft_speed_rad_s",
+        "volts": "in a formula",
+        "amps": "in a formula",
+        "= volts * amps": "electric_power_W",
+    }
     assert not any(said.startswith("left out") for said in found.sentences())

@@ -84,10 +84,14 @@ FORMS: dict[str, tuple[Callable[[pd.DataFrame, Path], Path], str, str]] = {
         "separator semicolon, decimal comma, names in line 3, units in line 4",
     ),
     "tab, utf-16": (
-        write_text("utf-16", "%d.%m.%Y %H:%M:%S.%f", "\t", "."), MAP, "encoding utf-16, separator tab",
+        write_text("utf-16", "%d.%m.%Y %H:%M:%S.%f", "\t", "."),
+        MAP,
+        "encoding utf-16, separator tab",
     ),
     "cp1252": (
-        write_text("cp1252", "%Y-%m-%d %H:%M:%S,%f", ";", ","), MAP, "encoding cp1252, separator semic",
+        write_text("cp1252", "%Y-%m-%d %H:%M:%S,%f", ";", ","),
+        MAP,
+        "encoding cp1252, separator semic",
     ),
     "marked utf-8": (
         write_text("utf-8-sig", "%m/%d/%Y %H:%M:%S.%f", "|", "."),
@@ -100,7 +104,7 @@ FORMS: dict[str, tuple[Callable[[pd.DataFrame, Path], Path], str, str]] = {
         "encoding cp850",
     ),
     "spreadsheet": (write_sheet, MAP + '[file]\nsheet = "Log"\n', "sheet 'Log', names in line 3"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -146,8 +150,12 @@ def test_a_clock_counts_on_over_midnight(load: Load, calm: pd.DataFrame) -> None
 
 def test_whole_second_stamps_are_spread(load: Load, calm: pd.DataFrame) -> None:
     late = calm["time_s"] + 0.33  # the first second is cut off
-    stamps = [f"2024-05-03T12:00:{int(s):02d}" if s < 60 else
-              f"2024-05-03T12:{int(s) // 60:02d}:{int(s) % 60:02d}" for s in late]  # fmt: skip
+    stamps = [
+        f"2024-05-03T12:00:{int(s):02d}"
+        if s < 60
+        else f"2024-05-03T12:{int(s) // 60:02d}:{int(s) % 60:02d}"
+        for s in late
+    ]
     found = through(load, calm, stamps)
     assert "repeats each time for 10 rows and then steps by 1 s" in found.warnings[0]
     np.testing.assert_allclose(found.time_s, calm["time_s"], atol=1e-6)
@@ -180,8 +188,11 @@ def test_short_runs_of_missing_values_are_filled(
     table.loc[700 : 699 + missing, "ship_speed_m_s"] = np.nan
     found = load(table)
     assert f"ship_speed_m_s: {missing} of 1800 values were missing" in found.warnings[0]
-    straight = np.interp(range(700, 700 + missing), [699, 700 + missing],
-                         calm["ship_speed_m_s"][[699, 700 + missing]])  # fmt: skip
+    straight = np.interp(
+        range(700, 700 + missing),
+        [699, 700 + missing],
+        calm["ship_speed_m_s"][[699, 700 + missing]],
+    )
     np.testing.assert_allclose(found["ship_speed_m_s"][700 : 700 + missing], straight)
 
 
@@ -269,11 +280,14 @@ def test_a_sheet_that_is_not_there_is_named(
 @pytest.mark.parametrize(
     ("encoding", "stated"),
     [
-        *((f"utf-{wide}", stated) for wide in ("16", "16-be", "16-le", "32", "32-be", "32-le")
-          for stated in (False, True)),
+        *(
+            (f"utf-{wide}", stated)
+            for wide in ("16", "16-be", "16-le", "32", "32-be", "32-le")
+            for stated in (False, True)
+        ),
         ("cp500", True),  # of a mainframe, which nobody guesses
     ],
-)  # fmt: skip
+)
 def test_wide_letters_are_read_with_and_without_a_mark(
     frigate: Ship, calm: pd.DataFrame, tmp_path: Path, encoding: str, stated: bool
 ) -> None:

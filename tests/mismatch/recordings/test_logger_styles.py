@@ -66,18 +66,20 @@ def close(found: pd.DataFrame, expected: pd.DataFrame, columns: tuple[str, ...])
 def test_rcbenchmark(bench: pd.DataFrame, rov: Ship, tmp_path: Path) -> None:
     top = rov.parameter("prime_mover.voltage_max_V").value
     rpm = RPM * bench["shaft_speed_rad_s"]
-    log = pd.DataFrame({
-        "Time (s)": bench["time_s"],
-        "ESC signal (µs)": 1500.0 + 500.0 * bench["motor_voltage_V"] / top,
-        "Motor Electrical Speed (RPM)": 0.97 * rpm,
-        "Motor Optical Speed (RPM)": rpm,
-        "Thrust (N)": bench["thrust_N"],
-        "Torque (N·m)": bench["shaft_torque_N_m"],
-        "Voltage (V)": 14.8 - 0.1 * (rpm.abs() > 100.0),
-        "Current (A)": 0.0,
-        "Electrical Power (W)": 0.0,
-        "Mechanical Power (W)": 0.0,
-    }).drop(columns="Current (A)")  # fmt: skip
+    log = pd.DataFrame(
+        {
+            "Time (s)": bench["time_s"],
+            "ESC signal (µs)": 1500.0 + 500.0 * bench["motor_voltage_V"] / top,
+            "Motor Electrical Speed (RPM)": 0.97 * rpm,
+            "Motor Optical Speed (RPM)": rpm,
+            "Thrust (N)": bench["thrust_N"],
+            "Torque (N·m)": bench["shaft_torque_N_m"],
+            "Voltage (V)": 14.8 - 0.1 * (rpm.abs() > 100.0),
+            "Current (A)": 0.0,
+            "Electrical Power (W)": 0.0,
+            "Mechanical Power (W)": 0.0,
+        }
+    ).drop(columns="Current (A)")
     found, lines = drafted(log, rov, tmp_path)
     close(found, bench, ("motor_voltage_V", "shaft_speed_rad_s", "thrust_N", "shaft_torque_N_m"))
     assert '# also possible as shaft_speed_rad_s: "Motor Electrical Speed (RPM)" (RPM)' in lines
@@ -107,13 +109,15 @@ def test_names_of_a_bench(
         volts = 100.0 * volts / rov.parameter("prime_mover.voltage_max_V").value
     if drive == "pwm":
         volts = volts / rov.parameter("prime_mover.voltage_max_V").value
-    log = pd.DataFrame({
-        time: bench["time_s"] * (1000.0 if time == "time_ms" else 1.0),
-        drive: volts,
-        speed: bench["shaft_speed_rad_s"] * (RPM if "rpm" in speed.lower() else 1.0),
-        "status": 1.0,
-        "motorTemperature": 20.0 + bench["time_s"],
-    })  # fmt: skip
+    log = pd.DataFrame(
+        {
+            time: bench["time_s"] * (1000.0 if time == "time_ms" else 1.0),
+            drive: volts,
+            speed: bench["shaft_speed_rad_s"] * (RPM if "rpm" in speed.lower() else 1.0),
+            "status": 1.0,
+            "motorTemperature": 20.0 + bench["time_s"],
+        }
+    )
     found, lines = drafted(log, rov, tmp_path)
     close(found, bench, ("time_s", "motor_voltage_V", "shaft_speed_rad_s"))
     assert ("unit not stated" in lines) == (time != "Time (s)" or drive != "motor_V")
@@ -122,14 +126,17 @@ def test_names_of_a_bench(
 def test_ros_clock_and_angle(bench: pd.DataFrame, rov: Ship, tmp_path: Path) -> None:
     """Whole seconds beside nanoseconds: the seconds are taken, and spread; an angle beside its speed."""
     clock = 1.7e9 + bench["time_s"]
-    log = pd.DataFrame({
-        "header.stamp.secs": np.floor(clock),
-        "header.stamp.nsecs": np.round(1e9 * (bench["time_s"] % 1.0)),
-        "joint_states.position[0]": (bench["shaft_speed_rad_s"] * 0.04).cumsum(),
-        "joint_states.velocity[0]": bench["shaft_speed_rad_s"],
-        "joint_states.effort[0]": bench["shaft_torque_N_m"],
-        "motor.cmd": bench["motor_voltage_V"] / rov.parameter("prime_mover.voltage_max_V").value,
-    })  # fmt: skip
+    log = pd.DataFrame(
+        {
+            "header.stamp.secs": np.floor(clock),
+            "header.stamp.nsecs": np.round(1e9 * (bench["time_s"] % 1.0)),
+            "joint_states.position[0]": (bench["shaft_speed_rad_s"] * 0.04).cumsum(),
+            "joint_states.velocity[0]": bench["shaft_speed_rad_s"],
+            "joint_states.effort[0]": bench["shaft_torque_N_m"],
+            "motor.cmd": bench["motor_voltage_V"]
+            / rov.parameter("prime_mover.voltage_max_V").value,
+        }
+    )
     found, lines = drafted(log, rov, tmp_path)
     close(found, bench, ("motor_voltage_V", "shaft_speed_rad_s", "shaft_torque_N_m"))
     assert "whole seconds: several rows in one are spread evenly" in lines
@@ -139,44 +146,60 @@ def test_ros_clock_and_angle(bench: pd.DataFrame, rov: Ship, tmp_path: Path) -> 
 
 def test_nanoseconds_since_1970(bench: pd.DataFrame, rov: Ship, tmp_path: Path) -> None:
     stamps = (1_700_000_000_000_000_000 + np.round(1e9 * bench["time_s"])).astype("int64")
-    log = pd.DataFrame({"timestamp": stamps, "voltage": bench["motor_voltage_V"],
-                        "rpm": RPM * bench["shaft_speed_rad_s"]})  # fmt: skip
+    log = pd.DataFrame(
+        {
+            "timestamp": stamps,
+            "voltage": bench["motor_voltage_V"],
+            "rpm": RPM * bench["shaft_speed_rad_s"],
+        }
+    )
     found, lines = drafted(log, rov, tmp_path)
     assert 'unit = "ns" }  # unit not stated; the values are those of a clock in ns' in lines
     np.testing.assert_allclose(np.diff(found["time_s"]), 0.04, rtol=1e-3)
 
 
 def test_nmea(turn: pd.DataFrame, tmp_path: Path) -> None:
-    log = pd.DataFrame({
-        "Time (s)": turn["time_s"],
-        "RPM.Source": "S",
-        "RPM.Speed": RPM * turn["shaft_speed_rad_s"],
-        "VHW.SpeedKnots": turn["ship_speed_m_s"] * 3600.0 / 1852.0,
-        "VTG.SpeedOverGround": turn["ship_speed_m_s"] * 3600.0 / 1852.0,
-        "RSA.RudderAngle": np.degrees(turn["rudder_rad"]),
-        "HDT.Heading": np.degrees(turn["heading_rad"]),
-        "ROT.Rate": np.degrees(turn["yaw_rate_rad_s"]) * 60.0,
-    })  # fmt: skip
+    log = pd.DataFrame(
+        {
+            "Time (s)": turn["time_s"],
+            "RPM.Source": "S",
+            "RPM.Speed": RPM * turn["shaft_speed_rad_s"],
+            "VHW.SpeedKnots": turn["ship_speed_m_s"] * 3600.0 / 1852.0,
+            "VTG.SpeedOverGround": turn["ship_speed_m_s"] * 3600.0 / 1852.0,
+            "RSA.RudderAngle": np.degrees(turn["rudder_rad"]),
+            "HDT.Heading": np.degrees(turn["heading_rad"]),
+            "ROT.Rate": np.degrees(turn["yaw_rate_rad_s"]) * 60.0,
+        }
+    )
     found, lines = drafted(log, "kvlcc2", tmp_path)
-    close(found, turn, ("shaft_speed_rad_s", "ship_speed_m_s", "rudder_rad", "heading_rad",
-                        "yaw_rate_rad_s"))  # fmt: skip
+    close(
+        found,
+        turn,
+        ("shaft_speed_rad_s", "ship_speed_m_s", "rudder_rad", "heading_rad", "yaw_rate_rad_s"),
+    )
     assert '"VTG.SpeedOverGround" = { column = "speed_over_ground_m_s", unit = "m/s" }' in lines
     assert '"VHW.SpeedKnots" = { column = "ship_speed_m_s", unit = "knot" }' in lines
 
 
 def test_signal_k(turn: pd.DataFrame, tmp_path: Path) -> None:
-    log = pd.DataFrame({
-        "datetime": pd.Timestamp("2024-05-03 12:00:00") + pd.to_timedelta(turn["time_s"], unit="s"),
-        "navigation.speedThroughWater": turn["ship_speed_m_s"],
-        "navigation.speedOverGround": turn["ship_speed_m_s"],
-        "propulsion.main.revolutions": turn["shaft_speed_rad_s"] / (2.0 * np.pi),
-        "steering.rudderAngle": turn["rudder_rad"],
-        "navigation.headingTrue": turn["heading_rad"],
-        "navigation.rateOfTurn": turn["yaw_rate_rad_s"],
-    })  # fmt: skip
+    log = pd.DataFrame(
+        {
+            "datetime": pd.Timestamp("2024-05-03 12:00:00")
+            + pd.to_timedelta(turn["time_s"], unit="s"),
+            "navigation.speedThroughWater": turn["ship_speed_m_s"],
+            "navigation.speedOverGround": turn["ship_speed_m_s"],
+            "propulsion.main.revolutions": turn["shaft_speed_rad_s"] / (2.0 * np.pi),
+            "steering.rudderAngle": turn["rudder_rad"],
+            "navigation.headingTrue": turn["heading_rad"],
+            "navigation.rateOfTurn": turn["yaw_rate_rad_s"],
+        }
+    )
     found, lines = drafted(log, "kvlcc2", tmp_path)
-    close(found, turn, ("shaft_speed_rad_s", "ship_speed_m_s", "rudder_rad", "heading_rad",
-                        "yaw_rate_rad_s"))  # fmt: skip
+    close(
+        found,
+        turn,
+        ("shaft_speed_rad_s", "ship_speed_m_s", "rudder_rad", "heading_rad", "yaw_rate_rad_s"),
+    )
     assert '"propulsion.main.revolutions" = { column = "shaft_speed_rad_s", unit = "rps" }' in lines
 
 

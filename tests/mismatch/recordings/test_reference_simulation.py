@@ -165,8 +165,10 @@ def test_a_sensor_that_stops_on_the_way_is_refused(
 
 def test_a_shaft_that_its_friction_holds_is_no_dead_sensor(load: Load, servo: Ship) -> None:
     """It continues from the same value; a sensor that was dead reads where the shaft has come to."""
-    friction = {"transmission.coulomb_friction_engine_side_N_m": 30.0,
-                "transmission.stiction_speed_rad_s": 1e-4}  # fmt: skip
+    friction = {
+        "transmission.coulomb_friction_engine_side_N_m": 30.0,
+        "transmission.stiction_speed_rad_s": 1e-4,
+    }
     time = 0.2 * np.arange(1200)
     pushed = 180.0 * np.sign(np.sin(2.25 * time) + np.sin(1.82 * time))
     pushed[240:480] = 2.0
@@ -207,13 +209,28 @@ def simulated(ship: Ship) -> pd.DataFrame:
     """A ship that accelerates from a steady course."""
     start = approach(ship, 4.0)
     time = 0.1 * np.arange(1200)
-    orders = {"time_s": time, "fuel_rack_mm": 1.2 * start.inputs.drive,
-              "pitch_ratio_command": start.state.pitch_ratio}  # fmt: skip
-    first = {"pitch_ratio": start.state.pitch_ratio, "ship_speed_m_s": 4.0,
-             "shaft_speed_rad_s": start.state.shaft_speed}  # fmt: skip
+    orders = {
+        "time_s": time,
+        "fuel_rack_mm": 1.2 * start.inputs.drive,
+        "pitch_ratio_command": start.state.pitch_ratio,
+    }
+    first = {
+        "pitch_ratio": start.state.pitch_ratio,
+        "ship_speed_m_s": 4.0,
+        "shaft_speed_rad_s": start.state.shaft_speed,
+    }
     table = simulate_recording(ship, pd.DataFrame(orders | first))
-    return table[["time_s", "fuel_rack_mm", "pitch_ratio_command", "pitch_ratio", "shaft_speed_rad_s",
-                  "shaft_torque_N_m", "ship_speed_m_s"]]  # fmt: skip
+    return table[
+        [
+            "time_s",
+            "fuel_rack_mm",
+            "pitch_ratio_command",
+            "pitch_ratio",
+            "shaft_speed_rad_s",
+            "shaft_torque_N_m",
+            "ship_speed_m_s",
+        ]
+    ]
 
 
 def test_another_ships_recording_is_not_taken_for_unit_errors(load: Load, frigate: Ship) -> None:

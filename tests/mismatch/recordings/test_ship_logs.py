@@ -110,10 +110,14 @@ def test_repeated_names_are_numbered_unless_they_are_canonical(tmp_path: Path) -
 def test_columns_of_logs_have_units_and_the_names_of_performance() -> None:
     assert set(LOG_COLUMNS) <= set(COLUMNS)
     for quantity, column in {
-        "speed_over_ground": "speed_over_ground_m_s", "wind_speed": "wind_speed_m_s",
-        "wind_angle": "wind_angle_rad", "depth": "water_depth_m",
-        "water_temperature": "water_temperature_C", "heading": "heading_rad", "rudder": "rudder_rad",
-    }.items():  # fmt: skip
+        "speed_over_ground": "speed_over_ground_m_s",
+        "wind_speed": "wind_speed_m_s",
+        "wind_angle": "wind_angle_rad",
+        "depth": "water_depth_m",
+        "water_temperature": "water_temperature_C",
+        "heading": "heading_rad",
+        "rudder": "rudder_rad",
+    }.items():
         suffix = {"degC": "C"}.get(BOUNDS[column][2], BOUNDS[column][2].replace("/", "_"))
         assert column.removesuffix(f"_{suffix}") in monitoring.COLUMNS[quantity].names
 
@@ -173,18 +177,28 @@ def test_a_draft_knows_the_channels_of_a_ships_log(frigate: Ship) -> None:
     lines = list(draft_column_map(frigate, table, {}, set()))
     found = tomllib.loads("\n".join(lines))["columns"]
     assert {name: (keys["column"], keys["unit"]) for name, keys in found.items()} == {
-        "UTC": ("time_s", "datetime"), "Fuel rack (mm)": ("fuel_rack_mm", "mm"),
+        "UTC": ("time_s", "datetime"),
+        "Fuel rack (mm)": ("fuel_rack_mm", "mm"),
         "CPP order (%)": ("pitch_ratio_command", "percent of range"),
-        "CPP feedback (deg)": ("pitch_ratio", "deg"), "Shaft RPM": ("shaft_speed_rad_s", "rpm"),
-        "Power_kW": ("shaft_power_W", "kW"), "STW (kn)": ("ship_speed_m_s", "kn"),
-        "SOG (kn)": ("speed_over_ground_m_s", "kn"), "COG": ("course_over_ground_rad", "deg"),
-        "HDG (deg)": ("heading_rad", "deg"), "AWS (kn)": ("wind_speed_m_s", "kn"),
-        "AWA (deg)": ("wind_angle_rad", "deg"), "TWS (m/s)": ("true_wind_speed_m_s", "m/s"),
-        "TWA (deg)": ("true_wind_angle_rad", "deg"), "Anemometer height (m)": ("wind_height_m", "m"),
-        "Draft fwd (m)": ("draught_fore_m", "m"), "Draft aft (m)": ("draught_aft_m", "m"),
-        "Rudder angle (deg)": ("rudder_rad", "deg"), "Water depth (m)": ("water_depth_m", "m"),
-        "Sea temp (°C)": ("water_temperature_C", "°C"), "FO cons (l/h)": ("fuel_flow_kg_s", "l/h"),
-    }  # fmt: skip
+        "CPP feedback (deg)": ("pitch_ratio", "deg"),
+        "Shaft RPM": ("shaft_speed_rad_s", "rpm"),
+        "Power_kW": ("shaft_power_W", "kW"),
+        "STW (kn)": ("ship_speed_m_s", "kn"),
+        "SOG (kn)": ("speed_over_ground_m_s", "kn"),
+        "COG": ("course_over_ground_rad", "deg"),
+        "HDG (deg)": ("heading_rad", "deg"),
+        "AWS (kn)": ("wind_speed_m_s", "kn"),
+        "AWA (deg)": ("wind_angle_rad", "deg"),
+        "TWS (m/s)": ("true_wind_speed_m_s", "m/s"),
+        "TWA (deg)": ("true_wind_angle_rad", "deg"),
+        "Anemometer height (m)": ("wind_height_m", "m"),
+        "Draft fwd (m)": ("draught_fore_m", "m"),
+        "Draft aft (m)": ("draught_aft_m", "m"),
+        "Rudder angle (deg)": ("rudder_rad", "deg"),
+        "Water depth (m)": ("water_depth_m", "m"),
+        "Sea temp (°C)": ("water_temperature_C", "°C"),
+        "FO cons (l/h)": ("fuel_flow_kg_s", "l/h"),
+    }
     assert found["FO cons (l/h)"]["density_kg_m3"] == 850.0
     assert next(x for x in lines if "Power_kW" in x).endswith("shaft of the model")
 
@@ -254,10 +268,13 @@ def test_the_heading_of_a_ship_that_turns_becomes_continuous() -> None:
     heading = 6.0 + 0.005 * time
     table = pd.DataFrame(
         {
-            "time_s": time, "fuel_rack_mm": 20.0 + 4.0 * (time // 40 % 2), "pitch_ratio_command": 1.2,
-            "shaft_speed_rad_s": 10.0 + 0.01 * np.sin(time), "heading_rad": heading % (2.0 * math.pi),
+            "time_s": time,
+            "fuel_rack_mm": 20.0 + 4.0 * (time // 40 % 2),
+            "pitch_ratio_command": 1.2,
+            "shaft_speed_rad_s": 10.0 + 0.01 * np.sin(time),
+            "heading_rad": heading % (2.0 * math.pi),
         }
-    )  # fmt: skip
+    )
     np.testing.assert_allclose(load_parts(table, ship)[0]["heading_rad"], heading)
 
 

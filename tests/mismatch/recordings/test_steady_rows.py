@@ -44,8 +44,12 @@ def test_rows_without_an_equilibrium_of_their_own_are_left_out() -> None:
     np.testing.assert_allclose(recording.time_s, 3600.0 * np.arange(73.0))
     assert recording.interval_s == 3600.0
     said = "\n".join(recording.warnings)
-    for words in ("5 of 78 rows were left out, first row 11", "a value is missing",
-                  "the time repeats another row's", "times in the report count rows"):  # fmt: skip
+    for words in (
+        "5 of 78 rows were left out, first row 11",
+        "a value is missing",
+        "the time repeats another row's",
+        "times in the report count rows",
+    ):
         assert words in said
 
 

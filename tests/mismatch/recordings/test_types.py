@@ -119,8 +119,14 @@ def test_the_steps_of_commands_are_not_reported_as_noise(frigate: Ship, calm: pd
     """A rack that is commanded anew every 30 s is no instrument that answers every 30 s."""
     rows = np.arange(0.0, 1800.0)
     steps = np.resize([20.0, 25.0, 16.0, 22.0], 60)[(rows // 30).astype(int)]
-    table = pd.DataFrame({"time_s": rows, "fuel_rack_mm": steps, "pitch_ratio_command": 1.2,
-                          "shaft_speed_rad_s": 0.45 * steps})  # fmt: skip
+    table = pd.DataFrame(
+        {
+            "time_s": rows,
+            "fuel_rack_mm": steps,
+            "pitch_ratio_command": 1.2,
+            "shaft_speed_rad_s": 0.45 * steps,
+        }
+    )
     table["shaft_speed_rad_s"] += 0.1 * np.random.default_rng(1).standard_normal(len(rows))
     found = load_recording(table, frigate)
     assert found.noise["fuel_rack_mm"] == Noise(0.0, 0.0, 1.0)

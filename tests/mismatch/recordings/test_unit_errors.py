@@ -23,8 +23,10 @@ def test_no_shaft_turns_three_times_as_fast_as_it_can() -> None:
     frigate, rov = load_ship("frigate"), load_ship("rov-thruster")
     rated = frigate.diesel.speed_max_rpm * math.pi / 30.0 / frigate.transmission.gear_ratio
     assert top_speed(frigate) == pytest.approx(3.0 * rated)
-    volt, constant = (rov.parameter(f"prime_mover.{key}").value
-                      for key in ("voltage_max_V", "motor_constant_V_s_rad"))  # fmt: skip
+    volt, constant = (
+        rov.parameter(f"prime_mover.{key}").value
+        for key in ("voltage_max_V", "motor_constant_V_s_rad")
+    )
     assert top_speed(rov) == pytest.approx(3.0 * volt / constant / rov.transmission.gear_ratio)
 
 

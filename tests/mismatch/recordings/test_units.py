@@ -23,10 +23,21 @@ def test_a_unit_of_a_log_is_understood(name: str) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["m**9**9**9**9", "m**9**9**9**9/s", "m^9^9^9^9", "9**9**9**9 m", "m**(9**9**9**9)",
-     "((((9**9)**9)**9)**9)**9", "m⁹**9**9**9", "9⁹⁹⁹⁹⁹⁹⁹", "m**99999999", "(m)**9**9**9**9",
-     "m ** 9 ** 9 ** 9 ** 9", "m**9.9999999"],
-)  # fmt: skip
+    [
+        "m**9**9**9**9",
+        "m**9**9**9**9/s",
+        "m^9^9^9^9",
+        "9**9**9**9 m",
+        "m**(9**9**9**9)",
+        "((((9**9)**9)**9)**9)**9",
+        "m⁹**9**9**9",
+        "9⁹⁹⁹⁹⁹⁹⁹",
+        "m**99999999",
+        "(m)**9**9**9**9",
+        "m ** 9 ** 9 ** 9 ** 9",
+        "m**9.9999999",
+    ],
+)
 def test_a_tower_of_powers_is_refused_at_once(name: str) -> None:
     begun = time.monotonic()
     with pytest.raises(ValueError, match="an exponent is one number from -9 to 9"):
@@ -55,7 +66,8 @@ def test_a_tower_in_the_unit_row_of_a_recording_is_refused_for_its_exponent(tmp_
     path.write_text(f"t;x;p;n\ns;mm;-;9**9**9**9\n{rows}", encoding="utf-8")
     columns.write_text(
         '[columns]\nt = "time_s"\nx = "fuel_rack_mm"\np = "pitch_ratio_command"\n'
-        'n = "shaft_speed_rad_s"\n', encoding="utf-8",
-    )  # fmt: skip
+        'n = "shaft_speed_rad_s"\n',
+        encoding="utf-8",
+    )
     with pytest.raises(ValueError, match="an exponent is one number"):
         load_recording(path, load_ship("frigate"), columns)

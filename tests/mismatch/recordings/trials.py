@@ -39,8 +39,10 @@ def voyage(
     samples = simulate(ship, Schedule(rack, pitch), seconds, initial=start, sea=realised)[:-1:2]
     names = ["measured_pitch_ratio", "shaft_speed", "measured_shaft_torque", "measured_ship_speed"]
     table = {
-        "time_s": np.round(time[::2], 6), "fuel_rack_mm": rack[::2], "pitch_ratio_command": pitch[::2]
-    }  # fmt: skip
+        "time_s": np.round(time[::2], 6),
+        "fuel_rack_mm": rack[::2],
+        "pitch_ratio_command": pitch[::2],
+    }
     for (column, rms), name in zip(NOISE.items(), names, strict=True):
         table[column] = samples[name] + rms * rng.standard_normal(len(samples))
     return pd.DataFrame(table)

@@ -25,9 +25,13 @@ def test_a_term_is_told_in_a_line_and_its_numbers_with_their_units() -> None:
     curve = "table(shaft_speed, 9, 0, 10, -12000, 11, 500)"
     assert told("unexplained") == [("term.unnamed-engine", "absent", f"drive_torque: {curve}")]
     drag = {
-        "id": "drag", "acts_on": "load_torque", "expression": "k * z", "state": "z",
-        "rate": "shaft_speed - z", "parameters": {"k": {"value": 3.0, "unit": "N m s/rad"}},
-    }  # fmt: skip
+        "id": "drag",
+        "acts_on": "load_torque",
+        "expression": "k * z",
+        "state": "z",
+        "rate": "shaft_speed - z",
+        "parameters": {"k": {"value": 3.0, "unit": "N m s/rad"}},
+    }
     ship = diagnosis_of("explained").ship.with_values({"term": [drag]})
     assert told("explained", corrected=ship) == [
         ("term.drag", "absent", "load_torque: k * z; rate: shaft_speed - z"),

@@ -37,20 +37,28 @@ def test_a_finding_has_its_place_numbers_and_evidence() -> None:
         "wrong_number": None,
     }
     assert report["location"] == {
-        "balances": ["engine"], "windows_s": [[60.0, 120.0]], "regime": "shaft_speed above 11 rad/s",
-    }  # fmt: skip
+        "balances": ["engine"],
+        "windows_s": [[60.0, 120.0]],
+        "regime": "shaft_speed above 11 rad/s",
+    }
     assert (report["verdict"], report["ship"]) == ("explained", "frigate")
     assert report["recording"] == {
-        "rows": ROWS, "seconds": pytest.approx(239.8), "held_out": [[180.0, 240.0]],
-    }  # fmt: skip
+        "rows": ROWS,
+        "seconds": pytest.approx(239.8),
+        "held_out": [[180.0, 240.0]],
+    }
     held = report["fit"]["held_out"]
     assert held["before"] == {"pitch_ratio": 84.5, "shaft_speed_rad_s": 84.5}
     assert held["after"] == {"pitch_ratio": 99.4, "shaft_speed_rad_s": 99.4}
     assert (held["gain_2logL"], report["explained_power"]) == (285.0, 0.98)
     assert report["detectable"] == [
-        {"id": "coulomb-friction", "balance": "engine",
-         "parameter": "coulomb_friction_engine_side_N_m", "smallest": 324.0}
-    ]  # fmt: skip
+        {
+            "id": "coulomb-friction",
+            "balance": "engine",
+            "parameter": "coulomb_friction_engine_side_N_m",
+            "smallest": 324.0,
+        }
+    ]
     assert (report["limits"], report["warnings"]) == (["l"], ["w"])
     assert "unexplained" not in report
     json.dumps(report, allow_nan=False)
@@ -84,13 +92,19 @@ def test_places_of_several_findings_are_joined() -> None:
 def test_what_has_no_name_has_place_and_curve() -> None:
     report = diagnosis_as_dict(diagnosis_of("unexplained", shape_regime="r"))
     assert report["location"] == {
-        "balances": ["engine"], "windows_s": [[20.0, 50.0]], "regime": "r",
-    }  # fmt: skip
+        "balances": ["engine"],
+        "windows_s": [[20.0, 50.0]],
+        "regime": "r",
+    }
     assert report["unexplained"] == {
-        "balance": "engine", "signal": "shaft_speed", "signal_unit": "rad/s",
-        "knots": [9.0, 10.0, 11.0], "values": [0.0, -12000.0, 500.0], "unit": "N m",
+        "balance": "engine",
+        "signal": "shaft_speed",
+        "signal_unit": "rad/s",
+        "knots": [9.0, 10.0, 11.0],
+        "values": [0.0, -12000.0, 500.0],
+        "unit": "N m",
         "evidence": {"score": 300.0, "threshold": 40.0},
-    }  # fmt: skip
+    }
     assert report["effects"] == []
     everywhere = diagnosis_as_dict(diagnosis_of("unexplained", shape_windows=[]))
     assert everywhere["location"]["windows_s"] == [[0.0, pytest.approx(239.8)]]

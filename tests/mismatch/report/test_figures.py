@@ -51,9 +51,11 @@ def shaded(axes: Any, colour: str) -> list[tuple[float, float]]:
 def test_traces_show_the_whole_and_the_part_set_aside(drawn: Drawn) -> None:
     diagnosis = diagnosis_of("explained")
     assert figures.trace_panels(diagnosis) == [  # type: ignore[comparison-overlap]
-        "pitch ratio over time", "pitch ratio over time, held-out data",
-        "shaft speed over time", "shaft speed over time, held-out data",
-    ]  # fmt: skip
+        "pitch ratio over time",
+        "pitch ratio over time, held-out data",
+        "shaft speed over time",
+        "shaft speed over time, held-out data",
+    ]
     whole, part = drawn[2][0], drawn[3][0]
     assert whole.get_xlim() == (0.0, TIME[-1])
     assert part.get_xlim() == (180.0, 240.0)
@@ -89,8 +91,9 @@ def test_large_channels_are_drawn_with_a_prefix(drawn: Drawn) -> None:
 def test_residuals_are_block_means_with_the_spread_about_them(drawn: Drawn) -> None:
     diagnosis = diagnosis_of("explained")
     assert figures.residual_panels(diagnosis) == [  # type: ignore[comparison-overlap]
-        "residual of the hull balance over time", "residual of the engine balance over time",
-    ]  # fmt: skip
+        "residual of the hull balance over time",
+        "residual of the engine balance over time",
+    ]
     axes = drawn[1][0]
     assert (axes.get_title("left"), axes.get_ylabel()) == (
         "engine balance",
@@ -139,8 +142,9 @@ def test_windows_that_hold_all_are_not_shaded() -> None:
 def test_spectra_are_amplitudes(drawn: Drawn) -> None:
     diagnosis = diagnosis_of("explained")
     assert figures.spectrum_panels(diagnosis) == [  # type: ignore[comparison-overlap]
-        "spectrum of the hull balance's residual", "spectrum of the engine balance's residual",
-    ]  # fmt: skip
+        "spectrum of the hull balance's residual",
+        "spectrum of the engine balance's residual",
+    ]
     axes = drawn[1][0]
     frequency, power = smooth_spectrum(diagnosis.residual_before[1], 5.0, 300)
     found = lines(axes)
@@ -220,8 +224,10 @@ def test_the_ranking_shows_gains_beside_their_thresholds(drawn: Drawn) -> None:
     assert bars == [347.0, 343.0, 0.0]
     assert [t.get_text() for t in axes.texts] == ["347", "343", "none"]
     assert [t.get_text() for t in axes.get_yticklabels()] == [
-        "coulomb-friction (engine)", "viscous-friction (engine)", "hull-fouling (hull)",
-    ]  # fmt: skip
+        "coulomb-friction (engine)",
+        "viscous-friction (engine)",
+        "hull-fouling (hull)",
+    ]
     assert [tuple(line.get_xdata()) for line in axes.lines] == [(10.5, 10.5)] * 3
     assert axes.get_xlim() == (0.0, 347.0 * 1.8)
     from matplotlib.colors import to_hex

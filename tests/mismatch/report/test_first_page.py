@@ -104,8 +104,11 @@ def test_an_instrument_is_wrong_and_not_the_ship() -> None:
 
 def test_nothing_missing_states_what_could_hide(frigate: Ship) -> None:
     hidden = [Detectable(entry("hull-fouling (hull)"), 0.02, "-")]
-    page = first_page(replace(fouled(findings=[], detectable=hidden), corrected=frigate,
-                              verdict="nothing-missing"))  # fmt: skip
+    page = first_page(
+        replace(
+            fouled(findings=[], detectable=hidden), corrected=frigate, verdict="nothing-missing"
+        )
+    )
     assert page.headline == "No loss found: the ship performs as the ship file says."
     kilowatts = page.service.hidden[0][1]
     assert f"A smaller loss than {kilowatts:.0f} kW by hull fouling" in page.lead
@@ -152,10 +155,13 @@ def test_doubts_name_the_biased_parameter_and_the_residual() -> None:
 def test_a_wrong_ship_file_is_no_loss_of_the_ship_yet(frigate: Ship) -> None:
     key = "hull.resistance_coefficient_N_s2_m2"
     change = ParameterChange(key, "N s2/m2", 3306.2, 3600.0, 20.0, 3.0, "free", 3600.0)
-    page = first_page(replace(
-        fouled(findings=[], parameters=[change]), verdict="nothing-missing",
-        corrected=frigate.with_values({key: 3600.0}),
-    ))  # fmt: skip
+    page = first_page(
+        replace(
+            fouled(findings=[], parameters=[change]),
+            verdict="nothing-missing",
+            corrected=frigate.with_values({key: 3600.0}),
+        )
+    )
     assert page.headline.startswith("Not as the ship file says: ")
     assert page.where == [f"ship file or ship, {key}"]
     assert f"Check {key} of the ship file" in page.next_steps[0]
@@ -206,9 +212,14 @@ def test_many_effects_are_counted_in_the_headline(frigate: Ship) -> None:
     one = fouled()
     others = [
         finding("wake-speed-dependence (propeller)", "hull.wake_slope_s_m", frigate, 0.001, 1e-4),
-        finding("coulomb-friction (propeller)",
-                "transmission.coulomb_friction_propeller_side_N_m", frigate, 2000.0, 100.0),
-    ]  # fmt: skip
+        finding(
+            "coulomb-friction (propeller)",
+            "transmission.coulomb_friction_propeller_side_N_m",
+            frigate,
+            2000.0,
+            100.0,
+        ),
+    ]
     page = first_page(replace(one, findings=[*one.findings, *others]))
     assert page.headline.startswith("Hull fouling and 2 more: ")
     assert page.where == ["hull", "flow to the propeller", "shaft line behind the torque meter"]
@@ -225,11 +236,14 @@ def test_small_ships_have_watts_and_kilograms() -> None:
     key = "transmission.coulomb_friction_engine_side_N_m"
     page = first_page(
         diagnosis_of(
-            "explained", ship=rig, corrected=rig.with_values({key: 0.005}), measured={},
+            "explained",
+            ship=rig,
+            corrected=rig.with_values({key: 0.005}),
+            measured={},
             drive=np.full(ROWS, 2.0),
             findings=[finding("coulomb-friction (motor)", key, rig, 0.005, 0.0005)],
         )
-    )  # fmt: skip
+    )
     assert page.headline.startswith("Coulomb friction: shaft speed ")
     assert page.headline.endswith(" % lower at equal command.")
     assert page.tiles[0].label == "Shaft speed"
@@ -246,9 +260,11 @@ def test_the_summary_of_the_report_has_the_numbers_of_the_page() -> None:
     power = page.service.quantities[ENGINE_POWER]
     assert power.ci95 is not None
     assert summary["quantities"][ENGINE_POWER] == {
-        "before": power.before, "after": power.after, "change": power.change,
+        "before": power.before,
+        "after": power.after,
+        "change": power.change,
         "ci95": list(power.ci95),
-    }  # fmt: skip
+    }
     equal = page.service.quantities[EQUAL_POWER]
     assert summary["speed_loss_percent"]["value"] == pytest.approx(
         100.0 * (equal.after / equal.before - 1.0)

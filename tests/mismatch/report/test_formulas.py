@@ -25,14 +25,18 @@ def formula() -> Formula:
     term: dict[str, Any] = {"id": "formula", "acts_on": "thrust", "expression": expression}
     bounds = (-1e12, 1e12)
     return Formula(
-        "hull", Term.model_validate(term | {"parameters": numbers}),
+        "hull",
+        Term.model_validate(term | {"parameters": numbers}),
         (Block.of(BETA), Block.of(BETA, Factor("drift_angle", "size"))),
         (
             Estimate("term.formula.a", -1200.0, "N/rad", bounds, 0.0, 100.0),
             Estimate("term.formula.b", 50.0, "N/rad2", bounds, 0.0, 1.0),
         ),
-        120.0, 40.0, 33.0, ("thrust: a * drift_angle * ship_speed",),
-    )  # fmt: skip
+        120.0,
+        40.0,
+        33.0,
+        ("thrust: a * drift_angle * ship_speed",),
+    )
 
 
 def test_a_formula_as_data() -> None:
@@ -43,8 +47,10 @@ def test_a_formula_as_data() -> None:
     assert told["expression"] == "(a + b * abs(drift_angle)) * drift_angle"
     assert told["signals"] == ["drift_angle"]
     assert told["coefficients"]["a"] == {
-        "value": -1200.0, "ci95": [-1396.0, -1004.0], "unit": "N/rad",
-    }  # fmt: skip
+        "value": -1200.0,
+        "ci95": [-1396.0, -1004.0],
+        "unit": "N/rad",
+    }
     assert told["evidence"] == {"score": 120.0, "threshold": 40.0, "held_out": 33.0}
     assert told["or_equally"] == ["thrust: a * drift_angle * ship_speed"]
     assert told["sentence"] == formula_sentence(formula())

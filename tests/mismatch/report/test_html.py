@@ -128,9 +128,11 @@ def test_every_figure_is_there(case: str, pages: dict[str, tuple[Diagnosis, str]
 
 def test_the_verdict_is_said(pages: dict[str, tuple[Diagnosis, str]]) -> None:
     words = {
-        "explained": "explained", "unexplained": "unexplained",
-        "nothing-missing": "nothing missing", "undecided": "cannot be decided",
-    }  # fmt: skip
+        "explained": "explained",
+        "unexplained": "unexplained",
+        "nothing-missing": "nothing missing",
+        "undecided": "cannot be decided",
+    }
     for case, (diagnosis, page) in pages.items():
         name = diagnosis.ship.name
         assert f'<p class="verdict">{name} · {words[case]}</p>' in unescape(page)
@@ -142,11 +144,19 @@ def test_a_finding_is_told_in_full(pages: dict[str, tuple[Diagnosis, str]]) -> N
     text = unescape(re.sub(r"<wbr>", "", page))
     effect = diagnosis.findings[0].effect
     for told in (
-        "Coulomb friction", "8.00", "6.95 … 9.05", "kN m", FRICTION, effect.split_by,
-        "viscous-friction (engine)", "60 to 120 s", "shaft speed above 11 rad/s",
+        "Coulomb friction",
+        "8.00",
+        "6.95 … 9.05",
+        "kN m",
+        FRICTION,
+        effect.split_by,
+        "viscous-friction (engine)",
+        "60 to 120 s",
+        "shaft speed above 11 rad/s",
         f"shaftline {version('shaftline')}",
-        "98 % of the mean square of the difference", "324 N m",
-    ):  # fmt: skip
+        "98 % of the mean square of the difference",
+        "324 N m",
+    ):
         assert told in text, told
 
 
@@ -162,10 +172,14 @@ def test_unexplained_without_a_shape_gives_a_page() -> None:
     worse = dict.fromkeys(channels(0.0), -20.0)
     page = report_html(
         diagnosis_of(
-            "unexplained", shape=None, shape_windows=[], corrected=ship, fit_after=worse,
+            "unexplained",
+            shape=None,
+            shape_windows=[],
+            corrected=ship,
+            fit_after=worse,
             fit_before={"pitch_ratio": 84.5},
         )
-    )  # fmt: skip
+    )
     assert page.count("<small>constant: no FitPercent</small>") == 1
     assert "Residual of unknown cause" not in page
     assert "−20.0" not in page  # nothing was corrected

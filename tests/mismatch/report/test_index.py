@@ -33,8 +33,13 @@ BAD = index_row("bad <1>.csv", "2024-05-04", error="bad <1>.csv: time_s, row 3")
 
 @pytest.fixture
 def index() -> DiagnosisIndex:
-    rows = [BAD, row("quiet.csv", "nothing-missing"), row("b.csv", "explained", 5.0),
-            row("a b.csv", "unexplained", 30.0), row("a.csv", "explained", 5.0)]  # fmt: skip
+    rows = [
+        BAD,
+        row("quiet.csv", "nothing-missing"),
+        row("b.csv", "explained", 5.0),
+        row("a b.csv", "unexplained", 30.0),
+        row("a.csv", "explained", 5.0),
+    ]
     return DiagnosisIndex.of(rows)
 
 
@@ -42,13 +47,21 @@ def test_a_row_tells_what_was_found_where() -> None:
     found = row("a.csv", "explained", 12.0)
     assert list(found) == list(INDEX_COLUMNS)
     assert found == {
-        "recording": "a.csv", "ship": "frigate", "date": "2024-05-03", "verdict": "explained",
+        "recording": "a.csv",
+        "ship": "frigate",
+        "date": "2024-05-03",
+        "verdict": "explained",
         "balances": "engine",
         "found": "coulomb-friction or viscous-friction (coulomb_friction_engine_side_N_m = 8000)",
-        "windows_s": "60..120", "regime": "shaft_speed above 11 rad/s",
-        "channel": "shaft_speed_rad_s", "fit_before": 50.0, "fit_after": 62.0,
-        "sentence": diagnosis_of("explained").sentence, "report": "a.csv/r.html", "error": "",
-    }  # fmt: skip
+        "windows_s": "60..120",
+        "regime": "shaft_speed above 11 rad/s",
+        "channel": "shaft_speed_rad_s",
+        "fit_before": 50.0,
+        "fit_after": 62.0,
+        "sentence": diagnosis_of("explained").sentence,
+        "report": "a.csv/r.html",
+        "error": "",
+    }
     assert row("b.csv", "unexplained")["found"] == "unknown cause; depends on shaft speed"
     nameless = index_row("c.csv", "", report("unexplained", shape=None))
     assert nameless["found"] == "unknown cause"

@@ -16,8 +16,9 @@ from shaftline.mismatch.report.wording import source_words
 from ..diagnoses import diagnosis_of
 
 RESISTANCE, INERTIA = (
-    "hull.resistance_coefficient_N_s2_m2", "transmission.inertia_engine_side_kg_m2",
-)  # fmt: skip
+    "hull.resistance_coefficient_N_s2_m2",
+    "transmission.inertia_engine_side_kg_m2",
+)
 NUMBERS = [
     ParameterChange(RESISTANCE, "N s2/m2", 3306.2, 3471.5, 6.125, -0.75, "calibrated", 3472.5),
     ParameterChange(INERTIA, "kg m2", 53697.0, 48000.0, math.nan, 3.0, "free", 53697.0),
@@ -32,14 +33,29 @@ def told(**more: Any) -> Diagnosis:
 def test_they_stand_in_the_data() -> None:
     report = told().to_dict()
     assert report["numbers"] == {
-        RESISTANCE: {"file": 3306.2, "value": 3471.5, "se": 6.125, "moved": -0.75,
-                     "source": "calibrated", "corrected": 3472.5},
-        INERTIA: {"file": 53697.0, "value": 48000.0, "se": None, "moved": 3.0,
-                  "source": "free", "corrected": 53697.0},
-    }  # fmt: skip
+        RESISTANCE: {
+            "file": 3306.2,
+            "value": 3471.5,
+            "se": 6.125,
+            "moved": -0.75,
+            "source": "calibrated",
+            "corrected": 3472.5,
+        },
+        INERTIA: {
+            "file": 53697.0,
+            "value": 48000.0,
+            "se": None,
+            "moved": 3.0,
+            "source": "free",
+            "corrected": 53697.0,
+        },
+    }
     assert report["effects"][0]["wrong_number"] == {
-        "key": "prime_mover.torque_offset_N_m", "file": -7381.0, "value": -6321.5, "gain": 345.0,
-    }  # fmt: skip
+        "key": "prime_mover.torque_offset_N_m",
+        "file": -7381.0,
+        "value": -6321.5,
+        "gain": 345.0,
+    }
     json.dumps(report, allow_nan=False)
     assert diagnosis_of("nothing-missing").to_dict()["numbers"] == {}
 

@@ -224,12 +224,13 @@ def test_without_a_speed_log_the_median_command_gives_the_speed(frigate: Ship) -
 def test_where_nothing_is_missing_the_smallest_visible_loss_is_computed(frigate: Ship) -> None:
     size = 0.02
     diagnosis = fouled(
-        findings=[], corrected=frigate,
+        findings=[],
+        corrected=frigate,
         detectable=[
             Detectable(entry("hull-fouling (hull)"), size, "-"),
             Detectable(entry("torque-sensor-gain (sensor)"), 0.01, "-"),
         ],
-    )  # fmt: skip
+    )
     service = service_of(diagnosis)
     ((words, extra),) = service.hidden
     assert words == "hull fouling"
@@ -246,10 +247,14 @@ def test_a_rig_is_compared_at_its_median_command() -> None:
     drive[:300] = -3.0
     service = service_of(
         diagnosis_of(
-            "explained", ship=rig, corrected=slow, drive=drive, measured={},
+            "explained",
+            ship=rig,
+            corrected=slow,
+            drive=drive,
+            measured={},
             findings=[finding("coulomb-friction (motor)", key, rig, 0.005, 0.0005)],
         )
-    )  # fmt: skip
+    )
     assert service.speed_m_s is None
     assert service.curves is None
     before, after = (equilibrium(s, 2.0, 1.0) for s in (rig, slow))

@@ -15,10 +15,8 @@ def test_columns_are_aligned_under_their_heads() -> None:
         {"name": "long one", "value": "10.0", "note": "x"},
     ]
     assert align_columns(rows, ["value"]) == (
-        "name      value  note\n"
-        "a           1.0\n"
-        "long one   10.0  x"
-    )  # fmt: skip
+        "name      value  note\na           1.0\nlong one   10.0  x"
+    )
     assert align_columns([]) == ""
 
 
@@ -30,7 +28,7 @@ def test_a_summary_has_answer_findings_fit_and_notes() -> None:
             candidate("viscous-friction (engine)", 343.0, 700.0),
             candidate("coulomb-friction (engine)", 340.0, 1.0),
         ),
-    )  # fmt: skip
+    )
     text = summary(replace(found, findings=[finding]))
     assert text == "\n".join(
         [
@@ -74,7 +72,13 @@ def test_a_constant_channel_says_so() -> None:
     lines = summary(found).splitlines()
     (line,) = (line for line in lines if line.startswith("shaft_speed_rad_s"))
     assert line.split(maxsplit=6) == [
-        "shaft_speed_rad_s", "–", "–", "0.3", "0", "rad/s", "constant: no FitPercent",
-    ]  # fmt: skip
+        "shaft_speed_rad_s",
+        "–",
+        "–",
+        "0.3",
+        "0",
+        "rad/s",
+        "constant: no FitPercent",
+    ]
     assert "Missing physics" not in summary(found)
     assert "note:" not in summary(found)

@@ -75,8 +75,10 @@ def test_large_forces_have_prefixes() -> None:
     assert value_with_unit(math.inf, "N m") == "∞ N m"
     assert superscript("N m s2/rad2") == "N m s²/rad²"
     assert (superscript("-"), axis_label("pitch", ""), axis_label("speed", "m/s")) == (
-        "", "pitch", "speed [m/s]",
-    )  # fmt: skip
+        "",
+        "pitch",
+        "speed [m/s]",
+    )
 
 
 def test_channels_have_names_for_people() -> None:

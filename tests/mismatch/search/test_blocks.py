@@ -33,8 +33,13 @@ def test_a_block_s_trace_is_what_its_expression_says(block: Block) -> None:
     signals = values()
     expression = join_blocks([block], ["a"])
     scope = {
-        "a": 2.0, "abs": np.abs, "tanh": np.tanh, "max": np.maximum, "__builtins__": {}, **signals,
-    }  # fmt: skip
+        "a": 2.0,
+        "abs": np.abs,
+        "tanh": np.tanh,
+        "max": np.maximum,
+        "__builtins__": {},
+        **signals,
+    }
     told = eval(expression, scope) * np.ones(400)
     assert 2.0 * block.trace(signals) == pytest.approx(told, rel=1e-9, abs=1e-12)
     Term.model_validate(

@@ -135,8 +135,11 @@ def test_a_motor_s_concealed_effect_is_named(effect: str, values: dict[str, Any]
 
 def test_a_lag_of_the_speed_sensor_is_named_where_the_torque_is_measured() -> None:
     """A delay as long does as well, within what the rows can tell."""
-    _named(diagnose(bench_tug(), tug_run({"sensors.speed_lag_s": 0.3}, seed=1)),
-           "speed-sensor-lag", "sensor")  # fmt: skip
+    _named(
+        diagnose(bench_tug(), tug_run({"sensors.speed_lag_s": 0.3}, seed=1)),
+        "speed-sensor-lag",
+        "sensor",
+    )
 
 
 def test_ventilation_is_named_where_the_submergence_was_measured() -> None:

@@ -69,8 +69,10 @@ def test_only_a_ship_that_turns_is_offered_them() -> None:
 def test_a_current_from_ahead_for_ever_is_not_offered_where_the_recording_turns() -> None:
     columns = {"ship_speed_m_s"}
     for name, turns, offered in (
-        ("frigate", False, True), ("frigate", True, False), ("kvlcc2", True, True)
-    ):  # fmt: skip
+        ("frigate", False, True),
+        ("frigate", True, False),
+        ("kvlcc2", True, True),
+    ):
         found = {e.id for e in applicable_effects(load_ship(name), columns, turning=turns)}
         assert ("current" in found) == offered
 

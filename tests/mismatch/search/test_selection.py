@@ -34,9 +34,12 @@ class Scores:
         self.worth.setdefault(frozenset(), 0.0)
         self.refining = refining
         self.trial_ship = SimpleNamespace(
-            trials=self._trials, smallest_trials=self._smallest, record=lambda effects: effects,
-            nominal=(), ship=SimpleNamespace(turns=False),
-        )  # fmt: skip
+            trials=self._trials,
+            smallest_trials=self._smallest,
+            record=lambda effects: effects,
+            nominal=(),
+            ship=SimpleNamespace(turns=False),
+        )
         self.null = self.evaluate(())
         self.refined_labels: list[str] = []
         self.jointly: list[tuple[str, ...]] = []
@@ -243,8 +246,11 @@ def test_the_ranking_tells_the_first_round_by_gain() -> None:
 
 def test_effects_are_added_while_they_pass_and_three_at_most() -> None:
     worth: dict[Any, float] = {
-        LAG.label: 400.0, FOULING.label: 300.0, DERATING.label: 200.0, CURRENT.label: 100.0,
-    }  # fmt: skip
+        LAG.label: 400.0,
+        FOULING.label: 300.0,
+        DERATING.label: 200.0,
+        CURRENT.label: 100.0,
+    }
     scores = Scores(worth)
     found = selector(scores, CURRENT, DERATING, FOULING, LAG).search()
     assert [p.effect for p in found.fit.effects] == [LAG, FOULING, DERATING]
@@ -263,12 +269,14 @@ def test_an_effect_that_a_later_one_makes_superfluous_is_dropped(
     three = 700.0 + 2.0 * limit
     scores = Scores(
         {
-            LAG.label: 400.0, FOULING.label: 300.0, CURRENT.label: 100.0,
+            LAG.label: 400.0,
+            FOULING.label: 300.0,
+            CURRENT.label: 100.0,
             (LAG.label, FOULING.label): 700.0,
             (LAG.label, FOULING.label, CURRENT.label): three,
             (FOULING.label, CURRENT.label): three - own_share * limit,
         }
-    )  # fmt: skip
+    )
     found = selector(scores, LAG, FOULING, CURRENT).search()
     assert [p.effect for p in found.fit.effects] == kept
     assert found.fit.score == scores.score(found.fit.effects)

@@ -81,8 +81,10 @@ def test_the_climb_arrives_where_the_best_shares_are(seed: int) -> None:
 
     best = minimize(
         lost,
-        np.array([2.5, -1.5]), method="Nelder-Mead", options={"xatol": 1e-8, "fatol": 1e-10},
-    )  # fmt: skip
+        np.array([2.5, -1.5]),
+        method="Nelder-Mead",
+        options={"xatol": 1e-8, "fatol": 1e-10},
+    )
     assert score == pytest.approx(-best.fun, abs=0.02)
     assert score == pytest.approx(by_hand(own, crossed, pairs, counts, shares), abs=1e-6)
     cross = np.einsum("k,kbpq->bpq", shares, crossed)

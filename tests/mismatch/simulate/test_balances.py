@@ -165,8 +165,11 @@ def test_units_stand_beside_the_names(bench: Ship) -> None:
         JointReplay(bench, table(shaft_torque_N_m=TORQUE, thrust_N=TIME, motor_current_A=TIME))
     )
     assert dict(zip(balances.names, balances.units, strict=True)) == {
-        "motor": "N m", "propeller": "N m", "thrust": "N", "current": "A",
-    }  # fmt: skip
+        "motor": "N m",
+        "propeller": "N m",
+        "thrust": "N",
+        "current": "A",
+    }
     assert (balances.moving, balances.has_torque, balances.prime_mover) == (False, True, "motor")
 
 
@@ -290,10 +293,14 @@ def test_rates_are_central_differences() -> None:
 def test_a_ship_that_runs_away_is_refused_by_name(bench: Ship) -> None:
     recording = table()
     away: Any = SimpleNamespace(
-        ship=bench, channels=["shaft_speed_rad_s"], recorded={}, controllable=False, time_s=TIME,
+        ship=bench,
+        channels=["shaft_speed_rad_s"],
+        recorded={},
+        controllable=False,
+        time_s=TIME,
         simulate=lambda plant: None,
         simulated=lambda samples: {"shaft_speed_rad_s": np.where(TIME < 2.0, SPEED, np.nan)},
-    )  # fmt: skip
+    )
     with pytest.raises(
         ValueError, match="bench: the simulated shaft_speed_rad_s is not finite from 2 s on"
     ):

@@ -38,9 +38,12 @@ def plain() -> Ship:
     tree["hull"]["current_m_s"] = CURRENT
     tree.pop("rudder")
     tree["propeller"] = {
-        "model": "bollard", "diameter_m": 0.204, "thrust_coefficient": 0.3,
-        "torque_coefficient": 0.03, "depth_m": 0.3,
-    }  # fmt: skip
+        "model": "bollard",
+        "diameter_m": 0.204,
+        "thrust_coefficient": 0.3,
+        "torque_coefficient": 0.03,
+        "depth_m": 0.3,
+    }
     return Ship.model_validate(tree)
 
 
@@ -83,8 +86,10 @@ def residuals(recording: pd.DataFrame) -> dict[str, Any]:
     balances = Balances(JointReplay(plain(), recording))
     rows = balances.residuals(balances.replay.recorded)
     assert dict(zip(balances.names, balances.units, strict=True)) == {
-        "hull": "N", "sway": "N", "yaw": "N m",
-    }  # fmt: skip
+        "hull": "N",
+        "sway": "N",
+        "yaw": "N m",
+    }
     return dict(zip(balances.names, rows, strict=True))
 
 

@@ -15,8 +15,12 @@ from ...plant.test_fluid import fan
 TIME = 0.1 * np.arange(80)
 SPEED = 600.0 + 100.0 * np.sin(TIME)
 LOAD = 1.2 * (SPEED / (2.0 * np.pi)) ** 2 * 0.2**5 * 0.017
-MOVER = {"type": "speed-command", "speed_max_rad_s": 1300.0, "drive_efficiency": 0.8,
-         "idle_power_W": 3.0}  # fmt: skip
+MOVER = {
+    "type": "speed-command",
+    "speed_max_rad_s": 1300.0,
+    "drive_efficiency": 0.8,
+    "idle_power_W": 3.0,
+}
 
 
 def balances_of(ship: Ship, **columns: object) -> Balances:
@@ -48,13 +52,17 @@ def test_about_standstill_a_power_tells_no_torque() -> None:
 
 def test_a_torque_gauge_comes_before_a_power() -> None:
     found = balances_of(
-        fan(prime_mover=MOVER), shaft_speed_rad_s=SPEED, shaft_torque_N_m=LOAD,
-        shaft_power_W=LOAD * SPEED, electric_power_W=LOAD * SPEED / 0.8 + 7.0,
-    )  # fmt: skip
+        fan(prime_mover=MOVER),
+        shaft_speed_rad_s=SPEED,
+        shaft_torque_N_m=LOAD,
+        shaft_power_W=LOAD * SPEED,
+        electric_power_W=LOAD * SPEED / 0.8 + 7.0,
+    )
     assert found.torque_column == "shaft_torque_N_m"
     assert list(zip(found.names, found.units, strict=True)) == [
-        ("propeller", "N m"), ("electric-power", "W"),
-    ]  # fmt: skip
+        ("propeller", "N m"),
+        ("electric-power", "W"),
+    ]
     electric = found.residuals(found.replay.measured)[1]
     assert np.median(electric) == pytest.approx(
         4.0, abs=0.05
@@ -67,9 +75,11 @@ def test_a_free_shaft_has_two_balances_by_its_power() -> None:
     nominal = balances_of(tug, motor_voltage_V=volts, shaft_speed_rad_s=20.0 + np.sin(TIME))
     samples = nominal.nominal_samples
     found = balances_of(
-        tug, motor_voltage_V=volts, shaft_speed_rad_s=np.array(samples["shaft_speed"]),
+        tug,
+        motor_voltage_V=volts,
+        shaft_speed_rad_s=np.array(samples["shaft_speed"]),
         shaft_power_W=np.array(samples["shaft_power"]),
-    )  # fmt: skip
+    )
     assert found.names[:2] == ["motor", "propeller"]
     assert nominal.names[:1] == ["motor"]
     assert "propeller" not in nominal.names

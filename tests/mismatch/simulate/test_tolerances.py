@@ -105,10 +105,18 @@ def test_the_factor_multiplies_all_tolerances(draggy: pd.DataFrame) -> None:
 
 
 KNOWN = {
-    "resistance": 0.011, "mass": 0.012, "wake_fraction": 0.013, "thrust_curve": 0.014,
-    "inertia": 0.015, "torque_curve": 0.016, "torque_per_rack": 0.017, "torque_offset": 0.018,
-    "pitch_time_constant": 0.019, "motor_constant": 0.021, "armature_resistance": 0.022,
-}  # fmt: skip
+    "resistance": 0.011,
+    "mass": 0.012,
+    "wake_fraction": 0.013,
+    "thrust_curve": 0.014,
+    "inertia": 0.015,
+    "torque_curve": 0.016,
+    "torque_per_rack": 0.017,
+    "torque_offset": 0.018,
+    "pitch_time_constant": 0.019,
+    "motor_constant": 0.021,
+    "armature_resistance": 0.022,
+}
 
 
 def moved_in(ship: Ship, table: pd.DataFrame, scale: float) -> list[tuple[dict[str, Any], Any]]:
@@ -164,8 +172,10 @@ def test_of_a_motor_its_constant_and_resistance_are_moved() -> None:
     assert found[-1][1] == pytest.approx((0.0, 0.02 * 30.0, 0.0))
     fields = [fields for fields, _ in found]
     assert fields[-3:] == [
-        {"motor_constant": pytest.approx(1.021)}, {"armature_resistance": pytest.approx(1.022)}, {},
-    ]  # fmt: skip
+        {"motor_constant": pytest.approx(1.021)},
+        {"armature_resistance": pytest.approx(1.022)},
+        {},
+    ]
     slow = moved_in(bench_tug(), tug_run().assign(shaft_speed_rad_s=0.4), 1.0)
     assert slow[-1][1] == pytest.approx((0.0, 0.02, 0.0))  # near rest, of 1 rad/s
 

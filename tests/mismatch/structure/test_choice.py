@@ -103,8 +103,10 @@ def test_a_model_that_is_nearly_as_likely_and_as_close_is_an_alternative() -> No
     """Of a gain of 1000, the alternative has 960 or 940, and a held-out error 1.04 or 1.06 times."""
     plain, best = _ranked("", 3.0, -1000.0), _ranked("a", 1.0, 0.0)
     near, weaker, farther = (
-        _ranked("b", 1.04, -40.0), _ranked("b", 1.04, -60.0), _ranked("b", 1.06, -40.0),
-    )  # fmt: skip
+        _ranked("b", 1.04, -40.0),
+        _ranked("b", 1.04, -60.0),
+        _ranked("b", 1.06, -40.0),
+    )
     assert choose([best, near, plain], BEFORE, 0.9) == (best, [near])
     assert choose([best, near, plain], BEFORE, 1.1) == (best, [])  # log L holds: noise is left
     assert choose([best, weaker, plain], BEFORE, 0.9) == (best, [])

@@ -20,9 +20,15 @@ from shaftline.plant.replay import simulate_recording
 from .rigs import COULOMB, INERTIA, motor, run
 
 OTHERS = (
-    "direction-asymmetry", "torque-offset", "quadratic-drag", "supply-limit", "speed-sensor-delay",
-    "braking-loss", "command-dead-zone", "load-friction",
-)  # fmt: skip
+    "direction-asymmetry",
+    "torque-offset",
+    "quadratic-drag",
+    "supply-limit",
+    "speed-sensor-delay",
+    "braking-loss",
+    "command-dead-zone",
+    "load-friction",
+)
 OPTIONS = Options(exclude=OTHERS)
 
 

@@ -28,10 +28,15 @@ def in_waves(gain: float, steps: bool = False) -> pd.DataFrame:
         rack += np.where(np.sin(0.02 * np.pi * time) > 0.0, 3.0, -3.0)
     return pd.DataFrame(
         {
-            "time_s": time, "fuel_rack_mm": rack, "pitch_ratio_command": 1.1, "pitch_ratio": 1.1,
-            "shaft_speed_rad_s": 9.0 + waves, "shaft_torque_N_m": 9e4, "ship_speed_m_s": 8.0,
+            "time_s": time,
+            "fuel_rack_mm": rack,
+            "pitch_ratio_command": 1.1,
+            "pitch_ratio": 1.1,
+            "shaft_speed_rad_s": 9.0 + waves,
+            "shaft_torque_N_m": 9e4,
+            "ship_speed_m_s": 8.0,
         }
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize(("gain", "answers"), [(-5.0, True), (5.0, False), (0.0, False)])

@@ -103,9 +103,11 @@ def test_every_parameter_with_a_tolerance_has_a_prior_and_those_of_the_ship_s_ow
     ship = motor().with_values({"tolerances.inertia": 0.2, "term": [term]})
     found = {d.key: d for d in parameter_priors(JointReplay(ship, run()))}
     assert set(found) == {
-        INERTIA, "prime_mover.motor_constant_V_s_rad", "prime_mover.armature_resistance_ohm",
+        INERTIA,
+        "prime_mover.motor_constant_V_s_rad",
+        "prime_mover.armature_resistance_ohm",
         "term.weight.m",
-    }  # fmt: skip
+    }
     assert found[INERTIA].near == pytest.approx(0.2)
     assert found[INERTIA].far == WIDE
     assert found[INERTIA].wrong == WRONG

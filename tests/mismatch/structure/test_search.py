@@ -18,8 +18,15 @@ BY_SWITCHING = ("open-circuit", "braking-loss")
 def test_a_pair_is_found_with_the_inertia_that_the_file_has_wrong() -> None:
     """An open armature and dry friction: in one direction a linear law takes up either."""
     truth = {OPEN: 1.0, COULOMB: 0.02, INERTIA: 1.6e-3}
-    ids = ("open-circuit", "coulomb-friction", "viscous-friction", "supply-limit", "torque-offset",
-           "speed-sensor-lag", "quadratic-drag")  # fmt: skip
+    ids = (
+        "open-circuit",
+        "coulomb-friction",
+        "viscous-friction",
+        "supply-limit",
+        "torque-offset",
+        "speed-sensor-lag",
+        "quadratic-drag",
+    )
     search, ranked = searched(motor(), run(truth, 1), run(truth, 2), ids=ids)
     before = search.problem.held_error(search.problem.file_model())
     best, alike = choose(ranked, before)

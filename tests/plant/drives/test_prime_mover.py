@@ -44,10 +44,12 @@ def test_only_an_armature_with_inductance_bounds_the_time_step() -> None:
     assert load_ship("frigate").prime_mover.time_constants == {}
     bare = load_ship("rov-thruster").with_values({"prime_mover.armature_inductance_H": 0.0})
     assert bare.prime_mover.time_constants == {}
-    coil = bare.with_values({
-        "prime_mover.armature_inductance_H": 0.02,
-        "prime_mover.armature_resistance_ohm": 4.0,
-        "integration.time_step_s": 0.004,
-    })  # fmt: skip
+    coil = bare.with_values(
+        {
+            "prime_mover.armature_inductance_H": 0.02,
+            "prime_mover.armature_resistance_ohm": 4.0,
+            "integration.time_step_s": 0.004,
+        }
+    )
     (constant,) = coil.prime_mover.time_constants.values()
     assert math.isclose(constant, 0.005)
