@@ -166,9 +166,13 @@ def finding_sentence(finding: Finding) -> str:
 def lacking_or_excess(finding: Finding) -> str:
     """Return what a balance lacks or, with a value below the neutral one, has too much of."""
     effect, first = finding.effect, finding.estimates[0]
-    if math.isfinite(first.neutral) and first.value < first.neutral:
-        return f"has {effect.excess or f'too much of this: {effect.lacks}'}"
-    return f"lacks {effect.lacks}"
+    if math.isinf(first.neutral) or first.value >= first.neutral:
+        return f"lacks {effect.lacks}"
+    if effect.excess:
+        return f"has {effect.excess}"
+    if first.neutral in NEUTRAL:
+        return f"has too much of this: {effect.lacks}"
+    return f"has less {effect_words(effect)} than the ship file"
 
 
 def residual_sentence(balance: BalanceVerdict) -> str:

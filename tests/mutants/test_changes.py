@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -175,6 +176,15 @@ def test_a_survivor_has_a_reason_or_is_a_hole() -> None:
     assert shares(outcomes) == {"plant": (1, 2)}
     assert "| `plant/` | 2 | 1 | 50.0% | 95% |" in page(outcomes, 1, let_pass)
     assert "**a hole**" in page([Outcome(second, False, "", 1.0)], 1, let_pass)
+
+
+def test_every_accepted_survivor_is_a_line_of_its_file() -> None:
+    declared = tomllib.loads((ROOT / "tests/mutants/let_pass.toml").read_text(encoding="utf-8"))
+    for entry in declared["let_pass"]:
+        lines = (ROOT / entry["file"]).read_text(encoding="utf-8").splitlines()
+        assert entry["line"] in map(str.strip, lines), entry
+    served = {file for files in declared["serves"].values() for file in files}
+    assert [file for file in served if not (ROOT / file).is_file()] == []
 
 
 def test_other_files_leave_the_draw_as_it_is(tmp_path: Path) -> None:
