@@ -8,8 +8,8 @@ controllable-pitch propeller: the engine map converts the commanded torque to a 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from ..plant.shaft import brake_torque_of, drive_torque, inertia_behind_meter, s
 from ..plant.ship import Ship
 from ..plant.signals import get_signal
 from .combinator import combinator_curve
-from .controller import OBSERVED, Commands, Controller, Measurements, Variants
+from .controller import OBSERVED, Commands, Controller, Measurements, Ranges, Variants
 from .thrust_control import (
     THRUST_LAW,
     THRUST_LAW_MEMORY,
@@ -31,6 +31,7 @@ from .thrust_control import (
     integrate_error,
     torque_demand,
 )
+from .ventilation import VentilationDetector
 
 ANTI_SPIN = np.dtype(
     [
@@ -100,6 +101,9 @@ def control_all(controller: Record, memories: Any, calm_speed: Any, thrust: Any)
     return rack
 
 
+BLEND_AT_IDLE = 2.5
+"""k omega^p at the idle speed [-]: the blend exp(-2.5) is 0.08 there."""
+
 _BOUNDS = np.array([get_signal(name).high for name in OBSERVED])
 
 
@@ -109,6 +113,23 @@ class AntiSpinTuning(ThrustLaw):
 
     ventilated_speed: float = 0.92  # omega_v,opt over the calm-water shaft speed [-]
     top_speed: float = 1.0  # highest desired shaft speed over the engine's highest [-]
+
+    @classmethod
+    def for_ship(cls, ship: Ship) -> Self:
+        """Return the tuning of a ship: the detector's blend is 0.08 at the idle speed of its engine.
+
+        Below this speed the torque ratio has no meaning. The frigate idles at 5 rad/s, small ships with
+        a geared engine at up to 20 rad/s.
+
+        Example:
+            >>> from shaftline.plant import load_ship
+            >>> round(AntiSpinTuning.for_ship(load_ship("frigate")).detector.blend_gain, 4)
+            0.0204
+        """
+        detector, plant = VentilationDetector(), ship.record()
+        idle = float(plant["engine_speed_min"] / plant["gear_ratio"])
+        gain = BLEND_AT_IDLE / idle**detector.blend_power
+        return cls(detector=replace(detector, blend_gain=gain))
 
 
 class AntiSpin(Controller):
@@ -120,7 +141,7 @@ class AntiSpin(Controller):
     Args:
         ship: ship that moves, with a diesel and a B-series propeller, or its name.
         anti_spin: whether ventilation limits the shaft speed; False for the comparison in the paper.
-        tuning: gains and thresholds.
+        tuning: gains and thresholds; :meth:`AntiSpinTuning.for_ship` by default.
         numbers: values of the tuning, its observer or its detector by name, for example
             ``ventilated_speed=0.85, sea_margin=3.0``.
 
@@ -135,6 +156,13 @@ class AntiSpin(Controller):
     name = "anti-spin"
     source = "Pivano et al. 2008"
     variants: ClassVar[Variants] = {"no-anti-spin": {"anti_spin": False}}
+    tunable: ClassVar[Ranges] = {
+        "ventilated_speed": (0.7, 1.0),
+        "sea_margin": (0.0, 5.0),
+        "proportional_rate": (0.2, 2.0),
+        "integral_rate": (0.01, 0.3),
+        "cutoff_rad_s": (0.3, 3.0),
+    }
 
     def __init__(
         self,
@@ -146,13 +174,14 @@ class AntiSpin(Controller):
         **numbers: float,
     ) -> None:
         super().__init__(ship, interval_s)
-        tuning = (AntiSpinTuning() if tuning is None else tuning).with_values(numbers)
         plant = self.plant
         if not self.ship.has_diesel or self.ship.propeller.model != "b-series":
             raise ValueError(
                 f"{self.ship.name}: anti-spin needs a diesel and a B-series propeller; for an electric "
                 "drive with a torque command use shaftline.baselines.ThrustControl"
             )
+        tuning = AntiSpinTuning.for_ship(self.ship) if tuning is None else tuning
+        tuning = tuning.with_values(numbers)
         if not (tuning.ventilated_speed > 0.0 and tuning.top_speed > 0.0):
             raise ValueError("anti-spin: ventilated_speed and top_speed must be positive")
         lowest = plant["engine_speed_min"] / plant["gear_ratio"]

@@ -166,6 +166,7 @@ def _explain_error(error: TypeError, kind: Any, fixed: Mapping[str, Any]) -> str
     if found := re.search(r"unexpected keyword argument '(.*)'", str(error)):
         options = inspect.signature(kind).parameters.items()
         own = [name for name, o in options if isinstance(o.default, float) and name not in fixed]
+        own += [name for name in getattr(kind, "tunable", {}) if name not in {*own, *fixed}]
         known = f"known: {', '.join(own)}" if own else "it has none"
         return f"option {found[1]!r} is unknown; {known}"
     return re.sub(r"^[\w.<>]+\(\) ", "", str(error))

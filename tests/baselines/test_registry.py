@@ -159,7 +159,7 @@ def test_each_has_a_summary_and_a_source(name: str) -> None:
         ("va-pitch:speed_gain=-1", "speed_gain = -1: must be 0 to 1600"),
         ("speed-pilot:pitch_offset=-31", "must be -30 to 30"),
         ("combinator:trim_s=1e5", "must be 0 to 10000"),
-        ("anti-spin:sea_margin=1e300", "must be -1e+09 to 1e+09"),
+        ("anti-spin:top_speed=1e300", "must be -1e+09 to 1e+09"),
     ],
 )
 def test_an_absurd_option_is_refused_with_its_range(text: str, words: str) -> None:
