@@ -8,8 +8,10 @@ writes into the ship record.
 from __future__ import annotations
 
 import ast
+import functools
 import itertools
 import math
+import threading
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, NoReturn, TypeAlias
 
@@ -343,6 +345,19 @@ class TermError(ValueError):
     """An invalid expression; the message says where and why."""
 
 
+_PARSER = threading.Lock()
+
+
+@functools.lru_cache(maxsize=1024)
+def _syntax_tree(expression: str) -> ast.Expression:
+    """Return the syntax tree of an expression; it must not be changed.
+
+    Before Python 3.11.8 the parser fails at random where threads use it together (CPython issue 106905).
+    """
+    with _PARSER:
+        return ast.parse(expression, mode="eval")
+
+
 def parse_expression(
     expression: str, parameters: Sequence[str], names: Mapping[str, int], literals: list[float]
 ) -> Program:
@@ -361,7 +376,7 @@ def parse_expression(
     shaftline.plant.expressions.TermError: 'k * sped': 'sped' is unknown; known: k, speed
     """
     try:
-        tree = ast.parse(expression.strip(), mode="eval").body
+        tree = _syntax_tree(expression.strip()).body
     except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
         raise TermError(
             f"{expression!r} is not a valid expression ({type(error).__name__}); write it like "
@@ -468,7 +483,7 @@ def stack_depth(program: Program) -> int:
 def names_in(expression: str) -> list[str]:
     """Return the names of values in an expression; none if the text is no valid expression."""
     try:
-        tree = ast.parse(expression.strip(), mode="eval")
+        tree = _syntax_tree(expression.strip())
     except (SyntaxError, ValueError, MemoryError, RecursionError):
         return []
     called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import re
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +23,7 @@ from shaftline.plant.expressions import (
     LoadSignals,
     LoadTermSums,
     TermError,
+    names_in,
     parse_expression,
 )
 from shaftline.plant.terms import PLACES, TERM_SIGNALS, TURNING_SIGNALS, Term, add_term
@@ -163,3 +168,30 @@ def test_every_signal_and_function_is_reached(frigate: Ship) -> None:
             with pytest.raises(ShipError, match=f"'{name}' is unknown"):
                 value(frigate, name)
     assert len({code for code, _ in FUNCTIONS.values()}) == len(FUNCTIONS)
+
+
+def test_threads_parse_expressions_together() -> None:
+    """The parser of Python 3.11.7 fails in some of them (CPython issue 106905)."""
+
+    class Cycle:
+        def __del__(self) -> None:
+            """Let another thread run while the parser collects garbage."""
+
+    def parse(thread: int) -> int:
+        for k in range(1000):
+            own: Any = Cycle()
+            own.own = own
+            assert names_in(f"-(a * step(b) + c * (d + e * (f + {thread} + {k})))") == list(
+                "abcdef"
+            )
+        return thread
+
+    before = gc.get_threshold(), sys.getswitchinterval()
+    gc.set_threshold(5)
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(4) as pool:
+            assert list(pool.map(parse, range(4))) == [0, 1, 2, 3]
+    finally:
+        gc.set_threshold(*before[0])
+        sys.setswitchinterval(before[1])
