@@ -17,7 +17,7 @@ import pandas as pd
 
 from ..plant.ship import Ship, ShipError
 from .diagnosis import Diagnosis
-from .estimate import Tick, ignore_progress
+from .estimate import Tick, covariance_of, ignore_progress
 from .identification.free_parameters import AUTO, LEAST_CERTAIN, UnidentifiableError, doubtful
 from .identification.parameters import MethodResult, Start, widen_tolerances
 from .identify import Identification, identified_ship, identify
@@ -134,7 +134,7 @@ def _scatter(problem: OutputError, balances: Balances, model: Model) -> float:
         estimates.append(part.fit(model.effects, model).shifts)
     apart = np.array(estimates) - np.mean(estimates, axis=0)
     scatter = (PARTS - 1) / PARTS * apart.T @ apart
-    precision = np.linalg.pinv(problem.covariance(model)[:count, :count], hermitian=True)
+    precision = covariance_of(problem.covariance(model)[:count, :count])
     ratio = float(np.trace(precision @ scatter)) / count
     return max(1.0, ratio) if math.isfinite(ratio) else 1.0
 

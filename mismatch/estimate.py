@@ -6,7 +6,9 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from ..plant.ship import Ship
 
@@ -24,6 +26,22 @@ def half_95(freedom: float) -> float:
     if math.isinf(freedom):
         return HALF_95
     return float(scipy.stats.t.ppf(0.975, max(freedom, 1.0)))
+
+
+def covariance_of(information: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the covariance of estimates from their information matrix, whatever the units are.
+
+    It is the pseudo-inverse of the matrix scaled to a unit diagonal. A plain pseudo-inverse compares the
+    singular values of all parameters, and takes a torque in N m beside a ratio for exactly known.
+
+    >>> covariance_of(np.diag([1e-10, 1e8, 0.0]))
+    array([[1.e+10, 0.e+00, 0.e+00],
+           [0.e+00, 1.e-08, 0.e+00],
+           [0.e+00, 0.e+00, 0.e+00]])
+    """
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    scales = np.outer(scale, scale)
+    return np.asarray(np.linalg.pinv(information / scales, hermitian=True) / scales)
 
 
 @dataclass(frozen=True)

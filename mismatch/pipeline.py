@@ -458,12 +458,14 @@ def _report(
     lacking = balances.residuals_against(balances.nominal)
     findings = findings_of(fitter, selection, lacking) if conclusion.is_named else []
     corrected, gain, worse = _correct(conclusion, evidence)
-    warnings = correction.uncorrected_remarks(worse) if findings and corrected == ship else []
+    uncorrected = bool(findings) and corrected == ship
+    warnings = correction.uncorrected_remarks(worse) if uncorrected else []
     # A record refers to signals by position, so the simulations need all signals of the replay.
     before, after = (replay.simulated(replay.simulate(s.record())) for s in (ship, corrected))
     changes = parameters.changes(fit, corrected)
     undecidable = is_undecidable(replay.excited, together.limits)
-    name = limit_verdict(verdict.name, undecidable, any(c.is_biased for c in changes))
+    biased, refuted = any(c.is_biased for c in changes), uncorrected and evidence.judge.covers(fit)
+    name = limit_verdict(verdict.name, undecidable, biased, refuted)
     if corrected.signals:
         corrected = corrected.with_signals({n: ship.signals[n] for n in corrected.external_signals})
     fit_before = fit_percents(measured, before, rows)

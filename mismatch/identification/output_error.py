@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..estimate import Tick, ignore_progress
+from ..estimate import Tick, covariance_of, ignore_progress
 from ..search.fitting import Fit, Fitter, Whiteness
 from .free_parameters import Free, UnidentifiableError, refuse_unidentifiable
 from .parameters import MethodResult
@@ -158,10 +158,8 @@ class OutputError:
         count, weight = len(columns), self._weight(fit)
         by_band = self.fitter.likelihood.information_by_band(weight, columns)
         information = self.fitter.likelihood.information(weight, columns)
-        scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-        inverse = np.linalg.pinv(information / np.outer(scale, scale), hermitian=True)
-        inverse = np.asarray(inverse / np.outer(scale, scale))
-        own = inverse[:count]
+        covariance = covariance_of(information)
+        own = covariance[:count]
         told = np.einsum("ik,bkl,il->ib", own, by_band, own)
         shares = told / np.maximum(np.diag(own), 1e-300)[:, None]
         freedom = 1.0 / np.maximum(np.sum(shares**2 / (2.0 * self._spare), axis=1), 1e-12)
@@ -173,7 +171,7 @@ class OutputError:
             table,
             score=fit.score,
             freedom=freedom,
-            joint=self._joint(values, fit, inverse),
+            joint=self._joint(values, fit, covariance),
         )
 
     def _joint(self, values: Sequence[float], fit: Fit, covariance: Array) -> MethodResult:

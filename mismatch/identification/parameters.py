@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ...plant.keys import ShipParameter
 from ...plant.ship import Ship, ShipError
+from ..estimate import covariance_of
 from ..judge.held_out import fit_percents
 from ..recordings.steady_rows import drive_by_shaft_speed
 from ..search.catalogue import SizedEffect
@@ -336,7 +337,7 @@ class MovableParameters:
         fitter = self.fitter
         columns = fitter.sensitivities(fit)[1]
         information = fitter.likelihood.information(fit.weight, columns)
-        covariance = np.linalg.pinv(information, hermitian=True)[len(columns) :, len(columns) :]
+        covariance = covariance_of(information)[len(columns) :, len(columns) :]
         variances = np.einsum("nk,kl,nl->n", self._changes, covariance, self._changes)
         return np.asarray(np.sqrt(np.maximum(variances, 0.0)))
 

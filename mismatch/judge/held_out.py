@@ -28,9 +28,9 @@ MOST_WAYS = 3
 LOST = 0.25
 """Error of a channel on the held-out data, as a share of its size, above which a model loses it."""
 
-LEAST_LEFT = 0.3
-"""Share of the commands' range that the rows beside a held-out quarter must cover. Without a movement in
-the fitted rows no parameter and no effect can be estimated."""
+LEAST_RANGE = 0.3
+"""Share of the commands' range that the rows beside a held-out quarter must cover, and that a held-out
+recording must cover. Without a movement nothing can be estimated, and nothing judged."""
 
 ROUNDING = 1e-12
 """Share of a channel's size within which it counts as constant, because means of equal values round."""
@@ -41,10 +41,11 @@ def split_held_out(replay: JointReplay, runs: int) -> list[tuple[Segments, Segme
 
     - The last ``runs`` recordings are held out if the user says so.
     - Of :data:`SEVERAL` recordings or more, a quarter of them is held out, at least one: those without
-      which the others cover most of the commands' range, and none with more than half of all rows.
+      which the others cover most of the commands' range. None has more than half of all rows or covers
+      less than :data:`LEAST_RANGE` of the range itself, if others do.
     - Otherwise the last quarter of the longest recording is held out, or another quarter that covers the
-      commands' range clearly better. The other rows must still cover :data:`LEAST_LEFT` of the range, as
-      they do not where the commands move in one quarter only.
+      commands' range clearly better. The other rows must still cover :data:`LEAST_RANGE` of the range,
+      as they do not where the commands move in one quarter only.
     """
     if runs:
         return [(replay.segments[:-runs], replay.segments[-runs:])]
@@ -63,7 +64,7 @@ def split_held_out(replay: JointReplay, runs: int) -> list[tuple[Segments, Segme
         pieces = [(first, start), (start + length, last)]
         kept = [(a, b) for a, b in pieces if b - a > 20]
         splits.append(([*others, *kept], [(start, start + length)]))
-    moving = [one for one in splits if _coverage(replay, replay.segments, one[0]) >= LEAST_LEFT]
+    moving = [one for one in splits if _coverage(replay, replay.segments, one[0]) >= LEAST_RANGE]
     return moving or splits
 
 
@@ -81,7 +82,8 @@ def _split_whole(replay: JointReplay) -> list[tuple[Segments, Segments]]:
             return -round(missed, 2), -round(own, 2), -part[0]
 
         small = [s for s in rest if s[1] - s[0] <= 0.5 * total]
-        return sorted(small, key=merit)
+        moving = [s for s in small if _coverage(replay, replay.segments, [s]) >= LEAST_RANGE]
+        return sorted(moving or small, key=merit)
 
     splits = []
     for first in ranked(replay.segments)[:MOST_WAYS]:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...plant.ship import Ship, ShipError
-from ..estimate import Estimate
+from ..estimate import Estimate, covariance_of
 from ..search.catalogue import Effect, SizedEffect, Window
 from ..search.fitting import Colour, Fit, Fitter, Whiteness
 from ..search.selection import INDISTINGUISHABLE, Candidate, Selection
@@ -168,20 +168,21 @@ def alternative_ships(
     return ships
 
 
-def limit_verdict(name: str, undecidable: bool, biased: bool) -> str:
-    """Return the verdict that the recordings and the parameters allow.
+def limit_verdict(name: str, undecidable: bool, biased: bool, refuted: bool = False) -> str:
+    """Return the verdict that the recordings, the parameters and the held-out data allow.
 
     Args:
         name: name of the verdict on the effects.
         undecidable: whether the recordings are too short or excite too little.
         biased: whether a parameter lies far outside the ship file's tolerance.
+        refuted: whether no ship with the effects fits the held-out data better in open loop.
 
     >>> limit_verdict("explained", False, biased=True)
     'partly-explained'
     """
     if name == NOTHING and (undecidable or biased):
         return UNEXPLAINED
-    return PARTLY if name == EXPLAINED and biased else name
+    return PARTLY if name == EXPLAINED and (biased or refuted) else name
 
 
 def is_undecidable(excited: bool, limits: Sequence[str]) -> bool:
@@ -489,7 +490,7 @@ def detectable_effects(
         if not np.isfinite(change).all():  # The simulation diverges.
             continue
         information = fitter.likelihood.information(fit.weight, change[None])
-        variance = float(np.linalg.pinv(information)[0, 0])
+        variance = float(covariance_of(information)[0, 0])
         if variance > 0.0 and information[0, 0] > 1e-9:
             size = abs(probe - neutral) * np.sqrt(threshold(effect) * variance)
             unit = parameter.in_ship(trial_ship.ship).info.unit

@@ -239,6 +239,8 @@ def _costs(diagnosis: Outcome, service: Service) -> str:
         much = "slower" if percent < 0.0 else "faster"
         name = command_words(diagnosis.ship)
         return f"{number(abs(percent), 2)} % {much} at equal {name}"
+    if text.has_residual(diagnosis):  # It may hide a loss.
+        return f"the loss at {knots} is not determined"
     return f"no loss at {knots}"
 
 

@@ -22,7 +22,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ...plant.ship import Ship
-from ..estimate import Estimate
+from ..estimate import Estimate, covariance_of
 from ..simulate.balances import (
     LARGEST_STEP,
     Balances,
@@ -334,7 +334,7 @@ class Fitter:
         steps = errors = 1e-2 * sizes + 1e-9
         for _ in range(3):
             columns = self.sensitivities(fit, steps=steps)[1]
-            covariance = np.linalg.pinv(self.likelihood.information(fit.weight, columns))
+            covariance = covariance_of(self.likelihood.information(fit.weight, columns))
             errors = np.sqrt(np.maximum(np.diag(covariance)[: len(sizes)], 1e-300))
             steps = np.clip(errors, 1e-4 * sizes + 1e-12, 0.5 * sizes + 1e-9)
         ship = self.trial_ship

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from ..estimate import covariance_of
 from ..identification.parameters import FAR_TOLERANCES
 from ..search.catalogue import SizedEffect
 from ..search.spectra import Segments
@@ -311,7 +312,7 @@ class OutputError:
             trial = point.copy()
             trial[k] += search.steps[k]
             inside = search.inside(trial)
-            if inside[k] == point[k]:  # at its bound: step in the other direction
+            if inside[k] - point[k] < 0.5 * search.steps[k]:  # at its bound: step down
                 trial[k] = point[k] - search.steps[k]
                 inside = search.inside(trial)
             change = inside[k] - point[k]
@@ -355,5 +356,4 @@ class OutputError:
         scale = self.likelihood.scale(self.likelihood.white(self.residual(model)))
         flat = (columns * scale).reshape(len(columns), -1)
         information = share * (flat @ flat.T) + search.precision(search.start, guessed)
-        inverse = np.linalg.pinv(information)
-        return np.asarray(inverse * np.outer(search.units, search.units))
+        return covariance_of(information) * np.outer(search.units, search.units)

@@ -272,3 +272,29 @@ def test_the_summary_of_the_report_has_the_numbers_of_the_page() -> None:
     assert summary["speed_loss_percent"]["value"] < 0.0  # the sign of ISO 19030
     low, high = summary["speed_loss_percent"]["ci95"]
     assert low < summary["speed_loss_percent"]["value"] < high < 0.0
+
+
+@pytest.mark.parametrize(
+    ("left", "words"),
+    [
+        (None, "Not as the ship file says: no loss at 15.6 kn."),
+        (
+            Colour(0, 1, 0.005, 0.02, 14.0),
+            "Not as the ship file says: the loss at 15.6 kn is not determined.",
+        ),
+    ],
+)
+def test_a_residual_leaves_the_loss_undetermined(
+    frigate: Ship, left: Colour | None, words: str
+) -> None:
+    inertia = "transmission.inertia_propeller_side_kg_m2"
+    far = ParameterChange(inertia, "kg m2", 1.0, 1.2, 0.01, 4.0, "free", 1.2)
+    page = first_page(
+        replace(
+            fouled(findings=[], parameters=[far]),
+            corrected=frigate,
+            verdict="unexplained",
+            balance_verdicts=[BalanceVerdict("hull", "unexplained", 0.0, left)],
+        )
+    )
+    assert page.headline == words
