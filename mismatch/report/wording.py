@@ -196,11 +196,23 @@ def biased_parameter_sentence(biased: BiasedParameter) -> str:
     )
 
 
+INERTIA = "transmission.inertia_"
+"""Begin of the keys of the inertia of a shaft line."""
+
+
 def corrected_parameters(
     diagnosis: Outcome, *, free: bool = False, far: bool = False
 ) -> list[ParameterChange]:
-    """Return the corrected parameters that were free, or that lie far from the ship file."""
-    changed = [n for n in diagnosis.parameters if n.corrected != n.file]
+    """Return the corrected parameters that were free, or that lie far from the ship file.
+
+    The inertia of a shaft line does not change after the reference period that determined it. A new
+    estimate then stands for dynamics that the model lacks.
+    """
+    changed = [
+        n
+        for n in diagnosis.parameters
+        if n.corrected != n.file and not (n.source == "calibrated" and n.key.startswith(INERTIA))
+    ]
     return [n for n in changed if (free and n.source == "free") or (far and n.is_far)]
 
 
