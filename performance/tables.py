@@ -13,7 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.files import FileError
-from ..core.tables import DATE_FORMAT, LayoutError, read_text_table
+from ..core.tables import DATE_FORMAT, LayoutError, TextCells, read_text_table
 from ..plant.surroundings import KNOT
 
 
@@ -95,6 +95,17 @@ def read_table(path: str | Path) -> pd.DataFrame:
         if units != stated[0]:
             raise TableError(f"{file}: another row of units than {files[0].name}")
     whole.attrs["units"] = stated[0]
+    whole.attrs["remarks"] = [
+        f"{file.name}: {remark}"
+        for file, table in zip(files, tables, strict=True)
+        for remark in table.attrs["remarks"]
+    ]
+    texts: dict[str, TextCells] = {}
+    for file, table in zip(files, tables, strict=True):
+        for name, found in table.attrs["text_cells"].items():
+            first = texts.get(name, found._replace(cells=0, file=file.name))
+            texts[name] = first._replace(cells=first.cells + found.cells)
+    whole.attrs["text_cells"] = texts
     return whole
 
 
@@ -111,7 +122,8 @@ def canonical(
     """Return a table in SI units with one column for each quantity.
 
     A column ``time`` of dates becomes seconds since the first row, and the dates stand in ``stamp``.
-    ``attrs["remarks"]`` has sentences on assumed units and on columns that are not used.
+    ``attrs["remarks"]`` has sentences on text in columns of numbers, on assumed units and on columns
+    that are not used.
 
     Args:
         table: table with names such as ``SOG [kn]`` or ``shaft_power_kW``, or with a row of units
@@ -142,6 +154,7 @@ def canonical(
             )
         known[quantity] = (name, factor)
     result = pd.DataFrame(index=range(len(table)))
+    remarks, texts = [*table.attrs.get("remarks", ())], table.attrs.get("text_cells", {})
     for quantity, column in columns.items():
         if quantity in known:
             name, factor = known[quantity]
@@ -151,8 +164,13 @@ def canonical(
             if stamps is not None:
                 result["stamp"] = stamps
                 result[quantity] = (stamps - stamps.iloc[0]).dt.total_seconds()
-            else:
-                result[quantity] = _values(cells, column, factor, where, gaps)
+                continue
+            if name in texts:
+                said = texts[name].description(name)
+                if not gaps:
+                    raise TableError(f"{source}: {said}; correct this cell or remove its row")
+                remarks.append(f"{said}; text counts as missing, correct the cell if it is a value")
+            result[quantity] = _values(cells, column, factor, where, gaps)
         elif column.default is not None:
             result[quantity] = column.default
         else:
@@ -161,7 +179,6 @@ def canonical(
                 f"its unit ({', '.join(column.units)}), such as {quantity}_{next(iter(column.units))}. "
                 f"The file has: {', '.join(map(str, table.columns))}"
             )
-    remarks = []
     if unitless:
         remarks.append(f"no unit is stated, taken: {', '.join(unitless)}")
     if unused:

@@ -270,7 +270,10 @@ def _entry(
     if unit == "as recorded":
         numbers = pd.to_numeric(values, errors="coerce").dropna().to_numpy(dtype=float)
     low, high = (numbers.min(), numbers.max()) if len(numbers) else (np.nan, np.nan)
-    return Entry(name, column, unit, float(low), float(high), int(values.isna().sum()))
+    missing = pd.to_numeric(values, errors="coerce").isna()
+    if 2 * missing.sum() > len(values):  # a column of dates or other text
+        missing = values.isna()
+    return Entry(name, column, unit, float(low), float(high), int(missing.sum()))
 
 
 def _short(value: float) -> str:

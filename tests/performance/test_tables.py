@@ -67,3 +67,31 @@ def test_a_folder_needs_one_row_of_units(tmp_path: Path) -> None:
     (folder / "b.csv").write_text((folder / "a.csv").read_text().replace("2026", "2027"))
     assert read(folder)["shaft_power"].max() == 4.7e6
     assert math.isclose(read(folder)["wind_speed"].max(), 8.2)
+
+
+def test_a_text_in_a_column_of_numbers_is_named_with_its_line(tmp_path: Path) -> None:
+    path = log(tmp_path, "dd.mm.yyyy hh:mm:ss;kn;MW;m/s;deg;bar")
+    path.write_text(path.read_text().replace(";4,6;", ";defekt;"))
+    found = read(path)
+    assert found["shaft_power"].iloc[[0, 2]].tolist() == [4.5e6, 4.7e6]
+    assert math.isnan(found["shaft_power"][1])
+    assert found.attrs["remarks"][0] == (
+        "column 'Shaft power', line 4: 'defekt' is not a number; text counts as missing, correct the "
+        "cell if it is a value"
+    )
+    refused = (
+        r"log: column 'Shaft power', line 4: 'defekt' is not a number; correct this cell or remove"
+    )
+    with pytest.raises(TableError, match=refused):
+        canonical(read_table(path), COLUMNS, "log")
+
+
+def test_a_text_in_a_folder_is_named_with_its_file(tmp_path: Path) -> None:
+    path = log(tmp_path, "dd.mm.yyyy hh:mm:ss;kn;MW;m/s;deg;bar")
+    later = path.read_text().replace("2026", "2027").replace(";4,6;", ";defekt;")
+    (tmp_path / "next.csv").write_text(later)
+    assert (
+        read(tmp_path)
+        .attrs["remarks"][0]
+        .startswith("column 'Shaft power', next.csv line 4: 'defekt' is not a number; text counts")
+    )
