@@ -61,6 +61,11 @@ COLUMNS: dict[str, Column] = {
         ("draught", "mean_draught", "draft", "mean_draft", "draught_mean", "draft_mean"), METRES,
         math.nan, 0.1, 40.0,
     ),
+    "draught_fore": Column(
+        ("draught_fore", "draft_fore", "draught_fwd", "draft_fwd", "draught_forward", "draft_forward"),
+        METRES, math.nan, 0.1, 40.0,
+    ),
+    "draught_aft": Column(("draught_aft", "draft_aft"), METRES, math.nan, 0.1, 40.0),
     "depth": Column(("depth", "water_depth"), METRES, math.nan, 0.5, 12000.0),
     "water_temperature": Column(
         ("water_temperature", "temperature", "sea_temperature"), {"C": 1.0, "°C": 1.0}, math.nan, -3.0,
@@ -143,7 +148,7 @@ def read_log(path: str | Path) -> pd.DataFrame:
 
     Returns:
         Table in SI units, ordered by time; ``time`` is in seconds since the first row, ``stamp`` the
-        date.
+        date. The draughts fore and aft give the draught in rows without one.
 
     Raises:
         TableError: the file or a column cannot be used; names file, column and row.
@@ -165,6 +170,8 @@ def canonical_log(table: pd.DataFrame) -> pd.DataFrame:
 
 def _ordered(log: pd.DataFrame) -> pd.DataFrame:
     ordered = log.sort_values("time", ignore_index=True)
+    mean = 0.5 * (ordered["draught_fore"] + ordered["draught_aft"])
+    ordered["draught"] = ordered["draught"].fillna(mean)
     ordered.attrs = log.attrs
     return ordered
 

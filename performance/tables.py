@@ -189,6 +189,8 @@ def canonical(
 
 def _dates(cells: pd.Series) -> pd.Series | None:
     """Return cells as dates; None if they are numbers or no dates."""
+    if pd.api.types.is_datetime64_any_dtype(cells):
+        return cells
     if pd.api.types.is_numeric_dtype(cells) or pd.to_numeric(cells, errors="coerce").notna().all():
         return None
     stamps = pd.to_datetime(cells, errors="coerce", format="mixed", dayfirst=_day_first(cells))
