@@ -198,8 +198,15 @@ class Curve(NamedTuple):
     exponent: float
     covariance: Floats
     """Of the fitted parameters, shape (3, 3); zeros for a parameter that is held."""
-    freedom: int
-    """Degrees of freedom of the residual; 0: no uncertainty is known."""
+    values: int
+    """Number of independent values to which the curve was fitted."""
+    parameters: int
+    """Number of parameters of the curve and of the current that were fitted to these values."""
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom of the residual; 0: no uncertainty is known."""
+        return max(self.values - self.parameters, 0)
 
     def power(self, speed: Any) -> Any:
         """Return the delivered power [W] at a speed [m/s]."""
@@ -225,7 +232,13 @@ class Curve(NamedTuple):
         return float(ratio ** (1.0 / self.exponent))
 
 
-def fit_curve(speeds: Floats, powers: Floats, settings: int) -> Curve:
+def fit_curve(
+    speeds: Floats,
+    powers: Floats,
+    settings: int,
+    values: int | None = None,
+    current: Floats | None = None,
+) -> Curve:
     """Fit P = a + b V^q to runs by least squares.
 
     Example:
@@ -239,6 +252,9 @@ def fit_curve(speeds: Floats, powers: Floats, settings: int) -> Curve:
         speeds: speed through the water [m/s], (n,).
         powers: delivered power [W], (n,).
         settings: number of different power settings.
+        values: number of independent values, by default n; fewer if runs share a mean.
+        current: derivatives of the speeds by parameters of the current that were estimated from the same
+            runs, (n, k); the interval of the curve then contains their uncertainty.
     """
 
     def columns(exponent: float) -> Floats:
@@ -261,15 +277,21 @@ def fit_curve(speeds: Floats, powers: Floats, settings: int) -> Curve:
     free = [0, 1, 2] if settings >= 4 else [1, 2] if settings > 1 else [1]
     rising = speeds**exponent
     jacobian = np.array([np.ones_like(speeds), rising, factor * rising * np.log(speeds)]).T[:, free]
-    freedom = len(speeds) - len(free)
+    if current is not None:
+        slope = factor * exponent * speeds ** (exponent - 1.0)
+        jacobian = np.hstack([jacobian, slope[:, None] * current])
+    values = len(speeds) if values is None else values
+    freedom = values - jacobian.shape[1]
     covariance = np.zeros((3, 3))
     if freedom > 0:
         scale = np.linalg.norm(jacobian, axis=0)
         normal = (jacobian / scale).T @ (jacobian / scale)
         residual = constant + factor * rising - powers
         variance = float(residual @ residual) / freedom
-        covariance[np.ix_(free, free)] = variance * np.linalg.pinv(normal) / np.outer(scale, scale)
-    return Curve(float(constant), float(factor), exponent, covariance, max(freedom, 0))
+        covariance[np.ix_(free, free)] = (
+            variance * np.linalg.pinv(normal) / np.outer(scale, scale)
+        )[: len(free), : len(free)]
+    return Curve(float(constant), float(factor), exponent, covariance, values, jacobian.shape[1])
 
 
 def _count_settings(powers: Floats, pairs: list[int]) -> int:
@@ -357,8 +379,9 @@ def analyse_trial(ship: TrialShip, runs: pd.DataFrame) -> SpeedTrial:
     corrected = pd.DataFrame(rows, index=runs.index)
     result = pd.concat([result, corrected], axis=1)
     power = corrected["power_W"].to_numpy(copy=True)
+    share = float(np.max(np.abs(power / result["delivered_power_W"].to_numpy() - 1.0)))
     ground = runs["speed_over_ground"].to_numpy()
-    speed, method = _through_water(runs, pairs, ground, power)
+    speed, current = _through_water(runs, pairs, ground, power)
     result["power_W"] = power
     result["current_m_s"] = ground - speed
     losses = [
@@ -370,10 +393,33 @@ def analyse_trial(ship: TrialShip, runs: pd.DataFrame) -> SpeedTrial:
     if ship.contract_displacement_m3 is not None:
         power = power * admiralty_factor(ship.hull.displacement_m3, ship.contract_displacement_m3)
         result["power_W"] = power
-    curve = fit_curve(result["speed_m_s"].to_numpy(), power, _count_settings(power, pairs))
-    if curve.freedom < 1:
-        remarks.append("too few runs for an interval of the speed-power curve")
+    values = len(set(pairs)) if current is None else len(runs)
+    settings = _count_settings(power, pairs)
+    curve = fit_curve(result["speed_m_s"].to_numpy(), power, settings, values, current)
+    method = "mean of means" if current is None else "iterative"
+    remarks += _interval_remarks(curve, method, share)
     return SpeedTrial(ship, result, curve, method, tuple(remarks))
+
+
+def _interval_remarks(curve: Curve, method: str, share: float) -> list[str]:
+    """Return sentences on the degrees of freedom of the interval, and on what it does not contain.
+
+    Args:
+        curve: fitted curve.
+        method: method that removed the current.
+        share: largest correction of a run, over its power.
+    """
+    of = "runs" if method == "iterative" else "power settings, each the mean of its runs"
+    counts = f"{curve.values} {of}, and {curve.parameters} parameters of the curve"
+    counts += " and the current" if method == "iterative" else ""
+    if curve.freedom < 1:
+        return [f"no interval of the speed-power curve: {counts}; measure at more powers"]
+    plural = "s" if curve.freedom > 1 else ""
+    return [
+        f"the interval has {curve.freedom} degree{plural} of freedom: {counts}",
+        f"wind, waves and water change the power by up to {100.0 * share:.1f} %; an error of these "
+        "corrections or of a sensor that all runs share is not in the interval",
+    ]
 
 
 def double_runs(runs: pd.DataFrame) -> list[int]:
@@ -473,26 +519,31 @@ MOST_RUNS = 60  # number of rows from which a table is taken for a log
 
 def _through_water(
     runs: pd.DataFrame, pairs: list[int], ground: Floats, power: Floats
-) -> tuple[Floats, str]:
-    """Return the speed of each run through the water [m/s], and the method that removes the current."""
+) -> tuple[Floats, Floats | None]:
+    """Return the speed of each run through the water [m/s] without the current.
+
+    Returns:
+        The speeds, and their derivatives by the parameters of the current of the iterative method; None
+        for the mean of means.
+    """
     time = runs["time"].to_numpy()
     if len(runs) >= 8 and np.isfinite(time).all() and len(set(pairs)) >= 3:
-        return _iterative(
-            time - time[0], runs["heading"].to_numpy(), pairs, ground, power
-        ), "iterative"
+        return _iterative(time - time[0], runs["heading"].to_numpy(), pairs, ground, power)
     speed = np.empty(len(runs))
     for number in sorted(set(pairs)):
         rows = [k for k, other in enumerate(pairs) if other == number]
         weights = comb(len(rows) - 1, np.arange(len(rows)))
         speed[rows] = np.average(ground[rows], weights=weights)
         power[rows] = np.average(power[rows], weights=weights)
-    return speed, "mean of means"
+    return speed, None
 
 
 def _iterative(
     time: Floats, heading: Floats, pairs: list[int], ground: Floats, power: Floats
-) -> Floats:
+) -> tuple[Floats, Floats]:
     """Return the speed through the water by the iterative method (ISO 15016:2015, Annex B).
+
+    The second result has the derivatives of the speeds by the parameters of the current.
 
     The current along the first course is V_c cos(2 pi t / T) + V_s sin(2 pi t / T) + V_t t + V_0. It and
     the speed-power curve are fitted in turn.
@@ -512,7 +563,7 @@ def _iterative(
             break
         speed = further
         curve = fit_curve(speed, power, settings)
-    return speed
+    return speed, -along[:, None] * tide
 
 
 def _remarks(ship: TrialShip, runs: pd.DataFrame) -> list[str]:

@@ -11,10 +11,12 @@ import pandas as pd
 import pytest
 
 from shaftline.performance import (
+    SpeedTrial,
     TableError,
     TrialError,
     TrialShip,
     analyse_trial,
+    canonical_runs,
     load_trial_ship,
     read_runs,
 )
@@ -171,6 +173,42 @@ def test_the_interval_of_the_curve_covers_the_truth() -> None:
         inside += abs(curve.power(7.0) - (2e6 + 4e4 * 343.0)) < curve.interval(7.0)
     # 95 % of 200 is 190; the binomial range of 99.9 % is 179 to 199
     assert 179 <= inside <= 199
+
+
+def noisy_trials(count: int, settings: int) -> list[SpeedTrial]:
+    """Trials in a tidal current with a scatter of the power of 1 %, at known speeds."""
+    generator = np.random.default_rng(5)
+    table, _ = still_runs(settings)
+    power, noise = table["shaft_power_kW"], 0.01 * generator.standard_normal((count, len(table)))
+    tables = [table.assign(shaft_power_kW=power * (1.0 + e)) for e in noise]
+    return [analyse_trial(ship(), canonical_runs(one)) for one in tables]
+
+
+@pytest.mark.parametrize(("settings", "freedom"), [(4, 1), (3, 1)])
+def test_the_interval_counts_the_parameters_of_the_current(settings: int, freedom: int) -> None:
+    trials = noisy_trials(100, settings)
+    speed = 13.0 * KNOT
+    truth = 25e6 * (13 / 14) ** 3.2
+    found = [trial.shaft_power(speed) for trial in trials]
+    inside = sum(abs(power - truth) < half for power, half in found)
+    assert {trial.curve.freedom for trial in trials} == {freedom}
+    assert inside >= 89  # 95 % of 100 is 95; the binomial range of 99 % begins at 89
+
+
+def test_the_means_of_double_runs_are_the_values_of_the_curve() -> None:
+    table, _ = still_runs(3)
+    trial = analyse_trial(ship(), canonical_runs(table.drop(columns="time_h")))
+    assert (trial.curve.values, trial.curve.parameters, trial.curve.freedom) == (3, 2, 1)
+    two = analyse_trial(ship(), canonical_runs(table.drop(columns="time_h").iloc[:4]))
+    assert math.isnan(two.shaft_power(12.0 * KNOT)[1])
+    assert two.remarks[-1] == (
+        "no interval of the speed-power curve: 2 power settings, each the mean of its runs, and 2 "
+        "parameters of the curve; measure at more powers"
+    )
+    assert any(
+        one.startswith("the interval has 1 degree of freedom: 3 power settings, each")
+        for one in trial.remarks
+    )
 
 
 def test_stamps_of_date_and_time_are_read(tmp_path: Path) -> None:
