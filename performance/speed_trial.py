@@ -367,6 +367,7 @@ def analyse_trial(ship: TrialShip, runs: pd.DataFrame) -> SpeedTrial:
                 "cannot be removed"
                 + ("; a log of the whole trial needs --from-log 10 (find_runs)" if log else "")
             )
+    _refuse_implausible(ship, runs)
     remarks = list(_remarks(ship, runs))
     result = runs.copy()
     result["pair"] = pairs
@@ -420,6 +421,22 @@ def _interval_remarks(curve: Curve, method: str, share: float) -> list[str]:
         f"wind, waves and water change the power by up to {100.0 * share:.1f} %; an error of these "
         "corrections or of a sensor that all runs share is not in the interval",
     ]
+
+
+def _refuse_implausible(ship: TrialShip, runs: pd.DataFrame) -> None:
+    """Raise a TrialError if the resistance of the hull at the speeds does not fit the powers at all."""
+    speed, power = runs["speed_over_ground"], runs["shaft_power"] * ship.shaft_efficiency
+    effective = np.array([resistance(ship.hull, v, SEA_WATER).total * v for v in speed])
+    ratios = effective / power.to_numpy()
+    low, high = EFFECTIVE_POWER
+    if not low <= np.median(ratios) <= high:
+        run = int(np.argsort(ratios)[len(ratios) // 2])
+        raise TrialError(
+            f"run {run + 1}: at {speed.iloc[run] / KNOT:.1f} kn the resistance by Holtrop and Mennen "
+            f"takes {effective[run] / 1e3:.0f} kW, {ratios[run]:.2g} of the "
+            f"{power.iloc[run] / 1e3:.0f} kW delivered; {low:g} to {high:g} is plausible. Check the units of speed and power and the "
+            "dimensions of the hull"
+        )
 
 
 def double_runs(runs: pd.DataFrame) -> list[int]:
@@ -513,6 +530,9 @@ def _corrected_run(
 TIDE_S = 44712.0
 """Period of the semi-diurnal tide [s]: 12 hours, 25 minutes, 12 seconds."""
 
+EFFECTIVE_POWER = (0.15, 2.0)
+"""Plausible effective power by Holtrop and Mennen over the delivered power, median of the runs."""
+
 ROUNDS = 50
 MOST_RUNS = 60  # number of rows from which a table is taken for a log
 
@@ -576,8 +596,13 @@ def _remarks(ship: TrialShip, runs: pd.DataFrame) -> list[str]:
     waves = runs["wave_height"] + runs["swell_height"]
     if not waves.any():
         said.append("no wave correction: the runs have no wave_height")
-    elif "wave_angle" in runs.attrs.get("absent", ()):
-        said.append("no wave_angle in the runs: the waves are taken from ahead")
+    for sea in ("wave", "swell"):
+        absent = runs.attrs.get("absent", ()) if runs[f"{sea}_height"].any() else ()
+        if f"{sea}_period" in absent:
+            period = COLUMNS[f"{sea}_period"].default
+            said.append(f"no {sea}_period in the runs: a mean period of {period:g} s is assumed")
+        if f"{sea}_angle" in absent:
+            said.append(f"no {sea}_angle in the runs: the {sea}s are taken from ahead")
     if waves.any() and not all(in_wave_range(ship.hull, v) for v in runs["speed_over_ground"]):
         said.append(f"STAWAVE-2 is used outside its range ({WAVE_RANGE})")
     if ship.propulsive_efficiency is None:

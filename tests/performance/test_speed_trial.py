@@ -274,6 +274,47 @@ def test_what_is_left_out_is_said(tmp_path: Path) -> None:
     assert "no water depth: deep water is assumed" in remarks
 
 
+def test_an_assumed_period_and_direction_of_the_waves_are_stated(tmp_path: Path) -> None:
+    table, _ = still_runs()
+    trial = analyse_trial(ship(), write(tmp_path, table.assign(hs_m=1.0, swell_height_m=0.5)))
+    for remark in (
+        "no wave_period in the runs: a mean period of 6 s is assumed",
+        "no wave_angle in the runs: the waves are taken from ahead",
+        "no swell_period in the runs: a mean period of 10 s is assumed",
+        "no swell_angle in the runs: the swells are taken from ahead",
+    ):
+        assert remark in trial.remarks
+    stated = table.assign(hs_m=1.0, swell_height_m=0.5, t01_s=6, swell_period_s=10)
+    same = analyse_trial(
+        ship(), write(tmp_path, stated.assign(wave_angle_deg=0, swell_angle_deg=0))
+    )
+    assert not any("_period" in remark for remark in same.remarks)
+    assert same.runs["wave_resistance_N"].tolist() == trial.runs["wave_resistance_N"].tolist()
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"SOG [kn]": "SOG [m/s]"}, r"at 2\d\.\d kn the resistance .* of the \d+ kW delivered"),
+        (
+            {"shaft_power_kW": "shaft_power_W"},
+            r"0\.15 to 2 is plausible\. Check the units of speed",
+        ),
+        ({"shaft_power_kW": "shaft_power_hp"}, None),
+    ],
+)
+def test_speeds_that_do_not_fit_the_powers_are_refused(
+    change: dict[str, str], reason: str | None, tmp_path: Path
+) -> None:
+    table = still_runs()[0].rename(columns=change)
+    runs = write(tmp_path, table)
+    if reason is None:
+        assert len(analyse_trial(ship(), runs).runs) == 8
+        return
+    with pytest.raises(TrialError, match=reason):
+        analyse_trial(ship(), runs)
+
+
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
