@@ -25,6 +25,7 @@ from ..plant.surroundings import GRAVITY, KNOT
 from ..plant.wind import AIR_DENSITY, Superstructure
 from .corrections import Wind, true_wind, wind_resistance
 from .tables import (
+    COURSES,
     DEGREES,
     METRES,
     POWERS,
@@ -49,7 +50,7 @@ COLUMNS: dict[str, Column] = {
     "speed_through_water": Column(("speed_through_water", "stw", "log_speed"), SPEEDS, None, 0.0, 40.0),
     "shaft_power": Column(("shaft_power", "power", "ps"), POWERS, None, 0.0, 2e8),
     "speed_over_ground": Column(("speed_over_ground", "sog"), SPEEDS, math.nan, -5.0, 40.0),
-    "heading": Column(("heading", "hdg", "course", "cog"), DEGREES, math.nan, -7.0, 7.0),
+    "heading": Column(("heading", "hdg"), DEGREES, math.nan, -7.0, 7.0, COURSES),
     "wind_speed": Column(
         ("wind_speed", "relative_wind_speed", "apparent_wind_speed", "rel_wind_speed", "aws"),
         {"m/s": 1.0} | SPEEDS, math.nan, 0.0, 80.0

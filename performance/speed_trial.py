@@ -41,6 +41,7 @@ from .corrections import (
     wind_resistance,
 )
 from .tables import (
+    COURSES,
     DEGREES,
     METRES,
     POWERS,
@@ -115,7 +116,7 @@ def load_trial_ship(path: str | Path) -> TrialShip:
 
 
 COLUMNS: dict[str, Column] = {
-    "heading": Column(("heading", "hdg", "course", "cog"), DEGREES, None, -7, 7),
+    "heading": Column(("heading", "hdg"), DEGREES, None, -7, 7, COURSES),
     "speed_over_ground": Column(("speed_over_ground", "sog", "speed"), SPEEDS, None, 0.3, 40),
     "shaft_power": Column(("shaft_power", "power", "ps"), POWERS, None, 1, 2e8),
     "shaft_speed": Column(
@@ -434,8 +435,8 @@ def _refuse_implausible(ship: TrialShip, runs: pd.DataFrame) -> None:
         raise TrialError(
             f"run {run + 1}: at {speed.iloc[run] / KNOT:.1f} kn the resistance by Holtrop and Mennen "
             f"takes {effective[run] / 1e3:.0f} kW, {ratios[run]:.2g} of the "
-            f"{power.iloc[run] / 1e3:.0f} kW delivered; {low:g} to {high:g} is plausible. Check the units of speed and power and the "
-            "dimensions of the hull"
+            f"{power.iloc[run] / 1e3:.0f} kW delivered; {low:g} to {high:g} is plausible. Check the "
+            "units of speed and power and the dimensions of the hull"
         )
 
 

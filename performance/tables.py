@@ -33,6 +33,8 @@ class Column(NamedTuple):
     low: float
     high: float
     """Range in SI."""
+    substitutes: tuple[str, ...] = ()
+    """Names of another quantity that stands in where no column has one of ``names``."""
 
 
 DEGREES = {"deg": math.pi / 180.0, "°": math.pi / 180.0, "rad": 1.0}
@@ -60,6 +62,9 @@ WIND_ANGLES = (
 )
 """Names of the angle from the bow from which the relative wind comes."""
 
+
+COURSES = ("course", "cog", "course_over_ground")
+"""Names of the course over ground, which stands in for the heading."""
 
 TEXT_ENDINGS = (".csv", ".tsv", ".txt")
 """Endings of the tables of a folder."""
@@ -137,12 +142,14 @@ def canonical(
     """
     known: dict[str, tuple[str, float]] = {}
     units, unused, unitless = table.attrs.get("units", {}), [], []
-    for name in map(str, table.columns):
-        match = _quantity(name, columns, units.get(name, ""))
-        if match is None:
+    names = [*map(str, table.columns)]
+    matches = {name: _quantity(name, columns, units.get(name, "")) for name in names}
+    named = {match.quantity for match in matches.values() if match and not match.substitute}
+    for name, match in matches.items():
+        if match is None or (match.substitute and match.quantity in named):
             unused.append(name)
             continue
-        quantity, factor = match
+        quantity, factor, _ = match
         if factor is None:
             unit, factor = next(iter(columns[quantity].units.items()))
             if quantity != "time":
@@ -175,7 +182,8 @@ def canonical(
             result[quantity] = column.default
         else:
             raise TableError(
-                f"{source}: no column is read as {quantity}; name it {' or '.join(column.names)} with "
+                f"{source}: no column is read as {quantity}; name it "
+                f"{' or '.join((*column.names, *column.substitutes))} with "
                 f"its unit ({', '.join(column.units)}), such as {quantity}_{next(iter(column.units))}. "
                 f"The file has: {', '.join(map(str, table.columns))}"
             )
@@ -223,9 +231,15 @@ def _values(
     return values
 
 
-def _quantity(
-    name: str, columns: Mapping[str, Column], stated: str
-) -> tuple[str, float | None] | None:
+class _Match(NamedTuple):
+    """Quantity of a column, its factor to SI, and whether the column only stands in for it."""
+
+    quantity: str
+    factor: float | None
+    substitute: bool
+
+
+def _quantity(name: str, columns: Mapping[str, Column], stated: str) -> _Match | None:
     """Return quantity and factor to SI of a column; None for a name that is no quantity.
 
     Args:
@@ -249,14 +263,15 @@ def _quantity(
             stem, unit = text, ""
     plain = "_".join(re.sub(r"[^a-z0-9]+", " ", stem.lower()).split())
     for quantity, column in columns.items():
-        if plain not in column.names:
+        if plain not in (*column.names, *column.substitutes):
             continue
         factors = [_factor(name, quantity, column, one) for one in (unit, stated) if one]
         if len(set(factors) - {None}) > 1:
             raise TableError(
                 f"column {name!r}: its name has the unit {unit!r} and the row of units {stated!r}"
             )
-        return quantity, next((factor for factor in factors if factor is not None), None)
+        known = next((factor for factor in factors if factor is not None), None)
+        return _Match(quantity, known, plain in column.substitutes)
     return None
 
 

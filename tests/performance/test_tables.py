@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from shaftline.performance.monitoring import COLUMNS
 from shaftline.performance.monitoring import read_log as read
-from shaftline.performance.tables import TableError, canonical, read_table
+from shaftline.performance.speed_trial import COLUMNS as RUN_COLUMNS
+from shaftline.performance.tables import Column, TableError, canonical, read_table
 
 HEADER = "Date/Time;STW;Shaft power;Wind_speed;Wind_angle;Lub oil\n"
 VALUES = (
@@ -95,3 +98,16 @@ def test_a_text_in_a_folder_is_named_with_its_file(tmp_path: Path) -> None:
         .attrs["remarks"][0]
         .startswith("column 'Shaft power', next.csv line 4: 'defekt' is not a number; text counts")
     )
+
+
+@pytest.mark.parametrize("columns", [RUN_COLUMNS, COLUMNS], ids=["trial", "service"])
+def test_the_heading_is_read_where_a_file_has_the_course_as_well(
+    columns: Mapping[str, Column],
+) -> None:
+    values = {"time_h": [0.0], "stw_kn": [12.0], "sog_kn": [12.0], "power_kW": [5000.0]}
+    table = pd.DataFrame(values | {"COG [deg]": [24.0], "HDG [deg]": [20.0]})
+    found = canonical(table, columns, "log", gaps=True)
+    assert math.degrees(found["heading"][0]) == pytest.approx(20.0)
+    assert "COG [deg]" in found.attrs["remarks"][-1]
+    course = canonical(table.drop(columns="HDG [deg]"), columns, "log", gaps=True)
+    assert math.degrees(course["heading"][0]) == pytest.approx(24.0)
