@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -174,7 +175,7 @@ def survey(
         compared = ship
         if parts[0].measured_pitch:
             compared = follow_measured_pitch(ship, parts[0].interval_s)
-        implausible = dict.fromkeys(remark for p in parts for remark in remarks(p, compared))
+        implausible = dict.fromkeys(_grouped_remarks(parts, compared))
         recording = replace(
             parts[0],
             table=pd.concat([part.table for part in parts], ignore_index=True),
@@ -243,6 +244,26 @@ def _numbered_warnings(parts: Sequence[Recording]) -> Iterator[str]:
         for warning in part.warnings:
             numbered = len(parts) > 1 and not warning.startswith(CUT)
             yield f"part {number}: {warning}" if numbered else warning
+
+
+_NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
+
+
+def _grouped_remarks(parts: Sequence[Recording], ship: Ship) -> Iterator[str]:
+    """Yield the remarks on the parts of a recording; findings that differ in numbers only are one."""
+    found: dict[str, tuple[str, list[int]]] = {}
+    for number, part in enumerate(parts, 1):
+        for remark in remarks(part, ship):
+            finding, _, _ = remark.partition(";")
+            found.setdefault(_NUMBER.sub("", finding), (remark, []))[1].append(number)
+    for remark, numbers in found.values():
+        if len(parts) == 1:
+            yield remark
+        elif len(numbers) == 1:
+            yield f"part {numbers[0]}: {remark}"
+        else:
+            listed = ", ".join(map(str, numbers))
+            yield f"parts {listed} alike, with the values of part {numbers[0]}: {remark}"
 
 
 def _entry(
