@@ -16,14 +16,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, PrivateAttr, model_validator
 from scipy.optimize import minimize_scalar
 from scipy.special import comb
 from scipy.stats import t as student
 
 from ..core.models import FileModel, read_model
-from ..plant.holtrop import HullForm, resistance
-from ..plant.surroundings import KNOT
+from ..plant.holtrop import FORM, HullForm, estimate_form, resistance
+from ..plant.surroundings import GRAVITY, KNOT
 from ..plant.wind import AIR_DENSITY, Superstructure
 from .corrections import (
     SEA_WATER,
@@ -64,7 +64,12 @@ class TrialShip(FileModel):
     """Ship of a speed trial, as her TOML file states it."""
 
     name: str = Field(min_length=1, max_length=100)
-    hull: HullForm
+    hull: HullForm = Field(
+        description="midship_coefficient, waterplane_coefficient and lcb_percent are estimated if absent"
+    )
+    design_speed_kn: float | None = Field(
+        default=None, gt=0, le=60, description="for the estimate of lcb_percent"
+    )
     superstructure: Superstructure | None = Field(
         default=None, description="above the water; without it, no wind correction"
     )
@@ -90,6 +95,40 @@ class TrialShip(FileModel):
     mcr_kW: float | None = Field(
         default=None, gt=0, description="maximum continuous rating, all shafts"
     )
+
+    _estimated: tuple[str, ...] = PrivateAttr(default=())
+
+    @property
+    def estimated(self) -> tuple[str, ...]:
+        """Keys of the hull that the file does not give."""
+        return self._estimated
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _estimate_form(
+        cls, values: Any, handler: ModelWrapValidatorHandler[TrialShip]
+    ) -> TrialShip:
+        hull = values.get("hull") if isinstance(values, dict) else None
+        if not isinstance(hull, dict):
+            return handler(values)
+        absent = [key for key in FORM if key not in hull]
+        keys = ("length_m", "beam_m", "draught_m", "displacement_m3")
+        size: list[Any] = [hull.get(key) for key in keys]
+        if not absent or not all(isinstance(one, int | float) and one > 0 for one in size):
+            return handler(values)
+        length, beam, draught, displacement = size
+        speed = values.get("design_speed_kn")
+        froude = 0.0
+        if isinstance(speed, int | float):
+            froude = speed * KNOT / math.sqrt(GRAVITY * length)
+        elif "lcb_percent" in absent:
+            raise ValueError(
+                "hull.lcb_percent is missing; give it, or design_speed_kn of the ship for an estimate"
+            )
+        form = estimate_form(displacement / (length * beam * draught), froude)
+        ship = handler(values | {"hull": {**{key: form[key] for key in absent}, **hull}})
+        ship._estimated = tuple(absent)
+        return ship
 
     @model_validator(mode="after")
     def _within_two_per_cent(self) -> TrialShip:
@@ -606,6 +645,9 @@ def _remarks(ship: TrialShip, runs: pd.DataFrame) -> list[str]:
             said.append(f"no {sea}_angle in the runs: the {sea}s are taken from ahead")
     if waves.any() and not all(in_wave_range(ship.hull, v) for v in runs["speed_over_ground"]):
         said.append(f"STAWAVE-2 is used outside its range ({WAVE_RANGE})")
+    if ship.estimated:
+        values = ", ".join(f"{key} = {getattr(ship.hull, key):.3g}" for key in ship.estimated)
+        said.append(f"form of the hull estimated: {values}")
     if ship.propulsive_efficiency is None:
         said.append("propulsive efficiency estimated from the resistance by Holtrop and Mennen")
     if not np.isfinite(runs["time"]).all():

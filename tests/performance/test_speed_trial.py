@@ -332,6 +332,25 @@ def test_a_ship_file_that_is_wrong_is_refused_by_key(
         load_trial_ship(file)
 
 
+def test_the_form_of_the_hull_is_estimated_with_a_note(tmp_path: Path) -> None:
+    form = ("midship_coefficient", "waterplane_coefficient", "lcb_percent")
+    bare = {key: value for key, value in HULL.items() if key not in form}
+    with pytest.raises(
+        ValueError, match=r"hull\.lcb_percent is missing; give it, or design_speed_kn"
+    ):
+        ship(hull=bare)
+    given = ship(hull=bare, design_speed_kn=15.5)
+    assert (given.hull.midship_coefficient, given.hull.lcb_percent) == pytest.approx(
+        (0.997008, 3.0), abs=1e-6
+    )
+    assert given.hull.waterplane_coefficient == pytest.approx(0.8733, abs=1e-4)
+    remarks = analyse_trial(given, write(tmp_path, still_runs()[0])).remarks
+    said = "midship_coefficient = 0.997, waterplane_coefficient = 0.873, lcb_percent = 3"
+    assert f"form of the hull estimated: {said}" in remarks
+    assert ship().estimated == ()
+    assert ship(hull=bare | {"lcb_percent": 3.5}).estimated == form[:2]
+
+
 def test_a_contract_displacement_far_from_the_trial_is_refused() -> None:
     with pytest.raises(ValueError, match="differs by more than 2 %"):
         ship(contract_displacement_m3=330_000)
