@@ -166,7 +166,11 @@ COLUMNS: dict[str, Column] = {
         60,
     ),
     "time": Column(
-        ("time", "start", "start_time"), {"h": 3600.0, "min": 60.0, "s": 1.0}, math.nan, -1e9, 1e10
+        ("time", "start", "start_time", "beginn"),
+        {"h": 3600.0, "min": 60.0, "s": 1.0},
+        math.nan,
+        -1e9,
+        1e10,
     ),
     "wind_speed": Column(
         ("wind_speed", "relative_wind_speed", "apparent_wind_speed", "rel_wind_speed", "aws"),

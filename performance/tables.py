@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,6 +14,16 @@ from numpy.typing import NDArray
 
 from ..core.files import FileError
 from ..core.tables import DATE_FORMAT, LayoutError, TextCells, read_text_table
+from ..plant.columns import (
+    COURSE,
+    HEADING,
+    OVER_GROUND,
+    RUDDER,
+    SHAFT_POWER,
+    SHAFT_SPEED,
+    SHIP_SPEED,
+    TIME,
+)
 from ..plant.surroundings import KNOT
 
 
@@ -160,8 +170,14 @@ def canonical(
                 "remove or rename one of them"
             )
         known[quantity] = (name, factor)
+    by_words = _by_words(columns, known, unused, units)
+    known |= by_words
+    unused = [name for name in unused if name not in {one for one, _ in by_words.values()}]
     result = pd.DataFrame(index=range(len(table)))
     remarks, texts = [*table.attrs.get("remarks", ())], table.attrs.get("text_cells", {})
+    if by_words:
+        pairs = ", ".join(f"{name!r} as {quantity}" for quantity, (name, _) in by_words.items())
+        remarks.append(f"read by the words of their names, check them: {pairs}")
     for quantity, column in columns.items():
         if quantity in known:
             name, factor = known[quantity]
@@ -193,6 +209,61 @@ def canonical(
         remarks.append(f"columns that are not understood or not used: {', '.join(unused)}")
     result.attrs |= {"remarks": remarks, "absent": [q for q in columns if q not in known]}
     return result
+
+
+_RECORDED = {
+    "time": (TIME,),
+    "heading": (HEADING, COURSE),
+    "speed_over_ground": (OVER_GROUND,),
+    "speed_through_water": (SHIP_SPEED,),
+    "shaft_power": (SHAFT_POWER,),
+    "shaft_speed": (SHAFT_SPEED,),
+    "wind_speed": ("wind_speed_m_s",),
+    "wind_angle": ("wind_angle_rad",),
+    "draught_fore": ("draught_fore_m",),
+    "draught_aft": ("draught_aft_m",),
+    "depth": ("water_depth_m",),
+    "water_temperature": ("water_temperature_C",),
+    "rudder": (RUDDER,),
+}
+"""Columns of recordings by quantity, whose names in several languages :mod:`..mismatch` knows."""
+
+
+def _by_words(
+    columns: Mapping[str, Column],
+    known: Mapping[str, tuple[str, float]],
+    unused: Sequence[str],
+    units: Mapping[str, str],
+) -> dict[str, tuple[str, float]]:
+    """Return names and factors of quantities that no name gives, by the words of unused names.
+
+    A name is used only if it or the row of units states a unit of the quantity; a time needs none.
+    """
+    missing = [quantity for quantity in columns if quantity not in known and quantity in _RECORDED]
+    if not missing or not unused:
+        return {}
+    # These modules take a second to import.
+    from ..mismatch.recordings.draft import rank
+    from ..mismatch.recordings.logger_names import split_name
+
+    found: dict[str, tuple[str, float]] = {}
+    split = {name: split_name(name, units.get(name, "")) for name in unused}
+    for quantity in missing:
+        fits = []
+        for place, column in enumerate(_RECORDED[quantity]):
+            for name, words in split.items():
+                try:
+                    factor = _factor(name, quantity, columns[quantity], words.unit)
+                except TableError:
+                    continue
+                order = rank(words, column, moves=True, ordered=False)
+                if order is not None and (factor is not None or quantity == "time"):
+                    fits.append((place, *order, name, factor or 1.0))
+        if fits:
+            *_, name, factor = min(fits)
+            found[quantity] = (name, factor)
+            del split[name]
+    return found
 
 
 def _dates(cells: pd.Series) -> pd.Series | None:
@@ -280,7 +351,7 @@ def _factor(name: str, quantity: str, column: Column, unit: str) -> float | None
     for known, factor in column.units.items():
         if _is_unit(unit, known):
             return factor
-    if unit == "-" or (quantity == "time" and DATE_FORMAT.fullmatch(unit)):
+    if unit in ("", "-") or (quantity == "time" and DATE_FORMAT.fullmatch(unit)):
         return None
     raise TableError(
         f"column {name!r}: unit {unit!r} of {quantity} is not known; use {', '.join(column.units)}"

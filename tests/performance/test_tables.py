@@ -6,12 +6,14 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from shaftline.performance.monitoring import COLUMNS
 from shaftline.performance.monitoring import read_log as read
 from shaftline.performance.speed_trial import COLUMNS as RUN_COLUMNS
+from shaftline.performance.speed_trial import read_runs
 from shaftline.performance.tables import Column, TableError, canonical, read_table
 
 HEADER = "Date/Time;STW;Shaft power;Wind_speed;Wind_angle;Lub oil\n"
@@ -111,3 +113,38 @@ def test_the_heading_is_read_where_a_file_has_the_course_as_well(
     assert "COG [deg]" in found.attrs["remarks"][-1]
     course = canonical(table.drop(columns="HDG [deg]"), columns, "log", gaps=True)
     assert math.degrees(course["heading"][0]) == pytest.approx(24.0)
+
+
+GERMAN = (
+    "Lauf;Beginn;Kurs;SOG;Wellenleistung;Rel. Windgeschw.;Rel. Windwinkel;Wassertiefe;Wellenrichtung\n"
+    ";tt.mm.jjjj hh:mm:ss;°;kn;kW;m/s;°;m;°\n"
+    "1;18.02.2026 09:30:10;40;11,159;1703,6;12,63;19,8;80;75\n"
+    "2;18.02.2026 10:05:30;220;10,911;1657,9;4,35;263,1;80;75\n"
+)
+
+
+def test_german_names_are_read_by_their_words_with_a_note(tmp_path: Path) -> None:
+    path = tmp_path / "runs.csv"
+    path.write_text(GERMAN)
+    found = read_runs(path)
+    assert found["shaft_power"].tolist() == [1703.6e3, 1657.9e3]
+    assert np.degrees(found["heading"]).tolist() == pytest.approx([40.0, 220.0])
+    assert np.degrees(found["wind_angle"]).tolist() == pytest.approx([19.8, 263.1])
+    assert found["wind_speed"].tolist() == [12.63, 4.35]
+    assert found["depth"].tolist() == [80.0, 80.0]
+    assert found["time"].tolist() == [0.0, 2120.0]
+    assert found.attrs["remarks"] == [
+        "read by the words of their names, check them: 'Kurs' as heading, 'Wellenleistung' as "
+        "shaft_power, 'Rel. Windgeschw.' as wind_speed, 'Rel. Windwinkel' as wind_angle, 'Wassertiefe' "
+        "as depth",
+        "columns that are not understood or not used: Lauf, Wellenrichtung",
+    ]
+
+
+def test_a_name_is_read_by_its_words_only_with_a_unit_of_the_quantity(tmp_path: Path) -> None:
+    path = tmp_path / "runs.csv"
+    path.write_text(GERMAN.replace(";kW;", ";m;"))
+    with pytest.raises(
+        TableError, match=r"no column is read as shaft_power; name it shaft_power or"
+    ):
+        read_runs(path)
