@@ -62,8 +62,9 @@ def performance(
     draught. Events such as a docking or a cleaning are found as steps of the trend.
 
     LOG has the columns `time` (dates), `speed_through_water_kn`, `shaft_power_kW`; where logged also
-    `speed_over_ground_kn`, `wind_speed_m/s` and `wind_angle_deg` (relative), `draught_m`, `depth_m`,
-    `water_temperature_C`, `rudder_deg`. Short names and units in brackets are read too: `STW [kn]`.
+    `speed_over_ground_kn`, `wind_speed_m/s` and `wind_angle_deg` (relative), `draught_m` or
+    `draught_fore_m` and `draught_aft_m`, `depth_m`, `water_temperature_C`, `rudder_deg`. Short names
+    and units in brackets are read too: `STW [kn]`.
 
     The ship file has `name`, `beam_m`, `draught_m`, the reference curve `speed_kn` and `power_kW`
     (lists) and, for the wind, the table `[superstructure]` as in `shaftline trial`.

@@ -81,7 +81,8 @@ def trial(
     speed, averages each, and leaves out those without a run on the reciprocal course.
 
     The ship file has `name`, `mcr_kW`, the table `[hull]` (`length_m`, `beam_m`, `draught_m`,
-    `displacement_m3`, `midship_coefficient`, `waterplane_coefficient`, `lcb_percent`) and, for the wind,
+    `displacement_m3`; `midship_coefficient`, `waterplane_coefficient` and, with `design_speed_kn`,
+    `lcb_percent` are estimated where they are absent) and, for the wind,
     `[superstructure]` (`frontal_area_m2` with `angle_deg` and `coefficient`, or the areas and heights of
     the regression).
 

@@ -10,6 +10,7 @@ import codecs
 import csv
 import functools
 import importlib.util
+import math
 import os
 import pickle
 import re
@@ -18,10 +19,10 @@ import sys
 import zipfile
 import zlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pandas as pd
 
@@ -58,6 +59,9 @@ MISSING = ("-", "--", "---", "----", "-----", "-.-", "--.-", "*", "**", "***", "
 _PLACEHOLDERS = (-999.0, -9999.0, -99999.0, -999.9, -999.99)
 """Numbers that loggers write for a missing value."""
 _FAR_OFF = 2.0  # multiple of the range of a column by which a placeholder lies outside
+_DECIMAL = re.compile(r"^[-+]?\d*(?P<sign>[.,])\d+(?:e[-+]?\d+)?$", re.I)
+_GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d{3}")
+"""Number whose sign may separate thousands as well as decimals."""
 _NO_TEXT = {
     b"\x1f\x8b": "it is compressed (gzip); unpack it first",
     b"PK\x03\x04": "it is a zip archive or a spreadsheet; unpack it, or give it its own ending (.xlsx)",
@@ -70,6 +74,34 @@ _NO_TEXT = {
 
 class LayoutError(ValueError):
     """A file without a usable table; the message says why."""
+
+
+class TextCells(NamedTuple):
+    """Cells of a column of numbers that hold text."""
+
+    cells: int
+    """Number of these cells."""
+    line: int
+    """Line of the first one, from 1."""
+    text: str
+    """Text of the first one."""
+    file: str = ""
+    """Name of the file of the first one; empty for a table of one file."""
+
+    def description(self, name: str) -> str:
+        """Return place and text of the first cell, and the number of further ones.
+
+        Example:
+            >>> TextCells(3, 57, "defekt").description("Power")
+            "column 'Power', line 57: 'defekt' is not a number (nor are 2 further cells)"
+        """
+        place = f"{self.file} line {self.line}" if self.file else f"line {self.line}"
+        further = f" (nor {_cells_of(self.cells - 1)})" if self.cells > 1 else ""
+        return f"column {name!r}, {place}: {self.text!r} is not a number{further}"
+
+
+def _cells_of(count: int) -> str:
+    return "is 1 further cell" if count == 1 else f"are {count} further cells"
 
 
 @dataclass(frozen=True)
@@ -206,8 +238,10 @@ def _header_rows(rows: list[list[str]], width: int, decimal: str) -> tuple[int, 
 def _is_value(cell: str, decimal: str) -> bool:
     """Return whether a cell holds a number, a date or time, or the sign of a missing value."""
     stripped = cell.strip()
+    other = "." if decimal == "," else ","  # of the other half of a file with both decimal signs
     return bool(
         _is_number(cell, decimal)
+        or _is_number(cell, other)
         or _STAMP.fullmatch(stripped)
         or (stripped in MISSING and stripped != "-")
     )
@@ -240,6 +274,9 @@ def read_text_table(
 ) -> pd.DataFrame:
     """Return the table of a text file; ``attrs`` has its ``layout`` and, if present, ``units`` by name.
 
+    Columns of numbers with a text or with both decimal signs are read cell by cell; the texts stand in
+    ``attrs["text_cells"]`` as :class:`TextCells` by column.
+
     ``given`` holds the known fields of :class:`Layout`; the others are guessed. Of a table ``as_logged``
     texts and numbers that stand for a missing value are missing, and repeated names are numbered: the
     second ``SOG`` becomes ``SOG (2)``; ``attrs["remarks"]`` says so. Else repeated names are refused.
@@ -266,7 +303,76 @@ def read_text_table(
         units = read(header=None, skiprows=layout.unit_row - 1, nrows=1, dtype=str).iloc[0]
     if len(names) == len(table.columns):  # There are fewer names if rows end with a separator.
         table.columns = pd.Index(names)
-    return _labelled(table, layout, units, as_logged)
+    lines = functools.partial(_lines_of_rows, path, layout)
+    return _labelled(_read_cell_by_cell(table, layout, lines), layout, units, as_logged)
+
+
+def _lines_of_rows(path: Path, layout: Layout) -> list[int]:
+    """Return the line of each row of a text file, from 1; pandas skips empty lines."""
+    with path.open(encoding=layout.encoding, errors="replace") as file:
+        return [n for n, line in enumerate(file, 1) if n >= layout.data_row and line.strip()]
+
+
+def _read_cell_by_cell(
+    table: pd.DataFrame, layout: Layout, lines: Callable[[], Sequence[int]]
+) -> pd.DataFrame:
+    """Convert the numbers of columns that stay text because of single cells.
+
+    ``attrs["text_cells"]`` gets the texts of these columns, ``attrs["remarks"]`` a sentence on columns
+    with both decimal signs.
+
+    Args:
+        table: table with the names of its columns.
+        layout: layout of the file.
+        lines: returns the line of each row.
+    """
+    texts: dict[Any, TextCells] = {}
+    mixed: dict[Any, int] = {}
+    for name in table.columns[[not pd.api.types.is_numeric_dtype(t) for t in table.dtypes]]:
+        cells = table[name].reset_index(drop=True)
+        is_text = cells.map(lambda cell: isinstance(cell, str))
+        if not is_text.any():
+            continue
+        written = cells[is_text].astype(str).str.strip()
+        numbers, others = _numbers_of_text(written, layout.decimal)
+        text = written[numbers.isna() & ~written.isin(["", *MISSING])]
+        if 2 * len(text) > cells.notna().sum():
+            continue  # a column of dates, names or states
+        if others:
+            mixed[name] = others
+        if len(text):
+            row = int(text.index[0])
+            texts[name] = TextCells(len(text), lines()[row], str(text.iloc[0]))
+        given = cells.astype(object)
+        given.loc[numbers.index] = numbers.where(numbers.notna(), written)
+        table[name] = given.infer_objects().to_numpy()
+    table.attrs["text_cells"] = texts
+    table.attrs["remarks"] = []
+    if mixed:
+        name, count = next(iter(mixed.items()))
+        sign = "comma" if layout.decimal == "." else "point"
+        table.attrs["remarks"] = [
+            f"{sum(mixed.values())} numbers have a decimal {sign}, unlike the others of their columns "
+            f"(in column {name!r} {count} of {len(table)}); both signs are read as decimal signs"
+        ]
+    return table
+
+
+def _numbers_of_text(cells: pd.Series, decimal: str) -> tuple[pd.Series, int]:
+    """Return the numbers of texts, nan without one, and how many have the other decimal sign.
+
+    The other sign is no decimal sign where it may separate thousands in each number of the column.
+    """
+    numbers = pd.to_numeric(cells, errors="coerce").astype(float)  # also of a column of points
+    signs = cells.str.extract(_DECIMAL)["sign"]
+    commas, points = cells[signs == ","], cells[signs == "."]
+    others = commas if decimal == "." else points
+    if others.str.fullmatch(_GROUPED).all() and (decimal == "." or len(commas)):
+        others = others.iloc[:0]
+        numbers[points.index[:0] if decimal == "." else points.index] = math.nan
+    read = commas if decimal == "," else others
+    numbers[read.index] = pd.to_numeric(read.str.replace(",", "."), errors="coerce")
+    return numbers, len(others) if len(commas) and len(points) else 0
 
 
 def read_sheet(
@@ -298,7 +404,10 @@ def read_sheet(
     table = raw.iloc[layout.data_row - 1 :].replace([*MISSING], None).reset_index(drop=True)
     table.columns = pd.Index(_unique(raw.iloc[layout.header_row - 1], as_logged))
     units = None if layout.unit_row is None else raw.iloc[layout.unit_row - 1]
-    return _labelled(table.infer_objects(), layout, units, as_logged)
+    lines = range(layout.data_row, layout.data_row + len(table))
+    return _labelled(
+        _read_cell_by_cell(table.infer_objects(), layout, lambda: lines), layout, units, as_logged
+    )
 
 
 def _with_given(found: Layout, given: dict[str, Any]) -> Layout:
@@ -400,6 +509,7 @@ def _labelled(
     table.attrs["layout"] = layout
     repeated = [name for name in table if re.fullmatch(r".+ \(\d+\)", str(name))]
     table.attrs["remarks"] = [
+        *table.attrs["remarks"],
         *(
             f"column {name.rpartition(' (')[0]!r} occurs again; this one is called {name!r}"
             for name in repeated

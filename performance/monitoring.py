@@ -25,6 +25,7 @@ from ..plant.surroundings import GRAVITY, KNOT
 from ..plant.wind import AIR_DENSITY, Superstructure
 from .corrections import Wind, true_wind, wind_resistance
 from .tables import (
+    COURSES,
     DEGREES,
     METRES,
     POWERS,
@@ -49,7 +50,7 @@ COLUMNS: dict[str, Column] = {
     "speed_through_water": Column(("speed_through_water", "stw", "log_speed"), SPEEDS, None, 0.0, 40.0),
     "shaft_power": Column(("shaft_power", "power", "ps"), POWERS, None, 0.0, 2e8),
     "speed_over_ground": Column(("speed_over_ground", "sog"), SPEEDS, math.nan, -5.0, 40.0),
-    "heading": Column(("heading", "hdg", "course", "cog"), DEGREES, math.nan, -7.0, 7.0),
+    "heading": Column(("heading", "hdg"), DEGREES, math.nan, -7.0, 7.0, COURSES),
     "wind_speed": Column(
         ("wind_speed", "relative_wind_speed", "apparent_wind_speed", "rel_wind_speed", "aws"),
         {"m/s": 1.0} | SPEEDS, math.nan, 0.0, 80.0
@@ -61,6 +62,11 @@ COLUMNS: dict[str, Column] = {
         ("draught", "mean_draught", "draft", "mean_draft", "draught_mean", "draft_mean"), METRES,
         math.nan, 0.1, 40.0,
     ),
+    "draught_fore": Column(
+        ("draught_fore", "draft_fore", "draught_fwd", "draft_fwd", "draught_forward", "draft_forward"),
+        METRES, math.nan, 0.1, 40.0,
+    ),
+    "draught_aft": Column(("draught_aft", "draft_aft"), METRES, math.nan, 0.1, 40.0),
     "depth": Column(("depth", "water_depth"), METRES, math.nan, 0.5, 12000.0),
     "water_temperature": Column(
         ("water_temperature", "temperature", "sea_temperature"), {"C": 1.0, "°C": 1.0}, math.nan, -3.0,
@@ -143,7 +149,7 @@ def read_log(path: str | Path) -> pd.DataFrame:
 
     Returns:
         Table in SI units, ordered by time; ``time`` is in seconds since the first row, ``stamp`` the
-        date.
+        date. The draughts fore and aft give the draught in rows without one.
 
     Raises:
         TableError: the file or a column cannot be used; names file, column and row.
@@ -165,6 +171,8 @@ def canonical_log(table: pd.DataFrame) -> pd.DataFrame:
 
 def _ordered(log: pd.DataFrame) -> pd.DataFrame:
     ordered = log.sort_values("time", ignore_index=True)
+    mean = 0.5 * (ordered["draught_fore"] + ordered["draught_aft"])
+    ordered["draught"] = ordered["draught"].fillna(mean)
     ordered.attrs = log.attrs
     return ordered
 

@@ -16,14 +16,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, PrivateAttr, model_validator
 from scipy.optimize import minimize_scalar
 from scipy.special import comb
 from scipy.stats import t as student
 
 from ..core.models import FileModel, read_model
-from ..plant.holtrop import HullForm, resistance
-from ..plant.surroundings import KNOT
+from ..plant.holtrop import FORM, HullForm, estimate_form, resistance
+from ..plant.surroundings import GRAVITY, KNOT
 from ..plant.wind import AIR_DENSITY, Superstructure
 from .corrections import (
     SEA_WATER,
@@ -41,6 +41,7 @@ from .corrections import (
     wind_resistance,
 )
 from .tables import (
+    COURSES,
     DEGREES,
     METRES,
     POWERS,
@@ -63,7 +64,12 @@ class TrialShip(FileModel):
     """Ship of a speed trial, as her TOML file states it."""
 
     name: str = Field(min_length=1, max_length=100)
-    hull: HullForm
+    hull: HullForm = Field(
+        description="midship_coefficient, waterplane_coefficient and lcb_percent are estimated if absent"
+    )
+    design_speed_kn: float | None = Field(
+        default=None, gt=0, le=60, description="for the estimate of lcb_percent"
+    )
     superstructure: Superstructure | None = Field(
         default=None, description="above the water; without it, no wind correction"
     )
@@ -90,6 +96,40 @@ class TrialShip(FileModel):
         default=None, gt=0, description="maximum continuous rating, all shafts"
     )
 
+    _estimated: tuple[str, ...] = PrivateAttr(default=())
+
+    @property
+    def estimated(self) -> tuple[str, ...]:
+        """Keys of the hull that the file does not give."""
+        return self._estimated
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _estimate_form(
+        cls, values: Any, handler: ModelWrapValidatorHandler[TrialShip]
+    ) -> TrialShip:
+        hull = values.get("hull") if isinstance(values, dict) else None
+        if not isinstance(hull, dict):
+            return handler(values)
+        absent = [key for key in FORM if key not in hull]
+        keys = ("length_m", "beam_m", "draught_m", "displacement_m3")
+        size: list[Any] = [hull.get(key) for key in keys]
+        if not absent or not all(isinstance(one, int | float) and one > 0 for one in size):
+            return handler(values)
+        length, beam, draught, displacement = size
+        speed = values.get("design_speed_kn")
+        froude = 0.0
+        if isinstance(speed, int | float):
+            froude = speed * KNOT / math.sqrt(GRAVITY * length)
+        elif "lcb_percent" in absent:
+            raise ValueError(
+                "hull.lcb_percent is missing; give it, or design_speed_kn of the ship for an estimate"
+            )
+        form = estimate_form(displacement / (length * beam * draught), froude)
+        ship = handler(values | {"hull": {**{key: form[key] for key in absent}, **hull}})
+        ship._estimated = tuple(absent)
+        return ship
+
     @model_validator(mode="after")
     def _within_two_per_cent(self) -> TrialShip:
         contract = self.contract_displacement_m3
@@ -115,7 +155,7 @@ def load_trial_ship(path: str | Path) -> TrialShip:
 
 
 COLUMNS: dict[str, Column] = {
-    "heading": Column(("heading", "hdg", "course", "cog"), DEGREES, None, -7, 7),
+    "heading": Column(("heading", "hdg"), DEGREES, None, -7, 7, COURSES),
     "speed_over_ground": Column(("speed_over_ground", "sog", "speed"), SPEEDS, None, 0.3, 40),
     "shaft_power": Column(("shaft_power", "power", "ps"), POWERS, None, 1, 2e8),
     "shaft_speed": Column(
@@ -126,7 +166,11 @@ COLUMNS: dict[str, Column] = {
         60,
     ),
     "time": Column(
-        ("time", "start", "start_time"), {"h": 3600.0, "min": 60.0, "s": 1.0}, math.nan, -1e9, 1e10
+        ("time", "start", "start_time", "beginn"),
+        {"h": 3600.0, "min": 60.0, "s": 1.0},
+        math.nan,
+        -1e9,
+        1e10,
     ),
     "wind_speed": Column(
         ("wind_speed", "relative_wind_speed", "apparent_wind_speed", "rel_wind_speed", "aws"),
@@ -198,8 +242,15 @@ class Curve(NamedTuple):
     exponent: float
     covariance: Floats
     """Of the fitted parameters, shape (3, 3); zeros for a parameter that is held."""
-    freedom: int
-    """Degrees of freedom of the residual; 0: no uncertainty is known."""
+    values: int
+    """Number of independent values to which the curve was fitted."""
+    parameters: int
+    """Number of parameters of the curve and of the current that were fitted to these values."""
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom of the residual; 0: no uncertainty is known."""
+        return max(self.values - self.parameters, 0)
 
     def power(self, speed: Any) -> Any:
         """Return the delivered power [W] at a speed [m/s]."""
@@ -225,7 +276,13 @@ class Curve(NamedTuple):
         return float(ratio ** (1.0 / self.exponent))
 
 
-def fit_curve(speeds: Floats, powers: Floats, settings: int) -> Curve:
+def fit_curve(
+    speeds: Floats,
+    powers: Floats,
+    settings: int,
+    values: int | None = None,
+    current: Floats | None = None,
+) -> Curve:
     """Fit P = a + b V^q to runs by least squares.
 
     Example:
@@ -239,6 +296,9 @@ def fit_curve(speeds: Floats, powers: Floats, settings: int) -> Curve:
         speeds: speed through the water [m/s], (n,).
         powers: delivered power [W], (n,).
         settings: number of different power settings.
+        values: number of independent values, by default n; fewer if runs share a mean.
+        current: derivatives of the speeds by parameters of the current that were estimated from the same
+            runs, (n, k); the interval of the curve then contains their uncertainty.
     """
 
     def columns(exponent: float) -> Floats:
@@ -261,15 +321,21 @@ def fit_curve(speeds: Floats, powers: Floats, settings: int) -> Curve:
     free = [0, 1, 2] if settings >= 4 else [1, 2] if settings > 1 else [1]
     rising = speeds**exponent
     jacobian = np.array([np.ones_like(speeds), rising, factor * rising * np.log(speeds)]).T[:, free]
-    freedom = len(speeds) - len(free)
+    if current is not None:
+        slope = factor * exponent * speeds ** (exponent - 1.0)
+        jacobian = np.hstack([jacobian, slope[:, None] * current])
+    values = len(speeds) if values is None else values
+    freedom = values - jacobian.shape[1]
     covariance = np.zeros((3, 3))
     if freedom > 0:
         scale = np.linalg.norm(jacobian, axis=0)
         normal = (jacobian / scale).T @ (jacobian / scale)
         residual = constant + factor * rising - powers
         variance = float(residual @ residual) / freedom
-        covariance[np.ix_(free, free)] = variance * np.linalg.pinv(normal) / np.outer(scale, scale)
-    return Curve(float(constant), float(factor), exponent, covariance, max(freedom, 0))
+        covariance[np.ix_(free, free)] = (
+            variance * np.linalg.pinv(normal) / np.outer(scale, scale)
+        )[: len(free), : len(free)]
+    return Curve(float(constant), float(factor), exponent, covariance, values, jacobian.shape[1])
 
 
 def _count_settings(powers: Floats, pairs: list[int]) -> int:
@@ -345,6 +411,7 @@ def analyse_trial(ship: TrialShip, runs: pd.DataFrame) -> SpeedTrial:
                 "cannot be removed"
                 + ("; a log of the whole trial needs --from-log 10 (find_runs)" if log else "")
             )
+    _refuse_implausible(ship, runs)
     remarks = list(_remarks(ship, runs))
     result = runs.copy()
     result["pair"] = pairs
@@ -357,8 +424,9 @@ def analyse_trial(ship: TrialShip, runs: pd.DataFrame) -> SpeedTrial:
     corrected = pd.DataFrame(rows, index=runs.index)
     result = pd.concat([result, corrected], axis=1)
     power = corrected["power_W"].to_numpy(copy=True)
+    share = float(np.max(np.abs(power / result["delivered_power_W"].to_numpy() - 1.0)))
     ground = runs["speed_over_ground"].to_numpy()
-    speed, method = _through_water(runs, pairs, ground, power)
+    speed, current = _through_water(runs, pairs, ground, power)
     result["power_W"] = power
     result["current_m_s"] = ground - speed
     losses = [
@@ -370,10 +438,49 @@ def analyse_trial(ship: TrialShip, runs: pd.DataFrame) -> SpeedTrial:
     if ship.contract_displacement_m3 is not None:
         power = power * admiralty_factor(ship.hull.displacement_m3, ship.contract_displacement_m3)
         result["power_W"] = power
-    curve = fit_curve(result["speed_m_s"].to_numpy(), power, _count_settings(power, pairs))
-    if curve.freedom < 1:
-        remarks.append("too few runs for an interval of the speed-power curve")
+    values = len(set(pairs)) if current is None else len(runs)
+    settings = _count_settings(power, pairs)
+    curve = fit_curve(result["speed_m_s"].to_numpy(), power, settings, values, current)
+    method = "mean of means" if current is None else "iterative"
+    remarks += _interval_remarks(curve, method, share)
     return SpeedTrial(ship, result, curve, method, tuple(remarks))
+
+
+def _interval_remarks(curve: Curve, method: str, share: float) -> list[str]:
+    """Return sentences on the degrees of freedom of the interval, and on what it does not contain.
+
+    Args:
+        curve: fitted curve.
+        method: method that removed the current.
+        share: largest correction of a run, over its power.
+    """
+    of = "runs" if method == "iterative" else "power settings, each the mean of its runs"
+    counts = f"{curve.values} {of}, and {curve.parameters} parameters of the curve"
+    counts += " and the current" if method == "iterative" else ""
+    if curve.freedom < 1:
+        return [f"no interval of the speed-power curve: {counts}; measure at more powers"]
+    plural = "s" if curve.freedom > 1 else ""
+    return [
+        f"the interval has {curve.freedom} degree{plural} of freedom: {counts}",
+        f"wind, waves and water change the power by up to {100.0 * share:.1f} %; an error of these "
+        "corrections or of a sensor that all runs share is not in the interval",
+    ]
+
+
+def _refuse_implausible(ship: TrialShip, runs: pd.DataFrame) -> None:
+    """Raise a TrialError if the resistance of the hull at the speeds does not fit the powers at all."""
+    speed, power = runs["speed_over_ground"], runs["shaft_power"] * ship.shaft_efficiency
+    effective = np.array([resistance(ship.hull, v, SEA_WATER).total * v for v in speed])
+    ratios = effective / power.to_numpy()
+    low, high = EFFECTIVE_POWER
+    if not low <= np.median(ratios) <= high:
+        run = int(np.argsort(ratios)[len(ratios) // 2])
+        raise TrialError(
+            f"run {run + 1}: at {speed.iloc[run] / KNOT:.1f} kn the resistance by Holtrop and Mennen "
+            f"takes {effective[run] / 1e3:.0f} kW, {ratios[run]:.2g} of the "
+            f"{power.iloc[run] / 1e3:.0f} kW delivered; {low:g} to {high:g} is plausible. Check the "
+            "units of speed and power and the dimensions of the hull"
+        )
 
 
 def double_runs(runs: pd.DataFrame) -> list[int]:
@@ -467,32 +574,40 @@ def _corrected_run(
 TIDE_S = 44712.0
 """Period of the semi-diurnal tide [s]: 12 hours, 25 minutes, 12 seconds."""
 
+EFFECTIVE_POWER = (0.15, 2.0)
+"""Plausible effective power by Holtrop and Mennen over the delivered power, median of the runs."""
+
 ROUNDS = 50
 MOST_RUNS = 60  # number of rows from which a table is taken for a log
 
 
 def _through_water(
     runs: pd.DataFrame, pairs: list[int], ground: Floats, power: Floats
-) -> tuple[Floats, str]:
-    """Return the speed of each run through the water [m/s], and the method that removes the current."""
+) -> tuple[Floats, Floats | None]:
+    """Return the speed of each run through the water [m/s] without the current.
+
+    Returns:
+        The speeds, and their derivatives by the parameters of the current of the iterative method; None
+        for the mean of means.
+    """
     time = runs["time"].to_numpy()
     if len(runs) >= 8 and np.isfinite(time).all() and len(set(pairs)) >= 3:
-        return _iterative(
-            time - time[0], runs["heading"].to_numpy(), pairs, ground, power
-        ), "iterative"
+        return _iterative(time - time[0], runs["heading"].to_numpy(), pairs, ground, power)
     speed = np.empty(len(runs))
     for number in sorted(set(pairs)):
         rows = [k for k, other in enumerate(pairs) if other == number]
         weights = comb(len(rows) - 1, np.arange(len(rows)))
         speed[rows] = np.average(ground[rows], weights=weights)
         power[rows] = np.average(power[rows], weights=weights)
-    return speed, "mean of means"
+    return speed, None
 
 
 def _iterative(
     time: Floats, heading: Floats, pairs: list[int], ground: Floats, power: Floats
-) -> Floats:
+) -> tuple[Floats, Floats]:
     """Return the speed through the water by the iterative method (ISO 15016:2015, Annex B).
+
+    The second result has the derivatives of the speeds by the parameters of the current.
 
     The current along the first course is V_c cos(2 pi t / T) + V_s sin(2 pi t / T) + V_t t + V_0. It and
     the speed-power curve are fitted in turn.
@@ -512,7 +627,7 @@ def _iterative(
             break
         speed = further
         curve = fit_curve(speed, power, settings)
-    return speed
+    return speed, -along[:, None] * tide
 
 
 def _remarks(ship: TrialShip, runs: pd.DataFrame) -> list[str]:
@@ -525,10 +640,18 @@ def _remarks(ship: TrialShip, runs: pd.DataFrame) -> list[str]:
     waves = runs["wave_height"] + runs["swell_height"]
     if not waves.any():
         said.append("no wave correction: the runs have no wave_height")
-    elif "wave_angle" in runs.attrs.get("absent", ()):
-        said.append("no wave_angle in the runs: the waves are taken from ahead")
+    for sea in ("wave", "swell"):
+        absent = runs.attrs.get("absent", ()) if runs[f"{sea}_height"].any() else ()
+        if f"{sea}_period" in absent:
+            period = COLUMNS[f"{sea}_period"].default
+            said.append(f"no {sea}_period in the runs: a mean period of {period:g} s is assumed")
+        if f"{sea}_angle" in absent:
+            said.append(f"no {sea}_angle in the runs: the {sea}s are taken from ahead")
     if waves.any() and not all(in_wave_range(ship.hull, v) for v in runs["speed_over_ground"]):
         said.append(f"STAWAVE-2 is used outside its range ({WAVE_RANGE})")
+    if ship.estimated:
+        values = ", ".join(f"{key} = {getattr(ship.hull, key):.3g}" for key in ship.estimated)
+        said.append(f"form of the hull estimated: {values}")
     if ship.propulsive_efficiency is None:
         said.append("propulsive efficiency estimated from the resistance by Holtrop and Mennen")
     if not np.isfinite(runs["time"]).all():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,7 +13,17 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.files import FileError
-from ..core.tables import DATE_FORMAT, LayoutError, read_text_table
+from ..core.tables import DATE_FORMAT, LayoutError, TextCells, read_text_table
+from ..plant.columns import (
+    COURSE,
+    HEADING,
+    OVER_GROUND,
+    RUDDER,
+    SHAFT_POWER,
+    SHAFT_SPEED,
+    SHIP_SPEED,
+    TIME,
+)
 from ..plant.surroundings import KNOT
 
 
@@ -33,6 +43,8 @@ class Column(NamedTuple):
     low: float
     high: float
     """Range in SI."""
+    substitutes: tuple[str, ...] = ()
+    """Names of another quantity that stands in where no column has one of ``names``."""
 
 
 DEGREES = {"deg": math.pi / 180.0, "°": math.pi / 180.0, "rad": 1.0}
@@ -60,6 +72,9 @@ WIND_ANGLES = (
 )
 """Names of the angle from the bow from which the relative wind comes."""
 
+
+COURSES = ("course", "cog", "course_over_ground")
+"""Names of the course over ground, which stands in for the heading."""
 
 TEXT_ENDINGS = (".csv", ".tsv", ".txt")
 """Endings of the tables of a folder."""
@@ -95,6 +110,17 @@ def read_table(path: str | Path) -> pd.DataFrame:
         if units != stated[0]:
             raise TableError(f"{file}: another row of units than {files[0].name}")
     whole.attrs["units"] = stated[0]
+    whole.attrs["remarks"] = [
+        f"{file.name}: {remark}"
+        for file, table in zip(files, tables, strict=True)
+        for remark in table.attrs["remarks"]
+    ]
+    texts: dict[str, TextCells] = {}
+    for file, table in zip(files, tables, strict=True):
+        for name, found in table.attrs["text_cells"].items():
+            first = texts.get(name, found._replace(cells=0, file=file.name))
+            texts[name] = first._replace(cells=first.cells + found.cells)
+    whole.attrs["text_cells"] = texts
     return whole
 
 
@@ -111,7 +137,8 @@ def canonical(
     """Return a table in SI units with one column for each quantity.
 
     A column ``time`` of dates becomes seconds since the first row, and the dates stand in ``stamp``.
-    ``attrs["remarks"]`` has sentences on assumed units and on columns that are not used.
+    ``attrs["remarks"]`` has sentences on text in columns of numbers, on assumed units and on columns
+    that are not used.
 
     Args:
         table: table with names such as ``SOG [kn]`` or ``shaft_power_kW``, or with a row of units
@@ -125,12 +152,14 @@ def canonical(
     """
     known: dict[str, tuple[str, float]] = {}
     units, unused, unitless = table.attrs.get("units", {}), [], []
-    for name in map(str, table.columns):
-        match = _quantity(name, columns, units.get(name, ""))
-        if match is None:
+    names = [*map(str, table.columns)]
+    matches = {name: _quantity(name, columns, units.get(name, "")) for name in names}
+    named = {match.quantity for match in matches.values() if match and not match.substitute}
+    for name, match in matches.items():
+        if match is None or (match.substitute and match.quantity in named):
             unused.append(name)
             continue
-        quantity, factor = match
+        quantity, factor, _ = match
         if factor is None:
             unit, factor = next(iter(columns[quantity].units.items()))
             if quantity != "time":
@@ -141,7 +170,14 @@ def canonical(
                 "remove or rename one of them"
             )
         known[quantity] = (name, factor)
+    by_words = _by_words(columns, known, unused, units)
+    known |= by_words
+    unused = [name for name in unused if name not in {one for one, _ in by_words.values()}]
     result = pd.DataFrame(index=range(len(table)))
+    remarks, texts = [*table.attrs.get("remarks", ())], table.attrs.get("text_cells", {})
+    if by_words:
+        pairs = ", ".join(f"{name!r} as {quantity}" for quantity, (name, _) in by_words.items())
+        remarks.append(f"read by the words of their names, check them: {pairs}")
     for quantity, column in columns.items():
         if quantity in known:
             name, factor = known[quantity]
@@ -151,17 +187,22 @@ def canonical(
             if stamps is not None:
                 result["stamp"] = stamps
                 result[quantity] = (stamps - stamps.iloc[0]).dt.total_seconds()
-            else:
-                result[quantity] = _values(cells, column, factor, where, gaps)
+                continue
+            if name in texts:
+                said = texts[name].description(name)
+                if not gaps:
+                    raise TableError(f"{source}: {said}; correct this cell or remove its row")
+                remarks.append(f"{said}; text counts as missing, correct the cell if it is a value")
+            result[quantity] = _values(cells, column, factor, where, gaps)
         elif column.default is not None:
             result[quantity] = column.default
         else:
             raise TableError(
-                f"{source}: no column is read as {quantity}; name it {' or '.join(column.names)} with "
+                f"{source}: no column is read as {quantity}; name it "
+                f"{' or '.join((*column.names, *column.substitutes))} with "
                 f"its unit ({', '.join(column.units)}), such as {quantity}_{next(iter(column.units))}. "
                 f"The file has: {', '.join(map(str, table.columns))}"
             )
-    remarks = []
     if unitless:
         remarks.append(f"no unit is stated, taken: {', '.join(unitless)}")
     if unused:
@@ -170,8 +211,65 @@ def canonical(
     return result
 
 
+_RECORDED = {
+    "time": (TIME,),
+    "heading": (HEADING, COURSE),
+    "speed_over_ground": (OVER_GROUND,),
+    "speed_through_water": (SHIP_SPEED,),
+    "shaft_power": (SHAFT_POWER,),
+    "shaft_speed": (SHAFT_SPEED,),
+    "wind_speed": ("wind_speed_m_s",),
+    "wind_angle": ("wind_angle_rad",),
+    "draught_fore": ("draught_fore_m",),
+    "draught_aft": ("draught_aft_m",),
+    "depth": ("water_depth_m",),
+    "water_temperature": ("water_temperature_C",),
+    "rudder": (RUDDER,),
+}
+"""Columns of recordings by quantity, whose names in several languages :mod:`..mismatch` knows."""
+
+
+def _by_words(
+    columns: Mapping[str, Column],
+    known: Mapping[str, tuple[str, float]],
+    unused: Sequence[str],
+    units: Mapping[str, str],
+) -> dict[str, tuple[str, float]]:
+    """Return names and factors of quantities that no name gives, by the words of unused names.
+
+    A name is used only if it or the row of units states a unit of the quantity; a time needs none.
+    """
+    missing = [quantity for quantity in columns if quantity not in known and quantity in _RECORDED]
+    if not missing or not unused:
+        return {}
+    # These modules take a second to import.
+    from ..mismatch.recordings.draft import rank
+    from ..mismatch.recordings.logger_names import split_name
+
+    found: dict[str, tuple[str, float]] = {}
+    split = {name: split_name(name, units.get(name, "")) for name in unused}
+    for quantity in missing:
+        fits = []
+        for place, column in enumerate(_RECORDED[quantity]):
+            for name, words in split.items():
+                try:
+                    factor = _factor(name, quantity, columns[quantity], words.unit)
+                except TableError:
+                    continue
+                order = rank(words, column, moves=True, ordered=False)
+                if order is not None and (factor is not None or quantity == "time"):
+                    fits.append((place, *order, name, factor or 1.0))
+        if fits:
+            *_, name, factor = min(fits)
+            found[quantity] = (name, factor)
+            del split[name]
+    return found
+
+
 def _dates(cells: pd.Series) -> pd.Series | None:
     """Return cells as dates; None if they are numbers or no dates."""
+    if pd.api.types.is_datetime64_any_dtype(cells):
+        return cells
     if pd.api.types.is_numeric_dtype(cells) or pd.to_numeric(cells, errors="coerce").notna().all():
         return None
     stamps = pd.to_datetime(cells, errors="coerce", format="mixed", dayfirst=_day_first(cells))
@@ -204,9 +302,15 @@ def _values(
     return values
 
 
-def _quantity(
-    name: str, columns: Mapping[str, Column], stated: str
-) -> tuple[str, float | None] | None:
+class _Match(NamedTuple):
+    """Quantity of a column, its factor to SI, and whether the column only stands in for it."""
+
+    quantity: str
+    factor: float | None
+    substitute: bool
+
+
+def _quantity(name: str, columns: Mapping[str, Column], stated: str) -> _Match | None:
     """Return quantity and factor to SI of a column; None for a name that is no quantity.
 
     Args:
@@ -230,14 +334,15 @@ def _quantity(
             stem, unit = text, ""
     plain = "_".join(re.sub(r"[^a-z0-9]+", " ", stem.lower()).split())
     for quantity, column in columns.items():
-        if plain not in column.names:
+        if plain not in (*column.names, *column.substitutes):
             continue
         factors = [_factor(name, quantity, column, one) for one in (unit, stated) if one]
         if len(set(factors) - {None}) > 1:
             raise TableError(
                 f"column {name!r}: its name has the unit {unit!r} and the row of units {stated!r}"
             )
-        return quantity, next((factor for factor in factors if factor is not None), None)
+        known = next((factor for factor in factors if factor is not None), None)
+        return _Match(quantity, known, plain in column.substitutes)
     return None
 
 
@@ -246,7 +351,7 @@ def _factor(name: str, quantity: str, column: Column, unit: str) -> float | None
     for known, factor in column.units.items():
         if _is_unit(unit, known):
             return factor
-    if unit == "-" or (quantity == "time" and DATE_FORMAT.fullmatch(unit)):
+    if unit in ("", "-") or (quantity == "time" and DATE_FORMAT.fullmatch(unit)):
         return None
     raise TableError(
         f"column {name!r}: unit {unit!r} of {quantity} is not known; use {', '.join(column.units)}"

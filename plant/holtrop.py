@@ -25,6 +25,28 @@ VISCOSITY = 1.18831e-6
 """Kinematic viscosity of sea water at 15 degrees Celsius [m2/s], as in the examples of 1982 and 1984."""
 
 
+FORM = ("midship_coefficient", "waterplane_coefficient", "lcb_percent")
+"""Keys of a hull that can be estimated."""
+
+
+def estimate_form(block: float, froude: float) -> dict[str, float]:
+    """Return estimates of the keys :data:`FORM` of a hull.
+
+    C_M = 1 / (1 + (1 - C_B)^3.5) and C_WP = (1 + 2 C_B) / 3 (Schneekluth & Bertram 1998, Ship design for
+    efficiency and economy, chapter 1); the centre of buoyancy 8.8 - 38.9 Fn per cent of the length
+    forward of midships, at most 3 (the same, after Guldhammer and Harvald).
+
+    Args:
+        block: block coefficient.
+        froude: Froude number at the design speed.
+    """
+    return {
+        "midship_coefficient": 1.0 / (1.0 + max(1.0 - block, 0.0) ** 3.5),
+        "waterplane_coefficient": min((1.0 + 2.0 * block) / 3.0, 1.0),
+        "lcb_percent": min(max(8.8 - 38.9 * froude, -3.0), 3.0),
+    }
+
+
 class HullForm(FileModel):
     """Main dimensions and form coefficients of a hull.
 

@@ -19,7 +19,7 @@ from pydantic import Field, ValidationError, model_validator
 from scipy.optimize import brentq
 
 from ..core.models import FileModel, explain, read_model
-from .holtrop import HullForm, Interaction, interaction, resistance
+from .holtrop import FORM, HullForm, Interaction, estimate_form, interaction, resistance
 from .open_water import b_series, open_water
 from .ship import Ship, ShipError
 from .ship_files import format_value, load_ship
@@ -125,27 +125,21 @@ Sections = dict[str, dict[str, Estimate]]
 def hull_form(given: Particulars) -> HullForm:
     """Return the hull for Holtrop and Mennen, with form coefficients that are not given estimated.
 
-    C_M = 1 / (1 + (1 - C_B)^3.5) and C_WP = (1 + 2 C_B) / 3 (Schneekluth & Bertram 1998, Ship design for
-    efficiency and economy, chapter 1); the centre of buoyancy 8.8 - 38.9 Fn per cent of the length
-    forward of midships, at most 3 (the same, after Guldhammer and Harvald).
-
     Raises:
         ValidationError: dimensions that fit no ship.
     """
     volume = given.displacement_t * 1000.0 / WATER
     block = volume / (given.length_m * given.beam_m * given.draught_m)
     froude = given.design_speed_kn * KNOT / math.sqrt(GRAVITY * given.length_m)
-    midship = given.midship_coefficient or 1.0 / (1.0 + max(1.0 - block, 0.0) ** 3.5)
-    plane = given.waterplane_coefficient or min((1.0 + 2.0 * block) / 3.0, 1.0)
-    centre = given.lcb_percent
+    form = estimate_form(block, froude) | {
+        key: value for key in FORM if (value := getattr(given, key)) is not None
+    }
     return HullForm(
         length_m=given.length_m,
         beam_m=given.beam_m,
         draught_m=given.draught_m,
         displacement_m3=volume,
-        midship_coefficient=midship,
-        waterplane_coefficient=plane,
-        lcb_percent=float(np.clip(8.8 - 38.9 * froude, -3.0, 3.0)) if centre is None else centre,
+        **form,
         bulb_area_m2=given.bulb_area_m2,
         bulb_centre_m=given.bulb_centre_m,
         transom_area_m2=given.transom_area_m2,

@@ -182,7 +182,8 @@ def convert_numbers(
             shown = repr(given) if isinstance(given, str) else given
             raise RecordingError(
                 f"{path}: {column}, row {row + 1}: {shown} is not a finite number ({bad.sum()} of "
-                f"{len(table)} rows; unit {units[column]})"
+                f"{len(table)} rows; unit {units[column]}); correct the cell, or clear it if the value "
+                "is missing"
             )
         table[column] = numbers
     return table

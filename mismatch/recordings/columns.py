@@ -327,7 +327,7 @@ class Source(FileModel):
         return self.unit[len(DATE_TIME) :].strip()
 
     def convert(self, values: pd.Series, ranges: Ranges = MappingProxyType({})) -> pd.Series:
-        """Return the values in the canonical unit; text becomes NaN, which a later check refuses.
+        """Return the values in the canonical unit; text becomes NaN, as a missing value.
 
         Example:
             >>> source = Source(column="shaft_speed_rad_s", unit="rpm", sign=-1)
@@ -490,7 +490,7 @@ class SignalSource(FileModel):
         return f"{base:~C}".replace("**", "").replace("*", " ") or "-"
 
     def convert(self, values: pd.Series) -> pd.Series:
-        """Return the values in SI; text becomes NaN, which a later check refuses."""
+        """Return the values in SI; text becomes NaN, as a missing value."""
         numbers = _scaled(self, values)
         if self.unit is None:
             return numbers

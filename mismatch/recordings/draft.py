@@ -346,14 +346,14 @@ def _by_name(
     drive = drive_column(ship)
     ordered = {drive, "pitch_ratio_command", RUDDER_COMMAND}
     reverses = any(
-        rank(split, column, ship, False) is not None and _reverses(_numbers(left[name]))
+        rank(split, column, bool(ship.moves), False) is not None and _reverses(_numbers(left[name]))
         for name, split in names.items()
         for column in (SHAFT_SPEED, "thrust_N", "shaft_torque_N_m")
     )
     fits: dict[str, list[_Fit]] = {}
     for column in missing:
         for name, split in names.items():
-            place = rank(split, column, ship, column in ordered)
+            place = rank(split, column, bool(ship.moves), column in ordered)
             values = _numbers(left[name])
             # The column holds text, such as the source of a speed.
             is_text = column != TIME and len(values) < len(left) / 2
@@ -664,11 +664,11 @@ def _is_unit_of(unit: str, column: str, radius_m: float | None = None) -> bool:
     return True
 
 
-def rank(name: LoggerName, column: str, ship: Ship, ordered: bool) -> tuple[int, int] | None:
+def rank(name: LoggerName, column: str, moves: bool, ordered: bool) -> tuple[int, int] | None:
     """Return the rank of a name for a canonical column, lower for a better fit; None without a fit.
 
     A name with the word of a command fits a command only (``ordered``), and the commands of pitch and
-    rudder need such a word. Some phrases apply to a fixed hull only, others to a moving hull.
+    rudder need such a word. Some phrases apply to a fixed hull only, others to a hull that ``moves``.
 
     Returns:
         Index of the phrase in the list of phrases, and the number of further words in the name.
@@ -681,7 +681,7 @@ def rank(name: LoggerName, column: str, ship: Ship, ordered: bool) -> tuple[int,
         return None
     every = [(ships, one) for ships, phrases in PHRASES.get(column, ()) for one in phrases]
     for place, (ships, phrase) in enumerate(every, 1):
-        other_ship = ships != ANY and (ships == MOVING) != bool(ship.moves)
+        other_ship = ships != ANY and (ships == MOVING) != moves
         other_quantity = phrase == "command" and words & _QUANTITIES
         if not other_ship and not other_quantity and _has(name, phrase.split()):
             return place, len(name.core) - len(phrase.split())

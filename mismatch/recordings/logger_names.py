@@ -22,8 +22,11 @@ _SYNONYMS = {
     "stigning": "pitch", "spoed": "pitch", "turtall": "rpm", "toerental": "rpm", "koppel": "torque",
     "couple": "torque", "vitesse": "speed", "fart": "speed", "snelheid": "speed",
     "puissance": "power", "vermogen": "power", "effekt": "power",
+    "windwinkel": "wind angle", "windrichtung": "wind direction", "windgeschw": "wind speed",
+    "windgeschwindigkeit": "wind speed", "wahre": "true", "wahrer": "true", "scheinbare": "apparent",
+    "scheinbarer": "apparent", "wassertiefe": "water depth", "wassertemperatur": "water temperature",
 }  # fmt: skip
-"""Word of the phrases for each abbreviation, and for each word of another language."""
+"""Words of the phrases for each abbreviation, and for each word of another language."""
 
 GROUND = frozenset(("sog", "ground", "vtg", "gps"))
 """Words of a speed over ground."""
@@ -143,7 +146,7 @@ def _split(name: str) -> tuple[str, ...]:
     """Return the words of a name, split at signs, at digits and at capital letters."""
     spaced = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
     words = re.findall(r"[^\W\d_]+|\d+", spaced.lower())
-    return tuple(_SYNONYMS.get(word, word) for word in words)
+    return tuple(one for word in words for one in _SYNONYMS.get(word, word).split())
 
 
 def _unit_of(suffix: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -174,7 +175,7 @@ def survey(
         compared = ship
         if parts[0].measured_pitch:
             compared = follow_measured_pitch(ship, parts[0].interval_s)
-        implausible = dict.fromkeys(remark for p in parts for remark in remarks(p, compared))
+        implausible = dict.fromkeys(_grouped_remarks(parts, compared))
         recording = replace(
             parts[0],
             table=pd.concat([part.table for part in parts], ignore_index=True),
@@ -245,6 +246,26 @@ def _numbered_warnings(parts: Sequence[Recording]) -> Iterator[str]:
             yield f"part {number}: {warning}" if numbered else warning
 
 
+_NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
+
+
+def _grouped_remarks(parts: Sequence[Recording], ship: Ship) -> Iterator[str]:
+    """Yield the remarks on the parts of a recording; findings that differ in numbers only are one."""
+    found: dict[str, tuple[str, list[int]]] = {}
+    for number, part in enumerate(parts, 1):
+        for remark in remarks(part, ship):
+            finding, _, _ = remark.partition(";")
+            found.setdefault(_NUMBER.sub("", finding), (remark, []))[1].append(number)
+    for remark, numbers in found.values():
+        if len(parts) == 1:
+            yield remark
+        elif len(numbers) == 1:
+            yield f"part {numbers[0]}: {remark}"
+        else:
+            listed = ", ".join(map(str, numbers))
+            yield f"parts {listed} alike, with the values of part {numbers[0]}: {remark}"
+
+
 def _entry(
     name: str,
     values: pd.Series,
@@ -270,7 +291,10 @@ def _entry(
     if unit == "as recorded":
         numbers = pd.to_numeric(values, errors="coerce").dropna().to_numpy(dtype=float)
     low, high = (numbers.min(), numbers.max()) if len(numbers) else (np.nan, np.nan)
-    return Entry(name, column, unit, float(low), float(high), int(values.isna().sum()))
+    missing = pd.to_numeric(values, errors="coerce").isna()
+    if 2 * missing.sum() > len(values):  # a column of dates or other text
+        missing = values.isna()
+    return Entry(name, column, unit, float(low), float(high), int(missing.sum()))
 
 
 def _short(value: float) -> str:

@@ -266,10 +266,12 @@ def fill_missing(path: Path, table: pd.DataFrame, known: list[str]) -> Cleaned:
             done = f" has a value in every {every} rows; each was kept until the next value"
         elif runs.max() > LONGEST_GAP:
             row = int(edges[int(np.argmax(runs))]) + 2
+            said = table.attrs.get("texts", {}).get(column)
             raise RecordingError(
                 f"{path}: {column}, row {row}: {runs.max()} values in a row are missing ({total} in "
                 f"all); up to {LONGEST_GAP} are interpolated; cut the recording there and use the "
                 "parts, or leave the column out"
+                + (f". Text counts as missing: {said}" if said else "")
             )
         else:
             whole = numbers.interpolate(limit_direction="both")

@@ -14,6 +14,7 @@ from shaftline.performance import (
     ReferenceShip,
     TableError,
     analyse_performance,
+    canonical_log,
     load_reference_ship,
     read_log,
 )
@@ -137,6 +138,16 @@ def test_each_condition_of_the_standard_leaves_its_rows_out(tmp_path: Path) -> N
     # 3 sqrt(B T) = 53.7 m; 2.75 V^2 / g is 11.6 m at 12.5 kn
     shallow = filters(report.ship, read_log(tmp_path / "log.csv"))["shallow water"]
     assert np.flatnonzero(shallow).tolist() == [5]
+
+
+def test_the_mean_of_the_draughts_fore_and_aft_is_the_draught(tmp_path: Path) -> None:
+    table = log(0, 20).assign(**{"draught_fore_m": 9.6, "draught_aft_m": 10.2})
+    table.loc[:99, "draught_fore_m"] = 7.0  # in ballast: 8.6 m of 10 m
+    reference, reason = ReferenceShip.model_validate(SHIP), "draught off the reference"
+    assert filters(reference, canonical_log(table))[reason].sum() == 100
+    assert not any("draught" in remark for remark in analyse(tmp_path, table).remarks)
+    table["draught_m"] = 10.0  # a measured mean is used before that of both ends
+    assert filters(reference, canonical_log(table))[reason].sum() == 0
 
 
 def test_a_log_without_wind_keeps_its_power(tmp_path: Path) -> None:

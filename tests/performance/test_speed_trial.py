@@ -11,10 +11,12 @@ import pandas as pd
 import pytest
 
 from shaftline.performance import (
+    SpeedTrial,
     TableError,
     TrialError,
     TrialShip,
     analyse_trial,
+    canonical_runs,
     load_trial_ship,
     read_runs,
 )
@@ -173,6 +175,42 @@ def test_the_interval_of_the_curve_covers_the_truth() -> None:
     assert 179 <= inside <= 199
 
 
+def noisy_trials(count: int, settings: int) -> list[SpeedTrial]:
+    """Trials in a tidal current with a scatter of the power of 1 %, at known speeds."""
+    generator = np.random.default_rng(5)
+    table, _ = still_runs(settings)
+    power, noise = table["shaft_power_kW"], 0.01 * generator.standard_normal((count, len(table)))
+    tables = [table.assign(shaft_power_kW=power * (1.0 + e)) for e in noise]
+    return [analyse_trial(ship(), canonical_runs(one)) for one in tables]
+
+
+@pytest.mark.parametrize(("settings", "freedom"), [(4, 1), (3, 1)])
+def test_the_interval_counts_the_parameters_of_the_current(settings: int, freedom: int) -> None:
+    trials = noisy_trials(100, settings)
+    speed = 13.0 * KNOT
+    truth = 25e6 * (13 / 14) ** 3.2
+    found = [trial.shaft_power(speed) for trial in trials]
+    inside = sum(abs(power - truth) < half for power, half in found)
+    assert {trial.curve.freedom for trial in trials} == {freedom}
+    assert inside >= 89  # 95 % of 100 is 95; the binomial range of 99 % begins at 89
+
+
+def test_the_means_of_double_runs_are_the_values_of_the_curve() -> None:
+    table, _ = still_runs(3)
+    trial = analyse_trial(ship(), canonical_runs(table.drop(columns="time_h")))
+    assert (trial.curve.values, trial.curve.parameters, trial.curve.freedom) == (3, 2, 1)
+    two = analyse_trial(ship(), canonical_runs(table.drop(columns="time_h").iloc[:4]))
+    assert math.isnan(two.shaft_power(12.0 * KNOT)[1])
+    assert two.remarks[-1] == (
+        "no interval of the speed-power curve: 2 power settings, each the mean of its runs, and 2 "
+        "parameters of the curve; measure at more powers"
+    )
+    assert any(
+        one.startswith("the interval has 1 degree of freedom: 3 power settings, each")
+        for one in trial.remarks
+    )
+
+
 def test_stamps_of_date_and_time_are_read(tmp_path: Path) -> None:
     table, _ = still_runs()
     hours = table.pop("time_h")
@@ -236,6 +274,47 @@ def test_what_is_left_out_is_said(tmp_path: Path) -> None:
     assert "no water depth: deep water is assumed" in remarks
 
 
+def test_an_assumed_period_and_direction_of_the_waves_are_stated(tmp_path: Path) -> None:
+    table, _ = still_runs()
+    trial = analyse_trial(ship(), write(tmp_path, table.assign(hs_m=1.0, swell_height_m=0.5)))
+    for remark in (
+        "no wave_period in the runs: a mean period of 6 s is assumed",
+        "no wave_angle in the runs: the waves are taken from ahead",
+        "no swell_period in the runs: a mean period of 10 s is assumed",
+        "no swell_angle in the runs: the swells are taken from ahead",
+    ):
+        assert remark in trial.remarks
+    stated = table.assign(hs_m=1.0, swell_height_m=0.5, t01_s=6, swell_period_s=10)
+    same = analyse_trial(
+        ship(), write(tmp_path, stated.assign(wave_angle_deg=0, swell_angle_deg=0))
+    )
+    assert not any("_period" in remark for remark in same.remarks)
+    assert same.runs["wave_resistance_N"].tolist() == trial.runs["wave_resistance_N"].tolist()
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"SOG [kn]": "SOG [m/s]"}, r"at 2\d\.\d kn the resistance .* of the \d+ kW delivered"),
+        (
+            {"shaft_power_kW": "shaft_power_W"},
+            r"0\.15 to 2 is plausible\. Check the units of speed",
+        ),
+        ({"shaft_power_kW": "shaft_power_hp"}, None),
+    ],
+)
+def test_speeds_that_do_not_fit_the_powers_are_refused(
+    change: dict[str, str], reason: str | None, tmp_path: Path
+) -> None:
+    table = still_runs()[0].rename(columns=change)
+    runs = write(tmp_path, table)
+    if reason is None:
+        assert len(analyse_trial(ship(), runs).runs) == 8
+        return
+    with pytest.raises(TrialError, match=reason):
+        analyse_trial(ship(), runs)
+
+
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
@@ -251,6 +330,25 @@ def test_a_ship_file_that_is_wrong_is_refused_by_key(
     file.write_text(text)
     with pytest.raises(TrialError, match=reason):
         load_trial_ship(file)
+
+
+def test_the_form_of_the_hull_is_estimated_with_a_note(tmp_path: Path) -> None:
+    form = ("midship_coefficient", "waterplane_coefficient", "lcb_percent")
+    bare = {key: value for key, value in HULL.items() if key not in form}
+    with pytest.raises(
+        ValueError, match=r"hull\.lcb_percent is missing; give it, or design_speed_kn"
+    ):
+        ship(hull=bare)
+    given = ship(hull=bare, design_speed_kn=15.5)
+    assert (given.hull.midship_coefficient, given.hull.lcb_percent) == pytest.approx(
+        (0.997008, 3.0), abs=1e-6
+    )
+    assert given.hull.waterplane_coefficient == pytest.approx(0.8733, abs=1e-4)
+    remarks = analyse_trial(given, write(tmp_path, still_runs()[0])).remarks
+    said = "midship_coefficient = 0.997, waterplane_coefficient = 0.873, lcb_percent = 3"
+    assert f"form of the hull estimated: {said}" in remarks
+    assert ship().estimated == ()
+    assert ship(hull=bare | {"lcb_percent": 3.5}).estimated == form[:2]
 
 
 def test_a_contract_displacement_far_from_the_trial_is_refused() -> None:

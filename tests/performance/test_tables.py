@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from shaftline.performance.monitoring import COLUMNS
 from shaftline.performance.monitoring import read_log as read
-from shaftline.performance.tables import TableError, canonical, read_table
+from shaftline.performance.speed_trial import COLUMNS as RUN_COLUMNS
+from shaftline.performance.speed_trial import read_runs
+from shaftline.performance.tables import Column, TableError, canonical, read_table
 
 HEADER = "Date/Time;STW;Shaft power;Wind_speed;Wind_angle;Lub oil\n"
 VALUES = (
@@ -67,3 +72,79 @@ def test_a_folder_needs_one_row_of_units(tmp_path: Path) -> None:
     (folder / "b.csv").write_text((folder / "a.csv").read_text().replace("2026", "2027"))
     assert read(folder)["shaft_power"].max() == 4.7e6
     assert math.isclose(read(folder)["wind_speed"].max(), 8.2)
+
+
+def test_a_text_in_a_column_of_numbers_is_named_with_its_line(tmp_path: Path) -> None:
+    path = log(tmp_path, "dd.mm.yyyy hh:mm:ss;kn;MW;m/s;deg;bar")
+    path.write_text(path.read_text().replace(";4,6;", ";defekt;"))
+    found = read(path)
+    assert found["shaft_power"].iloc[[0, 2]].tolist() == [4.5e6, 4.7e6]
+    assert math.isnan(found["shaft_power"][1])
+    assert found.attrs["remarks"][0] == (
+        "column 'Shaft power', line 4: 'defekt' is not a number; text counts as missing, correct the "
+        "cell if it is a value"
+    )
+    refused = (
+        r"log: column 'Shaft power', line 4: 'defekt' is not a number; correct this cell or remove"
+    )
+    with pytest.raises(TableError, match=refused):
+        canonical(read_table(path), COLUMNS, "log")
+
+
+def test_a_text_in_a_folder_is_named_with_its_file(tmp_path: Path) -> None:
+    path = log(tmp_path, "dd.mm.yyyy hh:mm:ss;kn;MW;m/s;deg;bar")
+    later = path.read_text().replace("2026", "2027").replace(";4,6;", ";defekt;")
+    (tmp_path / "next.csv").write_text(later)
+    assert (
+        read(tmp_path)
+        .attrs["remarks"][0]
+        .startswith("column 'Shaft power', next.csv line 4: 'defekt' is not a number; text counts")
+    )
+
+
+@pytest.mark.parametrize("columns", [RUN_COLUMNS, COLUMNS], ids=["trial", "service"])
+def test_the_heading_is_read_where_a_file_has_the_course_as_well(
+    columns: Mapping[str, Column],
+) -> None:
+    values = {"time_h": [0.0], "stw_kn": [12.0], "sog_kn": [12.0], "power_kW": [5000.0]}
+    table = pd.DataFrame(values | {"COG [deg]": [24.0], "HDG [deg]": [20.0]})
+    found = canonical(table, columns, "log", gaps=True)
+    assert math.degrees(found["heading"][0]) == pytest.approx(20.0)
+    assert "COG [deg]" in found.attrs["remarks"][-1]
+    course = canonical(table.drop(columns="HDG [deg]"), columns, "log", gaps=True)
+    assert math.degrees(course["heading"][0]) == pytest.approx(24.0)
+
+
+GERMAN = (
+    "Lauf;Beginn;Kurs;SOG;Wellenleistung;Rel. Windgeschw.;Rel. Windwinkel;Wassertiefe;Wellenrichtung\n"
+    ";tt.mm.jjjj hh:mm:ss;°;kn;kW;m/s;°;m;°\n"
+    "1;18.02.2026 09:30:10;40;11,159;1703,6;12,63;19,8;80;75\n"
+    "2;18.02.2026 10:05:30;220;10,911;1657,9;4,35;263,1;80;75\n"
+)
+
+
+def test_german_names_are_read_by_their_words_with_a_note(tmp_path: Path) -> None:
+    path = tmp_path / "runs.csv"
+    path.write_text(GERMAN)
+    found = read_runs(path)
+    assert found["shaft_power"].tolist() == [1703.6e3, 1657.9e3]
+    assert np.degrees(found["heading"]).tolist() == pytest.approx([40.0, 220.0])
+    assert np.degrees(found["wind_angle"]).tolist() == pytest.approx([19.8, 263.1])
+    assert found["wind_speed"].tolist() == [12.63, 4.35]
+    assert found["depth"].tolist() == [80.0, 80.0]
+    assert found["time"].tolist() == [0.0, 2120.0]
+    assert found.attrs["remarks"] == [
+        "read by the words of their names, check them: 'Kurs' as heading, 'Wellenleistung' as "
+        "shaft_power, 'Rel. Windgeschw.' as wind_speed, 'Rel. Windwinkel' as wind_angle, 'Wassertiefe' "
+        "as depth",
+        "columns that are not understood or not used: Lauf, Wellenrichtung",
+    ]
+
+
+def test_a_name_is_read_by_its_words_only_with_a_unit_of_the_quantity(tmp_path: Path) -> None:
+    path = tmp_path / "runs.csv"
+    path.write_text(GERMAN.replace(";kW;", ";m;"))
+    with pytest.raises(
+        TableError, match=r"no column is read as shaft_power; name it shaft_power or"
+    ):
+        read_runs(path)

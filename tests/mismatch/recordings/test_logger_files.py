@@ -119,6 +119,43 @@ def test_the_same_voyage_comes_out(
         np.testing.assert_allclose(found[column], calm[column], rtol=1e-6, atol=1e-6)
 
 
+def spoiled(table: pd.DataFrame, folder: Path, rows: range) -> tuple[Path, Path]:
+    """Write the voyage with decimal commas and a text in some rows of its torque, and its map."""
+    form = write_text("utf-8", "%H:%M:%S,%f", ";", ",", "", True)
+    file, column_map = form(table, folder), folder / "map.toml"
+    lines = file.read_text().splitlines()
+    for row in rows:
+        cells = lines[row + 2].split(";")
+        lines[row + 2] = ";".join([*cells[:5], "Sensorfehler", *cells[6:]])
+    file.write_text("\n".join(lines) + "\n")
+    column_map.write_text(TAKEN, encoding="utf-8")
+    return file, column_map
+
+
+def test_a_text_among_decimal_commas_is_named_and_costs_only_its_own_value(
+    logged: pd.DataFrame, calm: pd.DataFrame, frigate: Ship, tmp_path: Path
+) -> None:
+    file, column_map = spoiled(logged, tmp_path, range(50, 51))
+    found = load_recording(file, frigate, column_map)
+    assert found.warnings[1] == (
+        "column 'Q', line 53: 'Sensorfehler' is not a number; text counts as missing, correct the cell "
+        "if it is a value"
+    )
+    other = np.arange(len(calm)) != 50
+    torque = calm["shaft_torque_N_m"].to_numpy()
+    np.testing.assert_allclose(found["shaft_torque_N_m"][other], torque[other], rtol=1e-6)
+
+
+def test_a_text_in_too_many_rows_is_named_in_the_refusal(
+    logged: pd.DataFrame, frigate: Ship, tmp_path: Path
+) -> None:
+    file, column_map = spoiled(logged, tmp_path, range(50, 55))
+    with pytest.raises(
+        RecordingError, match=r"row 51: 5 values in a row are missing .*'Q', line 53"
+    ):
+        load_recording(file, frigate, column_map)
+
+
 def test_a_plain_file_is_read_without_a_word(load: Load, calm: pd.DataFrame) -> None:
     assert load(calm).warnings == ()
 

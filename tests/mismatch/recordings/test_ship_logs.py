@@ -203,6 +203,28 @@ def test_a_draft_knows_the_channels_of_a_ships_log(frigate: Ship) -> None:
     assert next(x for x in lines if "Power_kW" in x).endswith("shaft of the model")
 
 
+def test_a_draft_knows_german_names_of_the_wind(frigate: Ship) -> None:
+    names = (
+        "Rel. Windgeschw. [m/s]",
+        "Rel. Windwinkel [°]",
+        "Wassertiefe [m]",
+        "Wahrer Windwinkel [°]",
+    )
+    table = pd.DataFrame(dict.fromkeys(names, 5.0), index=[0, 1])
+    lines = "\n".join(draft_column_map(frigate, table, {}, set()))
+    found = {name: keys["column"] for name, keys in tomllib.loads(lines)["columns"].items()}
+    assert list(found) == [names[0], names[1], names[3], names[2]]
+    assert [*found.values()] == [
+        "wind_speed_m_s",
+        "wind_angle_rad",
+        "true_wind_angle_rad",
+        "water_depth_m",
+    ]
+    for other in ("Windwinkel (deg)", "Windrichtung (deg)"):
+        lines = "\n".join(draft_column_map(frigate, table[[]].assign(**{other: 5.0}), {}, set()))
+        assert tomllib.loads(lines)["columns"][other]["column"] == "wind_angle_rad"
+
+
 def test_a_draft_keeps_the_given_map(tmp_path: Path, calm: pd.DataFrame, frigate: Ship) -> None:
     table = calm.rename(columns={"pitch_ratio_command": "CPP order", "fuel_rack_mm": "Load"})
     text = "a,b,c\n1,2,3\n" + table.to_csv(index=False)

@@ -56,6 +56,26 @@ def test_what_is_missing_is_named_with_its_cost(calm: pd.DataFrame, tmp_path: Pa
     assert said[-1].startswith("usable")
 
 
+def test_a_remark_on_several_parts_names_them_once(calm: pd.DataFrame, tmp_path: Path) -> None:
+    coarse = calm.assign(ship_speed_m_s=(calm["ship_speed_m_s"] / 0.05).round() * 0.05)
+    rows = coarse.index.to_series()
+    coarse[~rows.between(600, 700) & ~rows.between(1200, 1300)].to_csv(
+        tmp_path / "r.csv", index=False
+    )
+    found = survey(tmp_path / "r.csv", load_ship("frigate"))
+    quantised = [remark for remark in found.remarks if "ship_speed_m_s is quantised" in remark]
+    assert len(quantised) == 1
+    assert quantised[0].startswith(
+        "parts 1, 2, 3 alike, with the values of part 1: ship_speed_m_s is"
+    )
+    coarse.loc[600:, "ship_speed_m_s"] = calm["ship_speed_m_s"]
+    coarse[~rows.between(600, 700)].to_csv(tmp_path / "r.csv", index=False)
+    found = survey(tmp_path / "r.csv", load_ship("frigate"))
+    assert next(remark for remark in found.remarks if "is quantised" in remark).startswith(
+        "part 1: "
+    )
+
+
 @pytest.mark.parametrize("name", ship_names())
 def test_check_leaves_out_no_column_that_a_diagnosis_uses(name: str, tmp_path: Path) -> None:
     """Every column that any ship may record, on every packaged ship, turning or not."""
