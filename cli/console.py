@@ -27,6 +27,7 @@ from .machine import captured_output
 if TYPE_CHECKING:
     import pandas as pd
 
+    from ..envs import Task
     from ..plant import Ship
 
 errors = Console(stderr=True, emoji=False)
@@ -232,6 +233,18 @@ def check_pitch(ship: Ship, pitch: float | None) -> None:
     if pitch is not None and not low <= pitch <= high:
         raise ValueError(
             f"--pitch {pitch:g}: the P/D of {ship.name} must be from {low:g} to {high:g}"
+        )
+
+
+def say_scaled_orders(name: str, task: Task, ship: Ship) -> None:
+    """Print the ordered speeds of a task for a ship that is too slow for those of the task."""
+    scaled = task.scale_orders(ship)
+    if scaled is not task:
+        (low, high), (least, most) = task.speed_order_m_s, scaled.speed_order_m_s
+        say(
+            f"orders: {least:.2f} to {most:.2f} m/s. Those of {name}, {low:g} to {high:g} m/s for "
+            f"{task.vessel}, are above what {ship.name} reaches in calm water, and are scaled in "
+            "proportion of the highest speeds\n"
         )
 
 
