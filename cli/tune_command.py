@@ -73,7 +73,7 @@ def tune(
         if sea != "task":
             get_sea(sea)
         ranges = dict(map(_range, vary)) if vary else None
-        with require_extra("train", "tuning"):
+        with require_extra("tune", "tuning"):
             from ..agents.learning.tuning import tune as search
         say_scaled_orders(task, model, vessel)
         with stages("tuning") as tick:

@@ -211,6 +211,15 @@ def test_constants_are_searched_for_and_sailed(shaftline: Command, tmp_path: Pat
     assert result.exit_code == 0, result.output
 
 
+def test_tuning_needs_one_small_library(
+    shaftline: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delitem(sys.modules, "shaftline.agents.learning.tuning", raising=False)
+    monkeypatch.setitem(sys.modules, "cma", None)
+    words = "tuning needs cma, which is not installed: pip install 'shaftline[tune]'"
+    refused(shaftline("tune"), words)
+
+
 def test_a_search_in_which_every_episode_fails_says_so(
     shaftline: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
