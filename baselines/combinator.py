@@ -52,20 +52,52 @@ class Curve(NamedTuple):
         return SetPoints(*(np.asarray(np.interp(speed_order, self.ship_speed, c)) for c in columns))
 
 
+def full_speed(ship: Ship, torque_share: float = TORQUE_MARGIN) -> float:
+    """Return the highest shaft speed [rad/s] that the engine holds in calm water at the lowest pitch.
+
+    It is the highest speed of the engine if the lowest pitch needs up to ``torque_share`` of the torque
+    limit there, and otherwise the speed at which it needs this share. A fixed-pitch propeller that
+    absorbs the rated power at the rated speed therefore runs slightly below this speed.
+
+    Raises:
+        ValueError: the lowest pitch needs more even at the lowest speed of the engine.
+    """
+    slowest, top = ship.shaft_speeds
+    pitch = _driving_pitch(ship)
+
+    def excess(speed: float) -> float:
+        return steady_point(ship, speed, pitch).torque_share - torque_share
+
+    if excess(top) <= 0.0:
+        return top
+    if excess(slowest) > 0.0:
+        point = steady_point(ship, slowest, pitch)
+        raise ValueError(
+            f"{ship.name}: at P/D {pitch:.3g} (propeller.pitch_ratio_min) and the lowest engine speed "
+            f"(prime_mover.speed_min_rpm = {ship.diesel.speed_min_rpm:g}) calm water needs an "
+            f"engine torque of {point.brake_torque:.4g} N m, above {torque_share:.0%} of the limit of "
+            f"{point.brake_torque / point.torque_share:.4g} N m. Lower propeller.pitch_ratio_min, or "
+            "correct resistance, propeller or prime_mover.torque_limit_at_min_speed_N_m"
+        )
+    return float(scipy.optimize.brentq(excess, slowest, top, xtol=1e-9))
+
+
 def full_pitch(ship: Ship, torque_share: float = TORQUE_MARGIN) -> float:
-    """Return the highest P/D [-] with an engine torque up to a share of its limit at full speed."""
-    top = ship.shaft_speeds[1]
+    """Return the highest P/D [-] with an engine torque up to a share of its limit at full speed.
+
+    Full speed is that of :func:`full_speed`. Where it is below the highest speed of the engine, or the
+    pitch is fixed, the highest P/D is the lowest one.
+    """
+    top = full_speed(ship, torque_share)
     low, high = _driving_pitch(ship), ship.propeller.pitch_ratio_max
+    if top < ship.shaft_speeds[1]:
+        return low
 
     def excess(pitch: float) -> float:
         return steady_point(ship, top, pitch).torque_share - torque_share
 
     if excess(high) <= 0.0:
         return high
-    if excess(low) > 0.0:
-        raise ValueError(
-            f"{ship.name}: the lowest pitch overloads the engine at full shaft speed in calm water"
-        )
     return float(scipy.optimize.brentq(excess, low, high, xtol=1e-6))
 
 
@@ -75,7 +107,8 @@ def combinator_curve(
 ) -> Curve:
     """Return the combinator curve of a ship; with a fixed pitch it sets the shaft speed only.
 
-    It is that of the ship's combinator table, by default the standard curve.
+    It is that of the ship's combinator table, by default the standard curve, which ends at the shaft
+    speed of :func:`full_speed`.
 
     Args:
         ship: ship with a diesel.
@@ -99,7 +132,7 @@ def combinator_curve(
         )
     if ship.combinator.present:
         return _tabled_curve(ship)
-    lowest, highest = ship.shaft_speeds
+    lowest, highest = ship.shaft_speeds[0], full_speed(ship)
     floor = max(lowest, floor_share * highest)
     lever = np.linspace(0.0, 1.0, _POINTS)
     full = full_pitch(ship)

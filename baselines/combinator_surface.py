@@ -24,7 +24,7 @@ import scipy
 
 from ..observers.records import Floats
 from ..plant.ship import Ship
-from .combinator import TORQUE_MARGIN, full_pitch
+from .combinator import TORQUE_MARGIN, full_pitch, full_speed
 from .steady_points import require_diesel, steady_point
 from .working_point import OpenWaterFit, WorkingPoint, fit_open_water, search, slack, working_point
 
@@ -141,9 +141,9 @@ def combinator_surface(ship: Ship, torque_share: float = TORQUE_MARGIN) -> Combi
     """
     require_diesel(ship)
     fit = fit_open_water(ship)
-    low, top = ship.shaft_speeds
+    low = ship.shaft_speeds[0]
     slowest = _LEAST_J * low / (2.0 * math.pi) * ship.propeller.diameter_m
-    fastest = 1.05 * steady_point(ship, top, full_pitch(ship)).advance_velocity
+    fastest = 1.05 * steady_point(ship, full_speed(ship), full_pitch(ship)).advance_velocity
     share = np.linspace(0.0, 1.0, THRUSTS)
     rows = []
     converged = 0

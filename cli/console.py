@@ -27,12 +27,48 @@ from .machine import captured_output
 if TYPE_CHECKING:
     import pandas as pd
 
+    from ..envs import Task
     from ..plant import Ship
 
 errors = Console(stderr=True, emoji=False)
 
 EVERY_S = 10.0
 """Time between two lines of a log [s]."""
+
+
+LEAST_TIMED_S = 5.0
+"""Time spent on a count before its end is estimated [s]."""
+
+
+class TimeLeft:
+    """Estimate of the time until a count ends, from the mean time of its parts so far.
+
+    A new count begins where the total changes or the number of finished parts falls.
+
+    Args:
+        now: time at which the work begins [s].
+    """
+
+    def __init__(self, now: float) -> None:
+        self._last = self._begun = now
+        self._first, self._done, self._total = 0, 0, -1
+
+    def text(self, now: float, done: int, total: int) -> str:
+        """Return the time left as text, empty where it is not known yet or the count has ended."""
+        if total != self._total or done < self._done:
+            # The first part has taken the time since the last call; a resumed count begins here.
+            self._begun, self._first = (self._last, 0) if done == 1 else (now, done)
+        self._last, self._done, self._total = now, done, total
+        spent, parts = now - self._begun, done - self._first
+        if done >= total or parts < 1 or spent < LEAST_TIMED_S:
+            return ""
+        return f"about {_duration_text(spent / parts * (total - done))} left"
+
+
+def _duration_text(seconds: float) -> str:
+    if seconds < 90.0:
+        return f"{max(seconds, 1.0):.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
 
 
 class Log:
@@ -43,16 +79,20 @@ class Log:
     ) -> None:
         self.label, self._say, self._clock = label, say, clock
         self._begun = self._last = clock()
+        self._left = TimeLeft(self._begun)
         self._stage = ""
 
     def at(self, done: int, total: int, stage: str = "") -> None:
         """Write the progress at every new stage, every :data:`EVERY_S` seconds, and at the end."""
         now, new = self._clock(), stage != self._stage
+        left = self._left.text(now, done, total)
         if not (new or done >= total or now - self._last >= EVERY_S):
             return
         self._last, self._stage = now, stage
         what = f"{self.label}: {stage}" if stage else self.label
-        self._say(f"{what}, {done} of {total}, {now - self._begun:.0f} s")
+        if left:
+            left = f", {left} in this stage" if stage else f", {left}"
+        self._say(f"{what}, {done} of {total}, {now - self._begun:.0f} s{left}")
 
 
 def announce_compilation(say: Callable[[str], None] | None = None, patience_s: float = 1.0) -> None:
@@ -68,7 +108,10 @@ def announce_compilation(say: Callable[[str], None] | None = None, patience_s: f
             self.begun = now if self.begun is None else self.begun
             if not self.announced and now - self.begun > patience_s:
                 self.announced = True
-                words = "compiling the equations for this machine: once, about half a minute"
+                words = (
+                    "compiling the equations: each command does so at its first use on this machine, "
+                    "in half a minute to a few minutes"
+                )
                 (say or _line)(words)
 
         def on_end(self, event: object) -> None:
@@ -106,13 +149,21 @@ def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
         yield lambda: log.at(next(done), total)
         return
     with _bar(rich_progress.MofNCompleteColumn()) as bar:
-        task = bar.add_task(label, total=total)
-        yield lambda: bar.advance(task)
+        task, done = bar.add_task(label, total=total, left=""), itertools.count(1)
+        left = TimeLeft(time.monotonic())
+
+        def tick() -> None:
+            count = next(done)
+            text = left.text(time.monotonic(), count, total)
+            bar.update(task, completed=count, left=text)
+
+        yield tick
 
 
 def _bar(*more: rich_progress.ProgressColumn) -> rich_progress.Progress:
     label, bar = rich_progress.TextColumn("{task.description}"), rich_progress.BarColumn()
-    columns = (label, bar, *more, rich_progress.TimeElapsedColumn())
+    left = rich_progress.TextColumn("{task.fields[left]}")
+    columns = (label, bar, *more, rich_progress.TimeElapsedColumn(), left)
     return rich_progress.Progress(*columns, console=errors, transient=True)
 
 
@@ -125,10 +176,11 @@ def stages(label: str) -> Iterator[Callable[[str, int, int], None]]:
         yield lambda stage, done, total: log.at(done, total, stage)
         return
     with _bar() as bar:
-        task = bar.add_task(label, total=None)
+        task, left = bar.add_task(label, total=None, left=""), TimeLeft(time.monotonic())
 
         def tick(stage: str, done: int, total: int) -> None:
-            bar.update(task, description=f"{label}: {stage}", completed=done, total=total)
+            text, what = left.text(time.monotonic(), done, total), f"{label}: {stage}"
+            bar.update(task, description=what, completed=done, total=total, left=text)
 
         yield tick
 
@@ -232,6 +284,18 @@ def check_pitch(ship: Ship, pitch: float | None) -> None:
     if pitch is not None and not low <= pitch <= high:
         raise ValueError(
             f"--pitch {pitch:g}: the P/D of {ship.name} must be from {low:g} to {high:g}"
+        )
+
+
+def say_scaled_orders(name: str, task: Task, ship: Ship) -> None:
+    """Print the ordered speeds of a task for a ship that is too slow for those of the task."""
+    scaled = task.scale_orders(ship)
+    if scaled is not task:
+        (low, high), (least, most) = task.speed_order_m_s, scaled.speed_order_m_s
+        say(
+            f"orders: {least:.2f} to {most:.2f} m/s. Those of {name}, {low:g} to {high:g} m/s for "
+            f"{task.vessel}, are above what {ship.name} reaches in calm water, and are scaled in "
+            "proportion of the highest speeds\n"
         )
 
 

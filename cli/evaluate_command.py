@@ -34,16 +34,25 @@ from ..envs import DEFAULTS, Task, get_task
 from ..envs.orders import OrderProfile, OrdersFile, read_orders
 from ..envs.settings import EPISODE_S, LARGEST_EPISODE, LONGEST_S
 from ..envs.steering import environment_classes
+from ..envs.tasks import highest_speed
 from ..observers import get_observer, observer_names
 from ..plant import Ship, get_sea
 from ..plant.order_tables import with_combinator_table
 from . import console
-from .console import check_folder, print_table, progress, report_errors, say
+from .console import (
+    check_folder,
+    print_table,
+    progress,
+    report_errors,
+    say,
+    say_scaled_orders,
+)
 from .machine import add_results
 from .train_command import TaskName, TaskShip
 
 _INTERVAL = DEFAULTS.control_interval_s
 _LONGEST_INTERVAL_S = 60.0
+_SHORT = 0.1  # mean shortfall of the ship speed over the highest order that is reported [-]
 _MOST_SEAS = 12  # seas, and seeds of one sea, that are listed one by one
 _SEA_COLUMNS = {
     "hs_m": "Hs [m]",
@@ -204,7 +213,12 @@ def evaluate(
         scored = ["score"] if "score" in shown else []
         marks = ["stability"] if unstable else []
         print_table(shown[[*(varied or ["controller"]), *marks, *scored, *figures]], title)
-        for sentence in (*_failures(shown), *_sentences(unstable)):
+        if profile is None:
+            say_scaled_orders(task, model, vessel)
+        speeds = profile and [speed for _, speed in profile]
+        highest = max(speeds or model.scale_orders(vessel).speed_order_m_s)
+        missed = missed_orders(shown, vessel, highest)
+        for sentence in (*_failures(shown), *missed, *_sentences(unstable)):
             say(sentence)
         waves = _print_seas(cells)
         if zero:
@@ -309,6 +323,20 @@ def _failures(rows: pd.DataFrame) -> list[str]:
         f"{row['failed'] - row['tripped']:.0%}. The other figures hold until then\n"
         for row in rows.to_dict("records")
         if row["failed"] > 0.0
+    ]
+
+
+def missed_orders(rows: pd.DataFrame, ship: Ship, highest: float) -> list[str]:
+    """Return a sentence for each sea in which no controller holds orders up to the highest [m/s]."""
+    short = rows.groupby("sea", sort=False)["speed_short_m_s"].min()
+    top = highest_speed(ship)
+    calm = "" if top is None else f"; {ship.name} reaches {top:.2f} m/s in calm water"
+    return [
+        f"TOO SLOW: in {'the seas of the task' if sea == 'task' else sea} every controller is on "
+        f"average at least {least:.2f} m/s below the orders of up to {highest:.2f} m/s{calm}. Give "
+        "lower orders (--orders FILE) or a lower sea (--sea)\n"
+        for sea, least in short.items()
+        if least > _SHORT * highest
     ]
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ..core.files import check_writable, write_text
-from ..plant.particulars import load_particulars, particulars_text
+from ..plant.particulars import fixed_pitch_remarks, load_particulars, particulars_text
 from ..plant.ship_files import template_names, template_text
 from .console import report_errors, say
 
@@ -75,10 +75,11 @@ def new_ship(
         if (template is None) == (from_particulars is None):
             raise ValueError("give either --template or --from-particulars")
         if from_particulars is not None:
-            text = particulars_text(load_particulars(from_particulars))
+            given = load_particulars(from_particulars)
+            text, remarks = particulars_text(given), fixed_pitch_remarks(given)
         else:
             assert template is not None
-            text = template_text(template, out.stem if out else None)
+            text, remarks = template_text(template, out.stem if out else None), []
         if out is None:
             say(text.rstrip())
             return
@@ -91,3 +92,5 @@ def new_ship(
             )
         write_text(out, text)
         say(f"ship file: {out}")
+        for remark in remarks:
+            say(f"remark: {remark}")

@@ -11,7 +11,14 @@ from ..envs import DEFAULTS, get_task
 from ..envs.settings import EPISODE_S
 from ..observers import get_observer
 from ..plant import get_sea
-from .console import MOST_SEEDS, report_errors, require_extra, say, stages
+from .console import (
+    MOST_SEEDS,
+    report_errors,
+    require_extra,
+    say,
+    say_scaled_orders,
+    stages,
+)
 from .machine import add_results
 from .train_command import EpisodeLength, ObserverName, TaskName, TaskShip
 
@@ -60,13 +67,15 @@ def tune(
         shaftline tune --controller combinator-trimmed --vary response_s=1:20 --task transit
     """
     with report_errors():
-        get_task(task).load_ship(ship)
+        model = get_task(task)
+        vessel = model.load_ship(ship)
         get_observer(observer)
         if sea != "task":
             get_sea(sea)
         ranges = dict(map(_range, vary)) if vary else None
-        with require_extra("train", "tuning"):
+        with require_extra("tune", "tuning"):
             from ..agents.learning.tuning import tune as search
+        say_scaled_orders(task, model, vessel)
         with stages("tuning") as tick:
             found = search(
                 controller,
@@ -84,15 +93,26 @@ def tune(
         add_results(found._asdict())
         say(f"{found.candidates} candidates on {seeds} episodes of {task}")
         say(f"reward on {seeds} unused episodes: {found.fresh:.5g}, untuned {found.untuned:.5g}")
+        if found.fresh == found.untuned == 0.0:
+            say(
+                "the reward is 0 where the engine stalls or trips, here in every episode, so that there "
+                "is nothing to compare. See what fails, and tune in a lower sea (--sea):"
+            )
+            _say_evaluation([controller], task, sea, ship)
+            return
         if found.fresh <= found.untuned:
             say(f"the tuned constants {found.controller} are not better: keep the given ones")
             return
         say("evaluate the result " + ("on the held-out seas:" if sea == "task" else "in this sea:"))
-        where = f"{task}:held-out" if sea == "task" else f"{task} --sea {sea}"
-        say(
-            f"  shaftline evaluate --controller {found.controller} --controller {controller} "
-            f"--task {where}" + (f" --ship {ship}" if ship else "")
-        )
+        held_out = f"{task}:held-out" if sea == "task" else task
+        _say_evaluation([found.controller, controller], held_out, sea, ship)
+
+
+def _say_evaluation(controllers: list[str], task: str, sea: str, ship: str | None) -> None:
+    """Print the command that evaluates controllers."""
+    named = " ".join(f"--controller {name}" for name in controllers)
+    options = ("" if sea == "task" else f" --sea {sea}") + (f" --ship {ship}" if ship else "")
+    say(f"  shaftline evaluate {named} --task {task}{options}")
 
 
 def _range(text: str) -> tuple[str, tuple[float, float]]:

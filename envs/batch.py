@@ -123,6 +123,7 @@ class Batch:
                 "a moving hull"
             )
         self.ship.require_external_signals(())
+        self.task = self.task.scale_orders(self.ship)
         self.dt = self.ship.time_step_s
         self.steps = settings.steps(self.dt)
         self.interval_s = self.steps * self.dt

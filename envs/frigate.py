@@ -133,7 +133,8 @@ class FrigateEnv(gymnasium.Env[Singles, Singles]):
     Each episode draws, uniformly within the ranges of the task: one of its seas and the phases of the
     waves; the ordered speeds (5 to 9.5 m/s, a new one every 100 s) and, from the same range, the initial
     speed; the mean rise of the resistance (-0.1 to 0.3); and the period of its slow fluctuation (60 to
-    180 s, amplitude 0.1).
+    180 s, amplitude 0.1). A ship that does not reach the highest order in calm water gets orders in
+    proportion to its highest speed.
 
     ``reset(options=...)`` accepts ``sea``, ``speed_order_m_s`` (one order, or a list with one for each
     order interval), ``order_interval_s``, ``initial_speed_m_s`` and ``resistance_rise`` in place of

@@ -10,6 +10,7 @@ from typing import Any
 
 from pydantic import Field, ValidationError, model_validator
 
+from ..baselines.combinator import combinator_curve
 from ..baselines.controller import Predictor
 from ..baselines.registry import ControllerError, make_controller, make_steering
 from ..core.models import FileModel, Number, Range, explain
@@ -79,7 +80,7 @@ class Task(FileModel):
     seas: tuple[TaskSea, ...] = Field(
         min_length=1, description="seas, of which an episode draws one"
     )
-    speed_order_m_s: Range = Field(description="range of the ordered ship speeds")
+    speed_order_m_s: Range = Field(description="range of the ordered ship speeds, for this ship")
     order_interval_s: float = Field(gt=0, description="time between new orders")
     resistance_rise: Range = Field(description="range of the mean rise of the resistance")
     resistance_swing: float = Field(
@@ -142,6 +143,35 @@ class Task(FileModel):
             3.0
         """
         return load_ship(self.vessel if ship is None else ship).with_values(dict(self.ship))
+
+    def scale_orders(self, ship: Ship) -> Task:
+        """Return the task with ordered speeds that suit a ship.
+
+        A ship that reaches the highest order in calm water gets the orders as they are. A slower ship
+        gets the same shares of its highest speed as the ship of the task; highest speeds are those of
+        the combinator curves in calm water.
+
+        Examples:
+            >>> slow = get_task("transit").scale_orders(load_ship("ferry"))
+            >>> [round(speed, 2) for speed in slow.speed_order_m_s]
+            [3.95, 5.08]
+        """
+        top = highest_speed(ship)
+        if top is None or self.speed_order_m_s[1] <= top:
+            return self
+        own = highest_speed(self.load_ship())
+        if own is None or own <= top:
+            return self
+        low, high = (speed * top / own for speed in self.speed_order_m_s)
+        return self.model_copy(update={"speed_order_m_s": (low, high)})
+
+
+def highest_speed(ship: Ship) -> float | None:
+    """Return the highest speed of the combinator curve in calm water [m/s]; None without a curve."""
+    try:
+        return float(combinator_curve(ship).ship_speed[-1])
+    except ValueError:  # The combinator refuses this ship.
+        return None
 
 
 def controller_for(

@@ -499,6 +499,39 @@ def ship_from_particulars(given: Particulars) -> Ship:
     return _make_ship(given)[0]
 
 
+def fixed_pitch_remarks(given: Particulars) -> list[str]:
+    """Return a sentence where a fixed pitch keeps the ship from the design speed.
+
+    Args:
+        given: particulars.
+
+    Raises:
+        ShipError: as :func:`ship_from_particulars`.
+    """
+    if given.controllable_pitch:
+        return []
+    point = design_point(given, hull_form(given))
+    engine = ship_from_particulars(given).diesel
+    speed = 2.0 * math.pi * point.shaft_speed * given.engine_speed_rpm / given.shaft_speed_rpm
+    torque, turns = point.shaft_power / speed, 60.0 * point.shaft_speed
+    above_idle = max(speed - engine.speed_min_rpm * math.pi / 30.0, 0.0)
+    limit = engine.torque_limit_at_min_speed_N_m + engine.torque_limit_slope_N_m_s_rad * above_idle
+    limit = min(limit, engine.torque_limit_N_m)
+    where = f"with P/D {point.pitch_ratio:.3g} {given.design_speed_kn:g} kn need"
+    if turns > 1.01 * given.shaft_speed_rpm:
+        return [
+            f"{where} {turns:.0f} rpm of the shaft, above shaft_speed_rpm = {given.shaft_speed_rpm:g}: "
+            "the ship stays below design_speed_kn. Raise pitch_ratio, or check trial_power_kW"
+        ]
+    if torque > 1.01 * limit:
+        return [
+            f"{where} {torque / 1e3:.4g} kN m of each engine at {turns:.0f} rpm of the shaft, above its "
+            f"limit of {limit / 1e3:.4g} kN m there: the ship stays below design_speed_kn. Lower "
+            "pitch_ratio, or check trial_power_kW"
+        ]
+    return []
+
+
 def _make_ship(given: Particulars) -> tuple[Ship, Sections]:
     """Return the ship and the sections of her file."""
     tree: dict[str, Any] = {"name": given.name, "description": _description(given)}

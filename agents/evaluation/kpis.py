@@ -27,6 +27,10 @@ FLUCTUATIONS = ("torque", "engine_torque", "power", "attack")
 """Signals whose fluctuation about their mean over the last MEAN_S is a KPI."""
 
 
+SIGNED = ("speed_mean_m_s", "speed_short_m_s", "thrust_mean_kN", "power_mean_kW", "attack_99_deg")
+"""KPIs that can be negative; no interval of another KPI extends below 0."""
+
+
 class EpisodeSums:
     """Running sums of the KPIs, one entry for each seed.
 

@@ -62,13 +62,14 @@ class Oscillation(NamedTuple):
 def calm_setting(setting: Setting) -> Setting:
     """Return a setting in calm water: perfect instruments, constant orders, constant resistance."""
     task = setting.model
-    orders = task.speed_order_m_s
+    orders, vessel = task.speed_order_m_s, task.vessel
     if setting.order_profile is not None:
         speeds = [speed for _, speed in setting.order_profile]
-        orders = (min(speeds), max(speeds))
+        orders, vessel = (min(speeds), max(speeds)), setting.vessel  # These orders are not scaled.
     calm = task.model_copy(
         update={
             "seas": ("calm",),
+            "vessel": vessel,
             "speed_order_m_s": orders,
             "order_interval_s": _FOREVER_S,
             "resistance_swing": 0.0,

@@ -16,7 +16,7 @@ import pandas as pd
 import scipy
 from numpy.typing import NDArray
 
-from .kpis import KPIS
+from .kpis import KPIS, SIGNED
 
 LEAST_SEEDS = 4
 """Fewest episodes with an interval: with 3 the coverage falls to 90 % for bimodal values."""
@@ -157,6 +157,7 @@ def relative_change(values: Any, baseline: Any) -> tuple[float, float, float]:
 def summary(kpis: pd.DataFrame) -> dict[str, tuple[float, float, float]]:
     """Return the interquartile mean and the 95 % interval of each KPI.
 
+    The stretched interval of a quantity that cannot be negative begins at 0 or above.
     ``failed`` is the share of failed episodes with the interval of Wilson (1927), which is also valid
     for shares of 0 and 1.
 
@@ -169,6 +170,9 @@ def summary(kpis: pd.DataFrame) -> dict[str, tuple[float, float, float]]:
         (1.0, 1.0, 1.0)
     """
     found = {name: estimate_with_interval(kpis[name]) for name in KPIS if name != "failed"}
+    for name in found.keys() - set(SIGNED):
+        middle, low, high = found[name]
+        found[name] = middle, float(np.maximum(low, 0.0)), high  # nan stays nan
     count, failures = len(kpis), int(kpis["failed"].sum())
     ends = scipy.stats.binomtest(failures, count).proportion_ci(_LEVEL, method="wilson")
     return {**found, "failed": (failures / count, float(ends.low), float(ends.high))}

@@ -9,6 +9,7 @@ from shaftline.baselines.combinator import (
     combinator_curve,
     curve_through,
     full_pitch,
+    full_speed,
 )
 from shaftline.baselines.governor import Governor
 from shaftline.baselines.steady_points import steady_point
@@ -89,9 +90,30 @@ def test_full_pitch_takes_its_share_of_the_torque() -> None:
         {"prime_mover.torque_limit_N_m": 1e6, "prime_mover.torque_limit_slope_N_m_s_rad": 1e5}
     )
     assert full_pitch(strong) == 1.4
-    weak = ferry.with_values({"propeller.pitch_ratio_min": 1.1})
-    with pytest.raises(ValueError, match="ferry: the lowest pitch overloads the engine"):
-        full_pitch(weak)
+
+
+def test_a_heavy_fixed_pitch_lowers_the_highest_shaft_speed() -> None:
+    """A propeller that absorbs the rated power at the rated speed is an ordinary design."""
+    ferry = SHIPS[1]
+    top = ferry.shaft_speeds[1]
+    rated = full_pitch(ferry, 1.0)
+    keys = ("propeller.pitch_ratio_min", "propeller.pitch_ratio_max")
+    fixed = ferry.with_values(dict.fromkeys(keys, rated))
+    curve = combinator_curve(fixed)
+    assert curve.shaft_speed[-1] == full_speed(fixed) == pytest.approx(0.98489 * top, rel=1e-4)
+    assert steady_point(fixed, full_speed(fixed), rated).torque_share == pytest.approx(0.97)
+    assert np.all(curve.pitch_ratio == full_pitch(fixed))
+    heavy = ferry.with_values({keys[0]: 1.1})
+    assert full_speed(heavy) == pytest.approx(0.62016 * top, rel=1e-4)
+    assert full_pitch(heavy) == 1.1
+    assert full_speed(ferry) == top
+    stalled = heavy.with_values({"prime_mover.torque_limit_at_min_speed_N_m": 100.0})
+    with pytest.raises(
+        ValueError,
+        match=r"P/D 1\.1 \(propeller\.pitch_ratio_min\) and the lowest engine speed .* needs an engine "
+        r"torque of \d+ N m, above 97% of the limit of 100 N m",
+    ):
+        full_speed(stalled)
 
 
 def test_set_points_are_interpolated_and_held_at_the_ends() -> None:

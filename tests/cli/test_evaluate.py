@@ -11,6 +11,7 @@ import pytest
 
 from shaftline.agents.evaluation.scores import Bound
 from shaftline.baselines import steady_point
+from shaftline.cli.evaluate_command import missed_orders
 from shaftline.plant import load_ship
 
 from .conftest import Command
@@ -232,3 +233,29 @@ def test_bad_input(
 ) -> None:
     refused(shaftline("evaluate", *arguments, "--out", tmp_path, *QUICK[:4]), *words)
     nothing_written(tmp_path)
+
+
+def test_orders_beyond_the_ship_are_scaled_and_said(shaftline: Command, tmp_path: Path) -> None:
+    command = ("evaluate", "--controller", "combinator", "--task", "transit", "--sea", "calm")
+    result = shaftline(*command, "--ship", "ferry", *QUICK, "--out", tmp_path)
+    assert result.exit_code == 0, result.output
+    assert (
+        "orders: 3.95 to 5.08 m/s. Those of transit, 7 to 9 m/s for frigate, are above what ferry "
+        "reaches in calm water" in result.output
+    )
+    assert "TOO SLOW" not in result.output
+    assert pd.read_csv(tmp_path / "table.csv")["speed_error_rms_m_s"][0] < 1.0
+    assert "orders:" not in shaftline(*command, *QUICK, "--out", tmp_path).output
+
+
+def test_orders_that_no_controller_holds_are_said() -> None:
+    """The better of two controllers lacks 0.7 m/s in the sea of the task, in hs=2,tp=8 only 0.2 m/s."""
+    seas = ["task", "task", "hs=2,tp=8", "hs=2,tp=8"]
+    rows = pd.DataFrame({"sea": seas, "speed_short_m_s": [0.7, 1.9, 0.2, 1.9]})
+    (said,) = missed_orders(rows, load_ship("ferry"), 6.5)
+    assert said == (
+        "TOO SLOW: in the seas of the task every controller is on average at least 0.70 m/s below the "
+        "orders of up to 6.50 m/s; ferry reaches 6.60 m/s in calm water. Give lower orders (--orders "
+        "FILE) or a lower sea (--sea)\n"
+    )
+    assert not missed_orders(rows, load_ship("ferry"), 7.5)

@@ -218,6 +218,15 @@ def test_a_ship_from_particulars_is_a_ship_file(files: Path) -> None:
     assert linear.exit_code == 0, linear.output
 
 
+def test_a_pitch_that_does_not_suit_the_engine_is_said(files: Path) -> None:
+    heavy = files / "heavy.toml"
+    text = (files / "particulars.toml").read_text()
+    heavy.write_text(text.replace("controllable_pitch = true", "") + "\npitch_ratio = 0.6\n")
+    made = run("new-ship", "--from-particulars", heavy, "--out", files / "heavy_ship.toml")
+    assert made.exit_code == 0, made.output
+    assert "remark: with P/D 0.6 " in made.output
+
+
 def test_a_policy_is_exported(files: Path) -> None:
     result = run("export", "storm", "--out", files / "storm.c")
     assert result.exit_code == 0, result.output

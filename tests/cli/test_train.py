@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from shaftline.agents import load_policy
+from shaftline.agents.learning.tuning import TuningResult
 
 from .conftest import Command
 from .test_bad_input import nothing_written, refused
@@ -210,6 +211,33 @@ def test_constants_are_searched_for_and_sailed(shaftline: Command, tmp_path: Pat
     assert result.exit_code == 0, result.output
 
 
+def test_tuning_needs_one_small_library(
+    shaftline: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delitem(sys.modules, "shaftline.agents.learning.tuning", raising=False)
+    monkeypatch.setitem(sys.modules, "cma", None)
+    words = "tuning needs cma, which is not installed: pip install 'shaftline[tune]'"
+    refused(shaftline("tune"), words)
+
+
+def test_a_search_in_which_every_episode_fails_says_so(
+    shaftline: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = TuningResult("speed-pilot:speed_gain=3", 0.0, 0.0, 0.0, 8)
+    monkeypatch.setattr("shaftline.agents.learning.tuning.tune", lambda *_, **__: found)
+    result = shaftline("tune", "--ship", "ferry", "--task", "transit", "--sea", "state-6")
+    assert result.exit_code == 0, result.output
+    assert "orders: 3.95 to 5.08 m/s." in result.output
+    assert (
+        "the reward is 0 where the engine stalls or trips, here in every episode" in result.output
+    )
+    assert (
+        "shaftline evaluate --controller speed-pilot --task transit --sea state-6 --ship ferry"
+        in result.output
+    )
+    assert "not better" not in result.output
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -217,7 +245,7 @@ def test_constants_are_searched_for_and_sailed(shaftline: Command, tmp_path: Pat
         (("--vary", "speed_gain=3:1"), "range of speed_gain: 3.0 to 1.0: the ends must be finite"),
         (("--vary", "zeal=0:1"), "option 'zeal' is unknown"),
         (("--controller", "helm"), "unknown controller 'helm'"),
-        (("--controller", "anti-spin"), "no constant of this controller can be tuned"),
+        (("--controller", "cpp-optimiser"), "no constant of this controller can be tuned"),
         (("--task", "race"), "race"),
         (("--observer", "eye"), "eye"),
     ],

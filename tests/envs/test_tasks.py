@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from shaftline.envs import FrigateEnv, Task, get_task, tasks
 from shaftline.envs.settings import read_seas
-from shaftline.envs.tasks import HELD_OUT, TaskError
+from shaftline.envs.tasks import HELD_OUT, TaskError, highest_speed
 from shaftline.plant import get_sea, load_ship
 
 
@@ -154,3 +154,35 @@ def test_a_task_without_held_out_seas_keeps_its_own() -> None:
         FrigateEnv(task=fields(seas=("state-9",)))
     with pytest.raises(ValueError, match="hull"):
         FrigateEnv(task=fields(ship={"hull.colour": 1.0}))
+
+
+def test_a_ship_that_is_too_slow_gets_orders_in_proportion() -> None:
+    """The ferry reaches 6.60 m/s on its combinator curve, the frigate of the task 11.70 m/s."""
+    transit, ferry = get_task("transit"), load_ship("ferry")
+    assert highest_speed(ferry) == pytest.approx(6.598, abs=1e-3)
+    slow = transit.scale_orders(ferry)
+    assert slow.speed_order_m_s == pytest.approx((3.948, 5.076), abs=2e-3)
+    assert slow.model_copy(update={"speed_order_m_s": (7.0, 9.0)}) == transit
+    env = FrigateEnv(ship="ferry", task="transit")
+    env.reset(seed=0)
+    orders = env.batch.arrays.episodes["orders"]
+    assert (orders > 3.9).all()
+    assert (orders < 5.1).all()
+
+
+def test_orders_that_a_ship_reaches_are_kept() -> None:
+    transit, ferry = get_task("transit"), load_ship("ferry")
+    for ship in ("frigate", "frigate-at-sea"):
+        assert transit.scale_orders(load_ship(ship)) is transit
+    reached = transit.model_copy(update={"speed_order_m_s": (4.0, 6.5)})
+    assert reached.scale_orders(ferry) is reached
+    own = transit.model_copy(update={"vessel": "ferry"})
+    assert own.scale_orders(ferry) is own
+    weak = ferry.with_values(
+        {
+            "propeller.pitch_ratio_min": 1.1,
+            "prime_mover.torque_limit_at_min_speed_N_m": 100.0,
+        }
+    )
+    assert highest_speed(weak) is None
+    assert transit.scale_orders(weak) is transit

@@ -14,6 +14,7 @@ from shaftline.plant.holtrop import resistance
 from shaftline.plant.particulars import (
     Particulars,
     design_point,
+    fixed_pitch_remarks,
     hull_form,
     load_particulars,
     particulars_text,
@@ -206,3 +207,21 @@ def test_the_rack_at_full_load_gives_the_rated_torque() -> None:
     )
     assert torque == pytest.approx(10e6 / speed, rel=1e-9)
     assert engine.rack_max_mm > 62.0
+
+
+def test_a_fixed_pitch_that_keeps_the_ship_from_the_design_speed_is_said() -> None:
+    """P/D 0.725 suits the tanker; 28 MW at 76 rpm are 3518 kN m, less at lower speeds."""
+    assert fixed_pitch_remarks(Particulars(**TANKER)) == []
+    (heavy,) = fixed_pitch_remarks(Particulars(**TANKER | {"pitch_ratio": 1.0}))
+    assert heavy == (
+        "with P/D 1 15.5 kn need 3679 kN m of each engine at 57 rpm of the shaft, above its limit of "
+        "3222 kN m there: the ship stays below design_speed_kn. Lower pitch_ratio, or check "
+        "trial_power_kW"
+    )
+    (light,) = fixed_pitch_remarks(Particulars(**TANKER | {"pitch_ratio": 0.55}))
+    assert light == (
+        "with P/D 0.55 15.5 kn need 84 rpm of the shaft, above shaft_speed_rpm = 76: the ship stays "
+        "below design_speed_kn. Raise pitch_ratio, or check trial_power_kW"
+    )
+    other = TANKER | {"pitch_ratio": 1.0, "controllable_pitch": True}
+    assert fixed_pitch_remarks(Particulars(**other)) == []

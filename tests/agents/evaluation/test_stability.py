@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -118,6 +119,8 @@ def test_orders_of_a_profile_set_the_range_of_the_check() -> None:
     own = Setting("x", "transit", "task", "none", 2, order_profile=((0.0, 4.0), (5.0, 6.5)))
     assert calm_setting(own).model.speed_order_m_s == (4.0, 6.5)
     assert calm_setting(own).order_profile is None
+    fast = calm_setting(replace(own, ship="ferry", order_profile=((0.0, 4.0), (5.0, 9.0)))).model
+    assert fast.scale_orders(load_ship("ferry")).speed_order_m_s == (4.0, 9.0)
     assert calm_setting(CELL).model.speed_order_m_s == (7.0, 9.0)
     assert calm_setting(CELL).model.resistance_swing == 0.0
 

@@ -134,3 +134,15 @@ def test_a_summary_has_every_kpi_and_failures_as_a_share_with_wilsons_interval()
     table["failed"] = 0.0
     assert summary(table)["failed"][2] > 0.3  # none of 8 does not show that none can fail
     assert found["reward"] == estimate_with_interval(table["reward"])
+
+
+def test_no_interval_of_a_quantity_that_cannot_be_negative_extends_below_0() -> None:
+    """Stretched about its middle of 7.5 s, the interval of these overspeeds would begin below 0."""
+    values = [0.0, 5.0, 10.0, 30.0]
+    table = pd.DataFrame(dict.fromkeys(KPIS, values) | {"failed": [0.0] * 4})
+    middle, low, high = estimate_with_interval(values)
+    assert low < -2.0
+    found = summary(table)
+    assert found["overspeed_s"] == (middle, 0.0, high)
+    assert found["speed_short_m_s"] == (middle, low, high)
+    assert np.isnan(summary(table.head(3))["overspeed_s"][1])
