@@ -190,7 +190,10 @@ def test_a_calibrated_parameter_that_moved_is_a_change_of_the_ship(frigate: Ship
 
 def test_a_calibrated_inertia_is_no_change_of_the_ship() -> None:
     key = "transmission.inertia_engine_side_kg_m2"
-    for source, begin in (("calibrated", "Unexplained"), ("tolerance", "The ship file is wrong in")):
+    for source, begin in (
+        ("calibrated", "Unexplained"),
+        ("tolerance", "The ship file is wrong in"),
+    ):
         change = ParameterChange(key, "kg m2", 5e4, 7e4, 1e3, 14.7, source, 7e4)
         found = replace(fouled(findings=[], parameters=[change]), verdict="unexplained")
         assert found.headline.startswith(begin)
