@@ -29,7 +29,7 @@ def half_95(freedom: float) -> float:
 
 
 def covariance_of(information: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the covariance of estimates from their information matrix, whatever the units are.
+    """Return the covariance of estimates from their information matrix, in any units.
 
     It is the pseudo-inverse of the matrix scaled to a unit diagonal. A plain pseudo-inverse compares the
     singular values of all parameters, and takes a torque in N m beside a ratio for exactly known.
