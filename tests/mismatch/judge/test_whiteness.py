@@ -115,8 +115,8 @@ def test_the_limit_is_twice_what_chance_reaches(share: float, coloured: bool) ->
             0,
             grid.frequency_Hz[inside][0],
             grid.frequency_Hz[inside][-1],
-            pytest.approx(share * limit),
-        )  # type: ignore[arg-type]
+            pytest.approx(share * limit),  # type: ignore[arg-type]
+        )
     )
 
 

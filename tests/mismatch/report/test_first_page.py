@@ -305,7 +305,7 @@ def test_a_residual_leaves_the_loss_undetermined(
             fouled(findings=[], parameters=[far]),
             corrected=frigate,
             verdict="unexplained",
-            balance_verdicts=[BalanceVerdict("hull", "unexplained", 0.0, left)],
+            balance_verdicts=(BalanceVerdict("hull", "unexplained", 0.0, left),),
         )
     )
     assert page.headline == words
