@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from pathlib import Path
 from types import NoneType
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
@@ -97,8 +98,22 @@ def explain(error: ValidationError, model: type[BaseModel] | None = None) -> str
         else:
             field = model.model_fields.get(key) if model else None
             allowed = f" (allowed: {allowed_range(field)})" if field else ""
-            sentences.append(f"{key} = {item['input']!r}: {item['msg'].lower()}{allowed}")
+            sentences.append(f"{key} = {short(item['input'])}: {item['msg'].lower()}{allowed}")
     return "; ".join(sentences)
+
+
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = 100
+_SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxdict = 12
+
+
+def short(value: Any) -> str:
+    """Return a value of a file as text for a message; the middle of a long one is left out.
+
+    >>> short(3.5), len(short("x" * 500))
+    ('3.5', 100)
+    """
+    return _SHORT.repr(value)
 
 
 Model = TypeVar("Model", bound=FileModel)
@@ -142,4 +157,4 @@ def refuse_non_numbers(value: Any, kinds: tuple[type, ...] = (bool,)) -> None:
             refuse_non_numbers(part, kinds)
     elif isinstance(value, kinds):
         given = "a truth value" if isinstance(value, bool) else "a text"
-        raise ValueError(f"{value!r} is {given}; a number is required")
+        raise ValueError(f"{short(value)} is {given}; a number is required")

@@ -342,7 +342,7 @@ def _read_cell_by_cell(
             mixed[name] = others
         if len(text):
             row = int(text.index[0])
-            texts[name] = TextCells(len(text), lines()[row], str(text.iloc[0]))
+            texts[name] = TextCells(len(text), lines()[row], str(text.iloc[0])[:100])
         given = cells.astype(object)
         given.loc[numbers.index] = numbers.where(numbers.notna(), written)
         table[name] = given.infer_objects().to_numpy()

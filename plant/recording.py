@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.files import FileError, SizeError, check_size, reason_of, refuse_special
+from ..core.models import short
 from ..core.tables import LayoutError, read_sheet, read_text_table
 from .columns import BOUNDS, TIME, drive_column
 from .hull import wake_inflow, water_speed
@@ -179,7 +180,7 @@ def convert_numbers(
         if bad.any():
             row = int(np.argmax(bad))
             given = table[column].iloc[row]
-            shown = repr(given) if isinstance(given, str) else given
+            shown = short(given) if isinstance(given, str) else given
             raise RecordingError(
                 f"{path}: {column}, row {row + 1}: {shown} is not a finite number ({bad.sum()} of "
                 f"{len(table)} rows; unit {units[column]}); correct the cell, or clear it if the value "

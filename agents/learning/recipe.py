@@ -19,7 +19,7 @@ import yaml
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from ...core.files import FileError, check_size, read_text, reason_of
-from ...core.models import FileModel
+from ...core.models import FileModel, short
 from ...envs import get_task
 from ...envs.settings import Settings
 from ...observers import ObserverError, get_observer
@@ -120,8 +120,10 @@ class Recipe(FileModel):
                 number = _number_of(given)
                 if number is None or key in _WHOLE:
                     also = "" if key in _WHOLE else ", or lin_NUMBER"
-                    raise ValueError(f"{key} = {given!r}: must be a number{also}")
+                    raise ValueError(f"{key} = {short(given)}: must be a number{also}")
                 given = number
+            elif not isinstance(given, int | float | None):
+                raise ValueError(f"{key} = {short(given)}: must be a number")
             if isinstance(given, int | float) and not low < given <= high:
                 raise ValueError(f"{key} = {given:g}: must be above {low:g} and at most {high:g}")
         rollout = float(self.hyperparameters.get("n_steps", 1)) * self.n_envs
@@ -129,10 +131,12 @@ class Recipe(FileModel):
         check_size(max(rollout, kept), _BYTES_A_STEP, "steps kept (n_steps n_envs, or buffer_size)")
         policy = self.hyperparameters.get("policy_kwargs") or {}
         if not isinstance(policy, dict):
-            raise ValueError(f"policy_kwargs = {policy!r}: must be a mapping")
+            raise ValueError(f"policy_kwargs = {short(policy)}: must be a mapping")
         net = policy.get("net_arch") or []
         if not isinstance(net, list | dict):
-            raise ValueError(f"net_arch = {net!r}: must be a list of widths, or lists by network")
+            raise ValueError(
+                f"net_arch = {short(net)}: must be a list of widths, or lists by network"
+            )
         layers = net if isinstance(net, list) else [n for part in net.values() for n in part]
         widths = [float(n) for n in layers if isinstance(n, int | float)]
         weights = sum(a * b for a, b in itertools.pairwise([256.0, *widths, 256.0]))

@@ -25,6 +25,7 @@ layout of a text file is recognised from its content; the table ``[file]`` overr
 
 from __future__ import annotations
 
+import difflib
 import functools
 import math
 import re
@@ -46,7 +47,7 @@ from pydantic import (
 )
 
 from ...core.files import FileError, read_toml
-from ...core.models import FileModel
+from ...core.models import FileModel, short
 from ...plant.columns import BOUNDS, COLUMNS, TIME
 from ...plant.expressions import FUNCTIONS, evaluate_rows, names_in, parse_expression
 from ...plant.recording import RecordingError
@@ -268,7 +269,11 @@ class Source(FileModel):
     @classmethod
     def _known(cls, value: str) -> str:
         if value not in COLUMNS:
-            raise ValueError(f"{value!r} is not canonical (allowed: {', '.join(COLUMNS)})")
+            similar = difflib.get_close_matches(value, COLUMNS, cutoff=0.7)
+            known = (
+                f"similar: {', '.join(similar)}" if similar else f"allowed: {', '.join(COLUMNS)}"
+            )
+            raise ValueError(f"{short(value)} is not canonical ({known})")
         return value
 
     @field_validator("scale")

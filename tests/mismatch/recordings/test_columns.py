@@ -54,6 +54,7 @@ def test_foreign_names_units_and_signs_are_carried_over(load: Load, calm: pd.Dat
         ("[columns]\nN = {}", r"columns\.N\.column is missing"),
         ("[columns]\nN = 3", r"columns\.N: "),
         ('[columns]\nN = "speed"', r"columns\.N\.column: 'speed' is not canonical \(allowed: time_s"),
+        ('[columns]\nN = "guel_rack_mm"', r"'guel_rack_mm' is not canonical \(similar: fuel_rack_mm\)"),
         ('[columns]\nN = { column = "time_s", units = "s" }',
          r"columns\.N\.units is not a known key \(allowed: column, unit, sign, scale, offset, rad"),
         ('[columns]\nN = { column = "thrust_N", sign = 2 }', r"columns\.N\.sign: .* 1 or -1"),
