@@ -64,6 +64,17 @@ def test_another_quarter_must_cover_the_demands_clearly_better(last: float, star
     assert first_choice(np.full(400, 20.0))[1] == [(300, 400)]
 
 
+def test_a_recording_that_hardly_moves_is_not_held_out() -> None:
+    """The others cover the range without it, but it cannot judge a model."""
+    part = np.linspace(0.0, 1.0, 100)
+    demand = np.concatenate([part, 0.5 + 0.1 * part, 0.95 * part])
+    segments = [(0, 100), (100, 200), (200, 300)]
+    assert [held for _, held in split_held_out(replay(demand, None, segments), 0)] == [
+        [(200, 300)],
+        [(0, 100)],
+    ]
+
+
 def test_the_only_quarter_that_moves_is_not_held_out() -> None:
     """Where the others move by 0.4 of the range, the quarter that covers the range is held out."""
     ways = split_held_out(replay(quarters(1.0, 0.0, 0.0, 0.0)), 0)

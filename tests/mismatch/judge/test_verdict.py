@@ -281,3 +281,8 @@ def test_dull_recordings_and_biased_parameters_limit_a_verdict(
     name: str, undecidable: bool, biased: bool, expected: str
 ) -> None:
     assert limit_verdict(name, undecidable, biased) == expected
+
+
+def test_held_out_data_that_refute_the_corrected_ship_limit_a_verdict() -> None:
+    assert limit_verdict(EXPLAINED, False, False, refuted=True) == PARTLY
+    assert limit_verdict(NOTHING, False, False, refuted=True) == NOTHING
