@@ -99,6 +99,12 @@ class TextCells(NamedTuple):
         further = f" (nor {_cells_of(self.cells - 1)})" if self.cells > 1 else ""
         return f"column {name!r}, {place}: {self.text!r} is not a number{further}"
 
+    def remark(self, name: str) -> str:
+        """Return the sentence on a column whose text is read as missing values."""
+        return (
+            f"{self.description(name)}; text counts as missing, correct the cell if it is a value"
+        )
+
 
 def _cells_of(count: int) -> str:
     return "is 1 further cell" if count == 1 else f"are {count} further cells"

@@ -156,6 +156,8 @@ class Task(FileModel):
             >>> [round(speed, 2) for speed in slow.speed_order_m_s]
             [3.95, 5.08]
         """
+        if ship == self.load_ship():
+            return self
         top = highest_speed(ship)
         if top is None or self.speed_order_m_s[1] <= top:
             return self

@@ -189,10 +189,10 @@ def canonical(
                 result[quantity] = (stamps - stamps.iloc[0]).dt.total_seconds()
                 continue
             if name in texts:
-                said = texts[name].description(name)
                 if not gaps:
+                    said = texts[name].description(name)
                     raise TableError(f"{source}: {said}; correct this cell or remove its row")
-                remarks.append(f"{said}; text counts as missing, correct the cell if it is a value")
+                remarks.append(texts[name].remark(name))
             result[quantity] = _values(cells, column, factor, where, gaps)
         elif column.default is not None:
             result[quantity] = column.default

@@ -19,6 +19,7 @@ from pydantic import Field, ValidationError, model_validator
 from scipy.optimize import brentq
 
 from ..core.models import FileModel, explain, read_model
+from .drives.diesel import torque_limit
 from .holtrop import FORM, HullForm, Interaction, estimate_form, interaction, resistance
 from .open_water import b_series, open_water
 from .ship import Ship, ShipError
@@ -511,12 +512,9 @@ def fixed_pitch_remarks(given: Particulars) -> list[str]:
     if given.controllable_pitch:
         return []
     point = design_point(given, hull_form(given))
-    engine = ship_from_particulars(given).diesel
     speed = 2.0 * math.pi * point.shaft_speed * given.engine_speed_rpm / given.shaft_speed_rpm
     torque, turns = point.shaft_power / speed, 60.0 * point.shaft_speed
-    above_idle = max(speed - engine.speed_min_rpm * math.pi / 30.0, 0.0)
-    limit = engine.torque_limit_at_min_speed_N_m + engine.torque_limit_slope_N_m_s_rad * above_idle
-    limit = min(limit, engine.torque_limit_N_m)
+    limit = float(torque_limit(ship_from_particulars(given).record(), speed))
     where = f"with P/D {point.pitch_ratio:.3g} {given.design_speed_kn:g} kn need"
     if turns > 1.01 * given.shaft_speed_rpm:
         return [

@@ -79,7 +79,6 @@ from .unit_errors import command_columns, command_ranges, impossible_commands
 
 TABLE = "table"  # name in messages of a recording that is a table and not a file
 CUT = "the recording was cut"  # first words of the warning on a recording that was cut at its gaps
-TEXT_IS_MISSING = "text counts as missing, correct the cell if it is a value"
 MOST_PARTS = 50  # largest number of parts into which a recording is cut at its gaps
 EXTRA_SIGNALS = {
     "drift_angle": "rad",
@@ -327,18 +326,19 @@ def read_canonical(
     mapped = column_map.apply(path, raw, ranges)
     sources = column_map.columns.items()
     speeds = [split_name(name) for name, source in sources if source.column == SHIP_SPEED]
+    cells = raw.attrs.get("text_cells", {})
     texts = {
-        source.column: raw.attrs["text_cells"][name].description(name)
+        name: source.column
         for name, source in column_map.sources.items()
-        if name in raw.attrs.get("text_cells", {}) and source.formula is None
+        if name in cells and source.formula is None
     }
     mapped.attrs = raw.attrs | {
         "remarks": [
             *raw.attrs.get("remarks", []),
-            *(f"{said}; {TEXT_IS_MISSING}" for said in texts.values()),
+            *(cells[name].remark(name) for name in texts),
             *column_map.remarks(ranges),
         ],
-        "texts": texts,
+        "texts": {column: cells[name].description(name) for name, column in texts.items()},
         "over_ground": any(name.is_over_ground for name in speeds),
         "through_water": any(name.is_through_water for name in speeds),
     }
