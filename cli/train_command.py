@@ -15,7 +15,15 @@ from ..envs import DEFAULTS, get_task, tasks
 from ..envs.settings import LONGEST_S
 from ..observers import get_observer
 from . import STOPPED
-from .console import check_folder, print_table, report_errors, require_extra, say, stages
+from .console import (
+    check_folder,
+    print_table,
+    report_errors,
+    require_extra,
+    say,
+    say_scaled_orders,
+    stages,
+)
 
 
 class Device(StrEnum):
@@ -141,7 +149,7 @@ def train(
         shaftline evaluate --task rough-sea --controller combinator-trimmed --controller policy:rough-sea
     """
     with report_errors():
-        get_task(task).load_ship(ship)
+        vessel = get_task(task).load_ship(ship)
         if observer is not None:
             get_observer(observer)
         with require_extra("train", "training"):
@@ -158,6 +166,7 @@ def train(
         folder = out or Path("out/train") / f"{task}-{algorithm}-{seed}"
         check_folder(folder)
         check_device(device)
+        say_scaled_orders(task, get_task(task), vessel)
         before = _evaluations(folder)
         if before:
             say(f"{folder}: resumes after {before} evaluations")

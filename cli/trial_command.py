@@ -84,9 +84,11 @@ def trial(
     `displacement_m3`; `midship_coefficient`, `waterplane_coefficient` and, with `design_speed_kn`,
     `lcb_percent` are estimated where they are absent) and, for the wind,
     `[superstructure]` (`frontal_area_m2` with `angle_deg` and `coefficient`, or the areas and heights of
-    the regression).
+    the regression). A file of main particulars, as for `shaftline new-ship --from-particulars`, serves
+    as well.
 
-    Written: `runs.csv`, `curve.csv`, `report.json`, `speed-power.png`.
+    Written: `runs.csv`, `curve.csv`, `report.json`, `speed-power.png`, and the curve as a
+    `reference.toml` for `shaftline performance`.
 
     Examples:
         shaftline trial runs.csv --ship tanker.toml --out out/trial
@@ -125,6 +127,10 @@ def trial(
         for remark in result.remarks:
             say(f"note: {remark}")
         say(f"\nPicture: {out / 'speed-power.png'}   results: {out / 'report.json'}")
+        if (out / "reference.toml").exists():
+            say(
+                f"Reference for later logs: shaftline performance LOG --ship {out / 'reference.toml'}"
+            )
 
 
 def _interval(half: float | None, unit: str) -> str:

@@ -21,8 +21,10 @@ from scipy.optimize import minimize_scalar
 from scipy.special import comb
 from scipy.stats import t as student
 
+from ..core.files import FileError, read_toml
 from ..core.models import FileModel, read_model
 from ..plant.holtrop import FORM, HullForm, estimate_form, resistance
+from ..plant.particulars import Particulars, hull_form
 from ..plant.surroundings import GRAVITY, KNOT
 from ..plant.wind import AIR_DENSITY, Superstructure
 from .corrections import (
@@ -146,12 +148,36 @@ def load_trial_ship(path: str | Path) -> TrialShip:
     """Read the ship of a speed trial from a TOML file.
 
     Args:
-        path: file with the keys of :class:`TrialShip`.
+        path: file with the keys of :class:`TrialShip`, or file of main particulars
+            (:class:`~shaftline.plant.particulars.Particulars`).
 
     Raises:
         TrialError: the file cannot be read, or a key or value is wrong; names file and key.
     """
+    try:
+        keys = read_toml(Path(path)).keys()
+    except FileError as error:
+        raise TrialError(str(error)) from None
+    if "length_m" in keys:
+        return _from_particulars(read_model(Particulars, path, TrialError))
+    if "prime_mover" in keys:
+        raise TrialError(
+            f"{path}: a ship file of the simulation, which does not have the form of the hull; give the "
+            "file of main particulars instead, or the keys of docs/trial.md"
+        )
     return read_model(TrialShip, path, TrialError)
+
+
+def _from_particulars(given: Particulars) -> TrialShip:
+    ship = TrialShip(
+        name=given.name,
+        hull=hull_form(given),
+        design_speed_kn=given.design_speed_kn,
+        superstructure=given.superstructure,
+        mcr_kW=given.shafts * given.mcr_kW,
+    )
+    ship._estimated = tuple(key for key in FORM if getattr(given, key) is None)
+    return ship
 
 
 COLUMNS: dict[str, Column] = {

@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from ..core.files import write_json
+from ..core.files import write_json, write_text
 from ..display import figures, tables
+from ..plant.ship_files import format_value
 from ..plant.surroundings import KNOT
 from .speed_trial import SpeedTrial
 
@@ -55,6 +56,31 @@ def curve_table(trial: SpeedTrial, points: int = 25) -> pd.DataFrame:
             "half_interval_kW": [half / 1e3 for _, half in values],
         }
     )
+
+
+def reference_text(trial: SpeedTrial) -> str | None:
+    """Return the file of a :class:`~shaftline.performance.monitoring.ReferenceShip` with the curve.
+
+    None if the power of the curve does not rise throughout.
+    """
+    curve = curve_table(trial, 9)
+    if not np.all(np.diff(curve["shaft_power_kW"], prepend=0.0) > 0.0):
+        return None
+    ship = trial.ship
+    keys = {
+        "name": ship.name,
+        "beam_m": ship.hull.beam_m,
+        "draught_m": ship.hull.draught_m,
+        "speed_kn": [round(float(one), 3) for one in curve["speed_kn"]],
+        "power_kW": [round(float(one), 1) for one in curve["shaft_power_kW"]],
+    }
+    lines = ["# Speed-power curve of a trial, corrected to calm, deep water; of all shafts."]
+    lines += [f"{key} = {format_value(value)}" for key, value in keys.items()]
+    if ship.superstructure is not None:
+        given = ship.superstructure.model_dump(exclude_unset=True)
+        lines += ["", "[superstructure]"]
+        lines += [f"{key} = {format_value(value)}" for key, value in given.items()]
+    return "\n".join(lines) + "\n"
 
 
 def speed_power_figure(trial: SpeedTrial) -> Figure:
@@ -152,7 +178,10 @@ def _outside(trial: SpeedTrial, speed: float) -> bool:
 def save_trial(
     trial: SpeedTrial, folder: Path, powers_kW: list[float], speeds_kn: list[float]
 ) -> dict[str, Any]:
-    """Write ``runs.csv``, ``curve.csv``, ``report.json`` and ``speed-power.png``; return the report.
+    """Write tables, figure, report and ``reference.toml`` (see below); return the report.
+
+    The files are ``runs.csv``, ``curve.csv``, ``report.json``, ``speed-power.png`` and, where the power
+    of the curve rises throughout, ``reference.toml``: the ship of ``shaftline performance``.
 
     Args:
         trial: analysed trial.
@@ -168,4 +197,9 @@ def save_trial(
     tables.write_csv(folder, "curve", curve_table(trial))
     figures.save(speed_power_figure(trial), folder / "speed-power.png")
     write_json(folder / "report.json", report)
+    reference = reference_text(trial)
+    if reference is None:  # A file of an earlier trial would not belong to this report.
+        (folder / "reference.toml").unlink(missing_ok=True)
+    else:
+        write_text(folder / "reference.toml", reference)
     return report

@@ -25,6 +25,7 @@ from .open_water import b_series, open_water
 from .ship import Ship, ShipError
 from .ship_files import format_value, load_ship
 from .surroundings import ATMOSPHERE, GRAVITY, KNOT, VAPOUR_PRESSURE
+from .wind import Superstructure
 
 WATER = 1025.0
 """Density of sea water [kg/m3]."""
@@ -72,6 +73,9 @@ class Particulars(FileModel):
     )
     full_load_rack_mm: float | None = Field(
         default=None, gt=1, le=200, description="fuel rack at the maximum continuous rating"
+    )
+    superstructure: Superstructure | None = Field(
+        default=None, description="above the water; without it the wind adds no resistance"
     )
 
     @model_validator(mode="after")
@@ -345,8 +349,15 @@ def estimate_sections(given: Particulars) -> Sections:
             if given.controllable_pitch
             else {}
         ),
+        **(
+            {} if given.superstructure is None else {"superstructure": _given(given.superstructure)}
+        ),
         "tolerances": _tolerances(given),
     }
+
+
+def _given(table: Superstructure) -> dict[str, Estimate]:
+    return {key: Estimate(value, "") for key, value in table.model_dump(exclude_unset=True).items()}
 
 
 _TOLERANCES = {
@@ -567,7 +578,7 @@ def _lines(ship: Ship, sections: Sections) -> Iterator[str]:
     for section, keys in sections.items():
         yield f"\n[{section}]"
         for key, (value, note) in keys.items():
-            shown = format_value(value) if isinstance(value, str) else _digits(value)
+            shown = _digits(value) if isinstance(value, int | float) else format_value(value)
             line = f"{key} = {shown}"
             yield f"{line:<48} # {note}" if note else line
 

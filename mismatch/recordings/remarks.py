@@ -54,7 +54,7 @@ _ON_GRID = 0.98  # least share of the levels within that distance
 
 
 def remarks(recording: Recording, ship: Ship) -> Iterator[str]:
-    """Yield remarks on rectified, shifted and quantised channels, and on turns, of a recording.
+    """Yield remarks on few rows, on rectified, shifted and quantised channels, and on turns.
 
     The nominal ship is simulated with the recorded commands; the recording is not changed.
     """
@@ -75,6 +75,11 @@ def remarks(recording: Recording, ship: Ship) -> Iterator[str]:
     for column in (*commands, *measured):
         if remark := quantisation_remark(column, table[column].to_numpy(dtype=float)):
             yield remark
+    if len(table) < _LEAST_ROWS:
+        yield (
+            f"{len(table)} rows are few (fewer than {_LEAST_ROWS}): late channels are not looked for, "
+            "and only a large change of the ship can be named"
+        )
     if not ship.turns and (remark := turn_remark(recording.time_s, recording.navigation)):
         yield remark
 

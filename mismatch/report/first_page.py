@@ -39,7 +39,7 @@ from .wording import (
     join_words,
     number,
     parameter_words,
-    value_with_unit,
+    values_with_unit,
 )
 
 HEALTHY_FUEL = (
@@ -357,7 +357,7 @@ def _size_sentence(finding: Finding) -> str:
     """Return which instrument is wrong and by how much."""
     sizes = []
     for e in finding.estimates:
-        value, *ends = (value_with_unit(x, e.unit) for x in (e.value, *e.ci95))
+        value, *ends = values_with_unit((e.value, *e.ci95), e.unit)
         interval = "" if finding.unmeasured else f" (95 % interval {' to '.join(ends)})"
         sizes.append(f"{parameter_words(e.name, e.unit)} {value}{interval}")
     return f"The {advice_of(finding.effect).where} has a {join_words(sizes)}."

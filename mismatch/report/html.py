@@ -34,6 +34,7 @@ from .wording import (
     effect_words,
     formula_for_page,
     number,
+    numbers,
     parameter_rows_for_page,
     parameter_words,
     percent,
@@ -172,13 +173,13 @@ def _finding(diagnosis: Outcome, index: int) -> dict[str, Any]:
     rows = []
     for estimate in finding.estimates:
         factor, shown = scale_unit(abs(estimate.value), estimate.unit)
-        interval = " … ".join(number(end / factor) for end in estimate.ci95)
+        value, *ends = numbers([one / factor for one in (estimate.value, *estimate.ci95)])
         rows.append(
             {
                 "name": parameter_words(estimate.name, estimate.unit),
                 "key": breakable_key(estimate.key),
-                "value": number(estimate.value / factor),
-                "interval": "not measured" if finding.unmeasured else interval,
+                "value": value,
+                "interval": "not measured" if finding.unmeasured else " … ".join(ends),
                 "unit": shown or "–",
             }
         )

@@ -29,6 +29,7 @@ from .wording import (
     percent,
     time_span,
     value_with_unit,
+    values_with_unit,
 )
 
 _WORSE = 1.0  # points of FitPercent by which the correction may worsen a channel without a remark
@@ -143,10 +144,8 @@ def finding_sentence(finding: Finding) -> str:
     effect = finding.effect
     sizes = []
     for estimate in finding.estimates:
-        value, neutral, low, high = (
-            value_with_unit(size, estimate.unit)
-            for size in (estimate.value, estimate.neutral, *estimate.ci95)
-        )
+        value, low, high = values_with_unit((estimate.value, *estimate.ci95), estimate.unit)
+        neutral = value_with_unit(estimate.neutral, estimate.unit)
         size = f"{value} (95 % interval: {low} to {high})"
         if estimate.neutral not in NEUTRAL and math.isfinite(estimate.neutral):
             size += f", where the ship file has {neutral}"

@@ -44,14 +44,43 @@ def number(value: float, digits: int = 3) -> str:
     return text.replace("-", "−")
 
 
-def value_with_unit(value: float, unit: str) -> str:
+def numbers(values: Sequence[float]) -> list[str]:
+    """Return an estimate and the ends of its interval with digits enough to distinguish them.
+
+    >>> numbers((19700.0, 19690.0, 19710.0))
+    ['19 700', '19 690', '19 710']
+    >>> numbers((0.25, 0.2, 0.3))
+    ['0.250', '0.200', '0.300']
+    """
+    return [number(value, _digits(values)) for value in values]
+
+
+def _digits(values: Sequence[float], least: int = 3, most: int = 6) -> int:
+    """Return the number of significant digits that distinguish the values, within limits."""
+    different = {value for value in values if math.isfinite(value)}
+    for digits in range(least, most):
+        if len({number(value, digits) for value in different}) == len(different):
+            return digits
+    return most
+
+
+def value_with_unit(value: float, unit: str, digits: int = 3) -> str:
     """Return a value with its unit; large forces and torques get a prefix.
 
     >>> value_with_unit(13900.0, "N m"), value_with_unit(0.25, "-")
     ('13.9 kN m', '0.250')
     """
     factor, shown = scale_unit(abs(value) if math.isfinite(value) else 0.0, unit)
-    return f"{number(value / factor)} {shown}".strip()
+    return f"{number(value / factor, digits)} {shown}".strip()
+
+
+def values_with_unit(values: Sequence[float], unit: str) -> list[str]:
+    """Return an estimate and the ends of its interval as :func:`value_with_unit`, distinguishable.
+
+    >>> values_with_unit((19700.0, 19690.0, 19710.0), "N")
+    ['19.70 kN', '19.69 kN', '19.71 kN']
+    """
+    return [value_with_unit(value, unit, _digits(values)) for value in values]
 
 
 def scale_unit(largest: float, unit: str) -> tuple[float, str]:
@@ -292,8 +321,9 @@ def formula_sentence(formula: Formula) -> str:
     """Return a formula in words, with its coefficients, their units and intervals."""
     sizes = []
     for e in formula.estimates:
-        value = f"{e.name} = {number(e.value)} {superscript(e.unit)}".rstrip()
-        sizes.append(f"{value} (95 % interval: {' to '.join(number(end) for end in e.ci95)})")
+        value, *ends = numbers((e.value, *e.ci95))
+        size = f"{e.name} = {value} {superscript(e.unit)}".rstrip()
+        sizes.append(f"{size} (95 % interval: {' to '.join(ends)})")
     place = formula.term.acts_on
     where = _ACTS_ON.get(place, place.replace("_", " "))
     return (
@@ -350,8 +380,8 @@ def formula_for_page(formula: Formula | None) -> dict[str, Any] | None:
     coefficients = [
         {
             "name": e.name,
-            "value": number(e.value),
-            "interval": " to ".join(number(end) for end in e.ci95),
+            "value": numbers((e.value, *e.ci95))[0],
+            "interval": " to ".join(numbers((e.value, *e.ci95))[1:]),
             "unit": superscript(e.unit),
         }
         for e in formula.estimates

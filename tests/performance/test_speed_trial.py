@@ -17,10 +17,15 @@ from shaftline.performance import (
     TrialShip,
     analyse_trial,
     canonical_runs,
+    load_reference_ship,
     load_trial_ship,
     read_runs,
 )
 from shaftline.performance.speed_trial import fit_curve
+from shaftline.performance.trial_report import save_trial
+from shaftline.plant import load_ship
+from shaftline.plant.particulars import load_particulars, particulars_text
+from shaftline.plant.ship_files import format_value
 from shaftline.plant.surroundings import KNOT
 
 HULL = {
@@ -349,6 +354,52 @@ def test_the_form_of_the_hull_is_estimated_with_a_note(tmp_path: Path) -> None:
     assert f"form of the hull estimated: {said}" in remarks
     assert ship().estimated == ()
     assert ship(hull=bare | {"lcb_percent": 3.5}).estimated == form[:2]
+
+
+def test_main_particulars_are_a_ship_of_a_trial(tmp_path: Path) -> None:
+    """They give the same curve as the table of the hull; a ship file of the simulation is refused."""
+    particulars = {key: HULL[key] for key in ("length_m", "beam_m", "draught_m")} | {
+        "name": "tanker",
+        "displacement_t": HULL["displacement_m3"] * 1.025,
+        "midship_coefficient": HULL["midship_coefficient"],
+        "lcb_percent": HULL["lcb_percent"],
+        "design_speed_kn": 15.5,
+        "mcr_kW": 13500.0,
+        "shafts": 2,
+        "engine_speed_rpm": 76.0,
+        "shaft_speed_rpm": 76.0,
+        "propeller_diameter_m": 9.86,
+    }
+    file = tmp_path / "particulars.toml"
+    text = "".join(f"{key} = {format_value(value)}\n" for key, value in particulars.items())
+    file.write_text(
+        text + "[superstructure]\nfrontal_area_m2 = 1161\nangle_deg = [0, 180]\n"
+        "coefficient = [0.9, -0.6]\n"
+    )
+    given = load_trial_ship(file)
+    assert given.mcr_kW == 27000.0
+    assert given.hull.displacement_m3 == pytest.approx(312622)
+    assert given.estimated == ("waterplane_coefficient",)
+    assert given.superstructure is not None
+    assert given.superstructure.coefficient == (0.9, -0.6)
+    made = tmp_path / "ship.toml"
+    made.write_text(particulars_text(load_particulars(file)))
+    assert load_ship(made).superstructure.frontal_area_m2 == 1161.0
+    with pytest.raises(
+        TrialError, match=r"a ship file of the simulation.*main particulars instead"
+    ):
+        load_trial_ship(made)
+
+
+def test_the_curve_is_the_reference_of_the_performance_in_service(tmp_path: Path) -> None:
+    table, speed = still_runs()
+    trial = analyse_trial(ship(superstructure=AIR), write(tmp_path, table))
+    save_trial(trial, tmp_path, [], [])
+    reference = load_reference_ship(tmp_path / "reference.toml")
+    power = np.array([25000e3 * share for share in (0.501, 0.75, 0.9, 0.999)])
+    assert reference.reference_speed(power) == pytest.approx(KNOT * speed[::2], rel=2e-3)
+    assert reference.superstructure is not None
+    assert reference.superstructure.anemometer_height_m == 25
 
 
 def test_a_contract_displacement_far_from_the_trial_is_refused() -> None:
