@@ -15,9 +15,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from ..core.statistics import covariance_of
 from ..plant.ship import Ship, ShipError
 from .diagnosis import Diagnosis
-from .estimate import Tick, covariance_of, ignore_progress
+from .estimate import Tick, ignore_progress
 from .identification.free_parameters import AUTO, LEAST_CERTAIN, UnidentifiableError, doubtful
 from .identification.parameters import MethodResult, Start, widen_tolerances
 from .identify import Identification, identified_ship, identify

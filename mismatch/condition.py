@@ -25,8 +25,8 @@ import numpy as np
 import pandas as pd
 import scipy
 
+from ..core.statistics import half_95
 from ..plant.ship import Ship
-from .estimate import half_95
 
 DETECTED = 0.9
 """Share of the recordings in which a change of the detection limit raises an alarm."""

@@ -18,9 +18,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
-from scipy.stats import t as student
 
 from ..core.models import FileModel, read_model
+from ..core.statistics import half_95
 from ..plant.surroundings import GRAVITY, KNOT
 from ..plant.wind import AIR_DENSITY, Superstructure
 from .corrections import Wind, true_wind, wind_resistance
@@ -449,7 +449,7 @@ def fit_period(daily: pd.DataFrame) -> Period:
     )
     independent = max(count * (1.0 - memory) / (1.0 + memory), 3.0)
     deviation = math.sqrt(residual @ residual / count * independent / (independent - 2.0))
-    factor = float(student.ppf(0.975, independent - 2.0)) * deviation / math.sqrt(independent)
+    factor = half_95(independent - 2.0) * deviation / math.sqrt(independent)
     return Period(
         float(time[0]),
         float(time[-1]),

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from pydantic import Field, ModelWrapValidatorHandler, PrivateAttr, model_validator
 from scipy.optimize import minimize_scalar
 from scipy.special import comb
-from scipy.stats import t as student
 
 from ..core.files import FileError, read_toml
 from ..core.models import FileModel, read_model
+from ..core.statistics import covariance_of, half_95
 from ..plant.holtrop import FORM, HullForm, estimate_form, resistance
 from ..plant.particulars import Particulars, hull_form
 from ..plant.surroundings import GRAVITY, KNOT
@@ -288,7 +288,7 @@ class Curve(NamedTuple):
             return math.nan
         power = speed**self.exponent
         slope = np.array([1.0, power, self.factor * power * math.log(speed)])
-        return float(student.ppf(0.975, self.freedom) * math.sqrt(slope @ self.covariance @ slope))
+        return half_95(self.freedom) * math.sqrt(slope @ self.covariance @ slope)
 
     def speed(self, power: float) -> float:
         """Return the speed [m/s] at a power [W].
@@ -354,13 +354,10 @@ def fit_curve(
     freedom = values - jacobian.shape[1]
     covariance = np.zeros((3, 3))
     if freedom > 0:
-        scale = np.linalg.norm(jacobian, axis=0)
-        normal = (jacobian / scale).T @ (jacobian / scale)
         residual = constant + factor * rising - powers
         variance = float(residual @ residual) / freedom
-        covariance[np.ix_(free, free)] = (
-            variance * np.linalg.pinv(normal) / np.outer(scale, scale)
-        )[: len(free), : len(free)]
+        inverse = covariance_of(jacobian.T @ jacobian)[: len(free), : len(free)]
+        covariance[np.ix_(free, free)] = variance * inverse
     return Curve(float(constant), float(factor), exponent, covariance, values, jacobian.shape[1])
 
 

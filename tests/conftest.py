@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,6 +17,24 @@ settings.load_profile("shaftline")
 
 # a worker a core: BLAS threads beside them would only wait for each other, as matrices are small
 threadpool_limits(1, "blas")
+
+
+BY_ENVIRONMENTS = ("agents", "baselines", "envs", "observers", "plant")
+"""Folders of tests that use the kernels of plant, observers and environments."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the tests that use the same kernels together.
+
+    Each worker begins with its own part of the list. On a machine without compiled kernels two workers
+    would otherwise compile the same kernels at the same time.
+    """
+    here = Path(__file__).parent
+
+    def comes_later(item: pytest.Item) -> bool:
+        return not any((here / folder) in item.path.parents for folder in BY_ENVIRONMENTS)
+
+    items.sort(key=comes_later)
 
 
 @pytest.fixture(scope="session")

@@ -17,7 +17,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..estimate import Tick, covariance_of, ignore_progress
+from ...core.statistics import covariance_of
+from ..estimate import Tick, ignore_progress
 from ..search.fitting import Fit, Fitter, Whiteness
 from .free_parameters import Free, UnidentifiableError, refuse_unidentifiable
 from .parameters import MethodResult

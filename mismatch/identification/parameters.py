@@ -14,9 +14,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...core.statistics import covariance_of
 from ...plant.keys import ShipParameter
 from ...plant.ship import Ship, ShipError
-from ..estimate import covariance_of
 from ..judge.held_out import fit_percents
 from ..recordings.steady_rows import drive_by_shaft_speed
 from ..search.catalogue import SizedEffect

@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from ...core.statistics import covariance_of
 from ...plant.ship import Ship, ShipError
-from ..estimate import Estimate, covariance_of
+from ..estimate import Estimate
 from ..search.catalogue import Effect, SizedEffect, Window
 from ..search.fitting import Colour, Fit, Fitter, Whiteness
 from ..search.selection import INDISTINGUISHABLE, Candidate, Selection

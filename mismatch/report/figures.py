@@ -23,10 +23,10 @@ from matplotlib.textpath import text_to_path
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 
+from ...core.statistics import HALF_95
 from ...plant.columns import drive_column
 from ...plant.ship import Ship
 from ...plant.surroundings import KNOT
-from ..estimate import HALF_95
 from ..outcome import Outcome, block_statistics
 from ..search.catalogue import Window
 from .service import ENGINE_POWER, Service

@@ -15,8 +15,8 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from ...core.statistics import HALF_95
 from ...plant.ship import Ship, ShipError
-from ..estimate import HALF_95
 from ..judge.verdict import NOTHING
 from ..outcome import Outcome
 from ..search.catalogue import SizedEffect, catalogue, confusable_ids

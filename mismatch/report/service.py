@@ -23,12 +23,12 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ...core.statistics import HALF_95
 from ...plant.columns import drive_column
 from ...plant.fuel import fuel_rate
 from ...plant.ship import Ship, ShipError
 from ...plant.steady_state import Equilibrium, equilibrium
 from ...plant.surroundings import KNOT
-from ..estimate import HALF_95
 from ..outcome import Outcome
 from ..recordings.steady_rows import missing_drive_remark
 from .wording import (

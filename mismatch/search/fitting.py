@@ -21,8 +21,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ...core.statistics import covariance_of
 from ...plant.ship import Ship
-from ..estimate import Estimate, covariance_of
+from ..estimate import Estimate
 from ..simulate.balances import (
     LARGEST_STEP,
     Balances,

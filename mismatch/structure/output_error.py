@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from ..estimate import covariance_of
+from ...core.statistics import covariance_of
 from ..identification.parameters import FAR_TOLERANCES
 from ..search.catalogue import SizedEffect
 from ..search.spectra import Segments

@@ -93,8 +93,14 @@ def test_a_failure_loses_what_remains_and_nothing_before(task: str, steered: boo
     assert (failed.sum(axis=0) <= whole.sum(axis=0)).all()
 
 
-@pytest.mark.parametrize("form", FORMS, ids=lambda form: "-".join(form.values()))
-@pytest.mark.parametrize(("task", "steered"), CASES)
+@pytest.mark.parametrize(
+    ("task", "steered", "form"),
+    [
+        pytest.param(*case, form, id="-".join((case[0], *form.values())))
+        for case in CASES
+        for form in (FORMS[:1] if case[0].endswith(HELD_OUT) else FORMS)
+    ],
+)
 def test_programmes_that_fail_do_not_beat_the_combinator_with_the_same_seed(
     task: str, steered: bool, form: dict[str, Any]
 ) -> None:

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from shaftline.mismatch import Estimate
-from shaftline.mismatch.estimate import covariance_of, half_95
 from shaftline.plant import Ship, ShipError
 
 FRICTION = "transmission.coulomb_friction_engine_side_N_m"
@@ -48,15 +46,3 @@ def test_an_error_known_from_little_has_a_wider_interval() -> None:
     for freedom, half in ((1.0, 12.706), (8.0, 2.306), (30.0, 2.042), (1e9, 1.96)):
         ends = replace(sure, freedom=freedom).ci95
         assert ends == pytest.approx((10.0 - half, 10.0 + half), abs=2e-3)
-    assert half_95(0.1) == half_95(1.0)
-
-
-def test_the_covariance_does_not_depend_on_the_units_of_the_parameters() -> None:
-    """A torque in N m, known to 25 kN m, stands beside a clock error known to 1e-5 rows."""
-    rng = np.random.default_rng(5)
-    factors = rng.normal(size=(9, 4))
-    information = factors.T @ factors
-    units = np.array([25e3, 0.1, 1e-5, 1.0])
-    found = covariance_of(information / np.outer(units, units))
-    expected = np.linalg.inv(information) * np.outer(units, units)
-    assert found == pytest.approx(expected, rel=1e-9)

@@ -70,7 +70,7 @@ def frigate_filter(**changes: Any) -> ShipFilter:
 def test_parameters_and_standard_errors_are_right() -> None:
     truth = load_ship("frigate").with_values(TRUTH)
     scores = []
-    for seed in range(8):
+    for seed in range(4):
         table = recording(truth, 300.0, NOISE, seed)
         own = frigate_filter()
         followed = own.follow(Replay(own.ship, table, 2.0))

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from shaftline.core.statistics import half_95
 from shaftline.mismatch import Identification, diagnose, identify
-from shaftline.mismatch.estimate import half_95
 from shaftline.plant import Ship, load_ship, simulate_recording
 
 from ..voyages import bench_tug, frigate_voyage, tug_run

@@ -1,0 +1,40 @@
+"""Covariances and intervals of estimates."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+HALF_95 = 1.96  # Half-width of a 95 % interval of the normal distribution, in standard errors
+
+
+def half_95(freedom: float) -> float:
+    """Return the half-width of a 95 % interval, in standard errors (Student's t).
+
+    The degrees of freedom are infinite if the standard error is known exactly.
+
+    >>> round(half_95(10.0), 3), half_95(math.inf)
+    (2.228, 1.96)
+    """
+    if math.isinf(freedom):
+        return HALF_95
+    return float(scipy.stats.t.ppf(0.975, max(freedom, 1.0)))
+
+
+def covariance_of(information: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the covariance of estimates from their information matrix, in any units.
+
+    It is the pseudo-inverse of the matrix scaled to a unit diagonal. A plain pseudo-inverse compares the
+    singular values of all parameters, and takes a torque in N m beside a ratio for exactly known.
+
+    >>> covariance_of(np.diag([1e-10, 1e8, 0.0]))
+    array([[1.e+10, 0.e+00, 0.e+00],
+           [0.e+00, 1.e-08, 0.e+00],
+           [0.e+00, 0.e+00, 0.e+00]])
+    """
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    scales = np.outer(scale, scale)
+    return np.asarray(np.linalg.pinv(information / scales, hermitian=True) / scales)
