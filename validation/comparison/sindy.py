@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import math
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,9 @@ def _sparse(error: Floats, terms: Terms) -> list[Chosen]:
     matrix = np.column_stack([terms[name] for name in names])
     scale = np.sqrt(np.mean(matrix**2, axis=0)) + 1e-12
     size = math.sqrt(float(np.mean(error**2))) + 1e-12
-    optimizer.fit(matrix / scale, (error / size)[:, None])
+    with warnings.catch_warnings():  # No term above the threshold is a result here.
+        warnings.filterwarnings("ignore", "Sparsity parameter is too big")
+        optimizer.fit(matrix / scale, (error / size)[:, None])
     weights = np.asarray(optimizer.coef_)[0]
     explained = 1.0 - float(np.mean((error / size - matrix / scale @ weights) ** 2))
     shares = explained * np.abs(weights) / (np.abs(weights).sum() + 1e-12)
