@@ -261,15 +261,16 @@ def read_own_sea(height: float | None, period: float | None) -> list[str]:
     return [] if height is None else [f"hs={height!r},tp={period!r}"]
 
 
-def check_folder(out: Path, ship: str = "", result: str = "") -> None:
+def check_folder(out: Path, ship: str = "", *results: str) -> None:
     """Refuse a folder for results that is a file, is not writable, or contains the ship file itself.
 
     Args:
         out: folder.
-        ship: ship that the command reads, where the command also writes one.
-        result: file name of the written ship.
+        ship: ship that the command reads, where the command also writes some.
+        results: file names of the written ships.
     """
-    if ship and Path(ship).is_file() and Path(ship).resolve() == (out / result).resolve():
+    written = [(out / result).resolve() for result in results]
+    if ship and Path(ship).is_file() and Path(ship).resolve() in written:
         raise ValueError(
             f"--out {out}: the result would replace --ship {ship}; give another folder"
         )

@@ -13,7 +13,15 @@ from ..mismatch import Options
 from ..mismatch.example import concealed, copy_example
 from ..mismatch.folder import find_recordings
 from ..mismatch.identification.free_parameters import split_keys
-from ..mismatch.report.index import INDEX_PAGE, INDEX_TABLE, PAGE, PDF, REPORT, SHIP
+from ..mismatch.report.index import (
+    CALIBRATED,
+    INDEX_PAGE,
+    INDEX_TABLE,
+    PAGE,
+    PDF,
+    REPORT,
+    SHIP,
+)
 from ..plant import Ship, load_ship
 from . import console
 from .console import check_folder, progress, report_errors, say, stages
@@ -88,7 +96,8 @@ def diagnose(
 
     Written: `report.html` (read this: its first page says what the difference costs in speed, power and
     fuel, where it is and what to do next; the technical part follows), `report.json` (for programs),
-    `corrected_ship.toml` (the ship with the identified effects; accepted wherever a ship is), and with
+    `corrected_ship.toml` (the ship with the identified effects; accepted wherever a ship is), with
+    `--calibrate` `calibrated_ship.toml` (for other voyages, in place of `--calibrate`), and with
     `--pdf` `report.pdf`. Invalid input ends with exit code 2 and a
     message that names file, column and row; nothing is written then.
 
@@ -166,7 +175,7 @@ def diagnose(
                 f"{missing} is needed: shaftline diagnose RECORDING --ship SHIP --out FOLDER; "
                 "`shaftline diagnose --example` shows how"
             )
-        check_folder(out, ship, SHIP)
+        check_folder(out, ship, SHIP, CALIBRATED)
         vessel = load_ship(ship)
         keys = tuple(split_keys(free))
         options = Options(
@@ -204,6 +213,11 @@ def diagnose(
         say(
             f"\nreport: {out / PAGE}{printed}   data: {out / REPORT}   corrected ship: {out / SHIP}"
         )
+        if diagnosis.calibrated is not None:
+            say(
+                f"calibrated ship: {out / CALIBRATED}; give it with --ship in place of --calibrate to "
+                "diagnose other voyages of the same instruments"
+            )
         if diagnosis.alternatives:
             say(f"to decide between the alternatives: shaftline plan-trial {out / REPORT}")
         if example:

@@ -9,7 +9,7 @@ from ..core.files import write_atomically
 from ..plant.ship import Ship
 from .outcome import Outcome
 from .report.data import ALTERNATIVES, alternative_file, diagnosis_as_dict
-from .report.index import PDF, SHIP, Result
+from .report.index import CALIBRATED, PDF, SHIP, Result
 from .report.text import headline, sentence, summary
 
 
@@ -18,7 +18,8 @@ class Diagnosis(Outcome, Result):
 
     The fields are those of :class:`~shaftline.mismatch.outcome.Outcome`. ``save`` writes
     ``report.json``, ``report.html``, ``corrected_ship.toml``, the ships of models that the recordings
-    cannot distinguish from it (``alternatives/``) and, if wanted, ``report.pdf``.
+    cannot distinguish from it (``alternatives/``), with a reference period ``calibrated_ship.toml`` and,
+    if wanted, ``report.pdf``.
     """
 
     @property
@@ -58,17 +59,18 @@ class Diagnosis(Outcome, Result):
         content = self._pdf() if pdf else None
         folder = super().save(folder, page=page)
         written = {folder / name for name in self._ships()}
-        for file in (folder / ALTERNATIVES).glob("*.toml"):  # of an earlier diagnosis
-            if file not in written:
-                file.unlink()
+        for file in (*(folder / ALTERNATIVES).glob("*.toml"), folder / CALIBRATED):
+            if file not in written:  # of an earlier diagnosis
+                file.unlink(missing_ok=True)
         if content is not None:
             write_atomically(folder / PDF, lambda file: file.write_bytes(content))
         return folder
 
     def _ships(self) -> dict[str, Ship]:
-        return {SHIP: self.corrected} | {
-            alternative_file(name): ship for name, ship in self.alternatives.items()
-        }
+        ships = {SHIP: self.corrected}
+        if self.calibrated is not None:
+            ships[CALIBRATED] = self.calibrated
+        return ships | {alternative_file(name): ship for name, ship in self.alternatives.items()}
 
     def _page(self) -> str:
         from .report.html import report_html

@@ -138,7 +138,11 @@ def diagnose(
         diagnosis = run_stages(start_at_recorded_speed(start))
     corrected = restore_drive(diagnosis.corrected, start.file)
     warnings = [missing_drive_remark(start.file), *diagnosis.warnings]
-    return replace(diagnosis, ship=start.ship, corrected=corrected, warnings=warnings)
+    calibrated = diagnosis.calibrated
+    if calibrated is not None:
+        calibrated = restore_drive(calibrated, start.file)
+    ships = {"ship": start.ship, "corrected": corrected, "calibrated": calibrated}
+    return replace(diagnosis, warnings=warnings, **ships)
 
 
 def _run_stages(
@@ -156,8 +160,10 @@ def _run_stages(
     start = ship if isinstance(ship, Start) else begin(ship, options, tick)
     with threadpool_limits(1, "blas"):
         start = replace(start, ship=options.with_recorded_signals(start.ship, together.signals))
+        calibrated = start.ship if start.calibrated else None
         if not together.measured_pitch:
-            return _find_cause_in_time(start, together, options, tick)
+            diagnosis, setting = _find_cause_in_time(start, together, options, tick)
+            return replace(diagnosis, calibrated=calibrated), setting
         refuse_free_actuator(start.free)
         ship = follow_measured_pitch(start.ship, together.interval_s)
         following = replace(start, ship=ship)
@@ -165,7 +171,7 @@ def _run_stages(
         restored = _with_ships(
             diagnosis, start.ship, lambda found: restore_pitch_actuator(found, start.ship)
         )
-        return restored, setting
+        return replace(restored, calibrated=calibrated), setting
 
 
 def _with_ships(diagnosis: Diagnosis, ship: Ship, restore: Callable[[Ship], Ship]) -> Diagnosis:

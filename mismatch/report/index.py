@@ -23,6 +23,7 @@ REPORT, PAGE, PDF = "report.json", "report.html", "report.pdf"
 """File names of the report as data, as a page and for print."""
 
 SHIP = "corrected_ship.toml"
+CALIBRATED = "calibrated_ship.toml"
 """File name of the corrected ship."""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -11,7 +12,7 @@ from shaftline.mismatch import Options, diagnose
 from shaftline.mismatch.calibration import calibrate, doubt_parameters
 from shaftline.mismatch.identification.parameters import Start
 from shaftline.mismatch.pipeline import begin
-from shaftline.plant import Ship
+from shaftline.plant import Ship, load_ship
 
 from ..voyages import frigate_voyage, quick_frigate
 
@@ -89,7 +90,7 @@ def test_a_number_that_moves_nothing_stays_as_it_is() -> None:
     assert "no parameter is identifiable from the reference period" in found.remarks[0]
 
 
-def test_physics_that_the_file_lacks_in_both_periods_is_no_change() -> None:
+def test_physics_that_the_file_lacks_in_both_periods_is_no_change(tmp_path: Path) -> None:
     """Stern-tube friction is missing in the file all the time; only the fouling is new."""
     rubbing = true_ship().with_values({"transmission.coulomb_friction_propeller_side_N_m": 12000.0})
     before = frigate_voyage(rubbing, seed=31, seconds=400.0)
@@ -103,6 +104,13 @@ def test_physics_that_the_file_lacks_in_both_periods_is_no_change() -> None:
     assert "coulomb-friction (coulomb_friction_propeller_side_N_m 1" in said
     friction = found.corrected.transmission.coulomb_friction_propeller_side_N_m
     assert friction == pytest.approx(12000.0, rel=0.15)
+    found.save(tmp_path, page=False)
+    kept = load_ship(tmp_path / "calibrated_ship.toml")
+    assert kept == found.calibrated
+    again = diagnose(kept, after)
+    assert [f.sized for f in again.findings] == [f.sized for f in found.findings]
+    again.save(tmp_path, page=False)
+    assert not (tmp_path / "calibrated_ship.toml").exists()  # It would not belong to this report.
 
 
 def test_a_reference_period_without_missing_physics_gives_parameters_and_errors_alone() -> None:
