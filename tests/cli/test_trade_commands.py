@@ -94,6 +94,7 @@ def test_a_trial_prints_speeds_and_writes_its_files(files: Path) -> None:
         "runs.csv",
         "curve.csv",
         "report.json",
+        "reference.toml",
         "speed-power.png",
     }
 
