@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeAlias, TypeVar, cast
 
 import numba
+from numba.core.cpu import CPUContext
 from numba.misc.appdirs import AppDirs
 
 from .kernel_cache import check_files, drop_stale_kernels
@@ -27,6 +28,30 @@ R = TypeVar("R")
 
 
 drop_stale_kernels(Path(__file__).resolve().parent.parent)
+
+
+def separate_shared_parts(context: Any) -> None:
+    """Keep the parts of kernels that Numba compiles once in a process apart by their fast-math flags.
+
+    Numba compiles a part such as the product of complex numbers with the flags of the first kernel that
+    needs it, and links it into all others (``BaseContext.compile_subroutine``, up to 0.68 at least).
+    Whether a kernel fuses operations, and so its last bits, would depend on the kernels that the same
+    process had compiled before. ``context`` is Numba's class of contexts for the processor.
+    """
+    plain = context.subtarget
+    parts: dict[frozenset[str], dict[Any, Any]] = {}
+
+    def subtarget(self: Any, **options: Any) -> Any:
+        target = plain(self, **options)
+        if target.fastmath:
+            flags = frozenset(target.fastmath.flags)
+            target.cached_internal_func = parts.setdefault(flags, {})
+        return target
+
+    context.subtarget = subtarget
+
+
+separate_shared_parts(CPUContext)
 
 
 def _is_writable(folder: Path) -> bool:

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import pytest
 
 from shaftline.core.compiled import compiled, compiled_polynomial, generate_kernel
 
@@ -28,6 +32,37 @@ def _line(a: float, x: float, b: float) -> float:
 @compiled_polynomial
 def _fused_line(a: float, x: float, b: float) -> float:
     return a * x + b
+
+
+ORDER = """
+from shaftline.core.compiled import compiled, compiled_polynomial
+
+@compiled_polynomial
+def fused(a, x, b):
+    return a * x + b
+
+@compiled
+def strict(a, x, b):
+    return a * x + b
+
+numbers = 1.0 + 2.0j, 2.0 + 1.0j, 0.5 + 0.0j
+for kernel in KERNELS:
+    kernel(*numbers)
+    (text,) = kernel.inspect_llvm().values()
+    print(kernel.__name__, "contract" in text)
+"""
+
+
+@pytest.mark.parametrize("order", ["fused, strict", "strict, fused"])
+def test_a_complex_product_is_fused_only_where_the_kernel_is(order: str, tmp_path: Path) -> None:
+    """Numba compiles the product once in a process, with the flags of its first user."""
+    file = tmp_path / "kernels.py"
+    file.write_text(ORDER.replace("KERNELS", order))
+    done = subprocess.run([sys.executable, file], capture_output=True, text=True, check=True)
+    assert dict(line.split() for line in done.stdout.splitlines()) == {
+        "fused": "True",
+        "strict": "False",
+    }
 
 
 def test_division_by_zero_gives_infinity() -> None:
