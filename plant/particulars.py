@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 from scipy.optimize import brentq
 
@@ -384,11 +385,36 @@ def _tolerances(given: Particulars) -> dict[str, Estimate]:
     return _TOLERANCES | known
 
 
+SLOWEST_SERVICE = 0.7
+"""Share of the design speed down to which the resistance of the ship file shall hold. It is a power
+law, which fits the range of service speeds alone: waves grow far faster than friction."""
+
+WAVE_FACTORS = (0.3, 3.0)
+"""Factors on the wave resistance of the regression that a power in the yard's trial may mean."""
+
+
+def _resistance_curve(
+    hull: HullForm, speeds: NDArray[np.float64], share: float
+) -> NDArray[np.float64]:
+    """Return the resistance [N] at speeds (n,) [m/s], the last of them the design speed.
+
+    At the design speed it is a multiple, the share, of that by Holtrop and Mennen. Friction is known far
+    better than wave resistance (ITTC 1957), so the wave resistance is scaled, within
+    :data:`WAVE_FACTORS`; all other parts have what remains.
+    """
+    parts = [resistance(hull, float(speed), WATER) for speed in speeds]
+    waves = np.array([part.waves for part in parts])
+    others = np.array([part.total for part in parts]) - waves
+    wanted = share * (waves[-1] + others[-1])
+    factor = float(np.clip((wanted - others[-1]) / max(waves[-1], 1e-9), *WAVE_FACTORS))
+    remainder = (wanted - factor * waves[-1]) / others[-1]
+    return np.asarray(factor * waves + remainder * others)
+
+
 def _hull(given: Particulars, hull: HullForm, point: DesignPoint) -> dict[str, Estimate]:
     speed = given.design_speed_kn * KNOT
-    shares = np.linspace(0.5, 1.0, 11)
-    totals = np.array([resistance(hull, f * speed, WATER).total for f in shares])
-    forces = point.resistance_share * totals
+    shares = np.linspace(SLOWEST_SERVICE, 1.0, 11)
+    forces = _resistance_curve(hull, shares * speed, point.resistance_share)
     high = float(forces[-1])
     slope = np.log(shares) @ np.log(forces / high) / (np.log(shares) @ np.log(shares))
     exponent = float(np.clip(slope, 1.5, 6.0))
@@ -405,7 +431,7 @@ def _hull(given: Particulars, hull: HullForm, point: DesignPoint) -> dict[str, E
             else f"power of the yard's trial, {point.resistance_share:.3g} times Holtrop and Mennen",
         ),
         "resistance_exponent": Estimate(
-            exponent, "Holtrop and Mennen, 50 to 100 % of the design speed"
+            exponent, f"Holtrop and Mennen, {SLOWEST_SERVICE:.0%} to 100 % of the design speed"
         ),
         "resistance_reference_speed_m_s": Estimate(speed, "design speed"),
         "thrust_deduction": Estimate(point.flow.thrust_deduction, by_holtrop),
