@@ -141,8 +141,8 @@ def diagnose(
     calibrated = diagnosis.calibrated
     if calibrated is not None:
         calibrated = restore_drive(calibrated, start.file)
-    ships = {"ship": start.ship, "corrected": corrected, "calibrated": calibrated}
-    return replace(diagnosis, warnings=warnings, **ships)
+    restored = replace(diagnosis, ship=start.ship, corrected=corrected, calibrated=calibrated)
+    return replace(restored, warnings=warnings)
 
 
 def _run_stages(
