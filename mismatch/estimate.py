@@ -83,6 +83,15 @@ class Estimate:
         low, high = self.bounds
         return max(ends[0], min(low, self.value)), min(ends[1], max(high, self.value))
 
+    @property
+    def is_undetermined(self) -> bool:
+        """Whether the interval contains every value that is allowed.
+
+        >>> Estimate("term.roughness.r", 0.8, "-", (0.1, 1.5), 0.0, 5.0).is_undetermined
+        True
+        """
+        return self.ci95 == self.bounds
+
     def to_dict(self) -> dict[str, float | list[float]]:
         """Return ``value`` and ``ci95`` for ``report.json``."""
         return {"value": self.value, "ci95": list(self.ci95)}

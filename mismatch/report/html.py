@@ -179,7 +179,11 @@ def _finding(diagnosis: Outcome, index: int) -> dict[str, Any]:
                 "name": parameter_words(estimate.name, estimate.unit),
                 "key": breakable_key(estimate.key),
                 "value": value,
-                "interval": "not measured" if finding.unmeasured else " … ".join(ends),
+                "interval": "not measured"
+                if finding.unmeasured
+                else "not determined"
+                if estimate.is_undetermined
+                else " … ".join(ends),
                 "unit": shown or "–",
             }
         )

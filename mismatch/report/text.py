@@ -149,6 +149,8 @@ def finding_sentence(finding: Finding) -> str:
         size = f"{value} (95 % interval: {low} to {high})"
         if estimate.neutral not in NEUTRAL and math.isfinite(estimate.neutral):
             size += f", where the ship file has {neutral}"
+        if estimate.is_undetermined:
+            size = f"not determined ({low} to {high} is possible)"
         if finding.unmeasured:
             size = f"about {value}"
         sizes.append(f"{parameter_words(estimate.name, estimate.unit)} {size}")

@@ -41,6 +41,15 @@ def test_a_finding_says_where_what_and_how_much() -> None:
     assert finding_sentence(everywhere).startswith(" the engine balance lacks torque")
 
 
+def test_an_interval_of_all_allowed_values_is_no_interval() -> None:
+    finding = diagnosis_of("explained").findings[0]
+    wide = replace(finding.estimates[0], standard_error=1e9, bounds=(0.0, 5e4))
+    told = finding_sentence(replace(finding, estimates=(wide,)))
+    assert "coulomb friction engine side not determined (0 N m to 50.0 kN m is possible)." in told
+    close = replace(wide, standard_error=1e4)
+    assert "not determined" not in finding_sentence(replace(finding, estimates=(close,)))
+
+
 def test_parameters_have_names_and_instruments_are_called_instruments() -> None:
     ship = diagnosis_of("explained").ship
     bend = entry("engine-torque-curvature (engine)")
