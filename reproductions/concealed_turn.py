@@ -13,7 +13,7 @@ import pandas as pd
 
 from shaftline.core.files import read_json
 from shaftline.core.sweep import sweep
-from shaftline.mismatch import diagnose
+from shaftline.mismatch import Options, diagnose
 from shaftline.plant import Schedule, equilibrium, load_ship, simulate
 from shaftline.plant.columns import RUDDER_COMMAND
 from shaftline.plant.hull import resistance
@@ -50,6 +50,10 @@ AIR = 0.5 * 1.225 * 260.0
 DRAG_ANGLES_DEG = (0.0, 30.0, 60.0, 90.0, 120.0, 150.0, 180.0)
 DRAG = (0.7, 0.8, 0.45, 0.05, -0.35, -0.6, -0.55)
 """Drag coefficient from ahead by apparent angle (assumed); the catalogue has one for all angles."""
+
+
+OPTIONS = Options(exclude=("current",))
+"""The speed is that through the water, which no current changes; the names of loggers say so."""
 
 
 def _steps(generator: np.random.Generator, time: Any, low: float, high: float, count: int) -> Any:
@@ -139,7 +143,7 @@ def make_recording(seed: int, windy: bool = False) -> pd.DataFrame:
 def diagnose_recording(cell: tuple[int, bool]) -> dict[str, Any]:
     """Return the result of the diagnosis of a recording, as JSON allows."""
     seed, windy = cell
-    found = diagnose(load_ship(SHIP), make_recording(seed, windy))
+    found = diagnose(load_ship(SHIP), make_recording(seed, windy), options=OPTIONS)
     named = {finding.effect.id: finding.estimates[0] for finding in found.findings}
     concealed = {*TRUTH, *(["wind"] if windy else [])}
     return {

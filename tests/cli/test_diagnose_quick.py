@@ -19,7 +19,8 @@ def test_quick_leaves_out_the_second_search(
 
     def stand_in(*_: object, options: object, **given: object) -> object:
         asked.append(options)
-        return SimpleNamespace(save=lambda out, pdf: out, summary=str, alternatives={})
+        nothing = {"alternatives": {}, "calibrated": None}
+        return SimpleNamespace(save=lambda out, pdf: out, summary=str, **nothing)
 
     monkeypatch.setattr("shaftline.mismatch.diagnose", stand_in)
     trial(60.0).to_csv(tmp_path / "t.csv", index=False)
