@@ -130,10 +130,23 @@ def read_model(model: type[Model], path: str | Path, error: type[ValueError]) ->
     Raises:
         ValueError: ``error``; the file cannot be read, or a key or value is wrong. Names file and key.
     """
+    return make_model(model, read_keys(path, error), path, error)
+
+
+def read_keys(path: str | Path, error: type[ValueError]) -> dict[str, Any]:
+    """Return the keys of a TOML file; an ``error`` names the file that cannot be read."""
     try:
-        return model.model_validate(read_toml(Path(path)))
+        return read_toml(Path(path))
     except FileError as refused:
         raise error(str(refused)) from None
+
+
+def make_model(
+    model: type[Model], keys: dict[str, Any], path: str | Path, error: type[ValueError]
+) -> Model:
+    """Return the model of keys that were read from a file; an ``error`` names file and key."""
+    try:
+        return model.model_validate(keys)
     except ValidationError as refused:
         text = explain(refused, model)
         if any(item["type"] == "extra_forbidden" for item in refused.errors()):

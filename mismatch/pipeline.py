@@ -141,8 +141,13 @@ def diagnose(
     calibrated = diagnosis.calibrated
     if calibrated is not None:
         calibrated = restore_drive(calibrated, start.file)
-    restored = replace(diagnosis, ship=start.ship, corrected=corrected, calibrated=calibrated)
-    return replace(restored, warnings=warnings)
+    return replace(
+        diagnosis,
+        ship=start.ship,
+        corrected=corrected,
+        calibrated=calibrated,
+        warnings=warnings,
+    )
 
 
 def _run_stages(
@@ -160,18 +165,17 @@ def _run_stages(
     start = ship if isinstance(ship, Start) else begin(ship, options, tick)
     with threadpool_limits(1, "blas"):
         start = replace(start, ship=options.with_recorded_signals(start.ship, together.signals))
-        calibrated = start.ship if start.calibrated else None
-        if not together.measured_pitch:
-            diagnosis, setting = _find_cause_in_time(start, together, options, tick)
-            return replace(diagnosis, calibrated=calibrated), setting
-        refuse_free_actuator(start.free)
-        ship = follow_measured_pitch(start.ship, together.interval_s)
-        following = replace(start, ship=ship)
+        following = start
+        if together.measured_pitch:
+            refuse_free_actuator(start.free)
+            ship = follow_measured_pitch(start.ship, together.interval_s)
+            following = replace(start, ship=ship)
         diagnosis, setting = _find_cause_in_time(following, together, options, tick)
-        restored = _with_ships(
-            diagnosis, start.ship, lambda found: restore_pitch_actuator(found, start.ship)
-        )
-        return replace(restored, calibrated=calibrated), setting
+        if together.measured_pitch:
+            diagnosis = _with_ships(
+                diagnosis, start.ship, lambda found: restore_pitch_actuator(found, start.ship)
+            )
+        return replace(diagnosis, calibrated=start.ship if start.calibrated else None), setting
 
 
 def _with_ships(diagnosis: Diagnosis, ship: Ship, restore: Callable[[Ship], Ship]) -> Diagnosis:

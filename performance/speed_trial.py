@@ -20,11 +20,10 @@ from pydantic import Field, ModelWrapValidatorHandler, PrivateAttr, model_valida
 from scipy.optimize import minimize_scalar
 from scipy.special import comb
 
-from ..core.files import FileError, read_toml
-from ..core.models import FileModel, read_model
+from ..core.models import FileModel, make_model, read_keys
 from ..core.statistics import covariance_of, half_95
 from ..plant.holtrop import FORM, HullForm, estimate_form, resistance
-from ..plant.particulars import Particulars, hull_form
+from ..plant.particulars import Particulars
 from ..plant.surroundings import GRAVITY, KNOT
 from ..plant.wind import AIR_DENSITY, Superstructure
 from .corrections import (
@@ -154,30 +153,22 @@ def load_trial_ship(path: str | Path) -> TrialShip:
     Raises:
         TrialError: the file cannot be read, or a key or value is wrong; names file and key.
     """
-    try:
-        keys = read_toml(Path(path)).keys()
-    except FileError as error:
-        raise TrialError(str(error)) from None
-    if "length_m" in keys:
-        return _from_particulars(read_model(Particulars, path, TrialError))
+    keys = read_keys(path, TrialError)
     if "prime_mover" in keys:
         raise TrialError(
             f"{path}: a ship file of the simulation, which does not have the form of the hull; give the "
             "file of main particulars instead, or the keys of docs/trial.md"
         )
-    return read_model(TrialShip, path, TrialError)
-
-
-def _from_particulars(given: Particulars) -> TrialShip:
-    ship = TrialShip(
-        name=given.name,
-        hull=hull_form(given),
-        design_speed_kn=given.design_speed_kn,
-        superstructure=given.superstructure,
-        mcr_kW=given.shafts * given.mcr_kW,
-    )
-    ship._estimated = tuple(key for key in FORM if getattr(given, key) is None)
-    return ship
+    if "length_m" in keys:
+        given = make_model(Particulars, keys, path, TrialError)
+        keys = {
+            "name": given.name,
+            "hull": given.hull,
+            "design_speed_kn": given.design_speed_kn,
+            "superstructure": given.superstructure,
+            "mcr_kW": given.shafts * given.mcr_kW,
+        }
+    return make_model(TrialShip, keys, path, TrialError)
 
 
 COLUMNS: dict[str, Column] = {

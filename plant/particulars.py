@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 
 from ..core.models import FileModel, explain, read_model
 from .drives.diesel import torque_limit
-from .holtrop import FORM, HullForm, Interaction, estimate_form, interaction, resistance
+from .holtrop import HullForm, Interaction, estimate_form, interaction, resistance
 from .open_water import b_series, open_water
 from .ship import Ship, ShipError
 from .ship_files import format_value, load_ship
@@ -79,9 +79,25 @@ class Particulars(FileModel):
         default=None, description="above the water; without it the wind adds no resistance"
     )
 
+    @property
+    def displacement_m3(self) -> float:
+        """Displaced volume of sea water."""
+        return self.displacement_t * 1000.0 / WATER
+
+    @property
+    def block_coefficient(self) -> float:
+        """Displaced volume over length, beam and draught."""
+        return self.displacement_m3 / (self.length_m * self.beam_m * self.draught_m)
+
+    @property
+    def hull(self) -> dict[str, float]:
+        """Keys of :class:`~shaftline.plant.holtrop.HullForm` that are given, with their values."""
+        keys = HullForm.model_fields
+        return {key: value for key in keys if (value := getattr(self, key, None)) is not None}
+
     @model_validator(mode="after")
     def _fits(self) -> Particulars:
-        block = self.displacement_t * 1e3 / WATER / (self.length_m * self.beam_m * self.draught_m)
+        block = self.block_coefficient
         if block < LEAST_BLOCK:
             raise ValueError(
                 f"displacement_t = {self.displacement_t:g} t with these length_m, beam_m and draught_m "
@@ -134,24 +150,8 @@ def hull_form(given: Particulars) -> HullForm:
     Raises:
         ValidationError: dimensions that fit no ship.
     """
-    volume = given.displacement_t * 1000.0 / WATER
-    block = volume / (given.length_m * given.beam_m * given.draught_m)
     froude = given.design_speed_kn * KNOT / math.sqrt(GRAVITY * given.length_m)
-    form = estimate_form(block, froude) | {
-        key: value for key in FORM if (value := getattr(given, key)) is not None
-    }
-    return HullForm(
-        length_m=given.length_m,
-        beam_m=given.beam_m,
-        draught_m=given.draught_m,
-        displacement_m3=volume,
-        **form,
-        bulb_area_m2=given.bulb_area_m2,
-        bulb_centre_m=given.bulb_centre_m,
-        transom_area_m2=given.transom_area_m2,
-        appendage_area_m2=given.appendage_area_m2,
-        stern_shape=given.stern_shape,
-    )
+    return HullForm(**estimate_form(given.block_coefficient, froude) | given.hull)
 
 
 class DesignPoint(NamedTuple):
@@ -431,7 +431,7 @@ def _hull(given: Particulars, hull: HullForm, point: DesignPoint) -> dict[str, E
             else f"power of the yard's trial, {point.resistance_share:.3g} times Holtrop and Mennen",
         ),
         "resistance_exponent": Estimate(
-            exponent, f"Holtrop and Mennen, {SLOWEST_SERVICE:.0%} to 100 % of the design speed"
+            exponent, f"Holtrop and Mennen, {100 * SLOWEST_SERVICE:g} to 100 % of the design speed"
         ),
         "resistance_reference_speed_m_s": Estimate(speed, "design speed"),
         "thrust_deduction": Estimate(point.flow.thrust_deduction, by_holtrop),

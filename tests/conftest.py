@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -19,7 +18,9 @@ settings.load_profile("shaftline")
 threadpool_limits(1, "blas")
 
 
-BY_ENVIRONMENTS = ("agents", "baselines", "envs", "observers", "plant")
+BY_ENVIRONMENTS = tuple(
+    f"tests/{folder}/" for folder in ("agents", "baselines", "envs", "observers", "plant")
+)
 """Folders of tests that use the kernels of plant, observers and environments."""
 
 
@@ -29,12 +30,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     Each worker begins with its own part of the list. On a machine without compiled kernels two workers
     would otherwise compile the same kernels at the same time.
     """
-    here = Path(__file__).parent
-
-    def comes_later(item: pytest.Item) -> bool:
-        return not any((here / folder) in item.path.parents for folder in BY_ENVIRONMENTS)
-
-    items.sort(key=comes_later)
+    items.sort(key=lambda item: not item.nodeid.startswith(BY_ENVIRONMENTS))
 
 
 @pytest.fixture(scope="session")

@@ -174,16 +174,17 @@ def _finding(diagnosis: Outcome, index: int) -> dict[str, Any]:
     for estimate in finding.estimates:
         factor, shown = scale_unit(abs(estimate.value), estimate.unit)
         value, *ends = numbers([one / factor for one in (estimate.value, *estimate.ci95)])
+        interval = " … ".join(ends)
+        if estimate.is_undetermined:
+            interval = "not determined"
+        if finding.unmeasured:
+            interval = "not measured"
         rows.append(
             {
                 "name": parameter_words(estimate.name, estimate.unit),
                 "key": breakable_key(estimate.key),
                 "value": value,
-                "interval": "not measured"
-                if finding.unmeasured
-                else "not determined"
-                if estimate.is_undetermined
-                else " … ".join(ends),
+                "interval": interval,
                 "unit": shown or "–",
             }
         )

@@ -377,15 +377,17 @@ def formula_for_page(formula: Formula | None) -> dict[str, Any] | None:
     """Return the fields of a formula for the page; None without a formula."""
     if formula is None:
         return None
-    coefficients = [
-        {
-            "name": e.name,
-            "value": numbers((e.value, *e.ci95))[0],
-            "interval": " to ".join(numbers((e.value, *e.ci95))[1:]),
-            "unit": superscript(e.unit),
-        }
-        for e in formula.estimates
-    ]
+    coefficients = []
+    for e in formula.estimates:
+        value, *ends = numbers((e.value, *e.ci95))
+        coefficients.append(
+            {
+                "name": e.name,
+                "value": value,
+                "interval": " to ".join(ends),
+                "unit": superscript(e.unit),
+            }
+        )
     return {
         "sentence": formula_sentence(formula),
         "coefficients": coefficients,
