@@ -18,6 +18,7 @@ from ..validation.challenge import (
     truth_file,
 )
 from ..validation.comparison.submission import run_rival
+from ..validation.practice import CASES, copy_set
 from ..validation.variants import PLAIN, VARIANTS
 from .console import Jobs, check_folder, print_table, progress, report_errors, say
 from .machine import add_results
@@ -26,6 +27,7 @@ from .machine import add_results
 class Action(StrEnum):
     """What the command does."""
 
+    COPY = "copy"
     MAKE = "make"
     RUN = "run"
     SCORE = "score"
@@ -33,7 +35,8 @@ class Action(StrEnum):
 
 def challenge(
     action: Annotated[Action, typer.Argument(
-        help="make a challenge, run a rival on it, or score submissions.", show_default=False)],
+        help="copy the practice set, make a challenge, run a rival on it, or score submissions.",
+        show_default=False)],
     folder: Annotated[Path | None, typer.Argument(
         help="run, score: folder of the challenge.", metavar="[DIR]", show_default=False)] = None,
     operands: Annotated[list[str] | None, typer.Argument(
@@ -48,11 +51,15 @@ def challenge(
     truth: Annotated[Path | None, typer.Option(
         help="make, score: file of the truth.", show_default="DIR-truth.json beside DIR")] = None,
     out: Annotated[Path | None, typer.Option(
-        help="make: folder of the challenge. run: file of the submission. score: folder of the tables.",
+        help="copy, make: folder of the challenge. run: file of the submission. score: folder of the "
+        "tables.",
         show_default="out/challenge; out/RIVAL.json; out/challenge-scores")] = None,
     jobs: Jobs = None,
 ) -> None:  # fmt: skip
     """Make, run and score a challenge: which physics is missing, and can it be predicted?
+
+    `copy` copies a small challenge of the package for practice, with its truth: six cases with one row
+    a second.
 
     `make` writes recordings of an independent simulator with concealed effects, as `validate` uses
     them, for any tool: in a folder for each case the recording, the ship file, the simulation of the
@@ -61,16 +68,18 @@ def challenge(
     the folder to others, and keep truth and seed until the last submission.
 
     `run` runs a rival on every case and writes its submission; finished cases are kept. The rivals
-    are shaftline (this package's `diagnose`), shaftline-quick, stepwise-bic, lisdd, pysindy (where it
-    is installed), gaussian-process, neural-network, ship-file, or a class of your own as module:Class
-    with the method analyse(case). The import of its module executes it.
+    are shaftline (this package's `diagnose`), shaftline-quick, stepwise-bic, lisdd, gaussian-process,
+    neural-network, ship-file, pysindy and gplearn (with `pip install 'shaftline[rivals]'`), or a class
+    of your own as module:Class with the method analyse(case). The import of its module executes it.
 
     `score` checks the seal and the submissions, and compares them in one table with 95 % intervals:
     effect, balance, size and interval of the parameter, null cases, prediction of the held-out part,
-    and the time in which an effect acts. Written: `challenge.md`, `challenge.csv`,
-    `challenge-cases.csv` and `challenge.json`.
+    and the time and the operating regime in which an effect acts. Written: `challenge.md`,
+    `challenge.csv`, `challenge-cases.csv` and `challenge.json`.
 
     Examples:
+        shaftline challenge copy --out out/practice
+
         shaftline challenge make --seed 112 --cases 4 --out out/challenge
 
         shaftline challenge run out/challenge stepwise-bic --out out/stepwise-bic.json
@@ -81,9 +90,12 @@ def challenge(
     """
     given = list(operands or [])
     with report_errors():
+        if action in (Action.COPY, Action.MAKE) and folder is not None:
+            raise ValueError(f"{action.value} {folder}: give the new folder as --out {folder}")
+        if action is Action.COPY:
+            _copy(out or Path("out/challenge"))
+            return
         if action is Action.MAKE:
-            if folder is not None:
-                raise ValueError(f"make {folder}: give the new folder as --out {folder}")
             _make(out or Path("out/challenge"), truth, seed, cases, variant, jobs)
             return
         if folder is None or not given:
@@ -100,6 +112,15 @@ def challenge(
             _score(
                 folder, [Path(name) for name in given], truth, out or Path("out/challenge-scores")
             )
+
+
+def _copy(out: Path) -> None:
+    check_folder(out)
+    check_writable(truth_file(out))
+    truth = copy_set(out)
+    say(f"practice set of {CASES} cases in {out}; data card: {out / 'README.md'}")
+    say(f"truth: {truth}")
+    say(f"next: shaftline challenge run {out} stepwise-bic --out out/stepwise-bic.json")
 
 
 def _make(

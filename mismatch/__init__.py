@@ -11,12 +11,13 @@ from .judge.verdict import Finding
 from .monitor import monitor
 from .options import Options
 from .pipeline import diagnose
+from .planning.evidence import Noise
+from .planning.manoeuvres import Limits
+from .planning.plan import TrialPlan, plan_trial
 from .recordings import Recording, fetch, load_recording
 from .recordings.survey import Survey, survey
 from .report.index import DiagnosisIndex
 from .search.catalogue import Effect, Parameter, catalogue
-from .trial_manoeuvres import Limits
-from .trial_plan import Noise, TrialPlan, plan_trial
 
 __all__ = [
     "Diagnosis",

@@ -8,7 +8,7 @@ from typing import Any
 from ..core.files import write_atomically
 from ..plant.ship import Ship
 from .outcome import Outcome
-from .report.data import ALTERNATIVES, alternative_file, diagnosis_as_dict
+from .report.data import ALTERNATIVES, HIDDEN, diagnosis_as_dict, model_file
 from .report.index import CALIBRATED, PDF, SHIP, Result
 from .report.text import headline, sentence, summary
 
@@ -18,8 +18,8 @@ class Diagnosis(Outcome, Result):
 
     The fields are those of :class:`~shaftline.mismatch.outcome.Outcome`. ``save`` writes
     ``report.json``, ``report.html``, ``corrected_ship.toml``, the ships of models that the recordings
-    cannot distinguish from it (``alternatives/``), with a reference period ``calibrated_ship.toml`` and,
-    if wanted, ``report.pdf``.
+    cannot distinguish from it (``alternatives/``) or of effects that they may hide (``hidden/``), with a
+    reference period ``calibrated_ship.toml`` and, if wanted, ``report.pdf``.
     """
 
     @property
@@ -59,7 +59,11 @@ class Diagnosis(Outcome, Result):
         content = self._pdf() if pdf else None
         folder = super().save(folder, page=page)
         written = {folder / name for name in self._ships()}
-        for file in (*(folder / ALTERNATIVES).glob("*.toml"), folder / CALIBRATED):
+        ships = (folder / name for name in (ALTERNATIVES, HIDDEN))
+        for file in (
+            *(one for place in ships for one in place.glob("*.toml")),
+            folder / CALIBRATED,
+        ):
             if file not in written:  # of an earlier diagnosis
                 file.unlink(missing_ok=True)
         if content is not None:
@@ -70,7 +74,9 @@ class Diagnosis(Outcome, Result):
         ships = {SHIP: self.corrected}
         if self.calibrated is not None:
             ships[CALIBRATED] = self.calibrated
-        return ships | {alternative_file(name): ship for name, ship in self.alternatives.items()}
+        for place, own in ((ALTERNATIVES, self.alternatives), (HIDDEN, self.hidden)):
+            ships |= {model_file(place, name): ship for name, ship in own.items()}
+        return ships
 
     def _page(self) -> str:
         from .report.html import report_html

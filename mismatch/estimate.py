@@ -92,9 +92,9 @@ class Estimate:
         """
         return self.ci95 == self.bounds
 
-    def to_dict(self) -> dict[str, float | list[float]]:
-        """Return ``value`` and ``ci95`` for ``report.json``."""
-        return {"value": self.value, "ci95": list(self.ci95)}
+    def to_dict(self) -> dict[str, float | list[float] | str]:
+        """Return ``value``, ``ci95`` and ``key`` for ``report.json``."""
+        return {"value": self.value, "ci95": list(self.ci95), "key": self.key}
 
 
 Tick = Callable[[str, int, int], None]

@@ -66,6 +66,7 @@ class Outcome:
     formula: Formula | None = None  # formula of the residual that the held-out data confirm
     inputs: dict[str, Floats] = field(default_factory=dict)  # other recorded inputs, (rows,)
     alternatives: dict[str, Ship] = field(default_factory=dict)  # ships of other models, by effect
+    hidden: dict[str, Ship] = field(default_factory=dict)  # ships with an effect that it may hide
     calibrated: Ship | None = None  # ship of the reference period, with its tolerances
 
     @property

@@ -51,6 +51,7 @@ from .judge.verdict import (
     detectable_effects,
     explained_shares,
     findings_of,
+    hidden_ships,
     is_far_from_noise,
     is_undecidable,
     judge_selection,
@@ -180,9 +181,14 @@ def _run_stages(
 
 def _with_ships(diagnosis: Diagnosis, ship: Ship, restore: Callable[[Ship], Ship]) -> Diagnosis:
     """Return a diagnosis with another nominal ship, and its corrected ships restored alike."""
-    alternatives = {name: restore(other) for name, other in diagnosis.alternatives.items()}
+    alternatives, hidden = (
+        {name: restore(other) for name, other in ships.items()}
+        for ships in (diagnosis.alternatives, diagnosis.hidden)
+    )
     corrected = restore(diagnosis.corrected)
-    return replace(diagnosis, ship=ship, corrected=corrected, alternatives=alternatives)
+    return replace(
+        diagnosis, ship=ship, corrected=corrected, alternatives=alternatives, hidden=hidden
+    )
 
 
 def _find_cause_in_time(
@@ -487,6 +493,9 @@ def _report(
         windows = active_windows(shape.trace, interval, float(replay.time_s[-1]))
         where = regime(shape.trace, signals_of(fitter, fitter.null))
     tried, base = [c.effect for c in selection.ranking], selection.fit if findings else fitter.null
+    detectable = detectable_effects(fitter, selector.threshold, base, tried)
+    alternatives = alternative_ships(fitter, selection, selector.threshold, name, bool(findings))
+    hides = undecidable and not findings and not alternatives
     return Diagnosis(
         verdict=name, ship=ship, corrected=corrected, time_s=replay.time_s,
         held_out=[(a * interval, b * interval) for a, b in evidence.held],
@@ -499,7 +508,7 @@ def _report(
         left_over=verdict.left_over,
         ranking=[(c, selector.threshold(c.effect)) for c in selection.ranking],
         tried=tuple(c.effect.label for c in selection.ranking),
-        detectable=detectable_effects(fitter, selector.threshold, base, tried),
+        detectable=detectable,
         fit_before=fit_before, fit_after=fit_percents(measured, after, rows),
         held_out_gain=float(gain), excited=replay.excited, line=replay.line,
         highest_Hz=fitter.bands.highest_Hz, rows_averaged=replay.every, limits=together.limits,
@@ -509,7 +518,6 @@ def _report(
             "pitch_ratio_command": replay.command, "inflow": replay.inflow_rows, **replay.outside,
         },
         biased=find_biased_parameters(fitter, selection) if conclusion.is_named else [],
-        alternatives=alternative_ships(
-            fitter, selection, selector.threshold, name, bool(findings)
-        ),
+        alternatives=alternatives,
+        hidden=hidden_ships(fitter, detectable) if hides else {},
     )  # fmt: skip

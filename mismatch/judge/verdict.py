@@ -497,3 +497,22 @@ def detectable_effects(
             unit = parameter.in_ship(trial_ship.ship).info.unit
             detectable.append(Detectable(effect, float(size), unit))
     return detectable
+
+
+def hidden_ships(fitter: Fitter, detectable: Iterable[Detectable]) -> dict[str, Ship]:
+    """Return ships with one effect each of the size that the recordings would just have shown.
+
+    A recording with too little excitation may hide any of them. Sizes beyond the plausible range are
+    replaced by its end.
+    """
+    trial_ship, ships = fitter.trial_ship, {}
+    for one in detectable:
+        (parameter,) = one.effect.parameters
+        plausible, bounds = trial_ship.plausible_range(parameter), trial_ship.range_of(parameter)
+        probe = trial_ship.probes(parameter)[0]
+        side = math.copysign(one.value, probe - trial_ship.origin(parameter))
+        value = float(np.clip(trial_ship.origin(parameter) + side, *plausible))
+        sized = SizedEffect(one.effect, (float(np.clip(value, *bounds)),))
+        with contextlib.suppress(ShipError):  # values that the time step does not resolve
+            ships[one.effect.label] = trial_ship.corrected((sized,))
+    return ships

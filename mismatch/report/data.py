@@ -14,18 +14,19 @@ from .first_page import first_page
 from .text import finding_sentence, headline, sentence
 from .wording import biased_parameters, formula_as_dict, parameters_as_dict
 
-ALTERNATIVES = "alternatives"
-"""Folder of the ships of alternative models, in the folder of results."""
+ALTERNATIVES, HIDDEN = "alternatives", "hidden"
+"""Folders of ships in the folder of results: of alternative models, and with an effect that a recording
+with too little excitation may hide."""
 
 
-def alternative_file(name: str) -> str:
-    """Return the file of an alternative model's ship in the folder of results.
+def model_file(folder: str, name: str) -> str:
+    """Return the file of a model's ship in the folder of results.
 
-    >>> alternative_file("hull-fouling (hull)")
+    >>> model_file(ALTERNATIVES, "hull-fouling (hull)")
     'alternatives/hull-fouling-hull.toml'
     """
     letters = "".join(c if c.isalnum() else "-" for c in name)
-    return f"{ALTERNATIVES}/{'-'.join(filter(None, letters.split('-')))}.toml"
+    return f"{folder}/{'-'.join(filter(None, letters.split('-')))}.toml"
 
 
 def _location(diagnosis: Outcome) -> dict[str, Any]:
@@ -155,7 +156,8 @@ def diagnosis_as_dict(diagnosis: Outcome) -> dict[str, Any]:
                 "gain_2logL": diagnosis.held_out_gain,
             }
         },
-        "alternatives": {name: alternative_file(name) for name in diagnosis.alternatives},
+        "alternatives": {name: model_file(ALTERNATIVES, name) for name in diagnosis.alternatives},
+        "hidden": {name: model_file(HIDDEN, name) for name in diagnosis.hidden},
         "noise": {
             column: {"sd": sd, "correlation_s": time_s}
             for column, (sd, time_s) in diagnosis.noise.items()

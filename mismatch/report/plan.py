@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from ...core.files import FileError, read_json, write_atomically, write_json
+from ...core.statistics import HALF_95
 from ...display.figures import PALETTE, new_figure, save
 from ...plant.columns import RUDDER_COMMAND, TIME
 from ...plant.ship import Ship
 from ...plant.ship_files import load_ship
-from ..trial_manoeuvres import INTERVAL_S, PlanError
-from ..trial_plan import DECIDED, Noise, TrialPlan
+from ..planning.evidence import Noise
+from ..planning.manoeuvres import INTERVAL_S, PlanError
+from ..planning.plan import DECIDED, TrialPlan
 from .data import replace_non_finite
 from .index import SHIP
 
@@ -26,38 +29,69 @@ TABLE, DATA, FIGURE = "plan.csv", "plan.json", "plan.png"
 CORRECTED = "corrected ship"
 """Name of the model that a diagnosis reports."""
 
+MOST_SAID = 10
+"""Number of pairs of models up to which each has its own sentence."""
 
-def read_models(report: str | Path) -> tuple[dict[str, Ship], dict[str, Noise]]:
-    """Return the models of a diagnosis by name, and the noise of its channels.
+
+class Question(NamedTuple):
+    """What a diagnosis left open: the arguments of :func:`.planning.plan.plan_trial`."""
+
+    models: dict[str, Ship]
+    noise: dict[str, Noise]
+    uncertain: dict[str, float]
+    text: str  # in words, a sentence
+
+
+def read_question(report: str | Path) -> Question:
+    """Return what the diagnosis of a report left open.
+
+    These are its alternatives; or, if a recording with too little excitation has none, the effects that
+    it may hide, each at its detection limit; or else the parameters of the effects that it identified.
 
     Args:
         report: ``report.json`` in the folder of the results.
 
     Raises:
-        PlanError: the file is no report of a diagnosis, or the diagnosis has no alternative.
+        PlanError: the file is no report of a diagnosis, or the diagnosis left nothing open.
     """
     report = Path(report)
     try:
         content = read_json(report)
     except FileError as error:
         raise PlanError(f"{report}: is no report.json of `shaftline diagnose` ({error})") from None
-    if not isinstance(content, dict) or not {"alternatives", "noise"} <= set(content):
+    if not isinstance(content, dict) or not {"alternatives", "hidden", "noise"} <= set(content):
         raise PlanError(
             f"{report}: is no report.json of `shaftline diagnose` of this version; diagnose again"
         )
-    if not content["alternatives"]:
+    uncertain = {
+        one["key"]: (one["ci95"][1] - one["ci95"][0]) / (2.0 * HALF_95)
+        for effect in content["effects"]
+        for one in effect["parameters"].values()
+        if one["ci95"] and None not in one["ci95"] and one["ci95"][0] < one["ci95"][1]
+    }
+    others = content["alternatives"] or content["hidden"]
+    if not others and not uncertain:
         raise PlanError(
-            f"{report}: the diagnosis has no alternatives (verdict {content.get('verdict')}), so no "
-            "trial is needed to decide between models"
+            f"{report}: the diagnosis left nothing open (verdict {content.get('verdict')}): it has no "
+            "alternatives, no effect with an interval, and enough excitation; no trial is needed"
         )
-    files = {CORRECTED: SHIP, **content["alternatives"]}
+    files = {CORRECTED: SHIP, **others}
     models = {name: load_ship(report.parent / file) for name, file in files.items()}
     noise = {
         column: Noise(float(one["sd"]), float(one["correlation_s"]))
         for column, one in content["noise"].items()
         if one["sd"]
     }
-    return models, noise
+    if content["alternatives"]:
+        text = f"The programme is to decide between {len(models)} models that fit alike."
+    elif others:
+        text = (
+            f"The recording cannot decide whether anything is missing. The programme is to show each of "
+            f"{len(others)} effects that it may hide, at its detection limit."
+        )
+    else:
+        text = "One model fits best. The programme is to narrow the intervals of its parameters."
+    return Question(models, noise, uncertain, text)
 
 
 def plan_as_dict(plan: TrialPlan) -> dict[str, Any]:
@@ -69,6 +103,7 @@ def plan_as_dict(plan: TrialPlan) -> dict[str, Any]:
             "decided_at_2logL": DECIDED,
             "steps": plan.steps.to_dict("records"),
             "pairs": plan.pairs.to_dict("records"),
+            "intervals": plan.intervals.to_dict("records"),
             "noise": {c: {"sd": one.sd, "correlation_s": one.time_s} for c, one in noise},
         }
     )
@@ -95,12 +130,14 @@ def plan_figure(plan: TrialPlan) -> Figure:
         *drawn[0].get_legend_handles_labels(), loc="outside upper center", fontsize=7, ncols=2
     )
     last = axes.flat[-1]
-    for color, (pair, values) in zip(PALETTE[::-1], plan.history.items(), strict=False):
-        last.plot(plan.history.index, np.maximum(values, 0.01), color=color, label=pair)
+    hardest = plan.history.iloc[-1].nsmallest(len(PALETTE)).index
+    for color, pair in zip(PALETTE[::-1], hardest, strict=False):
+        last.plot(plan.history.index, np.maximum(plan.history[pair], 0.01), color=color, label=pair)
     last.axhline(DECIDED, color="black", linestyle=":", linewidth=0.8)
     last.set(yscale="log", xlabel="time [min]")
     last.set_ylabel("expected 2 log L", fontsize=7)
-    last.legend(fontsize=6, frameon=False)
+    if len(hardest):
+        last.legend(fontsize=6, frameon=False, ncols=2)
     for axis in axes.flat:
         axis.set_xlim(0.0, len(plan.table) * INTERVAL_S / 60.0)
     return figure
@@ -117,22 +154,37 @@ def save_plan(plan: TrialPlan, folder: str | Path) -> Path:
 
 
 def pairs_in_words(plan: TrialPlan) -> list[str]:
-    """Return a sentence for each pair of models."""
-    said = []
-    for row in plan.pairs.to_dict("records"):
-        both = f"{row['model']} or {row['rival']}"
-        if math.isnan(row["minutes"]):
-            text = f"{both}: not decided (expected 2 log L {row['expected_2logL']:.1f})"
-        else:
-            text = f"{both}: decided after {row['minutes']:.1f} min"
-        sensors = {
-            str(name).removeprefix("minutes_with_"): value
-            for name, value in row.items()
-            if str(name).startswith("minutes_with_") and np.isfinite(value)
-        }
-        if sensors:
-            best = min(sensors, key=lambda name: sensors[name])
-            if not sensors[best] >= row["minutes"]:
-                text += f"; with {best} after {sensors[best]:.1f} min"
-        said.append(text)
-    return said
+    """Return a sentence for each pair of models; of many pairs, for those that are not decided."""
+    rows = plan.pairs.to_dict("records")
+    if len(rows) <= MOST_SAID:
+        return [_pair_in_words(row) for row in rows]
+    open_ = [row for row in rows if math.isnan(row["minutes"])]
+    said = [f"{len(rows) - len(open_)} of {len(rows)} pairs of models are decided by the end"]
+    return [*said, *(_pair_in_words(row) for row in open_)]
+
+
+def intervals_in_words(plan: TrialPlan) -> list[str]:
+    """Return a sentence for each uncertain parameter."""
+    return [
+        f"{row['key']} = {row['value']:.4g}: 95 % interval +- {row['half_95_before']:.2g} now, "
+        f"+- {row['half_95_after']:.2g} after the trial"
+        for row in plan.intervals.to_dict("records")
+    ]
+
+
+def _pair_in_words(row: Mapping[Any, Any]) -> str:
+    both = f"{row['model']} or {row['rival']}"
+    if math.isnan(row["minutes"]):
+        text = f"{both}: not decided (expected 2 log L {row['expected_2logL']:.1f})"
+    else:
+        text = f"{both}: decided after {row['minutes']:.1f} min"
+    sensors = {
+        str(name).removeprefix("minutes_with_"): value
+        for name, value in row.items()
+        if str(name).startswith("minutes_with_") and np.isfinite(value)
+    }
+    if sensors:
+        best = min(sensors, key=lambda name: sensors[name])
+        if not sensors[best] >= row["minutes"]:
+            text += f"; with {best} after {sensors[best]:.1f} min"
+    return text

@@ -38,6 +38,7 @@ from ..judge.verdict import (
     doubts,
     explained_shares,
     findings_of,
+    hidden_ships,
     is_undecidable,
 )
 from ..recordings.joint import JointRecordings
@@ -282,6 +283,9 @@ def _update_diagnosis(
     shares = explained_shares(whiteness, setting.fitter.null, fit, setting.whiteness)
     tried = [candidate.effect for candidate in selection.ranking]
     said = [*why, *remarks(best, problem), *plain_error_remarks(problem, best, corrected)]
+    detectable = detectable_effects(fitter, search.threshold, fit, tried)
+    alternatives = alternative_ships(fitter, selection, search.threshold, verdict, bool(findings))
+    hides = first.undecidable and not findings and not alternatives
     return replace(
         first,
         verdict=verdict,
@@ -298,14 +302,13 @@ def _update_diagnosis(
         left_over=colour,
         ranking=[(c, search.threshold(c.effect)) for c in selection.ranking],
         tried=tuple(dict.fromkeys([*first.tried, *(effect.label for effect in search.effects)])),
-        detectable=detectable_effects(fitter, search.threshold, fit, tried),
+        detectable=detectable,
         fit_after=fit_percents(first.measured, after, problem.held_rows),
         held_out_gain=gain,
         warnings=[*together.warnings, *said],
         parameters=parameter_estimates(first.ship, problem, model, corrected),
-        alternatives=alternative_ships(
-            fitter, selection, search.threshold, verdict, bool(findings)
-        ),
+        alternatives=alternatives,
+        hidden=hidden_ships(fitter, detectable) if hides else {},
     )
 
 

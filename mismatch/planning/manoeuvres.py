@@ -11,10 +11,10 @@ import pandas as pd
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ..core.models import FileModel, Range
-from ..plant.columns import RUDDER_COMMAND, TIME, drive_column
-from ..plant.drives.diesel import torque_limit
-from ..plant.ship import Ship
+from ...core.models import FileModel, Range
+from ...plant.columns import RUDDER_COMMAND, TIME, drive_column
+from ...plant.drives.diesel import torque_limit
+from ...plant.ship import Ship
 
 Floats = NDArray[np.float64]
 
