@@ -508,7 +508,7 @@ def _report(
         left_over=verdict.left_over,
         ranking=[(c, selector.threshold(c.effect)) for c in selection.ranking],
         tried=tuple(c.effect.label for c in selection.ranking),
-        detectable=detectable,
+        detectable=[one for one in detectable if len(one.effect.parameters) == 1],
         fit_before=fit_before, fit_after=fit_percents(measured, after, rows),
         held_out_gain=float(gain), excited=replay.excited, line=replay.line,
         highest_Hz=fitter.bands.highest_Hz, rows_averaged=replay.every, limits=together.limits,
@@ -519,5 +519,5 @@ def _report(
         },
         biased=find_biased_parameters(fitter, selection) if conclusion.is_named else [],
         alternatives=alternatives,
-        hidden=hidden_ships(fitter, detectable) if hides else {},
+        hidden=hidden_ships(fitter.trial_ship, detectable) if hides else {},
     )  # fmt: skip

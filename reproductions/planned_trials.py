@@ -1,4 +1,4 @@
-"""Decide between the alternatives of diagnoses by planned trials; write ``planned-trials.md``.
+"""Settle by planned trials what short recordings leave open; write ``planned-trials.md``.
 
 The recordings come from the independent simulator of the validation. The result of each case is kept in
 the folder ``--kept``.
@@ -6,15 +6,19 @@ the folder ``--kept``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from shaftline.core.sweep import sweep
-from shaftline.mismatch import Diagnosis, Limits, Noise, diagnose, plan_trial
+from shaftline.mismatch import Diagnosis, Limits, catalogue, diagnose, plan_trial
+from shaftline.mismatch.report.plan import read_question
 from shaftline.plant import load_ship
 from shaftline.validation.cases import Case, case_kind, draw_case
 from shaftline.validation.recording import Scenario, simulate_case, with_effect
@@ -24,14 +28,22 @@ from shaftline.validation.simulator.effects import CONFOUNDED
 from .pages import make_parser, print_dot
 from .writing import write_results
 
-TITLE = "Trials planned to decide between alternatives"
-MINUTES = 15.0
-LIMITS = Limits(drive=(14.0, 30.0), pitch_ratio=(0.95, 1.35))
-"""Limits of the planned trial: commands that the frigate uses in service."""
+TITLE = "Trials planned to settle what a recording leaves open"
+MINUTES = (5, 10, 15)
+"""Lengths of a trial of which the shortest sufficient one is looked for; each begins like the next."""
 
-PLANNED, RANDOM = "planned", "random"
+LIMITS = Limits(drive=(14.0, 30.0), pitch_ratio=(0.95, 1.35))
+"""Limits of the trial: commands that the frigate uses in service."""
+
+PLANNED, RANDOM, ADVISED = "planned", "random", "catalogue"
 POOLS = {PLANNED: 24, RANDOM: 1}
 """Random manoeuvres from which each one of a programme is chosen; with 1 the programme is random."""
+
+NOTHING = "nothing"
+"""Key of a cell without a concealed effect."""
+
+EVERY = 8
+"""Of so many cells one conceals nothing."""
 
 MORE_NOISE = 500_000
 """Difference of the noise seeds of both recordings of a case."""
@@ -51,12 +63,16 @@ class Cell(NamedTuple):
 
 
 def cells_of(seed: int, count: int) -> list[Cell]:
-    """Return cases in a nearly steady cruise, each with the next effect of the list."""
+    """Return cases in a nearly steady cruise: each effect of the list in turn, or nothing."""
+    keys = [
+        NOTHING if k % EVERY == EVERY - 1 else CONFOUNDED[(k - k // EVERY) % len(CONFOUNDED)]
+        for k in range(count)
+    ]
     found: list[Cell] = []
     index = 0
     while len(found) < count:
         if case_kind(seed, index)[0] == "confounded":
-            found.append(Cell(seed, index, CONFOUNDED[len(found) % len(CONFOUNDED)]))
+            found.append(Cell(seed, index, keys[len(found)]))
         index += 1
     return found
 
@@ -66,15 +82,72 @@ def outcome_of(diagnosis: Diagnosis, true: str) -> str:
 
     Args:
         diagnosis: result.
-        true: id of the concealed effect.
+        true: id of the concealed effect; :data:`NOTHING` if there is none.
     """
     named = [finding.effect.id for finding in diagnosis.findings]
     others = [label.split(" ")[0] for label in diagnosis.alternatives]
+    if true == NOTHING:
+        if named:
+            return "wrong"
+        return "right" if diagnosis.verdict == "nothing-missing" else "not named"
     if named == [true] and not others:
         return "right"
     if true in named or true in others:
         return "among alternatives"
     return "wrong" if named else "not named"
+
+
+def _levels(*levels: tuple[float, float]) -> Callable[[int], np.ndarray]:
+    """Return a programme that holds pairs of drive and pitch, as shares of their ranges, in turn."""
+
+    def programme(rows: int) -> np.ndarray:
+        return np.array(levels)[np.arange(rows) * len(levels) // rows]
+
+    return programme
+
+
+FOUR = (0.0, 1 / 3, 2 / 3, 1.0)
+STAIRCASES = _levels(*((k, 1.0) for k in FOUR), *((0.5, k) for k in FOUR))
+TWO_SPEEDS = _levels((0.1, 1.0), (0.9, 1.0))
+PITCH_STEPS = _levels(*((0.5, k) for k in (0.5, 0.7, 0.5, 0.3, 0.5, 1.0, 0.5, 0.0)))
+WORDS = {
+    "a staircase of rack settings": STAIRCASES,
+    "rack settings from idle": _levels(*((k, 1.0) for k in (0.0, 0.25, 0.5, 0.75, 1.0))),
+    "steady runs at two shaft speeds and two pitches": _levels(
+        (0.1, 0.2), (0.9, 0.2), (0.1, 1.0), (0.9, 1.0)
+    ),
+    "steady runs at two shaft speeds or more": TWO_SPEEDS,
+    "a thrust meter, or a staircase of pitch": _levels(*((k, k) for k in FOUR)),
+    "runs at two ship speeds with equal shaft speed": _levels((0.0, 0.0), (1.0, 1.0)),
+    "runs below and above": TWO_SPEEDS,
+    "at least two levels of shaft torque": TWO_SPEEDS,
+    "runs at two speeds for a current": TWO_SPEEDS,
+    "steps of pitch": PITCH_STEPS,
+    "small pitch reversals": PITCH_STEPS,
+}
+"""Programme of each sentence of the catalogue on what distinguishes an effect, by the first words."""
+
+
+def advised_programme(diagnosis: Diagnosis, minutes: float) -> pd.DataFrame:
+    """Return the programme that the catalogue advises for the first effect of a diagnosis.
+
+    Sentences that ask for an instrument or opposite courses, which the trial cannot have, and a
+    diagnosis without any effect get two staircases.
+
+    Args:
+        diagnosis: diagnosis of the first recording.
+        minutes: length [min].
+    """
+    labels = [finding.effect.label for finding in diagnosis.findings] or [*diagnosis.alternatives]
+    advice = [e.split_by for e in catalogue() for label in labels[:1] if e.label == label]
+    known = [way for words, way in WORDS.items() if advice and advice[0].startswith(words)]
+    shares = (known or [STAIRCASES])[0](round(60 * minutes))
+    assert LIMITS.drive is not None
+    assert LIMITS.pitch_ratio is not None
+    ends = np.array([LIMITS.drive, LIMITS.pitch_ratio])
+    values = ends[:, 0] + shares * (ends[:, 1] - ends[:, 0])
+    names = ["fuel_rack_mm", "pitch_ratio_command"]
+    return pd.DataFrame(values, columns=names).assign(time_s=np.arange(len(values), dtype=float))
 
 
 def second_recording(case: Case, sizes: dict[str, float], table: pd.DataFrame) -> pd.DataFrame:
@@ -96,49 +169,70 @@ def second_recording(case: Case, sizes: dict[str, float], table: pd.DataFrame) -
 
 
 def decide(cell: Cell) -> dict[str, Any]:
-    """Diagnose, plan, record and diagnose again, with a planned and with a random programme."""
-    case = draw_case(cell.seed, cell.number, keys=(cell.key,))
+    """Diagnose, plan, record and diagnose again, with each kind of programme."""
+    keys = () if cell.key == NOTHING else (cell.key,)
+    case = draw_case(cell.seed, cell.number, keys=keys)
     simulated, ship = simulate_case(case), load_ship(case.ship)
-    true = cell.key.split("/")[0]
-    recording = simulated.recording
+    true, recording = cell.key.split("/")[0], simulated.recording
     first = diagnose(ship, recording)
     result: dict[str, Any] = {
         "effect": cell.key,
         "first": outcome_of(first, true),
-        "alternatives": len(first.alternatives),
+        "open": "alternatives" if first.alternatives else "anything" if first.hidden else "",
     }
-    if not first.alternatives:
+    if not result["open"]:
         return result
-    models = {"corrected ship": first.corrected, **first.alternatives}
-    noise = {column: Noise(*one) for column, one in first.noise.items() if one[0] > 0.0}
-    for name, pool in POOLS.items():
-        plan = plan_trial(models, noise, MINUTES, LIMITS, seed=cell.number, pool=pool)
-        again = second_recording(case, simulated.truth["sizes"], plan.table)
+    with TemporaryDirectory() as folder:
+        first.save(folder, page=False)
+        question = read_question(Path(folder) / "report.json")
+
+    def after(table: pd.DataFrame) -> str:
+        again = second_recording(case, simulated.truth["sizes"], table)
         both = diagnose(ship, recording, again[[c for c in again if c in recording]])
-        result[name] = outcome_of(both, true)
-        result[f"{name}_expected"] = plan.least
-        result[f"{name}_minutes"] = float(plan.pairs["minutes"].max(skipna=False))
+        return outcome_of(both, true)
+
+    longest = MINUTES[-1]
+    for name in (PLANNED,) if cell.key == NOTHING else (PLANNED, RANDOM):
+        plan = plan_trial(
+            question.models,
+            question.noise,
+            longest,
+            LIMITS,
+            uncertain=question.uncertain,
+            seed=cell.number,
+            pool=POOLS[name],
+        )
+        result[name] = after(plan.table)
+        result[f"{name}_minutes"] = None
+        for minutes in reversed(MINUTES):
+            known = result[name] if minutes == longest else after(plan.table[: 60 * minutes])
+            if known != "right":
+                break
+            result[f"{name}_minutes"] = float(minutes)
+    if cell.key != NOTHING:
+        result[ADVISED] = after(advised_programme(first, longest))
     return result
 
 
 def summarise(results: Sequence[dict[str, Any]]) -> pd.DataFrame:
     """Return how often each kind of programme ends with the right effect alone."""
-    asked = [one for one in results if one["alternatives"]]
+    asked = [one for one in results if one["open"] and one["effect"] != NOTHING]
     rows = []
-    for name in POOLS:
+    for name in (PLANNED, RANDOM, ADVISED):
         right = sum(one[name] == "right" for one in asked)
-        wrong = sum(one[name] == "wrong" for one in asked)
         low, high = wilson(right, len(asked))
-        minutes = [one[f"{name}_minutes"] for one in asked]
-        known = [np.inf if m is None or np.isnan(m) else m for m in minutes]
+        minutes = [one.get(f"{name}_minutes") or math.inf for one in asked]
         rows.append(
             {
                 "programme": name,
                 "cases": len(asked),
                 "right alone": right,
                 "share (95 %)": f"{right / len(asked):.2f} ({low:.2f} to {high:.2f})",
-                "a wrong name": wrong,
-                "expected minutes, median": float(np.median(known)),
+                "among alternatives": sum(one[name] == "among alternatives" for one in asked),
+                "a wrong name": sum(one[name] == "wrong" for one in asked),
+                "minutes until right, median": math.nan
+                if name == ADVISED
+                else float(np.median(minutes)),
             }
         )
     return pd.DataFrame(rows)
@@ -148,13 +242,15 @@ def main(arguments: list[str] | None = None) -> None:
     """Compute the missing cases, and write the page."""
     folder = "out/planned-trials"
     parser = make_parser("planned_trials", __doc__, f"{folder}/page", kept=folder, jobs=None)
-    parser.add_argument("--cases", type=int, default=28, help="number of cases")
-    parser.add_argument("--seed", type=int, default=6301, help="seed of the cases")
+    parser.add_argument("--cases", type=int, default=56, help="number of cases")
+    parser.add_argument("--seed", type=int, default=6401, help="seed of the cases")
     options = parser.parse_args(arguments)
     wanted = {cell.name: cell for cell in cells_of(options.seed, options.cases)}
     found = sweep(decide, wanted, options.kept, jobs=options.jobs, tick=print_dot)
     results = [found[name] for name in wanted]
     table = pd.DataFrame(results)
+    nulls = [one for one in results if one["effect"] == NOTHING]
+    asked = [one for one in nulls if one["open"]]
     write_results(
         __file__,
         options.out,
@@ -164,10 +260,13 @@ def main(arguments: list[str] | None = None) -> None:
         f"--cases {options.cases} --seed {options.seed}",
         summary=summarise(results),
         table=table.fillna("–"),
-        minutes=MINUTES,
         count=len(results),
-        decided=sum(not one["alternatives"] for one in results),
-        right=sum(one["first"] == "right" for one in results),
+        nulls=len(nulls),
+        asked_nulls=len(asked),
+        stayed=sum(one[PLANNED] == "right" for one in asked),
+        named_nulls=sum(one[PLANNED] == "wrong" for one in asked),
+        settled=sum(not one["open"] for one in results),
+        right=sum(one["first"] == "right" and not one["open"] for one in results),
     )
 
 

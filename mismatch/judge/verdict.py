@@ -463,56 +463,58 @@ def implausible_parameter(trial_ship: TrialShip, effect: SizedEffect) -> str:
 class Detectable:
     """Smallest size of an effect at which a diagnosis of the recording would report it."""
 
-    effect: Effect
-    value: float  # distance from neutral, in the parameter's unit
+    sized: SizedEffect  # with this size of its first parameter, within what the ship file allows
+    value: float  # distance of the first parameter from neutral, in its unit
     unit: str
+
+    @property
+    def effect(self) -> Effect:
+        """Entry of the catalogue."""
+        return self.sized.effect
 
 
 def detectable_effects(
-    fitter: Fitter, threshold: Callable[[Effect], float], fit: Fit, effects: list[Effect]
+    fitter: Fitter, threshold: Callable[[Effect], float], fit: Fit, effects: Iterable[Effect]
 ) -> list[Detectable]:
-    """Return the smallest detectable size of each effect with one parameter, added to a model.
+    """Return the smallest detectable size of each effect, added to a model.
 
-    The size follows from the curvature of the likelihood at the smallest probe of the effect, and from
-    ``threshold``, which returns the threshold of an effect in 2 log L.
+    The size is that of the first parameter, with the others at their smallest probes. It follows from
+    the curvature of the likelihood at the smallest probe of the effect, and from ``threshold``, which
+    returns the threshold of an effect in 2 log L.
     """
     trial_ship, detectable = fitter.trial_ship, []
     base = fitter.predict(trial_ship.record(fit.effects))
     for effect in effects:
-        if len(effect.parameters) != 1 or effect.windowed:
-            continue
         parameter = effect.parameters[0]
-        probes, neutral = trial_ship.probes(parameter), trial_ship.neutral(parameter)
-        if not probes or not np.isfinite(neutral):
+        neutral = trial_ship.neutral(parameter)
+        probe = next(trial_ship.smallest_trials(effect, []), None)
+        if probe is None or effect.windowed or not np.isfinite(neutral):
             continue
-        probe = min(probes, key=lambda p: abs(p - neutral))
-        trial = (*fit.effects, SizedEffect(effect, (probe,)))
-        change = fitter.predict(trial_ship.record(trial)) - base
+        change = fitter.predict(trial_ship.record((*fit.effects, probe))) - base
         if not np.isfinite(change).all():  # The simulation diverges.
             continue
         information = fitter.likelihood.information(fit.weight, change[None])
         variance = float(covariance_of(information)[0, 0])
         if variance > 0.0 and information[0, 0] > 1e-9:
-            size = abs(probe - neutral) * np.sqrt(threshold(effect) * variance)
+            side = (probe.values[0] - neutral) * math.sqrt(threshold(effect) * variance)
+            plausible, bounds = (
+                trial_ship.plausible_range(parameter),
+                trial_ship.range_of(parameter),
+            )
+            value = float(np.clip(np.clip(neutral + side, *plausible), *bounds))
+            sized = probe.with_values((value, *probe.values[1:]))
             unit = parameter.in_ship(trial_ship.ship).info.unit
-            detectable.append(Detectable(effect, float(size), unit))
+            detectable.append(Detectable(sized, abs(side), unit))
     return detectable
 
 
-def hidden_ships(fitter: Fitter, detectable: Iterable[Detectable]) -> dict[str, Ship]:
+def hidden_ships(trial_ship: TrialShip, detectable: Iterable[Detectable]) -> dict[str, Ship]:
     """Return ships with one effect each of the size that the recordings would just have shown.
 
-    A recording with too little excitation may hide any of them. Sizes beyond the plausible range are
-    replaced by its end.
+    A recording with too little excitation may hide any of them.
     """
-    trial_ship, ships = fitter.trial_ship, {}
+    ships = {}
     for one in detectable:
-        (parameter,) = one.effect.parameters
-        plausible, bounds = trial_ship.plausible_range(parameter), trial_ship.range_of(parameter)
-        probe = trial_ship.probes(parameter)[0]
-        side = math.copysign(one.value, probe - trial_ship.origin(parameter))
-        value = float(np.clip(trial_ship.origin(parameter) + side, *plausible))
-        sized = SizedEffect(one.effect, (float(np.clip(value, *bounds)),))
         with contextlib.suppress(ShipError):  # values that the time step does not resolve
-            ships[one.effect.label] = trial_ship.corrected((sized,))
+            ships[one.effect.label] = trial_ship.corrected((one.sized,))
     return ships

@@ -302,13 +302,13 @@ def _update_diagnosis(
         left_over=colour,
         ranking=[(c, search.threshold(c.effect)) for c in selection.ranking],
         tried=tuple(dict.fromkeys([*first.tried, *(effect.label for effect in search.effects)])),
-        detectable=detectable,
+        detectable=[one for one in detectable if len(one.effect.parameters) == 1],
         fit_after=fit_percents(first.measured, after, problem.held_rows),
         held_out_gain=gain,
         warnings=[*together.warnings, *said],
         parameters=parameter_estimates(first.ship, problem, model, corrected),
         alternatives=alternatives,
-        hidden=hidden_ships(fitter, detectable) if hides else {},
+        hidden=hidden_ships(fitter.trial_ship, detectable) if hides else {},
     )
 
 

@@ -91,7 +91,9 @@ def diagnosis_of(verdict: str, **changes: Any) -> Diagnosis:
         "residual_after": noise, "findings": [], "shape": None, "shape_windows": [],
         "shape_regime": "", "explained": 0.98, "left_over": None, "ranking": ranked(),
         "tried": tuple(c.effect.label for c, _ in ranked()),
-        "detectable": [Detectable(entry("coulomb-friction (engine)"), 324.0, "N m")],
+        "detectable": [
+            Detectable(SizedEffect(entry("coulomb-friction (engine)"), (324.0,)), 324.0, "N m")
+        ],
         "fit_before": fit, "fit_after": dict.fromkeys(fit, 99.4), "held_out_gain": 285.0,
         "excited": True, "limits": [], "warnings": [],
     }  # fmt: skip

@@ -14,6 +14,7 @@ from shaftline.mismatch.judge.verdict import BalanceVerdict, Detectable
 from shaftline.mismatch.report.data import diagnosis_as_dict
 from shaftline.mismatch.report.first_page import HEALTHY_FUEL, first_page
 from shaftline.mismatch.report.service import ENGINE_POWER, EQUAL_POWER
+from shaftline.mismatch.search.catalogue import SizedEffect
 from shaftline.mismatch.search.fitting import Colour
 from shaftline.plant import Ship, load_ship
 
@@ -103,7 +104,7 @@ def test_an_instrument_is_wrong_and_not_the_ship() -> None:
 
 
 def test_nothing_missing_states_what_could_hide(frigate: Ship) -> None:
-    hidden = [Detectable(entry("hull-fouling (hull)"), 0.02, "-")]
+    hidden = [Detectable(SizedEffect(entry("hull-fouling (hull)"), (0.02,)), 0.02, "-")]
     page = first_page(
         replace(
             fouled(findings=[], detectable=hidden), corrected=frigate, verdict="nothing-missing"

@@ -27,6 +27,7 @@ from shaftline.mismatch.report.service import (
     service_of,
     steady_curve,
 )
+from shaftline.mismatch.search.catalogue import SizedEffect
 from shaftline.plant import Ship, approach, equilibrium, load_ship
 from shaftline.plant.fuel import fuel_rate
 from shaftline.plant.surroundings import KNOT
@@ -227,8 +228,8 @@ def test_where_nothing_is_missing_the_smallest_visible_loss_is_computed(frigate:
         findings=[],
         corrected=frigate,
         detectable=[
-            Detectable(entry("hull-fouling (hull)"), size, "-"),
-            Detectable(entry("torque-sensor-gain (sensor)"), 0.01, "-"),
+            Detectable(SizedEffect(entry("hull-fouling (hull)"), (size,)), size, "-"),
+            Detectable(SizedEffect(entry("torque-sensor-gain (sensor)"), (0.01,)), 0.01, "-"),
         ],
     )
     service = service_of(diagnosis)
