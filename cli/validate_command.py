@@ -31,7 +31,7 @@ def validate(
     jobs: Jobs = None,
     with_sindy: Annotated[
         bool,
-        typer.Option("--sindy", help="Also analyse by PySINDy (`pip install 'shaftline[sindy]'`)."),
+        typer.Option("--sindy", help="Also analyse by PySINDy (`pip install 'shaftline[rivals]'`)."),
     ] = False,
     variant: Annotated[
         str,
@@ -84,7 +84,7 @@ def validate(
             beside["stepwise-bic"] = stepwise_bic.diagnose
         if with_sindy:
             if importlib.util.find_spec("pysindy") is None:
-                raise ValueError("--sindy needs PySINDy: pip install 'shaftline[sindy]'")
+                raise ValueError("--sindy needs PySINDy: pip install 'shaftline[rivals]'")
             beside["pysindy"] = sindy.diagnose
         _same_validation(out, seed, variant, list(beside))
         names = {f"{seed}-{i:04d}": (seed, i, variant) for i in range(cases)}

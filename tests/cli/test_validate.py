@@ -63,7 +63,7 @@ def test_pysindy_is_an_extra(
     shaftline: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "pysindy", None)
-    refused(shaftline("validate", "--sindy", "--out", tmp_path), "--sindy", "shaftline[sindy]")
+    refused(shaftline("validate", "--sindy", "--out", tmp_path), "--sindy", "shaftline[rivals]")
     assert not list(tmp_path.iterdir())
 
 

@@ -1,1 +1,1 @@
-"""Rival methods for comparison: stepwise BIC and sparse identification."""
+"""Rival methods for comparison: regressions of equation errors, and models of the residual."""

@@ -151,7 +151,9 @@ def load_rival(name: str) -> type[Any]:
     if name in own:
         needed = own[name].requires
         if needed and find_spec(needed) is None:
-            raise ValueError(f"rival {name}: needs the library {needed}: pip install {needed}")
+            raise ValueError(
+                f"rival {name}: needs the library {needed}: pip install 'shaftline[rivals]'"
+            )
         return own[name]
     found = load_external_class(name, GROUP)
     if found is None:
