@@ -140,6 +140,9 @@ def test_the_wheel_holds_only_the_package(tmp_path: Path) -> None:
         "mismatch/search/catalogue.toml",
         "mismatch/report/report.html.j2",
         "plant/data/tito_neri_operating_points.csv",
+        "validation/challenge_set/challenge-truth.json",
+        "validation/challenge_set/challenge/README.md",
+        "validation/challenge_set/challenge/case-005/recording.csv",
         "py.typed",
     ):
         assert f"shaftline/{data}" in names

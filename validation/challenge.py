@@ -38,16 +38,17 @@ from .comparison.rival import (
     REFERENCE,
     SHIP,
     SIMULATION,
+    ChallengeCase,
     input_names,
     simulate_inputs,
 )
 from .comparison.submission import CaseEntry, read_submission
+from .localisation import SCORES, SELDOM, TrueLocation
 from .recording import CHANNELS, rms, simulate_case
 from .scoring import (
     Row,
     median_figure,
     oracle_gains,
-    overlap,
     score_with_gains,
     share_figure,
     summary,
@@ -253,11 +254,20 @@ FIGURES = {
 """Figures of :func:`.scoring.summary` that a challenge reports, with their labels there."""
 
 FAILED = "cases failed"
-WINDOW_F1 = "F1 of the time in which the effect acts (median, quartiles)"
+TIME_F1 = "F1 of the time in which the effect acts (median, quartiles)"
+SELDOM_TIME_F1 = "F1 of the time, effects that act at most half of the time (median, quartiles)"
+REGIME_F1 = "F1 of the regime in which the effect acts (median, quartiles)"
+SELDOM_REGIME_F1 = "F1 of the regime, effects that act in at most half of it (median, quartiles)"
+EVERY_ROW = "bound: every row marked"
+"""Name, in the column of tools, of the scores of F1 of a tool that marks every row of every case."""
+
 GAIN_FRACTION = "held-out gain relative to the oracle's (median, quartiles)"
 GAIN = "held-out gain with an effect (median, quartiles)"
 NULL_GAIN = "held-out gain in null cases (median, quartiles)"
 HARM = "held-out error 5 % above that of the ship file"
+
+
+LOCATION = (TIME_F1, SELDOM_TIME_F1, REGIME_F1, SELDOM_REGIME_F1)
 
 
 @dataclass(frozen=True)
@@ -287,18 +297,20 @@ class Scores:
                     for row in found
                     if row["figure"] in FIGURES
                 ]
-                found += [
-                    share_figure(FAILED, own["outcome"] == "failed"),
-                    median_figure(WINDOW_F1, own["window_f1"]),
-                ]
+                found.append(share_figure(FAILED, own["outcome"] == "failed"))
+            if own["names"].any() or own["windows"].any():
+                found += _location_figures(own)
             found += _gain_figures(own)
             rows += [{"tool": tool} | row for row in found]
+        if any(row["figure"] == TIME_F1 for row in rows):
+            found = _location_figures(self.cases.drop_duplicates("case"), "_every_row")
+            rows += [{"tool": EVERY_ROW} | row for row in found]
         table = pd.DataFrame(rows)[["figure", "tool", "value", "low", "high", "cases"]]
         table = table[table["cases"] > 0]
         order = {
             name: k
             for k, name in enumerate(
-                (*FIGURES.values(), FAILED, WINDOW_F1, GAIN_FRACTION, GAIN, NULL_GAIN, HARM)
+                (*FIGURES.values(), FAILED, *LOCATION, GAIN_FRACTION, GAIN, NULL_GAIN, HARM)
             )
         }
         return table.sort_values(
@@ -333,6 +345,17 @@ class Scores:
         return out / "challenge.md"
 
 
+def _location_figures(own: pd.DataFrame, suffix: str = "") -> list[Row]:
+    """Return the figures of F1 of a tool; with the suffix ``_every_row`` those of the bound."""
+    time, regime = own[f"time_f1{suffix}"], own[f"regime_f1{suffix}"]
+    return [
+        median_figure(TIME_F1, time),
+        median_figure(SELDOM_TIME_F1, time[own["active_share"] <= SELDOM]),
+        median_figure(REGIME_F1, regime),
+        median_figure(SELDOM_REGIME_F1, regime[own["active_bins_share"] <= SELDOM]),
+    ]
+
+
 def _gain_figures(own: pd.DataFrame) -> list[Row]:
     """Return the figures of a tool's predictions."""
     null = own["kind"].str.startswith("null")
@@ -349,8 +372,10 @@ PREFACE = """\
 Shares have Wilson's 95 % interval; of medians, `low` and `high` are the quartiles. The held-out gain is
 1 minus the rms error of the prediction over that of the ship file, the mean of all channels: 0 is the
 ship file, 1 is perfect, and measurement noise and waves keep it below 1. The oracle knows the true
-effect in its true form; its gain is that of the channel that shows the effect best. A tool without
-verdicts is scored by its predictions only."""
+effect in its true form; its gain is that of the channel that shows the effect best. F1 compares the
+reported windows with the rows, and the regime bins, in which the effect changes a channel by more than
+its noise; a tool that marks every row has the F1 of the bound. A tool without verdicts is scored by its
+windows and predictions only."""
 
 
 def score_challenge(folder: Path, submissions: list[Path], truth: Path | None = None) -> Scores:
@@ -369,6 +394,9 @@ def score_challenge(folder: Path, submissions: list[Path], truth: Path | None = 
         ValueError: two submissions have the same tool.
     """
     opened = open_truth(folder, truth)
+    places = {
+        name: _true_location(folder / name, one["truth"]) for name, one in opened.cases.items()
+    }
     rows: list[Row] = []
     for path in submissions:
         found = read_submission(path, opened.held_out_rows)
@@ -377,16 +405,27 @@ def score_challenge(folder: Path, submissions: list[Path], truth: Path | None = 
                 f"{path}: tool {found.tool}: another submission has this name; rename one"
             )
         rows += [
-            score_entry(found.tool, name, found.cases[name], one)
+            score_entry(found.tool, name, found.cases[name], one, places[name])
             for name, one in opened.cases.items()
         ]
     table = table_of(rows)
-    for name in ("held_out_gain", "window_f1"):
+    for name in ("held_out_gain", *SCORES):
         table[name] = pd.to_numeric(table[name]) if name in table else np.nan
     return Scores(table, len(opened.cases), opened.variant)
 
 
-def score_entry(tool: str, name: str, entry: CaseEntry, sealed: Mapping[str, Any]) -> Row:
+def _true_location(folder: Path, truth: Mapping[str, Any]) -> TrueLocation:
+    """Return when and where the effects of a case act; the truth of an older version has no times."""
+    if not (folder / RECORDING).is_file():
+        raise FileError(
+            f"{folder / RECORDING}: not found; give the complete folder of the challenge"
+        )
+    return TrueLocation.of(ChallengeCase(folder).recording, truth.get("active_s", []))
+
+
+def score_entry(
+    tool: str, name: str, entry: CaseEntry, sealed: Mapping[str, Any], place: TrueLocation
+) -> Row:
     """Return the scores of one entry as a flat row.
 
     Args:
@@ -394,6 +433,7 @@ def score_entry(tool: str, name: str, entry: CaseEntry, sealed: Mapping[str, Any
         name: name of the case.
         entry: checked entry.
         sealed: truth of the case.
+        place: location of its effects in time and regime.
     """
     before, truth = sealed["before"], sealed["truth"]
     after = {
@@ -421,11 +461,8 @@ def score_entry(tool: str, name: str, entry: CaseEntry, sealed: Mapping[str, Any
         row["held_out_gain"] = round(gain, 5) + 0.0  # A submission has six significant digits.
         if "gain_fraction" in row:
             row["gain_fraction"] = round(row["gain_fraction"], 5) + 0.0
-    windows = [window for window in truth["windows"].values() if window]
-    if windows and entry.verdict is not None:
-        shared = overlap(entry.windows_s, windows[0])
-        row["window_f1"] = 2.0 * shared / (1.0 + shared)
-    return row
+    row["windows"] = bool(entry.windows_s)
+    return row | {key: round(value, 4) for key, value in place.scores(entry.windows_s).items()}
 
 
 def data_card(cases: int, variant: str) -> str:
@@ -491,9 +528,10 @@ programme, instruments, noise and sea. Variant `{variant}`: {about}. Made by sha
 Verdicts: `explained`, `partly-explained`, `nothing-missing`, `unexplained`, `failed`. Balances:
 `engine`, `propeller`, `hull`, `pitch-actuator`, `motor`, `sensor`. `shaftline list --effects` lists the
 ids and the parameters of the effects; physics that has no id there is `unexplained`. Effects and
-balances stand most probable first. `windows_s` are the times at which the effect acts. A prediction has
-a value for each row of `held_out_inputs.csv`. Every key is optional: an entry without verdict is scored
-by its predictions only.
+balances stand most probable first. `windows_s` are the times at which the effect acts noticeably: it
+changes a channel by more than the standard deviation of the noise. A prediction has a value for each
+row of `held_out_inputs.csv`. Every key is optional: an entry without verdict is scored by its windows
+and predictions only.
 
 **Licence.** The data are in the public domain (CC0 1.0). The software is under the MIT licence.
 

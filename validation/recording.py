@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from .cases import TOLERANCES, Case, Concealed, truth_of
 from .equivalents import equivalent
+from .localisation import noticeable_rows, rows_inside, windows_of
 from .simulator.bench import run_bench, voltage_programme
 from .simulator.effects import BENCH
 from .simulator.governor import bench_orders, run_bench_governed, simulate_governed, simulate_held
-from .simulator.instruments import add_instruments, voyage
+from .simulator.instruments import NOISE, add_instruments, voyage
 from .simulator.motion import calm, head_sea
 from .simulator.parameters import Parameters
 from .simulator.voyage import StalledError, simulate_voyage, varies_every_sample
@@ -166,18 +167,19 @@ class Scenario:
 
         Otherwise ships of different speeds would meet different waves, which would hide the effect.
         """
-        if not self._needs_waves:
+        if not self.needs_waves:
             return self.simulate(numbers, waves=False)
         track = {"track_speed": float(self.file_run["ship_speed_m_s"].mean())}
         return self.simulate(numbers | track, waves=True)
 
     @property
-    def _needs_waves(self) -> bool:
+    def needs_waves(self) -> bool:
+        """Whether an effect acts in waves only."""
         return any(one.effect.waves for one in self.case.effects)
 
     @cached_property
     def _reference(self) -> pd.DataFrame:
-        return self.compared(self.true) if self._needs_waves else self.calm_run
+        return self.compared(self.true) if self.needs_waves else self.calm_run
 
     @cached_property
     def residual_rms(self) -> dict[str, float]:
@@ -347,19 +349,21 @@ def _conceal(scenario: Scenario) -> _SizedEffects:
 def _simulated_case(found: _SizedEffects) -> SimulatedCase:
     scenario, case, noise_free = found.scenario, found.scenario.case, found.noise_free
     effects, numbers = case.effects, found.numbers
-    notes = {
-        "channels": found.channels,
-        "beyond_tolerances": found.beyond,
-        "windows": {c.key: _window(case, numbers, c) for c in effects},
-        "equivalents": {c.key: equivalent(c.effect, numbers, noise_free) for c in effects},
-        "residual_rms": scenario.residual_rms,
-    }
+    windows = {c.key: _window(case, numbers, c) for c in effects}
     aboard, readings = scenario.logged(found.numbers, noise_free)
     without, concealed = scenario.calm_run, noise_free
     if aboard is not scenario:
         without = aboard.simulate(scenario.true, waves=False)
     if aboard is not scenario or case.wave_height > 0.0:
         concealed = aboard.simulate(found.numbers, waves=False)
+    notes = {
+        "channels": found.channels,
+        "beyond_tolerances": found.beyond,
+        "windows": windows,
+        "equivalents": {c.key: equivalent(c.effect, numbers, noise_free) for c in effects},
+        "residual_rms": scenario.residual_rms,
+        "active_s": _active_windows(aboard, numbers, (without, concealed), list(windows.values())),
+    }
     rows, healthy = aboard.kept_rows, None
     if (reference := reference_case(case)) is not None:
         period = Scenario(reference)
@@ -371,6 +375,36 @@ def _simulated_case(found: _SizedEffects) -> SimulatedCase:
         concealed[rows].reset_index(drop=True),
         healthy,
     )
+
+
+def _active_windows(
+    aboard: Scenario,
+    numbers: Parameters,
+    calm_runs: tuple[pd.DataFrame, pd.DataFrame],
+    windows: list[list[float] | None],
+) -> list[list[float]]:
+    """Return the windows in which the effects act noticeably [s], by the rules of :mod:`.localisation`.
+
+    Args:
+        aboard: scenario with the commands of the recording.
+        numbers: parameters of the true ship with effects.
+        calm_runs: noise-free measurements in calm water without and with effects.
+        windows: window of each effect; None for an effect that has none.
+    """
+    case = aboard.case
+    if not case.effects:
+        return []
+    without, acting = calm_runs
+    if aboard.needs_waves:
+        without, acting = aboard.compared(aboard.true), aboard.compared(numbers)
+    sizes = aboard.nominal | case.instruments
+    noise = {c: sizes[NOISE[c][0]] for c in CHANNELS if c in without and c != case.missing}
+    change, time = acting[[*noise]] - without[[*noise]], acting["time_s"].to_numpy()
+    rows = noticeable_rows(change, noise, case.period)
+    open_s = [window for window in windows if window is not None]
+    if len(open_s) == len(windows):
+        rows &= rows_inside(open_s, time)
+    return windows_of(rows, time)
 
 
 def _file(case: Case, readings: pd.DataFrame) -> pd.DataFrame:

@@ -52,9 +52,32 @@ def test_a_user_defined_rival_is_made_run_and_scored(shaftline: Command, tmp_pat
     refused(shaftline("challenge", "score", place, own), "differs from the seal")
 
 
+def test_the_practice_set_is_copied_run_and_scored(shaftline: Command, tmp_path: Path) -> None:
+    place, own = tmp_path / "c", tmp_path / "own.json"
+    copied = shaftline("challenge", "copy", "--out", place)
+    assert copied.exit_code == 0, copied.output
+    assert f"practice set of 6 cases in {place}" in copied.output
+    assert f"truth: {tmp_path / 'c-truth.json'}" in copied.output
+    ran = shaftline("challenge", "run", place, "stepwise-bic", "--out", own, "--jobs", 1)
+    assert "6 of 6 cases analysed, 0 failed" in ran.output
+    scored = shaftline("challenge", "score", place, own, "--out", tmp_path / "s")
+    assert scored.exit_code == 0, scored.output
+    assert "6 cases, variant 1-hz" in scored.output
+    table = pd.read_csv(tmp_path / "s" / "challenge.csv").set_index(["figure", "tool"])
+    name = "F1 of the time in which the effect acts (median, quartiles)"
+    assert table.loc[(name, "stepwise-bic"), "cases"] == 5
+    bound = table.loc[(name, "bound: every row marked"), "value"]
+    assert 0.5 < table.loc[(name, "stepwise-bic"), "value"] <= bound < 1.0
+    refused(shaftline("challenge", "copy", "--out", place), "is not empty")
+    again = tmp_path / "again"
+    (tmp_path / "again-truth.json").write_text("{}")
+    refused(shaftline("challenge", "copy", "--out", again), "again-truth.json: exists already")
+
+
 @pytest.mark.parametrize(
     ("line", "words"),
     [
+        ("copy out", ("copy out: give the new folder as --out out",)),
         ("make out", ("give the new folder as --out out",)),
         ("make --variant windy", ("--variant windy: unknown", "1-hz")),
         ("make --cases 477 --variant 100-hz", ("--cases 477: at most 476",)),
@@ -63,7 +86,7 @@ def test_a_user_defined_rival_is_made_run_and_scored(shaftline: Command, tmp_pat
         ("run c lisdd pysindy", ("one rival at a time, not 2: lisdd, pysindy",)),
         ("score c", ("needs a folder and a SUBMISSION.json",)),
         ("score c a.json", ("c: no challenge: it has no seal.txt",)),
-        ("stop c", ("'make', 'run', 'score'",)),
+        ("stop c", ("'copy', 'make', 'run', 'score'",)),
     ],
 )
 def test_what_cannot_be_done_is_refused(

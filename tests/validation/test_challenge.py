@@ -4,28 +4,35 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
+import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from shaftline.plant import load_ship
-from shaftline.validation import challenge
+from shaftline.validation import challenge, practice
 from shaftline.validation.cases import case_kind
 from shaftline.validation.challenge import (
+    EVERY_ROW,
     GAIN,
     GAIN_FRACTION,
     HARM,
     HELD_OUT_SHARE,
     NULL_GAIN,
+    REGIME_F1,
+    SELDOM_TIME_F1,
+    TIME_F1,
     make_challenge,
     open_truth,
     score_challenge,
     truth_file,
 )
-from shaftline.validation.comparison import lisdd, neural_network
+from shaftline.validation.comparison import lisdd, neural_network, sindy, symbolic_regression
 from shaftline.validation.comparison.gaussian_process import fit_and_predict
 from shaftline.validation.comparison.lisdd import Lisdd, active_windows, benjamini_hochberg
 from shaftline.validation.comparison.rival import (
@@ -38,7 +45,7 @@ from shaftline.validation.comparison.rival import (
 )
 from shaftline.validation.comparison.submission import CaseEntry, analyse_case, read_submission
 from shaftline.validation.recording import CHANNELS
-from shaftline.validation.scoring import summary
+from shaftline.validation.scoring import summary, table_of
 from shaftline.validation.simulator.parameters import frigate_parameters
 
 SEED = 112
@@ -65,6 +72,7 @@ def submit(folder: Path, tree: Any, name: str = "t") -> Path:
 
 def figure(folder: Path, tree: Any, name: str) -> float:
     table = score_challenge(folder, [submit(folder, tree)]).figures
+    table = table[table["tool"] != EVERY_ROW]
     return float(table.set_index("figure")["value"][name])
 
 
@@ -221,14 +229,49 @@ def test_the_gain_of_predictions_is_that_of_their_errors(folder: Path) -> None:
         assert figure(folder, tree, name) == pytest.approx(share / len(case.channels), abs=1e-4)
 
 
-def test_the_time_of_an_effect_is_scored_by_f1(folder: Path) -> None:
+def test_time_and_regime_of_an_effect_are_scored_beside_the_bound(folder: Path) -> None:
+    """The effect of case 1 acts all the time; a tool that marks a half of it has an F1 of 2/3."""
     sealed = open_truth(folder).cases["case-001"]
-    sealed["truth"]["windows"] = {"resistance-episode/hull": [100.0, 200.0]}
-    entry = CaseEntry(verdict="unexplained", windows_s=[[100.0, 150.0], [300.0, 350.0]])
-    row = challenge.score_entry("t", "case-001", entry, sealed)
-    assert row["window_f1"] == pytest.approx(0.5)  # precision and recall are both one half
-    exact = CaseEntry(verdict="unexplained", windows_s=[[100.0, 200.0]])
-    assert challenge.score_entry("t", "case-001", exact, sealed)["window_f1"] == 1.0
+    assert sealed["truth"]["active_s"] == [[0.0, 1200.0]]
+    half = {"verdict": "unexplained", "windows_s": [[0.0, 449.9]]}
+    none = {"verdict": "nothing-missing"}
+    tree = entries(**{"case-000": none, "case-001": half})
+    scores = score_challenge(folder, [submit(folder, tree)])
+    value = scores.figures.set_index(["figure", "tool"])["value"]
+    assert value[TIME_F1, "t"] == pytest.approx(2 / 3, abs=1e-4)
+    assert value[TIME_F1, EVERY_ROW] == value[REGIME_F1, EVERY_ROW] == 1.0
+    assert 0.0 < value[REGIME_F1, "t"] < 1.0
+    assert SELDOM_TIME_F1 not in scores.figures["figure"].tolist()
+    assert scores.figures["cases"][scores.figures["figure"] == TIME_F1].tolist() == [1, 1]
+    whole = {"windows_s": [[0.0, 900.0]]}  # windows without a verdict are scored, too
+    assert figure(folder, entries(**{"case-001": whole}), TIME_F1) == 1.0
+    assert GAIN not in scores.figures["figure"].tolist()
+    only_predictions = {"predictions": {"ship_speed_m_s": [7.0] * 3000}}
+    own = score_challenge(folder, [submit(folder, entries(**{"case-001": only_predictions}))])
+    assert TIME_F1 not in own.figures["figure"].tolist()
+
+
+def test_effects_that_act_seldom_have_figures_of_their_own(folder: Path) -> None:
+    sealed = open_truth(folder).cases["case-001"]
+    sealed["truth"]["active_s"] = [[0.0, 359.9]]
+    table = ChallengeCase(folder / "case-001").recording
+    place = challenge.TrueLocation.of(table, sealed["truth"]["active_s"])
+    entry = CaseEntry(verdict="unexplained", windows_s=[[0.0, 179.9]])
+    row = challenge.score_entry("t", "case-001", entry, sealed, place)
+    assert row["active_share"] == pytest.approx(0.4, abs=1e-3)
+    assert row["time_f1"] == pytest.approx(2 / 3, abs=1e-3)
+    scores = challenge.Scores(table_of([row | {"held_out_gain": np.nan}]), 1, "plain")
+    value = scores.figures.set_index(["figure", "tool"])["value"]
+    assert value[SELDOM_TIME_F1, "t"] == value[TIME_F1, "t"] == row["time_f1"]
+    assert value[SELDOM_TIME_F1, EVERY_ROW] == pytest.approx(2 * 0.4 / 1.4, abs=1e-3)
+
+
+def test_a_folder_without_recordings_is_refused(folder: Path, tmp_path: Path) -> None:
+    other = tmp_path / "challenge"
+    other.mkdir()
+    shutil.copyfile(folder / "seal.txt", other / "seal.txt")
+    with pytest.raises(ValueError, match=r"case-000.recording\.csv: not found; give the complete"):
+        score_challenge(other, [], truth_file(folder))
 
 
 CASES = [
@@ -305,6 +348,7 @@ def test_every_rival_has_a_name() -> None:
         "ship-file",
         "stepwise-bic",
         "pysindy",
+        "gplearn",
         "lisdd",
         "gaussian-process",
         "neural-network",
@@ -315,11 +359,118 @@ def test_every_rival_has_a_name() -> None:
         load_rival("pathlib:Path")
 
 
-def test_pysindy_is_needed_for_its_rival(monkeypatch: pytest.MonkeyPatch) -> None:
-    path = "shaftline.validation.comparison.rival.find_spec"
-    monkeypatch.setattr(path, lambda name: None)
-    with pytest.raises(ValueError, match="needs the library pysindy"):
-        load_rival("pysindy")
+@pytest.mark.parametrize("name", ["pysindy", "gplearn"])
+def test_a_missing_library_is_named_with_its_extra(
+    monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setattr("shaftline.validation.comparison.rival.find_spec", lambda _: None)
+    message = rf"rival {name}: needs the library {name}: pip install 'shaftline\[rivals\]'"
+    with pytest.raises(ValueError, match=message):
+        load_rival(name)
+
+
+class Threads:
+    """Rival that reports the number of threads of linear algebra as an error."""
+
+    def analyse(self, case: ChallengeCase) -> dict[str, Any]:
+        raise ValueError(
+            str({one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"})
+        )
+
+
+def test_rivals_use_one_thread_for_linear_algebra(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = "shaftline.validation.comparison.submission.load_rival"
+    monkeypatch.setattr(path, lambda _: Threads)
+    with threadpool_limits(2, "blas"):
+        assert analyse_case("threads", folder / "case-000")["error"] == "ValueError: {1}"
+
+
+def test_pysindy_names_the_term_that_acts_and_nothing_in_noise(folder: Path) -> None:
+    pytest.importorskip("pysindy")
+    rng = np.random.default_rng(1)
+    term, noise, other = rng.normal(size=(3, 3000))
+    terms = {"current": 100.0 * term, "hull-fouling": other}
+    ((share, name, size, _),) = sindy._sparse(0.03 * term + 0.01 * noise, terms)
+    assert (name, size) == ("current", pytest.approx(3e-4, rel=0.03))
+    assert share == pytest.approx(0.9, abs=0.01)  # 3² of 3² + 1²
+    assert sindy._sparse(noise, terms) == []
+    entry = analyse_case("pysindy", folder / "case-001")
+    assert entry["verdict"] == "explained"
+    assert entry["effects"][0]["id"] == "viscous-friction"
+
+
+@pytest.fixture
+def small_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("gplearn")
+    monkeypatch.setattr(symbolic_regression, "POPULATION", 150)
+    monkeypatch.setattr(symbolic_regression, "GENERATIONS", 6)
+
+
+@pytest.mark.usefixtures("small_search")
+def test_symbolic_regression_finds_a_product_and_stays_in_its_range() -> None:
+    rng = np.random.default_rng(5)
+    x = rng.normal(size=(400, 3))
+    y = 2.0 * x[:, 0] * x[:, 1] - 0.5 + 0.01 * rng.normal(size=400)
+    at = np.array([[0.5, 1.0, 0.0], [1.0, -1.0, 3.0], [100.0, 100.0, 0.0], [100.0, -100.0, 0.0]])
+    found = symbolic_regression.fit_and_predict(x, y, at)
+    np.testing.assert_allclose(found, [0.5, -2.5, y.max(), y.min()], atol=0.02)
+    again = symbolic_regression.fit_and_predict(x, y, at)
+    np.testing.assert_array_equal(again, found)
+
+
+@pytest.mark.usefixtures("small_search")
+def test_symbolic_regression_predicts_zero_where_no_formula_serves() -> None:
+    """The last quarter of the samples has the opposite sign, so that every formula is wrong there."""
+    x = np.random.default_rng(6).normal(size=(400, 2))
+    y = np.where(np.arange(400) < 300, 1.0, -1.0) * (1.0 + 0.1 * x[:, 0])
+    assert not symbolic_regression.fit_and_predict(x, y, x).any()
+
+
+@pytest.mark.usefixtures("small_search")
+def test_symbolic_regression_predicts_the_held_out_part(folder: Path) -> None:
+    found = {case: analyse_case("gplearn", folder / case) for case in ("case-000", "case-001")}
+    tree = {"tool": "gplearn", "cases": found}
+    assert figure(folder, tree, GAIN) > 0.1
+    assert figure(folder, tree, NULL_GAIN) > -0.05
+
+
+def test_the_practice_set_can_be_made_again(tmp_path: Path) -> None:
+    """Two of its six cases; arithmetic may differ in the last digit on another machine."""
+    truth = open_truth(practice.FOLDER)
+    indices = challenge.case_indices(practice.SEED, practice.CASES)
+    assert [*truth.cases] == [f"case-{k:03d}" for k in range(practice.CASES)]
+    for k in (0, 3):
+        name = f"case-{k:03d}"
+        cell = practice.SEED, indices[k], practice.VARIANT
+        found = challenge._make_case(tmp_path, (name, cell))
+        for file in ("recording.csv", "held_out_inputs.csv", "simulation.csv"):
+            pair = (pd.read_csv(place / name / file) for place in (tmp_path, practice.FOLDER))
+            pd.testing.assert_frame_equal(*pair, rtol=1e-5, atol=1e-4)
+        shipped = practice.FOLDER / name / "ship.toml"
+        assert shipped.read_text() == (tmp_path / name / "ship.toml").read_text()
+        assert found["truth"]["case"] == truth.cases[name]["truth"]["case"]
+        assert found["truth"]["active_s"] == truth.cases[name]["truth"]["active_s"]
+
+
+def test_the_practice_set_has_every_kind_of_case_and_a_data_card() -> None:
+    truth = open_truth(practice.FOLDER)
+    cases = [one["truth"]["case"] for one in truth.cases.values()]
+    kinds = {case["kind"].split("-")[0] for case in cases}
+    assert kinds == {"single", "two", "unknown", "confounded", "null"}
+    assert len({case["ship"] for case in cases}) == 2
+    assert {case["seed"] for case in cases} == {practice.SEED}
+    card = (practice.FOLDER / "README.md").read_text()
+    made = challenge.data_card(practice.CASES, practice.VARIANT) + practice.PRACTICE
+
+    def plain(text: str) -> str:
+        return re.sub(r"Made by shaftline [\d.]+\.", "", text)
+
+    assert plain(card) == plain(made)
+    assert "public domain (CC0 1.0)" in card
+    place = practice.FOLDER.parent
+    assert sum(file.stat().st_size for file in place.rglob("*") if file.is_file()) < 1_500_000
 
 
 @pytest.mark.parametrize("name", ["gaussian-process", "neural-network"])

@@ -100,6 +100,15 @@ def voyage(
 
 
 ENCODER_DIGIT = 0.005  # resolution of a rounded measurement [rad/s]
+NOISE = {
+    "shaft_speed_rad_s": ("encoder_noise", ENCODER_DIGIT),
+    "shaft_torque_N_m": ("gauge_noise", 100.0),
+    "pitch_ratio": ("pitch_noise", 0.001),
+    "ship_speed_m_s": ("log_noise", 0.01),
+    "motor_current_A": ("current_noise", 0.001),
+    "propeller_submergence_m": ("depth_noise", 0.01),
+}
+"""Parameter of the noise's standard deviation, and resolution of a rounded measurement, by column."""
 
 
 def _late(values: Floats, delay: float, smoothing: float, period: float) -> Floats:
@@ -154,15 +163,7 @@ def add_instruments(
     if seed is None:
         return table
     rng = np.random.default_rng(seed)
-    noise = {
-        "shaft_speed_rad_s": ("encoder_noise", ENCODER_DIGIT),
-        "shaft_torque_N_m": ("gauge_noise", 100.0),
-        "pitch_ratio": ("pitch_noise", 0.001),
-        "ship_speed_m_s": ("log_noise", 0.01),
-        "motor_current_A": ("current_noise", 0.001),
-        "propeller_submergence_m": ("depth_noise", 0.01),
-    }
-    for column, (name, digit) in noise.items():
+    for column, (name, digit) in NOISE.items():
         drawn = rng.standard_normal(len(table))
         if column in table:
             table[column] += numbers[name] * drawn
