@@ -44,6 +44,7 @@ from shaftline.validation.comparison.rival import (
     simulate_inputs,
 )
 from shaftline.validation.comparison.submission import CaseEntry, analyse_case, read_submission
+from shaftline.validation.localisation import TrueLocation
 from shaftline.validation.recording import CHANNELS
 from shaftline.validation.scoring import summary, table_of
 from shaftline.validation.simulator.parameters import frigate_parameters
@@ -255,7 +256,7 @@ def test_effects_that_act_seldom_have_figures_of_their_own(folder: Path) -> None
     sealed = open_truth(folder).cases["case-001"]
     sealed["truth"]["active_s"] = [[0.0, 359.9]]
     table = ChallengeCase(folder / "case-001").recording
-    place = challenge.TrueLocation.of(table, sealed["truth"]["active_s"])
+    place = TrueLocation.of(table, sealed["truth"]["active_s"])
     entry = CaseEntry(verdict="unexplained", windows_s=[[0.0, 179.9]])
     row = challenge.score_entry("t", "case-001", entry, sealed, place)
     assert row["active_share"] == pytest.approx(0.4, abs=1e-3)
@@ -393,7 +394,8 @@ def test_pysindy_names_the_term_that_acts_and_nothing_in_noise(folder: Path) -> 
     term, noise, other = rng.normal(size=(3, 3000))
     terms = {"current": 100.0 * term, "hull-fouling": other}
     ((share, name, size, _),) = sindy._sparse(0.03 * term + 0.01 * noise, terms)
-    assert (name, size) == ("current", pytest.approx(3e-4, rel=0.03))
+    assert name == "current"
+    assert size == pytest.approx(3e-4, rel=0.03)
     assert share == pytest.approx(0.9, abs=0.01)  # 3² of 3² + 1²
     assert sindy._sparse(noise, terms) == []
     entry = analyse_case("pysindy", folder / "case-001")

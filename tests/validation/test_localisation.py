@@ -26,6 +26,7 @@ from shaftline.validation.recording import (
     simulate_case_with_sizes,
 )
 from shaftline.validation.simulator.instruments import NOISE
+from shaftline.validation.simulator.parameters import Floats
 
 SPEED, TORQUE = "shaft_speed_rad_s", "shaft_torque_N_m"
 
@@ -67,7 +68,7 @@ def test_the_change_is_the_rms_over_ten_seconds() -> None:
 
 
 def test_windows_and_rows_are_the_inverse_of_each_other() -> None:
-    time = 0.1 * np.arange(50)
+    time: Floats = 0.1 * np.arange(50.0)
     rows = np.isin(np.arange(50), [0, 1, 2, 20, 21, 49])
     windows = windows_of(rows, time)
     assert windows == [[0.0, 0.2], [2.0, 2.1], [4.9, 4.9]]
