@@ -218,8 +218,9 @@ def diagnose(
                 f"calibrated ship: {out / CALIBRATED}; give it with --ship in place of --calibrate to "
                 "diagnose other voyages of the same instruments"
             )
-        if diagnosis.alternatives:
-            say(f"to decide between the alternatives: shaftline plan-trial {out / REPORT}")
+        if diagnosis.alternatives or diagnosis.hidden:
+            what = "decide between the alternatives" if diagnosis.alternatives else "decide"
+            say(f"trial that would {what}: shaftline plan-trial {out / REPORT}")
         if example:
             say(f"concealed effect: {concealed()}; the diagnosis did not know it")
 

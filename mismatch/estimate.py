@@ -93,8 +93,12 @@ class Estimate:
         return self.ci95 == self.bounds
 
     def to_dict(self) -> dict[str, float | list[float] | str]:
-        """Return ``value``, ``ci95`` and ``key`` for ``report.json``."""
-        return {"value": self.value, "ci95": list(self.ci95), "key": self.key}
+        """Return ``value``, ``ci95``, ``key`` and the standard error ``se`` for ``report.json``."""
+        found: dict[str, float | list[float] | str] = {
+            "value": self.value,
+            "ci95": list(self.ci95),
+        }
+        return found | {"key": self.key, "se": self.standard_error}
 
 
 Tick = Callable[[str, int, int], None]

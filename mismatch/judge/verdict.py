@@ -20,7 +20,7 @@ from ...plant.ship import Ship, ShipError
 from ..estimate import Estimate
 from ..search.catalogue import Effect, SizedEffect, Window
 from ..search.fitting import Colour, Fit, Fitter, Whiteness
-from ..search.selection import INDISTINGUISHABLE, Candidate, Selection
+from ..search.selection import INDISTINGUISHABLE, Candidate, Selection, p_value
 from ..search.trial_ship import TrialShip
 from ..simulate.balances import Balances
 from ..simulate.joint_replay import Floats
@@ -289,6 +289,11 @@ class Finding:
     regime: str
     unmeasured: str = ""
     implausible: str = ""
+
+    @property
+    def p_value(self) -> float:
+        """Probability that any candidate gains as much by chance where nothing is missing."""
+        return p_value(self.effect, self.score, self.threshold)
 
     @property
     def sized(self) -> SizedEffect:

@@ -139,7 +139,7 @@ class TrialPlan:
             it is :data:`DECIDED` (NaN where it is not reached), the mean of random programmes of equal
             length, and the minutes with each instrument that the recording did not have.
         intervals: a row for each uncertain parameter of the first model: its value, and the half-width
-            of its 95 % interval before and after the trial.
+            of its 95 % interval from noise before and after the trial.
         history: expected difference in 2 log L of each pair (columns) over the minutes (index).
         predicted: predictions by model, arrays of shape (channels, rows).
         channels: measured channels.

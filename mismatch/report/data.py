@@ -9,6 +9,7 @@ from ..judge.held_out import rms_errors
 from ..judge.shapes import Shape
 from ..judge.verdict import EXPLAINED
 from ..outcome import Outcome
+from ..search.selection import p_value
 from ..simulate.balances import BALANCE_OF_RESIDUAL
 from .first_page import first_page
 from .text import finding_sentence, headline, sentence
@@ -126,7 +127,7 @@ def diagnosis_as_dict(diagnosis: Outcome) -> dict[str, Any]:
                 "parameters": {e.name: e.to_dict() | none for e in f.estimates},
                 "unmeasured": f.unmeasured,
                 "implausible": f.implausible,
-                "evidence": {"score": f.score, "threshold": f.threshold},
+                "evidence": {"score": f.score, "threshold": f.threshold, "p_value": f.p_value},
                 "windows_s": [list(w) for w in f.windows],
                 "split_by": effect.split_by,
                 "wrong_number": wrong,
@@ -180,6 +181,7 @@ def diagnosis_as_dict(diagnosis: Outcome) -> dict[str, Any]:
                 "form": c.effect.form,
                 "score": c.gain,
                 "threshold": threshold,
+                "p_value": p_value(c.effect, c.gain, threshold),
             }
             for c, threshold in diagnosis.ranking
         ],

@@ -407,7 +407,7 @@ def _next_steps(diagnosis: Outcome) -> list[str]:
     if status != UNEXPLAINED:
         return [
             "Record again before any work: 20 minutes or more, with steps of the command over its "
-            "range and all channels on."
+            "range and all channels on. `shaftline plan-trial` computes the commands from report.json."
         ]
     return [
         "Order no work on this evidence: the cause has no name yet. Record more channels, and look in "

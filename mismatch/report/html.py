@@ -35,6 +35,7 @@ from .wording import (
     formula_for_page,
     number,
     numbers,
+    p_value_in_words,
     parameter_rows_for_page,
     parameter_words,
     percent,
@@ -200,6 +201,7 @@ def _finding(diagnosis: Outcome, index: int) -> dict[str, Any]:
         "biased": "" if biased is None else biased_parameter_sentence(biased),
         "score": number(finding.score),
         "threshold": number(finding.threshold),
+        "p_value": p_value_in_words(finding.p_value),
         "when": windows_in_words(finding.windows, float(diagnosis.time_s[-1])),
         "regime": finding.regime.replace("_", " "),
     }

@@ -496,7 +496,7 @@ def _write_finding(document: Document, effect: Any, card: dict[str, Any]) -> Non
     rivals = "; ".join(card["rivals"])
     texts = [
         f"Time and regime: {card['when']}{regime}.",
-        f"Evidence: 2 Δ log L = {card['score']}, threshold {card['threshold']}.",
+        f"Evidence: 2 Δ log L = {card['score']}, threshold {card['threshold']}; {card['p_value']}.",
         f"This recording cannot distinguish it from {rivals}."
         if rivals
         else "No other effect fits this recording as well.",

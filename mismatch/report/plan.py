@@ -12,7 +12,6 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from ...core.files import FileError, read_json, write_atomically, write_json
-from ...core.statistics import HALF_95
 from ...display.figures import PALETTE, new_figure, save
 from ...plant.columns import RUDDER_COMMAND, TIME
 from ...plant.ship import Ship
@@ -64,10 +63,10 @@ def read_question(report: str | Path) -> Question:
             f"{report}: is no report.json of `shaftline diagnose` of this version; diagnose again"
         )
     uncertain = {
-        one["key"]: (one["ci95"][1] - one["ci95"][0]) / (2.0 * HALF_95)
+        one["key"]: float(one["se"])
         for effect in content["effects"]
         for one in effect["parameters"].values()
-        if one["ci95"] and None not in one["ci95"] and one["ci95"][0] < one["ci95"][1]
+        if one["ci95"] and one["se"]
     }
     others = content["alternatives"] or content["hidden"]
     if not others and not uncertain:
@@ -158,16 +157,19 @@ def pairs_in_words(plan: TrialPlan) -> list[str]:
     rows = plan.pairs.to_dict("records")
     if len(rows) <= MOST_SAID:
         return [_pair_in_words(row) for row in rows]
-    open_ = [row for row in rows if math.isnan(row["minutes"])]
-    said = [f"{len(rows) - len(open_)} of {len(rows)} pairs of models are decided by the end"]
-    return [*said, *(_pair_in_words(row) for row in open_)]
+    undecided = [row for row in rows if math.isnan(row["minutes"])]
+    said = [f"{len(rows) - len(undecided)} of {len(rows)} pairs of models are decided by the end"]
+    rivals: dict[str, list[str]] = {}
+    for row in undecided:
+        rivals.setdefault(row["model"], []).append(row["rival"])
+    return [*said, *(f"not decided: {one} or {', '.join(them)}" for one, them in rivals.items())]
 
 
 def intervals_in_words(plan: TrialPlan) -> list[str]:
     """Return a sentence for each uncertain parameter."""
     return [
-        f"{row['key']} = {row['value']:.4g}: 95 % interval +- {row['half_95_before']:.2g} now, "
-        f"+- {row['half_95_after']:.2g} after the trial"
+        f"{row['key']} = {row['value']:.4g}: 95 % interval from noise +- {row['half_95_before']:.2g} "
+        f"now, +- {row['half_95_after']:.2g} after the trial"
         for row in plan.intervals.to_dict("records")
     ]
 

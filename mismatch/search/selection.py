@@ -11,11 +11,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from ..estimate import Tick
 from .catalogue import Effect, SizedEffect, Window
 from .fitting import Fit, Fitter
-from .spectra import Complex, Likelihood, chance_gain
+from .spectra import SMALL_SAMPLE, Complex, Likelihood, chance_gain
 
 MOST_EFFECTS, MORE_TURNING = 3, 2
 """Largest number of effects in a search; more for a ship that turns, which has two more balances."""
@@ -299,6 +300,24 @@ def threshold(effect: Effect, tried: int) -> float:
     """
     count = len(effect.parameters) + 2 * effect.windowed
     return chance_gain(count, tried + STRETCHES * effect.windowed, RISK)
+
+
+def p_value(effect: Effect, gain: float, threshold: float) -> float:
+    """Return the probability that any candidate gains as much by chance where nothing is missing.
+
+    It is :data:`RISK` at the threshold, which includes the number of candidates, and falls beyond with
+    the tail of the chi-squared distribution of the number of fitted values.
+
+    Args:
+        effect: effect.
+        gain: its gain in 2 log L.
+        threshold: threshold of this gain.
+    """
+    values = len(effect.parameters) + 2 * effect.windowed
+    reached, limit = (
+        scipy.stats.chi2.logsf(max(g, 0.0) / SMALL_SAMPLE, values) for g in (gain, threshold)
+    )
+    return float(min(1.0, RISK * math.exp(min(reached - limit, 100.0))))
 
 
 def are_confusable(one: Effect, other: Effect) -> bool:

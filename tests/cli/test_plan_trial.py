@@ -24,6 +24,8 @@ def test_the_alternatives_of_a_report_are_planned_for(shaftline: Command, tmp_pa
     write_ship(slow_log, tmp_path / "alternatives/speed-log-gain-sensor.toml")
     report = {
         "alternatives": {"speed-log-gain (sensor)": "alternatives/speed-log-gain-sensor.toml"},
+        "hidden": {},
+        "effects": [],
         "noise": {column: {"sd": sd, "correlation_s": 2.0} for column, sd in NOISE.items()},
     }
     (tmp_path / "report.json").write_text(json.dumps(report))

@@ -7,6 +7,7 @@ import math
 from dataclasses import replace
 
 import pytest
+from scipy.stats import chi2
 
 from shaftline.mismatch.report.data import diagnosis_as_dict, merge_windows, replace_non_finite
 
@@ -29,9 +30,18 @@ def test_a_finding_has_its_place_numbers_and_evidence() -> None:
         "equation": effect.equation,
         "sentence": diagnosis.sentence,
         "parameters": {
-            "coulomb_friction_engine_side_N_m": {"value": 8000.0, "ci95": list(estimate.ci95)}
+            "coulomb_friction_engine_side_N_m": {
+                "value": 8000.0,
+                "ci95": list(estimate.ci95),
+                "key": "transmission.coulomb_friction_engine_side_N_m",
+                "se": estimate.standard_error,
+            }
         },
-        "evidence": {"score": 347.0, "threshold": 10.5},
+        "evidence": {
+            "score": 347.0,
+            "threshold": 10.5,
+            "p_value": pytest.approx(0.01 * chi2.sf(347.0 / 1.5, 1) / chi2.sf(10.5 / 1.5, 1)),
+        },
         "windows_s": [[60.0, 120.0]],
         "split_by": effect.split_by,
         "wrong_number": None,

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from shaftline.mismatch import Effect
 from shaftline.mismatch.search.catalogue import SizedEffect
-from shaftline.mismatch.search.selection import REFINED, Selector
+from shaftline.mismatch.search.selection import REFINED, RISK, Selector, p_value, threshold
 from shaftline.mismatch.search.spectra import chance_gain
 
 from ..toy import entry
@@ -317,3 +317,15 @@ def test_gains_are_those_beside_the_others() -> None:
     found = selector(scores, LAG, FOULING).search()
     assert found.fit.score == 500.0
     assert found.gains == (200.0, 100.0)
+
+
+def test_the_p_value_is_the_risk_at_the_threshold_of_any_candidate() -> None:
+    """At the threshold it is RISK; elsewhere it is the union bound over all candidates."""
+    for effect in (FOULING, BEND):
+        limit = threshold(effect, 40)
+        values = len(effect.parameters)
+        assert p_value(effect, limit, limit) == pytest.approx(RISK)
+        gain = 1.1 * limit
+        expected = 40 * chi2.sf(gain / 1.5, values)
+        assert p_value(effect, gain, limit) == pytest.approx(expected)
+        assert p_value(effect, 0.0, limit) == 1.0

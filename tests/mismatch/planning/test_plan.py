@@ -4,25 +4,31 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import scipy
 
 from shaftline.core.models import read_model
 from shaftline.mismatch import Limits, Noise, plan_trial
-from shaftline.mismatch.report.plan import pairs_in_words, read_models, save_plan
-from shaftline.mismatch.trial_manoeuvres import PlanError, random_manoeuvre, table_of
-from shaftline.mismatch.trial_plan import (
-    DECIDED,
-    Prediction,
-    _whiten,
+from shaftline.mismatch.planning.evidence import (
+    Predictions,
     evidence_of,
-    own_effects,
-    worst_of,
+    evidence_over_time,
+    whiten,
 )
-from shaftline.plant import Ship, load_ship
+from shaftline.mismatch.planning.manoeuvres import PlanError, random_manoeuvre, table_of
+from shaftline.mismatch.planning.plan import DECIDED, _minutes_until, own_effects
+from shaftline.mismatch.report.plan import (
+    intervals_in_words,
+    pairs_in_words,
+    read_question,
+    save_plan,
+)
+from shaftline.plant import Ship, load_ship, write_ship
 from shaftline.plant.replay import simulate_recording
 
 WHITE = (Noise(0.5), Noise(2.0))
@@ -31,41 +37,73 @@ SPEED = "shaft_speed_rad_s"
 FRICTION = {"transmission.coulomb_friction_engine_side_N_m": 0.01}
 
 
-def prediction(seed: int, unknowns: int = 3, rows: int = 40) -> Prediction:
+def predictions(seed: int, models: int = 2, rows: int = 40) -> Predictions:
+    """Return random predictions: two tolerances, one shift of the first state, one effect a model."""
     rng = np.random.default_rng(seed)
-    starts = np.arange(unknowns) == unknowns - 1
-    return Prediction(
-        rng.standard_normal((2, rows)), rng.standard_normal((unknowns, 2, rows)), starts
+    return Predictions(
+        own=rng.standard_normal((models, 2, rows)),
+        shared=rng.standard_normal((3, 2, rows)),
+        starts=np.array([False, False, True]),
+        effects=rng.standard_normal((models, 2, rows)),
+        owners=np.arange(models),
     )
+
+
+def least_squares(parts: list[Predictions], true: int, rival: int) -> float:
+    """Return lambda by another solver, which fits the rival's unknowns with their priors."""
+    target = np.concatenate([whiten(p.own[true] - p.own[rival], WHITE).ravel() for p in parts])
+
+    def columns(values: np.ndarray) -> np.ndarray:
+        return np.asarray(whiten(values, WHITE).reshape(len(values), -1).T)
+
+    kept = np.vstack([columns(np.vstack([p.shared[:2], p.effects[[rival]]])) for p in parts])
+    own = scipy.linalg.block_diag(*(columns(p.shared[2:]) for p in parts))
+    matrix = np.vstack([np.hstack([kept, own]), np.eye(3 + len(parts))])
+    fit = scipy.optimize.lsq_linear(matrix, np.concatenate([target, np.zeros(3 + len(parts))]))
+    return 2.0 * float(fit.cost)
 
 
 def test_the_evidence_is_the_least_squares_that_a_rival_cannot_fit() -> None:
-    """Another solver fits the rival's unknowns with their priors."""
-    one, two = prediction(1), prediction(2)
-    found = worst_of(evidence_of({"a": one, "b": two}, WHITE))[("a", "b")]
-    least = []
-    for true, rival in ((one, two), (two, one)):
-        target = _whiten(true.own - rival.own, WHITE).ravel()
-        slopes = _whiten(rival.slopes, WHITE).reshape(3, -1)
-        fit = scipy.optimize.lsq_linear(
-            np.vstack([slopes.T, np.eye(3)]), np.concatenate([target, np.zeros(3)])
-        )
-        least.append(2.0 * fit.cost)
-    assert found == pytest.approx(min(least), rel=1e-9)
+    given = predictions(1, models=3)
+    against = evidence_of(given, WHITE).against()
+    for true, rival in itertools.permutations(range(3), 2):
+        assert against[true, rival] == pytest.approx(least_squares([given], true, rival), rel=1e-9)
+    either = np.minimum(against, against.T)
+    np.testing.assert_allclose(
+        evidence_of(given, WHITE).pairs(), [either[0, 1], either[0, 2], either[1, 2]]
+    )
 
 
 def test_a_first_state_is_fitted_in_each_manoeuvre_and_a_parameter_in_all() -> None:
-    parts = [evidence_of({"a": prediction(k), "b": prediction(k + 9)}, WHITE) for k in (1, 2)]
-    total = parts[0]["a", "b"].plus(parts[1]["a", "b"]).value()
-    true, rival = zip(*((prediction(k), prediction(k + 9)) for k in (1, 2)), strict=True)
-    target = np.concatenate(
-        [_whiten(t.own - r.own, WHITE).ravel() for t, r in zip(true, rival, strict=True)]
-    )
-    shared = np.vstack([_whiten(r.slopes, WHITE).reshape(3, -1)[:2].T for r in rival])
-    own = scipy.linalg.block_diag(*(_whiten(r.slopes, WHITE).reshape(3, -1)[2:].T for r in rival))
-    matrix = np.vstack([np.hstack([shared, own]), np.eye(4)])
-    fit = scipy.optimize.lsq_linear(matrix, np.concatenate([target, np.zeros(4)]))
-    assert total == pytest.approx(2.0 * fit.cost, rel=1e-9)
+    parts = [predictions(1), predictions(2)]
+    first, second = (evidence_of(one, WHITE) for one in parts)
+    total = first.plus(second).against()
+    assert total[0, 1] == pytest.approx(least_squares(parts, 0, 1), rel=1e-9)
+
+
+def test_evidence_over_time_ends_with_that_of_the_whole() -> None:
+    given = predictions(4)
+    blocks = [*evidence_over_time(given, WHITE, 7)]
+    assert len(blocks) == 6  # 39 whitened rows
+    np.testing.assert_allclose(blocks[-1].products, evidence_of(given, WHITE).products)
+    values = [one.pairs()[0] for one in blocks]
+    assert values == sorted(values)
+
+
+def test_the_covariance_is_that_of_a_linear_fit_with_priors() -> None:
+    given = predictions(3, models=1)
+    rows = np.vstack([given.shared, given.effects])
+    columns = whiten(rows, WHITE).reshape(4, -1)
+    expected = np.linalg.inv(columns @ columns.T + np.eye(4))[3, 3]
+    evidence = evidence_of(given, WHITE)
+    assert evidence.covariance()[0, 0] == pytest.approx(expected, rel=1e-9)
+    assert evidence.merit() == pytest.approx(-np.log(expected), rel=1e-9)
+
+
+def test_the_merit_is_a_bound_of_a_wrong_choice() -> None:
+    evidence = evidence_of(predictions(5, models=3), WHITE)
+    wrong = scipy.stats.norm.cdf(-0.5 * np.sqrt(evidence.pairs())).sum()
+    assert evidence.merit() == pytest.approx(-np.log(wrong), rel=1e-9)
 
 
 def test_slow_noise_is_whitened() -> None:
@@ -73,7 +111,7 @@ def test_slow_noise_is_whitened() -> None:
     slow, keeps = np.zeros(20_000), np.exp(-1.0 / 15.0)
     for k in range(1, len(slow)):
         slow[k] = keeps * slow[k - 1] + np.sqrt(1.0 - keeps**2) * rng.standard_normal()
-    white = _whiten(2.0 * slow[None], (Noise(2.0, 15.0),))[0]
+    white = whiten(2.0 * slow[None], (Noise(2.0, 15.0),))[0]
     assert np.std(white) == pytest.approx(1.0, abs=0.02)
     assert np.mean(white[1:] * white[:-1]) == pytest.approx(0.0, abs=0.02)
 
@@ -108,9 +146,9 @@ def test_a_programme_beats_random_ones_and_can_be_simulated(
     assert row["minutes_with_shaft_torque_N_m"] <= row["minutes"]
     assert len(plan.table) == 900
     history = plan.history["fouled or log"]
-    assert history.index.tolist() == [0.5 * k for k in range(1, 31)]
+    assert history.index[[0, -1]].tolist() == pytest.approx([1.0 / 6.0, 15.0])
     assert history.iloc[-1] == pytest.approx(row["expected_2logL"])
-    assert (history[history.index < row["minutes"] - 0.5] < DECIDED).all()
+    assert (history[history.index >= row["minutes"]] >= DECIDED).all()
     assert plan.table["fuel_rack_mm"].between(14.0, 26.0).all()
     assert plan.table["pitch_ratio_command"].between(1.0, 1.35).all()
     for ship in models.values():
@@ -151,6 +189,17 @@ def test_the_expected_evidence_is_what_simulated_recordings_show(models: dict[st
     assert plan.least < 1.1 * 2.0 * fit.cost
 
 
+def test_a_pair_counts_as_decided_once_it_stays_decided() -> None:
+    minutes = [1.0, 2.0, 3.0, 4.0]
+    for values, decided in (
+        ([7.0, 5.9, 6.0, 9.0], 3.0),
+        ([6.0, 6.0, 7.0, 8.0], 1.0),
+        ([7.0, 8.0, 9.0, 5.0], math.nan),
+    ):
+        found = _minutes_until(pd.Series(values, index=minutes))
+        assert found == pytest.approx(decided, nan_ok=True)
+
+
 def test_every_kind_of_manoeuvre_stays_within_the_limits() -> None:
     ship = load_ship("frigate-turning")
     limits = Limits(drive=(12.0, 24.0), pitch_ratio=(0.9, 1.3), rudder_deg=12.0)
@@ -174,7 +223,7 @@ def test_what_cannot_be_planned_is_refused(models: dict[str, Ship], tmp_path: Pa
     term = {"id": "wind", "acts_on": "resistance", "expression": "50.0 * head_wind"}
     windy = models["fouled"].with_values({"signals": {"head_wind": "m/s"}, "term": [term]})
     for given, noise, limits, words in (
-        (one, LOG, Limits(), "at least two are needed"),
+        (one, LOG, Limits(), "1 model given and no uncertain parameter"),
         ({**one, "same": models["fouled"]}, LOG, Limits(), "do not differ"),
         (models, {}, Limits(), "no measured channel"),
         (models, {"motor_current_A": Noise(1.0)}, Limits(), "motor_current_A: no channel that"),
@@ -206,17 +255,77 @@ def test_what_cannot_be_planned_is_refused(models: dict[str, Ship], tmp_path: Pa
             read_model(Limits, file, PlanError)
 
 
-def test_a_report_without_alternatives_needs_no_trial(tmp_path: Path) -> None:
-    report = tmp_path / "report.json"
-    report.write_text('{"verdict": "explained", "alternatives": {}, "noise": {}}')
-    with pytest.raises(PlanError, match=r"has no alternatives \(verdict explained\)"):
-        read_models(report)
+def test_uncertain_parameters_are_checked(models: dict[str, Ship]) -> None:
+    one = {"fouled": models["fouled"]}
+    for uncertain, words in (
+        ({"hull.slime": 0.1}, "hull.slime is no parameter of frigate"),
+        ({"hull.fouling_fraction": 0.0}, "fouling_fraction = 0: must be above 0"),
+    ):
+        with pytest.raises(PlanError, match=words):
+            plan_trial(one, LOG, 5.0, uncertain=uncertain, pool=1)
+
+
+def test_a_trial_for_one_model_narrows_its_interval(models: dict[str, Ship]) -> None:
+    """Noise of a tenth gives a narrower interval, and the prior is the present standard error."""
+    one, fouling = {"fouled": models["fouled"]}, {"hull.fouling_fraction": 0.05}
+    half = {}
+    for sd in (0.05, 0.5):
+        plan = plan_trial(one, {"ship_speed_m_s": Noise(sd)}, 10.0, uncertain=fouling, pool=6)
+        (row,) = plan.intervals.to_dict("records")
+        assert row["half_95_before"] == pytest.approx(1.96 * 0.05)
+        assert math.isnan(plan.least)
+        assert plan.pairs.empty
+        half[sd] = row["half_95_after"]
+    assert 0.0 < half[0.05] < half[0.5] < 1.96 * 0.05
+    (said,) = intervals_in_words(plan)
+    assert said.startswith(
+        "hull.fouling_fraction = 0.1: 95 % interval from noise +- 0.098 now, +- 0.0"
+    )
+
+
+def write_report(folder: Path, models: dict[str, Ship], **changes: object) -> Path:
+    """Write a report with the ships of its models."""
+    content = {
+        "verdict": "explained",
+        "alternatives": {},
+        "hidden": {},
+        "noise": {"ship_speed_m_s": {"sd": 0.05, "correlation_s": 2.0}},
+        "effects": [],
+    }
+    folder.mkdir(exist_ok=True)
+    write_ship(models["fouled"], folder / "corrected_ship.toml")
+    write_ship(models["log"], folder / "log.toml")
+    (folder / "report.json").write_text(json.dumps(content | changes))
+    return folder / "report.json"
+
+
+def test_a_report_is_a_question(models: dict[str, Ship], tmp_path: Path) -> None:
+    fouling = {"key": "hull.fouling_fraction", "value": 0.1, "ci95": [0.08, 0.12], "se": 0.01}
+    effects = [{"parameters": {"fouling_fraction": fouling}}]
+    others = {"speed-log-gain (sensor)": "log.toml"}
+    report = write_report(tmp_path, models, alternatives=others, effects=effects)
+    found = read_question(report)
+    assert [*found.models] == ["corrected ship", "speed-log-gain (sensor)"]
+    assert found.models["speed-log-gain (sensor)"].sensors.speed_log_gain == 0.96
+    assert found.noise == {"ship_speed_m_s": Noise(0.05, 2.0)}
+    assert found.uncertain == {"hull.fouling_fraction": 0.01}
+    assert "between 2 models" in found.text
+    report = write_report(tmp_path, models, hidden=others)
+    assert "1 effects that it may hide" in read_question(report).text
+    report = write_report(tmp_path, models, effects=effects)
+    found = read_question(report)
+    assert [*found.models] == ["corrected ship"]
+    assert "narrow the intervals" in found.text
+    unknown = [{"parameters": {"fouling_fraction": fouling | {"ci95": None}}}]
+    report = write_report(tmp_path, models, effects=unknown)
+    with pytest.raises(PlanError, match=r"left nothing open \(verdict explained\)"):
+        read_question(report)
     report.write_text("no json")
     with pytest.raises(PlanError, match=r"is no report.json of `shaftline diagnose`"):
-        read_models(report)
+        read_question(report)
     report.write_text('{"verdict": "explained"}')
     with pytest.raises(PlanError, match="diagnose again"):
-        read_models(report)
+        read_question(report)
 
 
 def test_the_limit_is_a_ratio_of_twenty() -> None:

@@ -1,0 +1,131 @@
+"""Check the p-values of a diagnosis on recordings in which nothing is missing; write ``p-values.md``.
+
+The recordings come from the independent simulator of the validation. The result of each case is kept in
+the folder ``--kept``.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from shaftline.core.sweep import sweep
+from shaftline.display.figures import new_figure
+from shaftline.mismatch import diagnose
+from shaftline.mismatch.search.selection import p_value
+from shaftline.plant import load_ship
+from shaftline.validation.cases import case_kind, draw_case
+from shaftline.validation.recording import simulate_case
+from shaftline.validation.scoring import wilson
+
+from .pages import make_parser, print_dot
+from .writing import write_results
+
+TITLE = "p-values where nothing is missing"
+NOMINAL = (0.05, 0.01)
+"""Nominal levels that are checked; the diagnosis uses the second one."""
+
+
+class Cell(NamedTuple):
+    """One null case."""
+
+    seed: int
+    number: int
+
+    @property
+    def name(self) -> str:
+        """File name of the result."""
+        return f"{self.seed}_{self.number}"
+
+
+def cells_of(seed: int, count: int) -> list[Cell]:
+    """Return the first null cases of a seed."""
+    found: list[Cell] = []
+    index = 0
+    while len(found) < count:
+        if case_kind(seed, index)[0].startswith("null"):
+            found.append(Cell(seed, index))
+        index += 1
+    return found
+
+
+def diagnose_null(cell: Cell) -> dict[str, Any]:
+    """Return the smallest p-value of all candidates in a null case, and what is named."""
+    case = draw_case(*cell)
+    found = diagnose(load_ship(case.ship), simulate_case(case).recording)
+    ranked = [(p_value(c.effect, c.gain, limit), c.effect.label) for c, limit in found.ranking]
+    named = [(finding.p_value, finding.effect.label) for finding in found.findings]
+    least, label = min(ranked + named, default=(1.0, ""))
+    return {
+        "kind": case.kind,
+        "ship": case.ship,
+        "p_value": least,
+        "effect": label,
+        "named": ", ".join(label for _, label in named),
+        "verdict": found.verdict,
+    }
+
+
+def summarise(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the shares of small p-values and of false names by kind of case, with intervals."""
+    rows = []
+    for kind, own in [("all", table), *table.groupby("kind")]:
+        row: dict[str, Any] = {"cases": kind, "count": len(own)}
+        for level in NOMINAL:
+            row[f"p < {level:g}"] = share(own["p_value"] < level)
+        rows.append(row | {"named": share(own["named"] != "")})
+    return pd.DataFrame(rows)
+
+
+def share(hits: Any) -> str:
+    """Return a share with Wilson's 95 % interval."""
+    count, whole = int(np.sum(hits)), len(hits)
+    low, high = wilson(count, whole)
+    return f"{count / whole:.3f} ({low:.3f} to {high:.3f})"
+
+
+def draw(values: Any) -> Figure:
+    """Draw the share of null cases below each p-value beside that of a uniform distribution."""
+    figure, axes = new_figure(1, 1, (4.5, 4.0))
+    axis = axes.flat[0]
+    ordered = np.sort(np.maximum(values, 1e-6))
+    ranks = np.arange(1, len(ordered) + 1) / len(ordered)
+    axis.plot(ordered, ranks, color="black", drawstyle="steps-post", label="null cases")
+    axis.plot([1e-3, 1.0], [1e-3, 1.0], color="black", linestyle=":", label="nominal")
+    axis.set(xscale="log", yscale="log", xlabel="p-value", ylabel="share of null cases below it")
+    axis.legend(frameon=False)
+    return figure
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Diagnose the cases that are not kept, and write the page."""
+    folder = "out/p-values"
+    parser = make_parser("p_values", __doc__, f"{folder}/page", kept=folder, jobs=None)
+    parser.add_argument("--cases", type=int, default=500, help="number of null cases")
+    parser.add_argument("--seed", type=int, default=6501, help="seed of the cases")
+    options = parser.parse_args(arguments)
+    wanted = {cell.name: cell for cell in cells_of(options.seed, options.cases)}
+    found = sweep(diagnose_null, wanted, options.kept, jobs=options.jobs, tick=print_dot)
+    table = pd.DataFrame([found[name] for name in wanted])
+    write_results(
+        __file__,
+        options.out,
+        TITLE,
+        table,
+        {"": draw(table["p_value"])},
+        f"--cases {options.cases} --seed {options.seed}",
+        summary=summarise(table),
+        effects=table[table["p_value"] < NOMINAL[0]]
+        .groupby(["effect", "kind"])
+        .size()
+        .rename("cases")
+        .reset_index(),
+        count=len(table),
+    )
+
+
+if __name__ == "__main__":
+    main()
