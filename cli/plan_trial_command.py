@@ -53,7 +53,8 @@ def plan(
     model is left, the programme narrows the 95 % intervals of its effects.
 
     A limits file may have the keys `drive` and `pitch_ratio` (ranges of the commands), `rudder_deg`,
-    `shaft_speed_rad_s` and `ship_speed_m_s` (ranges that are not left), `shortest_hold_s`:
+    `shaft_speed_rad_s` and `ship_speed_m_s` (ranges that are not left), `sea_room_m` (distance run),
+    `shortest_hold_s`:
 
         drive = [12.0, 24.0]        # fuel rack in mm, voltage or torque
 

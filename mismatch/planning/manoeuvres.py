@@ -44,6 +44,11 @@ class Limits(FileModel):
     )
     shaft_speed_rad_s: Range | None = Field(default=None, description="shaft speed reached")
     ship_speed_m_s: Range | None = Field(default=None, description="ship speed reached")
+    sea_room_m: float | None = Field(
+        default=None,
+        gt=0.0,
+        description="longest distance run through the water in the whole trial",
+    )
     shortest_hold_s: float = Field(
         default=20.0, gt=0.0, description="shortest time between two orders"
     )
@@ -147,8 +152,15 @@ def table_of(ship: Ship, manoeuvres: Sequence[Manoeuvre]) -> pd.DataFrame:
     return table
 
 
-def is_inside(ship: Ship, samples: Any, limits: Limits) -> bool:
-    """Return whether a simulation stays finite, within the limits and within the engine's envelope."""
+def is_inside(ship: Ship, samples: Any, limits: Limits, room_m: float = math.inf) -> bool:
+    """Return whether a simulation stays finite, within the limits and within the engine's envelope.
+
+    Args:
+        ship: ship.
+        samples: simulation with a row every :data:`INTERVAL_S`.
+        limits: limits of the trial.
+        room_m: longest distance of this simulation [m].
+    """
     for signal, ends in (
         ("shaft_speed", limits.shaft_speed_rad_s),
         ("ship_speed", limits.ship_speed_m_s),
@@ -158,6 +170,8 @@ def is_inside(ship: Ship, samples: Any, limits: Limits) -> bool:
             return False
         if ends is not None and not (ends[0] <= values.min() and values.max() <= ends[1]):
             return False
+    if float(np.abs(samples["ship_speed"]).sum()) * INTERVAL_S > room_m:
+        return False
     if not ship.has_diesel:
         return True
     plant = ship.record()

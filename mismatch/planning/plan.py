@@ -217,7 +217,8 @@ def plan_trial(
     predictor = Predictor(models, sizes, (*channels, *others))
     slots = max(1, round(60.0 * minutes / MANOEUVRE_S))
     rows = round(60.0 * minutes / INTERVAL_S) // slots
-    search = _Search(ship, predictor, tuple(noise.values()), limits, rows)
+    room_m = math.inf if limits.sea_room_m is None else limits.sea_room_m / slots
+    search = _Search(ship, predictor, tuple(noise.values()), limits, rows, room_m)
     generator = np.random.default_rng(seed)
     best = search.programme(slots, pool, generator, tick)
     random = []
@@ -258,7 +259,8 @@ class _Search:
     predictor: Predictor
     noise: tuple[Noise, ...]
     limits: Limits
-    rows: int
+    rows: int  # of a manoeuvre
+    room_m: float = math.inf  # longest distance of a manoeuvre [m]
 
     def measured(self, predictions: Predictions) -> Predictions:
         """Return the predictions of the channels that the recording has."""
@@ -276,7 +278,7 @@ class _Search:
         total: Evidence | None = None
         begin: dict[str, float] = {}
         for slot in range(slots):
-            options: list[tuple[float, int, Manoeuvre, Evidence]] = []
+            options: list[tuple[float, Manoeuvre, Evidence | None]] = []
             tries = 0
             while len(options) < pool and tries < 20 * max(pool, 5):
                 tries += 1
@@ -292,14 +294,15 @@ class _Search:
                     found = evidence_of(predictions, self.noise)
                     found = found if total is None else total.plus(found)
                     merit = found.merit()
-                options.append((merit, -len(options), manoeuvre, found))
+                options.append((merit, manoeuvre, found))
                 tick("simulating manoeuvres", slot * pool + len(options), slots * pool)
             if not options:
                 raise PlanError(
                     f"none of {tries} random manoeuvres of {self.rows * INTERVAL_S:g} s stays within "
-                    "the limits; widen drive, pitch_ratio, shaft_speed_rad_s or ship_speed_m_s"
+                    "the limits; widen drive, pitch_ratio, shaft_speed_rad_s, ship_speed_m_s or "
+                    "sea_room_m"
                 )
-            _, _, manoeuvre, total = max(options, key=lambda option: option[:2])
+            _, manoeuvre, total = max(options, key=lambda option: option[0])
             chosen.append(manoeuvre)
             begin = self.state_after(table_of(self.ship, chosen))
         return chosen
@@ -309,7 +312,7 @@ class _Search:
         simulated = []
         try:
             for one in self.predictor.simulate(table):
-                if not is_inside(one[0].ship, one[1], self.limits):
+                if not is_inside(one[0].ship, one[1], self.limits, self.room_m):
                     return None
                 simulated.append(one)
         except (RecordingError, ShipError, ValueError):  # no equilibrium at the first commands

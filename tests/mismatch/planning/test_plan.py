@@ -255,6 +255,15 @@ def test_what_cannot_be_planned_is_refused(models: dict[str, Ship], tmp_path: Pa
             read_model(Limits, file, PlanError)
 
 
+def test_a_trial_stays_within_the_sea_room(models: dict[str, Ship]) -> None:
+    room = 4200.0  # 10 min at 7 m/s, which the usual programme exceeds
+    for limits, inside in ((Limits(), False), (Limits(sea_room_m=room), True)):
+        plan = plan_trial(models, LOG, 10.0, limits, pool=2)
+        for ship in models.values():
+            distance = simulate_recording(ship, plan.table)["ship_speed_m_s"].sum()
+            assert (distance < 1.02 * room) == inside
+
+
 def test_uncertain_parameters_are_checked(models: dict[str, Ship]) -> None:
     one = {"fouled": models["fouled"]}
     for uncertain, words in (
