@@ -260,6 +260,8 @@ def main(arguments: list[str] | None = None) -> None:
         f"--cases {options.cases} --seed {options.seed}",
         summary=summarise(results),
         table=table.fillna("–"),
+        minutes=MINUTES[-1],
+        lengths=", ".join(map(str, MINUTES)),
         count=len(results),
         nulls=len(nulls),
         asked_nulls=len(asked),

@@ -9,14 +9,24 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from reproductions.planned_trials import cells_of, outcome_of, second_recording, summarise
+from reproductions.planned_trials import (
+    EVERY,
+    LIMITS,
+    NOTHING,
+    advised_programme,
+    cells_of,
+    outcome_of,
+    second_recording,
+    summarise,
+)
 from shaftline.validation.cases import case_kind, draw_case
 from shaftline.validation.simulator.effects import CONFOUNDED
 
 
-def test_cells_are_confounded_cases_with_each_effect_in_turn() -> None:
-    cells = cells_of(6301, len(CONFOUNDED) + 1)
-    assert [cell.key for cell in cells] == [*CONFOUNDED, CONFOUNDED[0]]
+def test_cells_are_confounded_cases_with_each_effect_in_turn_and_nothing() -> None:
+    cells = cells_of(6301, len(CONFOUNDED) + 2)
+    assert [cell.key for cell in cells if cell.key != NOTHING] == [*CONFOUNDED, CONFOUNDED[0]]
+    assert [k for k, cell in enumerate(cells) if cell.key == NOTHING] == [EVERY - 1]
     assert all(case_kind(cell.seed, cell.number)[0] == "confounded" for cell in cells)
     assert len({cell.number for cell in cells}) == len(cells)
 
@@ -41,9 +51,9 @@ def test_the_second_recording_follows_the_programme_with_the_concealed_effect() 
     np.testing.assert_allclose(found["ship_speed_m_s"], plain["ship_speed_m_s"], atol=0.02)
 
 
-def diagnosis(named: list[str], others: list[str]) -> Any:
-    findings = [SimpleNamespace(effect=SimpleNamespace(id=name)) for name in named]
-    return SimpleNamespace(findings=findings, alternatives=dict.fromkeys(others))
+def diagnosis(named: list[str], others: list[str], verdict: str = "explained") -> Any:
+    findings = [SimpleNamespace(effect=SimpleNamespace(id=name, label=name)) for name in named]
+    return SimpleNamespace(findings=findings, alternatives=dict.fromkeys(others), verdict=verdict)
 
 
 @pytest.mark.parametrize(
@@ -63,17 +73,42 @@ def test_an_outcome_is_right_for_the_concealed_effect_alone(
     assert outcome_of(diagnosis(named, others), "a") == outcome
 
 
-def test_cases_without_alternatives_do_not_count() -> None:
+def test_nothing_is_right_only_if_the_verdict_says_so() -> None:
+    assert outcome_of(diagnosis([], [], "nothing-missing"), NOTHING) == "right"
+    assert outcome_of(diagnosis([], [], "unexplained"), NOTHING) == "not named"
+    assert outcome_of(diagnosis(["a"], []), NOTHING) == "wrong"
+
+
+def test_the_catalogue_advises_by_the_first_effect() -> None:
+    """Two shaft speeds at the largest pitch for Coulomb friction; two staircases without an effect."""
+    assert LIMITS.drive is not None
+    table = advised_programme(diagnosis([], ["coulomb-friction (engine)"]), 10.0)
+    assert len(table) == 600
+    assert table["fuel_rack_mm"].unique() == pytest.approx([15.6, 28.4])
+    assert table["pitch_ratio_command"].unique() == pytest.approx([1.35])
+    table = advised_programme(diagnosis([], []), 10.0)
+    assert table["fuel_rack_mm"].unique() == pytest.approx(
+        [14.0, 14.0 + 16.0 / 3, 24.6667, 30.0, 22.0], abs=1e-3
+    )
+    assert len(table["pitch_ratio_command"].unique()) == 4
+
+
+def test_cases_that_leave_nothing_open_do_not_count() -> None:
     one = {
-        "alternatives": 2,
+        "effect": "hull-fouling/hull",
+        "open": "alternatives",
         "planned": "right",
         "random": "wrong",
-        "planned_minutes": 3.0,
+        "catalogue": "among alternatives",
+        "planned_minutes": 5.0,
         "random_minutes": None,
     }
-    table = summarise([one, one, {"alternatives": 0}]).set_index("programme")
-    assert table["cases"].tolist() == [2, 2]
-    assert table["right alone"].tolist() == [2, 0]
-    assert table["a wrong name"].tolist() == [0, 2]
-    assert table.loc["planned", "expected minutes, median"] == 3.0
-    assert np.isinf(table.loc["random", "expected minutes, median"])
+    nothing = {"effect": NOTHING, "open": "anything", "planned": "wrong"}
+    table = summarise([one, one, {"effect": "a", "open": ""}, nothing]).set_index("programme")
+    assert table["cases"].tolist() == [2, 2, 2]
+    assert table["right alone"].tolist() == [2, 0, 0]
+    assert table["among alternatives"].tolist() == [0, 0, 2]
+    assert table["a wrong name"].tolist() == [0, 2, 0]
+    assert table.loc["planned", "minutes until right, median"] == 5.0
+    assert np.isinf(table.loc["random", "minutes until right, median"])
+    assert np.isnan(table.loc["catalogue", "minutes until right, median"])
