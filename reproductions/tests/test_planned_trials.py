@@ -24,9 +24,9 @@ from shaftline.validation.simulator.effects import CONFOUNDED
 
 
 def test_cells_are_confounded_cases_with_each_effect_in_turn_and_nothing() -> None:
-    cells = cells_of(6301, len(CONFOUNDED) + 2)
+    cells = cells_of(6301, len(CONFOUNDED) + 3)
     assert [cell.key for cell in cells if cell.key != NOTHING] == [*CONFOUNDED, CONFOUNDED[0]]
-    assert [k for k, cell in enumerate(cells) if cell.key == NOTHING] == [EVERY - 1]
+    assert [k for k, cell in enumerate(cells) if cell.key == NOTHING] == [EVERY - 1, 2 * EVERY - 1]
     assert all(case_kind(cell.seed, cell.number)[0] == "confounded" for cell in cells)
     assert len({cell.number for cell in cells}) == len(cells)
 
