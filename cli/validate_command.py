@@ -31,7 +31,9 @@ def validate(
     jobs: Jobs = None,
     with_sindy: Annotated[
         bool,
-        typer.Option("--sindy", help="Also analyse by PySINDy (`pip install 'shaftline[rivals]'`)."),
+        typer.Option(
+            "--sindy", help="Also analyse by PySINDy (`pip install 'shaftline[rivals]'`)."
+        ),
     ] = False,
     variant: Annotated[
         str,

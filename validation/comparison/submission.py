@@ -170,9 +170,8 @@ def analyse_case(rival: str, folder: Path) -> dict[str, Any]:
     case, begin = ChallengeCase(folder), time.perf_counter()
     method = load_rival(rival)()
     try:
-        with threadpool_limits(
-            1, "blas"
-        ):  # Threads slow small matrices down, on a busy machine 150 times.
+        # Threads slow small matrices down, on a busy machine by a factor of 150.
+        with threadpool_limits(1, "blas"):
             entry = dict(method.analyse(case))
     except Exception as error:  # any exception of a rival is a result
         entry = {"verdict": "failed", "error": f"{type(error).__name__}: {error}"[:500]}
