@@ -156,3 +156,14 @@ def test_ventilation_acts_although_calm_water_does_not_show_it(
     assert found.truth["active_s"] != []
     monkeypatch.setattr(Scenario, "needs_waves", False)
     assert simulate_case_with_sizes(case, {key: 0.5}).truth["active_s"] == []
+
+
+@pytest.mark.parametrize(("missing", "noticed"), [("", True), ("pitch_ratio", False)])
+def test_a_channel_that_is_not_recorded_shows_nothing(missing: str, noticed: bool) -> None:
+    key = "pitch-actuator-offset/pitch-actuator"
+    case = draw_case(1, 0, keys=(key,))
+    loud = {"encoder_noise": 1.0, "gauge_noise": 1e5, "log_noise": 1.0, "pitch_noise": 0.001}
+    case = dataclasses.replace(
+        case, seconds=60.0, missing=missing, instruments=case.instruments | loud
+    )
+    assert bool(simulate_case_with_sizes(case, {key: 0.005}).truth["active_s"]) == noticed
