@@ -4,8 +4,10 @@
   :func:`make_steering` both together; :func:`controller_names` and :func:`helmsman_names` list the
   names.
 - A controller is built with a ship, a control interval and options, and derives from
-:class:`Controller`. - :class:`Governor` is the inner loop of several controllers; it sets the fuel
-rack. - :class:`ThrustControl` drives an electric motor at a thrust set-point instead of a ship speed. -
+  :class:`Controller`.
+- :class:`Governor` is the inner loop of several controllers; it sets the fuel rack.
+- :class:`ThrustControl` drives an electric motor at a thrust set-point instead of a ship speed.
+
 :func:`controller_loop` and :func:`helmsman_loop` return the linear control loop with its margins.
 """
 
@@ -18,6 +20,7 @@ from .cpp_optimiser import CppOptimiser
 from .governor import Governor
 from .helmsman import Helmsman, SteeringMeasurements, TrackKeeper
 from .loops import controller_loop, helmsman_loop
+from .lqg_autopilot import LqgAutopilot
 from .mpc import ModelPredictive
 from .registry import (
     ControllerError,
@@ -36,7 +39,7 @@ from .va_pitch import VaPitch
 __all__ = [
     "OBSERVED", "AntiSpin", "AntiSpinTuning", "Autopilot", "Combinator", "CombinatorSurface",
     "Controller", "ControllerError", "CppOptimiser", "Curve", "Governor", "Helmsman",
-    "Measurements", "ModelPredictive", "SpeedPilot", "SteadyPoint", "SteeringController",
+    "LqgAutopilot", "Measurements", "ModelPredictive", "SpeedPilot", "SteadyPoint", "SteeringController",
     "SteeringMeasurements", "ThrustControl", "ThrustControlTuning", "TrackKeeper", "VaPitch",
     "combinator_curve", "combinator_surface", "controller_loop", "controller_names",
     "curve_through", "helmsman_loop", "helmsman_names", "make_controller", "make_helmsman",

@@ -18,6 +18,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from ..core.lazy import control
 from ..observers.records import Floats
 from ..plant.approach import approach
 from ..plant.helm import require_steering
@@ -145,10 +146,14 @@ class ShapedHelmsman(Helmsman):
         for name, value in (positive | {"gain": gain}).items():
             if not 0.0 < value < math.inf:
                 raise ValueError(f"{name} = {value:g} (allowed: > 0)")
+        self.law = loop_shaping.ShapedController(gain * self.synthesise(), reset_lengths)
+
+    def synthesise(self) -> control.StateSpace:
+        """Return the controller from error to rudder command, with time in ship lengths."""
         plant = loop_shaping.heading_plant(*loop_shaping.steering_dynamics(self.ship, self.point))
-        plant = plant._replace(integrators=self.loop.integrators)
-        shaped = gain * loop_shaping.shape_controller(self.loop, plant)
-        self.law = loop_shaping.ShapedController(shaped, reset_lengths)
+        return loop_shaping.shape_controller(
+            self.loop, plant._replace(integrators=self.loop.integrators)
+        )
 
     @abstractmethod
     def initial_set_point(self, signals: SteeringMeasurements) -> Floats:

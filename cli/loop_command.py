@@ -68,7 +68,8 @@ def loop(
     The ship is linearised about a steady course, the controller about its commands there, and the loop
     is opened at one command; the other commands stay under control. A controller that acts at intervals
     is analysed in discrete time: commands are held in between, and measurements are those just before.
-    Helmsmen (`autopilot`, `track-keeper`) control heading or track of a ship that turns.
+    Helmsmen (`autopilot`, `lqg-autopilot`, `track-keeper`) control the heading or track of a ship that
+    turns.
 
     The analysis is linear: limits, rates, dead bands and dead times of the ship are not included.
 

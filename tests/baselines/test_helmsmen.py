@@ -36,12 +36,12 @@ def observation(**values: Any) -> SteeringMeasurements:
 
 
 def test_known_by_name_with_options() -> None:
-    assert helmsman_names() == ["autopilot", "track-keeper"]
+    assert helmsman_names() == ["autopilot", "track-keeper", "lqg-autopilot"]
     pilot = make_helmsman("autopilot:turn_deg=4,gain=2", SHIP, 0.5, SPEED)
     assert isinstance(pilot, Autopilot)
     assert pilot.turn == pytest.approx(math.radians(4.0))
     with pytest.raises(
-        ControllerError, match="unknown helmsman 'x'; known: autopilot, track-keeper"
+        ControllerError, match="unknown helmsman 'x'; known: autopilot, track-keeper, lqg"
     ):
         make_helmsman("x", SHIP, 0.5)
     with pytest.raises(ControllerError, match="option 'speed' is unknown"):
