@@ -249,8 +249,8 @@ def main(arguments: list[str] | None = None) -> None:
     found = sweep(decide, wanted, options.kept, jobs=options.jobs, tick=print_dot)
     results = [found[name] for name in wanted]
     table = pd.DataFrame(results)
-    nulls = [one for one in results if one["effect"] == NOTHING]
-    asked = [one for one in nulls if one["open"]]
+    without = [one for one in results if one["effect"] == NOTHING]
+    asked = [one for one in without if one["open"]]
     write_results(
         __file__,
         options.out,
@@ -263,10 +263,10 @@ def main(arguments: list[str] | None = None) -> None:
         minutes=MINUTES[-1],
         lengths=", ".join(map(str, MINUTES)),
         count=len(results),
-        nulls=len(nulls),
-        asked_nulls=len(asked),
+        without=len(without),
+        asked_without=len(asked),
         stayed=sum(one[PLANNED] == "right" for one in asked),
-        named_nulls=sum(one[PLANNED] == "wrong" for one in asked),
+        named_without=sum(one[PLANNED] == "wrong" for one in asked),
         settled=sum(not one["open"] for one in results),
         right=sum(one["first"] == "right" and not one["open"] for one in results),
     )

@@ -39,7 +39,10 @@ PUBLIC = {f"shaftline.{package}" for package in PACKAGES} | {
 
 
 @blocks
-def test_python_block_runs(page: str, number: int, block: str) -> None:
+def test_python_block_runs(
+    page: str, number: int, block: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # a block may write files
     exec(block, {"__name__": "__main__"})  # unchanged, as copied into a file
 
 
