@@ -2,7 +2,8 @@
 
 Resistance, wake and thrust deduction are those of Holtrop and Mennen (:mod:`.holtrop`). The propeller
 is of the B-series; its blade area follows Keller's criterion, its pitch the thrust at the design
-speed. The engine has the rack map and the fuel surface of the package's frigate, scaled to its rating.
+speed. The engine has the rack map and the fuel surface of the package's frigate, scaled to its rating;
+an electric motor is a DC motor of its rating, to which a machine with a converter is equivalent.
 Each estimated value has a note on its method, and the file has tolerances, by which a diagnosis knows
 how uncertain it is.
 """
@@ -48,8 +49,15 @@ class Particulars(FileModel):
     draught_m: float = Field(gt=0.3, le=40, description="mean moulded draught")
     displacement_t: float = Field(gt=5, le=1e6, description="displacement in sea water, in tonnes")
     design_speed_kn: float = Field(gt=2, le=60, description="design speed")
-    mcr_kW: float = Field(gt=10, le=1e5, description="maximum continuous rating of one engine")
-    engine_speed_rpm: float = Field(gt=30, le=3000, description="engine speed at that rating")
+    prime_mover: Literal["diesel", "electric"] = Field(
+        default="diesel", description="engine or electric motor"
+    )
+    mcr_kW: float = Field(
+        gt=10, le=1e5, description="maximum continuous rating of one engine or motor"
+    )
+    engine_speed_rpm: float = Field(
+        gt=30, le=3000, description="speed of engine or motor at that rating"
+    )
     shaft_speed_rpm: float = Field(gt=20, le=2000, description="shaft speed at that rating")
     propeller_diameter_m: float = Field(gt=0.3, le=15)
     blades: int = Field(default=4, ge=3, le=7)
@@ -71,6 +79,9 @@ class Particulars(FileModel):
         gt=5,
         le=1e5,
         description="power of one engine at the design speed in the trial of the yard",
+    )
+    motor_efficiency: float = Field(
+        default=0.95, ge=0.6, lt=1, description="of an electric motor at that rating"
     )
     full_load_rack_mm: float | None = Field(
         default=None, gt=1, le=200, description="fuel rack at the maximum continuous rating"
@@ -112,6 +123,11 @@ class Particulars(FileModel):
             raise ValueError(
                 f"shaft_speed_rpm = {self.shaft_speed_rpm:g} is above engine_speed_rpm = "
                 f"{self.engine_speed_rpm:g}; the gearbox of a ship reduces the speed"
+            )
+        other = {"diesel": {"motor_efficiency"}, "electric": {"full_load_rack_mm"}}
+        if unused := self.model_fields_set & other[self.prime_mover]:
+            raise ValueError(
+                f"{unused.pop()}: has no effect with prime_mover = {self.prime_mover!r}"
             )
         froude = self.design_speed_kn * KNOT / math.sqrt(GRAVITY * self.length_m)
         if froude > 0.8:
@@ -343,7 +359,7 @@ def estimate_sections(given: Particulars) -> Sections:
         "water": {"density_kg_m3": Estimate(WATER, "sea water of 15 degrees Celsius")},
         "hull": _hull(given, hull, point),
         "propeller": _propeller(given, point),
-        "prime_mover": _engine(given),
+        "prime_mover": _motor(given) if given.prime_mover == "electric" else _engine(given),
         "transmission": _transmission(given, point),
         **(
             {"pitch_actuator": {"time_constant_s": Estimate(2.0, "assumed")}}
@@ -370,8 +386,14 @@ _TOLERANCES = {
     "wake_fraction": Estimate(0.05, ""),
     "thrust_curve": Estimate(0.03, "B-series for a real propeller"),
     "torque_curve": Estimate(0.03, "B-series for a real propeller"),
+}
+_ENGINE_TOLERANCES = {
     "torque_per_rack": Estimate(0.2, "the map of another engine"),
     "torque_offset": Estimate(0.1, "the map of another engine, of the highest torque"),
+}
+_MOTOR_TOLERANCES = {
+    "motor_constant": Estimate(0.05, ""),
+    "armature_resistance": Estimate(0.3, "from the efficiency of the motor alone"),
 }
 
 
@@ -382,7 +404,8 @@ def _tolerances(given: Particulars) -> dict[str, Estimate]:
         known["resistance"] = Estimate(0.05, "from the power of the yard's trial")
     if given.full_load_rack_mm is not None:
         known["torque_per_rack"] = Estimate(0.1, "from the rack at full load")
-    return _TOLERANCES | known
+    electric = given.prime_mover == "electric"
+    return _TOLERANCES | (_MOTOR_TOLERANCES if electric else _ENGINE_TOLERANCES) | known
 
 
 SLOWEST_SERVICE = 0.7
@@ -443,7 +466,7 @@ def _hull(given: Particulars, hull: HullForm, point: DesignPoint) -> dict[str, E
 
 
 def _propeller(given: Particulars, point: DesignPoint) -> dict[str, Estimate]:
-    pitch, note = point.pitch_ratio, "thrust at the design speed and the engine's rating"
+    pitch, note = point.pitch_ratio, "thrust at the design speed and the rating"
     if given.pitch_ratio is not None:
         note = "given"
     lowest, highest = (0.5, max(1.2, pitch)) if given.controllable_pitch else (pitch, pitch)
@@ -499,16 +522,41 @@ def _engine(given: Particulars) -> dict[str, Estimate]:
     return values
 
 
+RATED_VOLTAGE = 1000.0
+"""Voltage of an electric motor at its rating [V], assumed; only ratios to it matter."""
+
+
+def _motor(given: Particulars) -> dict[str, Estimate]:
+    """Return a DC motor that has the rating at :data:`RATED_VOLTAGE` with the given efficiency.
+
+    All losses are those of the armature resistance: the torque is K i, the back voltage K w, and the
+    current at the rating P / (eta U).
+    """
+    speed = given.engine_speed_rpm * math.pi / 30.0
+    constant = given.motor_efficiency * RATED_VOLTAGE / speed
+    current = given.mcr_kW * 1e3 / (given.motor_efficiency * RATED_VOLTAGE)
+    resistance_ohm = (1.0 - given.motor_efficiency) * RATED_VOLTAGE / current
+    rating = "rating and efficiency of the motor"
+    return {
+        "type": Estimate("dc-motor", "equivalent to a machine with a converter"),
+        "motor_constant_V_s_rad": Estimate(constant, rating),
+        "armature_resistance_ohm": Estimate(resistance_ohm, rating),
+        "voltage_max_V": Estimate(RATED_VOLTAGE, "assumed"),
+    }
+
+
 BRONZE = 7600.0
 """Density of propeller bronze [kg/m3]."""
 
-INERTIA_CONSTANT_S = 1.5
-"""Kinetic energy of engine, flywheel and gearbox at rated speed over the rated power [s], assumed."""
+INERTIA_CONSTANT_S = {"diesel": 1.5, "electric": 0.8}
+"""Kinetic energy of engine or motor, flywheel and gearbox at rated speed over the rated power [s],
+assumed."""
 
 
 def _transmission(given: Particulars, point: DesignPoint) -> dict[str, Estimate]:
     rated = given.shaft_speed_rpm * math.pi / 30.0  # the inertia holds at the propeller shaft
-    inertia = 2.0 * INERTIA_CONSTANT_S * given.mcr_kW * 1e3 / rated**2
+    constant_s = INERTIA_CONSTANT_S[given.prime_mover]
+    inertia = 2.0 * constant_s * given.mcr_kW * 1e3 / rated**2
     area, power = point.expanded_area_ratio, given.propeller_diameter_m**5
     # blades of the B-series: mean thickness 0.0102 D over the expanded area, radius of gyration 0.275 D
     blades = BRONZE * 0.25 * math.pi * area * 0.0102 * 0.275**2 * power
@@ -517,7 +565,7 @@ def _transmission(given: Particulars, point: DesignPoint) -> dict[str, Estimate]
         "gear_ratio": Estimate(given.engine_speed_rpm / given.shaft_speed_rpm, "given"),
         "efficiency": Estimate(gear_efficiency(given), "assumed"),
         "inertia_engine_side_kg_m2": Estimate(
-            inertia, f"assumed: {INERTIA_CONSTANT_S:g} s of the rated power, at the propeller shaft"
+            inertia, f"assumed: {constant_s:g} s of the rated power, at the propeller shaft"
         ),
         "inertia_propeller_side_kg_m2": Estimate(
             blades + water, "blades of the B-series, and water by Schwanecke (1963)"
@@ -546,7 +594,7 @@ def fixed_pitch_remarks(given: Particulars) -> list[str]:
     Raises:
         ShipError: as :func:`ship_from_particulars`.
     """
-    if given.controllable_pitch:
+    if given.controllable_pitch or given.prime_mover == "electric":
         return []
     point = design_point(given, hull_form(given))
     speed = 2.0 * math.pi * point.shaft_speed * given.engine_speed_rpm / given.shaft_speed_rpm

@@ -40,7 +40,10 @@ REFUSED = {
         for s in HELD
     },
     **{("step", s): "needs a motor with a voltage" for s in NO_VOLTAGE},
-    ("step", "electric-fixed-pitch"): "moves; the model of the drive train needs hull.fixed = true",
+    **{
+        ("step", s): "moves; the model of the drive train needs hull.fixed = true"
+        for s in ("electric-fixed-pitch", "harbour-tug")
+    },
 }
 """What a method cannot do on a ship, and the reason that it gives."""
 

@@ -14,10 +14,40 @@ from typer.testing import CliRunner, Result
 from shaftline.cli.main import app
 from shaftline.plant import Ship, equilibrium, linearise, load_ship, ship_names
 from shaftline.plant.columns import RUDDER_COMMAND, TIME, drive_column
-from shaftline.plant.ship_files import template, template_names
+from shaftline.plant.particulars import Particulars, ship_from_particulars
+from shaftline.plant.ship_files import format_value, template, template_names
 
-SHIPS = (*ship_names(), *template_names())
-"""Every packaged ship, and every template from which ``new-ship`` writes a file."""
+FOREIGN = {
+    "trawler": {
+        "length_m": 38.0,
+        "beam_m": 9.6,
+        "draught_m": 4.0,
+        "displacement_t": 820.0,
+        "design_speed_kn": 12.0,
+        "mcr_kW": 1200.0,
+        "engine_speed_rpm": 900.0,
+        "shaft_speed_rpm": 180.0,
+        "propeller_diameter_m": 3.0,
+        "controllable_pitch": True,
+    },
+    "harbour-tug": {
+        "length_m": 24.0,
+        "beam_m": 10.5,
+        "draught_m": 3.6,
+        "displacement_t": 480.0,
+        "design_speed_kn": 11.5,
+        "shafts": 2,
+        "prime_mover": "electric",
+        "mcr_kW": 1000.0,
+        "engine_speed_rpm": 1000.0,
+        "shaft_speed_rpm": 250.0,
+        "propeller_diameter_m": 2.4,
+    },
+}
+"""Particulars of ships that the package does not contain."""
+
+SHIPS = (*ship_names(), *template_names(), *FOREIGN)
+"""Every packaged ship, every template from which ``new-ship`` writes a file, and foreign ships."""
 
 LEVELS = (1.0, 1.15, 0.9, 1.05)
 """Of a staircase, as shares of its mean."""
@@ -29,17 +59,25 @@ LONGEST_INTERVAL_S = 4.5
 
 
 def packaged(name: str) -> Ship:
-    """Return a ship by the name of a preset or of a template."""
+    """Return a ship by the name of a preset, of a template or of a foreign ship."""
+    if name in FOREIGN:
+        return ship_from_particulars(Particulars(name=name, **FOREIGN[name]))
     return template(name) if name in template_names() else load_ship(name)
 
 
 def name_of(ship: str, folder: Path) -> str:
-    """Return a ship as ``--ship`` takes it; a template's file is written by ``new-ship``."""
-    if ship not in template_names():
+    """Return a ship as ``--ship`` takes it; files of other ships are written by ``new-ship``."""
+    if ship not in template_names() and ship not in FOREIGN:
         return ship
     file = folder / f"{ship}.toml"
     if not file.exists():
-        done(run("new-ship", "--template", ship, "--out", file))
+        source: tuple[object, ...] = ("--template", ship)
+        if ship in FOREIGN:
+            particulars = folder / f"{ship}-particulars.toml"
+            keys = {"name": ship} | FOREIGN[ship]
+            particulars.write_text("".join(f"{k} = {format_value(v)}\n" for k, v in keys.items()))
+            source = ("--from-particulars", particulars)
+        done(run("new-ship", *source, "--out", file))
     return str(file)
 
 

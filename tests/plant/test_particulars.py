@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
 from shaftline.plant import Ship, ShipError, approach, load_ship
 from shaftline.plant.holtrop import resistance
@@ -114,6 +115,33 @@ def test_the_engine_has_its_inertia_at_the_propeller_shaft() -> None:
     energy = 0.5 * ship.transmission.inertia_engine_side_kg_m2 * speed**2
     assert energy == pytest.approx(1.5 * FERRY["mcr_kW"] * 1e3)
     assert ship.transmission.gear_ratio > 3.0
+
+
+def test_an_electric_motor_delivers_its_rating_with_its_efficiency() -> None:
+    """At the highest voltage and the rated speed the torque is P / w and the input P / eta."""
+    given = Particulars(**FERRY | {"prime_mover": "electric", "motor_efficiency": 0.9})
+    ship = ship_from_particulars(given)
+    motor: Any = ship.prime_mover
+    speed = 500.0 * math.pi / 30.0
+    back = motor.motor_constant_V_s_rad * speed
+    current = (motor.voltage_max_V - back) / motor.armature_resistance_ohm
+    assert motor.motor_constant_V_s_rad * current * speed == pytest.approx(10e6)
+    assert motor.voltage_max_V * current == pytest.approx(10e6 / 0.9)
+    assert ship.has_voltage
+    energy = 0.5 * ship.transmission.inertia_engine_side_kg_m2
+    energy *= (FERRY["shaft_speed_rpm"] * math.pi / 30.0) ** 2
+    assert energy == pytest.approx(0.8 * FERRY["mcr_kW"] * 1e3)
+    assert ship.tolerances.armature_resistance == 0.3
+    assert fixed_pitch_remarks(given) == []
+
+
+@pytest.mark.parametrize(
+    ("mover", "key", "value"),
+    [("diesel", "motor_efficiency", 0.9), ("electric", "full_load_rack_mm", 40.0)],
+)
+def test_keys_of_another_prime_mover_are_refused(mover: str, key: str, value: float) -> None:
+    with pytest.raises(ValidationError, match=f"{key}: has no effect with prime_mover = '{mover}'"):
+        Particulars(**FERRY | {"prime_mover": mover, key: value})
 
 
 def test_the_resistance_is_near_holtrop_at_lower_speeds() -> None:
