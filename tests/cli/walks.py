@@ -17,7 +17,7 @@ from shaftline.plant.columns import RUDDER_COMMAND, TIME, drive_column
 from shaftline.plant.particulars import Particulars, ship_from_particulars
 from shaftline.plant.ship_files import format_value, template, template_names
 
-FOREIGN = {
+FOREIGN: dict[str, dict[str, Any]] = {
     "trawler": {
         "length_m": 38.0,
         "beam_m": 9.6,
