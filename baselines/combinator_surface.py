@@ -10,6 +10,9 @@ shaft speed and pitch with the constraints of the paper:
     engine:       n_min <= n <= n_max,   M_b <= share M_max(n)
     gradient:     d eta_o / d J >= 0     (beyond its maximum the efficiency falls steeply)
     cavitation:   tau_c <= tau_limit     (Burrill, 5 % back cavitation)
+
+With a cavitation weight w the cost is fuel + w tau_c / tau_limit, with the fuel relative to that of a
+good setting: the propeller is quieter and the engine burns more.
 """
 
 from __future__ import annotations
@@ -51,9 +54,14 @@ class _Optimum:
     """Optimisation problem at one advance speed, with x = (omega / omega_max, p)."""
 
     def __init__(
-        self, ship: Ship, fit: OpenWaterFit, advance_velocity: float, torque_share: float
+        self,
+        ship: Ship,
+        fit: OpenWaterFit,
+        advance_velocity: float,
+        torque_share: float,
+        cavitation_weight: float,
     ) -> None:
-        self.torque_share = torque_share
+        self.torque_share, self.cavitation_weight = torque_share, cavitation_weight
         self.plant, self.fit, self.velocity = ship.record(), fit, advance_velocity
         low, self.top = ship.shaft_speeds
         pitches = (max(ship.propeller.pitch_ratio_min, 0.1), ship.propeller.pitch_ratio_max)
@@ -74,6 +82,9 @@ class _Optimum:
             self._cache[key] = working_point(self.plant, fit.thrust, fit.torque, *place)
         return self._cache[key]
 
+    def _burrill(self, trial: Floats) -> float:
+        return float(self.at(trial[:2] / (self.top, 1.0)).burrill)
+
     def constraints(self, x: Any) -> list[float]:
         """Return the inequality constraints at x, each satisfied if it is not negative."""
         w = self.at(x)
@@ -93,11 +104,16 @@ class _Optimum:
         """Return the optimal x at a thrust [N] and whether SLSQP converged."""
         near = self.trials[np.argsort(np.abs(self.trials[:, 2] / thrust - 1.0))[:60]]
         costs = near[:, 3] * (thrust / near[:, 2]) ** 1.5  # power is proportional to T^1.5
+        weight, scale = self.cavitation_weight, float(costs.min())
+        if weight > 0.0:
+            costs = costs + weight * scale * np.array([self._burrill(row) for row in near])
         start = near[int(np.argmin(costs)), :2] / (self.top, 1.0)
-        scale = float(self.at(start).cost)
+        if weight == 0.0:
+            scale = float(self.at(start).cost)
 
         def cost(x: Any) -> float:
-            return float(self.at(x).cost) / scale
+            here = self.at(x)
+            return float(here.cost) / scale + weight * float(here.burrill)
 
         def shortfall(x: Any) -> float:
             return float(self.at(x).thrust) / thrust - 1.0
@@ -127,13 +143,21 @@ class _Optimum:
 
 
 @functools.lru_cache(maxsize=16)
-def combinator_surface(ship: Ship, torque_share: float = TORQUE_MARGIN) -> CombinatorSurface:
+def combinator_surface(
+    ship: Ship,
+    torque_share: float = TORQUE_MARGIN,
+    cavitation_weight: float = 0.0,
+    kq_margin: float = 0.0,
+) -> CombinatorSurface:
     """Return the optimal settings over the advance speeds and thrusts of a ship.
 
     Args:
         ship: ship with a diesel and a controllable-pitch propeller.
         torque_share: highest engine torque over its limit [-]. The paper allows 1; the default leaves a
             margin for the governor in waves.
+        cavitation_weight: weight of Burrill's ratio against the relative fuel flow [-].
+        kq_margin: share by which KQ may be higher than the fit [-]. Fuel and engine torque are those of
+            this worst case, to which an error of eta_R or of the engine's torque is equivalent.
 
     Raises:
         ShipError: the ship is of another kind, or the polynomials do not fit its open-water curves.
@@ -141,6 +165,7 @@ def combinator_surface(ship: Ship, torque_share: float = TORQUE_MARGIN) -> Combi
     """
     require_diesel(ship)
     fit = fit_open_water(ship)
+    fit = fit._replace(torque=(1.0 + kq_margin) * fit.torque)
     low = ship.shaft_speeds[0]
     slowest = _LEAST_J * low / (2.0 * math.pi) * ship.propeller.diameter_m
     fastest = 1.05 * steady_point(ship, full_speed(ship), full_pitch(ship)).advance_velocity
@@ -148,7 +173,7 @@ def combinator_surface(ship: Ship, torque_share: float = TORQUE_MARGIN) -> Combi
     rows = []
     converged = 0
     for velocity in np.linspace(slowest, fastest, ADVANCE_SPEEDS):
-        problem = _Optimum(ship, fit, float(velocity), torque_share)
+        problem = _Optimum(ship, fit, float(velocity), torque_share, cavitation_weight)
         thrusts = problem.trials[:, 2]
         if len(thrusts) == 0:
             break  # No setting is allowed at this speed or above.

@@ -23,7 +23,7 @@ from ..plant.open_water import MIN_REVOLUTIONS, REVOLUTIONS_PER_RADIAN
 from ..plant.ship import Ship
 from .combinator import Combinator
 from .combinator_surface import OptimalSetting, combinator_surface, look_up
-from .controller import Commands, Controller, Measurements, Variants
+from .controller import Commands, Controller, Measurements, Ranges, Variants
 from .governor import RESPONSE_S
 from .working_point import fit_open_water, surface
 
@@ -64,16 +64,21 @@ class CppOptimiser(Controller):
         filter_s: time constant of the filters of estimated advance speed and thrust [s].
         pitch_at: thrust at which the pitch is taken from the surface: ``ordered``, or ``actual`` for the
             estimated thrust, as in the paper. In a steady state both are equal.
+        cavitation_weight: weight of Burrill's cavitation ratio against the relative fuel flow [-]; 0, as
+            in the paper, for least fuel.
+        kq_margin: share by which KQ may be higher than the ship file says [-], for a surface that stays
+            within the engine's torque then.
 
     State: shape (n, 5), columns :data:`INTEGRAL` to :data:`TRUST`.
 
     Raises:
-        ValueError: ``pitch_at`` is another word, or ``filter_s`` is not above 0.
+        ValueError: ``pitch_at`` is another word, or another option is out of range.
     """
 
     name = "cpp-optimiser"
     source = "CPP optimiser paper"
     variants: ClassVar[Variants] = {"cpp-optimiser-at-actual": {"pitch_at": "actual"}}
+    tunable: ClassVar[Ranges] = {"cavitation_weight": (0.0, 2.0), "kq_margin": (0.0, 0.1)}
 
     def __init__(
         self,
@@ -83,15 +88,25 @@ class CppOptimiser(Controller):
         *,
         filter_s: float = FILTER_S,
         pitch_at: str = "ordered",
+        cavitation_weight: float = 0.0,
+        kq_margin: float = 0.0,
     ) -> None:
         super().__init__(ship, interval_s)
         if pitch_at not in ("ordered", "actual"):
             raise ValueError(f"pitch_at = {pitch_at!r}: must be 'ordered' or 'actual'")
         if not (math.isfinite(filter_s) and filter_s > 0.0):
             raise ValueError(f"filter_s = {filter_s!r} s: must be a number above 0")
+        for key, value, most in (
+            ("cavitation_weight", cavitation_weight, 10.0),
+            ("kq_margin", kq_margin, 0.3),
+        ):
+            if not 0.0 <= value <= most:
+                raise ValueError(f"{key} = {value!r}: must be 0 to {most:g}")
         self.pitch_at, self.filter_s = pitch_at, filter_s
         self.fit = fit_open_water(self.ship)
-        self.surface = combinator_surface(self.ship)
+        self.surface = combinator_surface(
+            self.ship, cavitation_weight=cavitation_weight, kq_margin=kq_margin
+        )
         self.combinator = Combinator(self.ship, interval_s, response_s=response_s)
         self._top = self.ship.shaft_speeds[1]
 

@@ -51,6 +51,48 @@ def test_no_setting_of_a_fine_search_needs_less_fuel(ship: Ship) -> None:
                 assert w.cost >= best.cost * (1 - 1e-3)
 
 
+@by_ship
+def test_a_cavitation_weight_trades_fuel_for_a_quieter_propeller(ship: Ship) -> None:
+    """At equal thrust and advance speed: less load of the blades, more fuel, both monotonous."""
+    fit, plant, i, share = fit_open_water(ship), ship.record(), 7, 0.5
+    fuel, load = [], []
+    plain = combinator_surface(ship)
+    velocity = plain.advance_velocity[i]
+    thrust = plain.least_thrust[i] + share * (plain.most_thrust[i] - plain.least_thrust[i])
+    for weight in (0.0, 0.3, 1.0):
+        table = combinator_surface(ship, cavitation_weight=weight)
+        setting = look_up(table, np.array([thrust]), np.array([velocity]))
+        w = working_point(
+            plant, fit.thrust, fit.torque, velocity, setting.shaft_speed[0], setting.pitch_ratio[0]
+        )
+        assert w.thrust == pytest.approx(thrust, rel=0.01)
+        fuel.append(w.cost)
+        load.append(w.burrill)
+    assert fuel == sorted(fuel)
+    assert load == sorted(load, reverse=True)
+    assert load[1] < 0.97 * load[0]
+    assert fuel[1] < 1.01 * fuel[0]
+
+
+def test_a_margin_of_kq_keeps_the_engine_within_its_torque_when_kq_is_higher() -> None:
+    ship = SHIPS[0]
+    fit, plant = fit_open_water(ship), ship.record()
+    for margin, within in ((0.05, True), (0.0, False)):
+        table = combinator_surface(ship, kq_margin=margin)
+        shares = [
+            working_point(
+                plant,
+                fit.thrust,
+                1.05 * fit.torque,
+                velocity,
+                table.shaft_speed[i, -1],
+                table.pitch_ratio[i, -1],
+            ).torque_share
+            for i, velocity in enumerate(table.advance_velocity)
+        ]
+        assert (max(shares) < 0.972) == within  # TORQUE_MARGIN, and the tolerance of SLSQP
+
+
 def test_surface_spans_the_speeds_of_the_ship() -> None:
     ferry = SHIPS[1]
     table = combinator_surface(ferry)
