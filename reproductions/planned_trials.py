@@ -238,11 +238,23 @@ def summarise(results: Sequence[dict[str, Any]]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def discordant(results: Sequence[dict[str, Any]], other: str) -> tuple[int, int]:
+    """Return in how many cases only the planned trial, and only another one, ends right.
+
+    Args:
+        results: results of cases.
+        other: name of the other kind of programme.
+    """
+    asked = [one for one in results if one["open"] and one["effect"] != NOTHING]
+    pairs = [(one[PLANNED] == "right", one[other] == "right") for one in asked]
+    return pairs.count((True, False)), pairs.count((False, True))
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Compute the missing cases, and write the page."""
     folder = "out/planned-trials"
     parser = make_parser("planned_trials", __doc__, f"{folder}/page", kept=folder, jobs=None)
-    parser.add_argument("--cases", type=int, default=56, help="number of cases")
+    parser.add_argument("--cases", type=int, default=40, help="number of cases")
     parser.add_argument("--seed", type=int, default=6401, help="seed of the cases")
     options = parser.parse_args(arguments)
     wanted = {cell.name: cell for cell in cells_of(options.seed, options.cases)}
@@ -267,6 +279,7 @@ def main(arguments: list[str] | None = None) -> None:
         asked_without=len(asked),
         stayed=sum(one[PLANNED] == "right" for one in asked),
         named_without=sum(one[PLANNED] == "wrong" for one in asked),
+        against={name: discordant(results, name) for name in (RANDOM, ADVISED)},
         settled=sum(not one["open"] for one in results),
         right=sum(one["first"] == "right" and not one["open"] for one in results),
     )

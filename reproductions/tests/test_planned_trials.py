@@ -15,6 +15,7 @@ from reproductions.planned_trials import (
     NOTHING,
     advised_programme,
     cells_of,
+    discordant,
     outcome_of,
     second_recording,
     summarise,
@@ -104,7 +105,10 @@ def test_cases_that_leave_nothing_open_do_not_count() -> None:
         "random_minutes": None,
     }
     nothing = {"effect": NOTHING, "open": "anything", "planned": "wrong"}
-    table = summarise([one, one, {"effect": "a", "open": ""}, nothing]).set_index("programme")
+    results = [one, one, {"effect": "a", "open": ""}, nothing]
+    assert discordant(results, "random") == (2, 0)
+    assert discordant([one | {"planned": "wrong", "catalogue": "right"}], "catalogue") == (0, 1)
+    table = summarise(results).set_index("programme")
     assert table["cases"].tolist() == [2, 2, 2]
     assert table["right alone"].tolist() == [2, 0, 0]
     assert table["among alternatives"].tolist() == [0, 0, 2]
