@@ -1,4 +1,4 @@
-"""Check the p-values of a diagnosis on recordings in which nothing is missing; write ``p-values.md``.
+"""Calibrate and check the p-values of a diagnosis where nothing is missing; write ``p-values.md``.
 
 The recordings come from the independent simulator of the validation. The result of each case is kept in
 the folder ``--kept``.
@@ -6,6 +6,9 @@ the folder ``--kept``.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,13 +16,14 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from shaftline.core.sweep import sweep
-from shaftline.display.figures import new_figure
+from shaftline.display.figures import PALETTE, new_figure
 from shaftline.mismatch import diagnose
-from shaftline.mismatch.search.selection import p_value
+from shaftline.mismatch.search.selection import CALIBRATION, Calibration, chance_bound
 from shaftline.plant import load_ship
 from shaftline.validation.cases import case_kind, draw_case
 from shaftline.validation.recording import simulate_case
 from shaftline.validation.scoring import wilson
+from shaftline.validation.variants import file_text
 
 from .pages import make_parser, print_dot
 from .writing import write_results
@@ -53,20 +57,39 @@ def cells_of(seed: int, count: int) -> list[Cell]:
 
 
 def diagnose_null(cell: Cell) -> dict[str, Any]:
-    """Return the smallest p-value of all candidates in a null case, and what is named."""
+    """Return the smallest bound of all candidates in a null case, and what is named."""
     case = draw_case(*cell)
-    found = diagnose(load_ship(case.ship), simulate_case(case).recording)
-    ranked = [(p_value(c.effect, c.gain, limit), c.effect.label) for c, limit in found.ranking]
-    named = [(finding.p_value, finding.effect.label) for finding in found.findings]
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / f"{case.ship}.toml"
+        text = file_text(case)
+        if text is not None:
+            file.write_text(text, encoding="utf-8")
+        ship = load_ship(case.ship if text is None else file)
+    found = diagnose(ship, simulate_case(case).recording)
+    ranked = [(chance_bound(c.effect, c.gain, limit), c.effect.label) for c, limit in found.ranking]
+    named = [
+        (chance_bound(one.effect, one.score, one.threshold), one.effect.label)
+        for one in found.findings
+    ]
     least, label = min(ranked + named, default=(1.0, ""))
     return {
         "kind": case.kind,
         "ship": case.ship,
-        "p_value": least,
+        "bound": least,
         "effect": label,
         "named": ", ".join(label for _, label in named),
         "verdict": found.verdict,
     }
+
+
+def cross_calibrated(bounds: Sequence[float]) -> list[float]:
+    """Return the p-value of each null case by a calibration without the half to which it belongs.
+
+    Args:
+        bounds: smallest bound of each case.
+    """
+    halves = [Calibration.of(bounds[1 - k :: 2]) for k in (0, 1)]
+    return [halves[k % 2](bound) for k, bound in enumerate(bounds)]
 
 
 def summarise(table: pd.DataFrame) -> pd.DataFrame:
@@ -76,6 +99,7 @@ def summarise(table: pd.DataFrame) -> pd.DataFrame:
         row: dict[str, Any] = {"cases": kind, "count": len(own)}
         for level in NOMINAL:
             row[f"p < {level:g}"] = share(own["p_value"] < level)
+        row[f"bound < {NOMINAL[0]:g}"] = share(own["bound"] < NOMINAL[0])
         rows.append(row | {"named": share(own["named"] != "")})
     return pd.DataFrame(rows)
 
@@ -87,13 +111,16 @@ def share(hits: Any) -> str:
     return f"{count / whole:.3f} ({low:.3f} to {high:.3f})"
 
 
-def draw(values: Any) -> Figure:
-    """Draw the share of null cases below each p-value beside that of a uniform distribution."""
+def draw(table: pd.DataFrame) -> Figure:
+    """Draw the share of null cases below each p-value, and below each bound, beside the nominal one."""
     figure, axes = new_figure(1, 1, (4.5, 4.0))
     axis = axes.flat[0]
-    ordered = np.sort(np.maximum(values, 1e-6))
-    ranks = np.arange(1, len(ordered) + 1) / len(ordered)
-    axis.plot(ordered, ranks, color="black", drawstyle="steps-post", label="null cases")
+    ranks = np.arange(1, len(table) + 1) / len(table)
+    for color, (column, label) in zip(
+        PALETTE, (("p_value", "p-value"), ("bound", "without calibration")), strict=False
+    ):
+        ordered = np.sort(np.maximum(table[column], 1e-6))
+        axis.plot(ordered, ranks, color=color, drawstyle="steps-post", label=label)
     axis.plot([1e-3, 1.0], [1e-3, 1.0], color="black", linestyle=":", label="nominal")
     axis.set(xscale="log", yscale="log", xlabel="p-value", ylabel="share of null cases below it")
     axis.legend(frameon=False)
@@ -110,12 +137,14 @@ def main(arguments: list[str] | None = None) -> None:
     wanted = {cell.name: cell for cell in cells_of(options.seed, options.cases)}
     found = sweep(diagnose_null, wanted, options.kept, jobs=options.jobs, tick=print_dot)
     table = pd.DataFrame([found[name] for name in wanted])
+    bounds = table["bound"].tolist()
+    table["p_value"] = cross_calibrated(bounds)
     write_results(
         __file__,
         options.out,
         TITLE,
         table,
-        {"": draw(table["p_value"])},
+        {"": draw(table)},
         f"--cases {options.cases} --seed {options.seed}",
         summary=summarise(table),
         effects=table[table["p_value"] < NOMINAL[0]]
@@ -124,6 +153,8 @@ def main(arguments: list[str] | None = None) -> None:
         .rename("cases")
         .reset_index(),
         count=len(table),
+        calibration=Calibration.of(bounds),
+        used=CALIBRATION,
     )
 
 

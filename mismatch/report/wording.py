@@ -44,17 +44,17 @@ def number(value: float, digits: int = 3) -> str:
     return text.replace("-", "−")
 
 
-LEAST_P = 1e-6
-"""p-value below which only this limit is printed: simulated null cases cannot confirm a smaller one."""
+LEAST_P = 0.002
+"""p-value below which only this limit is printed: 500 simulated null cases confirm no smaller one."""
 
 
 def p_value_in_words(value: float) -> str:
     """Return a p-value as text.
 
     >>> p_value_in_words(0.0042), p_value_in_words(1e-30)
-    ('p = 0.0042', 'p < 0.000001')
+    ('p = 0.0042', 'p < 0.002')
     """
-    return f"p < {LEAST_P:f}" if value < LEAST_P else f"p = {value:.2g}"
+    return f"p < {LEAST_P:g}" if value < LEAST_P else f"p = {value:.2g}"
 
 
 def numbers(values: Sequence[float]) -> list[str]:

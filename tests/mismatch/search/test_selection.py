@@ -12,7 +12,16 @@ from scipy.stats import chi2
 
 from shaftline.mismatch import Effect
 from shaftline.mismatch.search.catalogue import SizedEffect
-from shaftline.mismatch.search.selection import REFINED, RISK, Selector, p_value, threshold
+from shaftline.mismatch.search.selection import (
+    CALIBRATION,
+    REFINED,
+    RISK,
+    Calibration,
+    Selector,
+    chance_bound,
+    p_value,
+    threshold,
+)
 from shaftline.mismatch.search.spectra import chance_gain
 
 from ..toy import entry
@@ -319,13 +328,28 @@ def test_gains_are_those_beside_the_others() -> None:
     assert found.gains == (200.0, 100.0)
 
 
-def test_the_p_value_is_the_risk_at_the_threshold_of_any_candidate() -> None:
+def test_the_bound_is_the_risk_at_the_threshold_of_any_candidate() -> None:
     """At the threshold it is RISK; elsewhere it is the union bound over all candidates."""
     for effect in (FOULING, BEND):
         limit = threshold(effect, 40)
         values = len(effect.parameters)
-        assert p_value(effect, limit, limit) == pytest.approx(RISK)
+        assert chance_bound(effect, limit, limit) == pytest.approx(RISK)
         gain = 1.1 * limit
         expected = 40 * chi2.sf(gain / 1.5, values)
-        assert p_value(effect, gain, limit) == pytest.approx(expected)
-        assert p_value(effect, 0.0, limit) == 1.0
+        assert chance_bound(effect, gain, limit) == pytest.approx(expected)
+        assert chance_bound(effect, 0.0, limit) == 1.0
+        assert p_value(effect, gain, limit) == pytest.approx(CALIBRATION(expected))
+
+
+def test_a_calibration_makes_the_p_values_of_null_cases_uniform() -> None:
+    rng = np.random.default_rng(1)
+    bounds = rng.uniform(size=4000) ** (1.0 / 0.4)  # shares below x are x^0.4
+    found = Calibration.of(bounds.tolist())
+    assert found.power == pytest.approx(0.4, abs=0.03)
+    for level in (0.05, 0.01):
+        share = np.mean([found(bound) < level for bound in bounds])
+        assert share == pytest.approx(level, rel=0.3)
+    assert found(1.0) == 1.0
+    assert found(0.2 - 1e-9) == pytest.approx(found(0.2), rel=1e-6)
+    values = [found(bound) for bound in (1e-9, 1e-3, 0.1, 0.3, 0.9)]
+    assert values == sorted(values)
