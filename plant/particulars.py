@@ -25,7 +25,7 @@ from .drives.diesel import torque_limit
 from .holtrop import HullForm, Interaction, estimate_form, interaction, resistance
 from .open_water import b_series, open_water
 from .ship import Ship, ShipError
-from .ship_files import format_value, load_ship
+from .ship_files import format_value, load_ship, template
 from .surroundings import ATMOSPHERE, GRAVITY, KNOT, VAPOUR_PRESSURE
 from .wind import Superstructure
 
@@ -522,6 +522,7 @@ def _engine(given: Particulars) -> dict[str, Estimate]:
     return values
 
 
+MOTOR = template("electric-fixed-pitch").prime_mover.type
 RATED_VOLTAGE = 1000.0
 """Voltage of an electric motor at its rating [V], assumed; only ratios to it matter."""
 
@@ -538,7 +539,7 @@ def _motor(given: Particulars) -> dict[str, Estimate]:
     resistance_ohm = (1.0 - given.motor_efficiency) * RATED_VOLTAGE / current
     rating = "rating and efficiency of the motor"
     return {
-        "type": Estimate("dc-motor", "equivalent to a machine with a converter"),
+        "type": Estimate(MOTOR, "DC motor, equivalent to a machine with a converter"),
         "motor_constant_V_s_rad": Estimate(constant, rating),
         "armature_resistance_ohm": Estimate(resistance_ohm, rating),
         "voltage_max_V": Estimate(RATED_VOLTAGE, "assumed"),

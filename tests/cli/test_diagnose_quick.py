@@ -19,7 +19,7 @@ def test_quick_leaves_out_the_second_search(
 
     def stand_in(*_: object, options: object, **given: object) -> object:
         asked.append(options)
-        nothing: dict[str, Any] = {"alternatives": {}, "calibrated": None}
+        nothing: dict[str, Any] = {"alternatives": {}, "hidden": {}, "calibrated": None}
         return SimpleNamespace(save=lambda out, pdf: out, summary=str, **nothing)
 
     monkeypatch.setattr("shaftline.mismatch.diagnose", stand_in)

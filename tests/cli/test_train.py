@@ -245,7 +245,10 @@ def test_a_search_in_which_every_episode_fails_says_so(
         (("--vary", "speed_gain=3:1"), "range of speed_gain: 3.0 to 1.0: the ends must be finite"),
         (("--vary", "zeal=0:1"), "option 'zeal' is unknown"),
         (("--controller", "helm"), "unknown controller 'helm'"),
-        (("--controller", "cpp-optimiser"), "no constant of this controller can be tuned"),
+        (
+            ("--controller", "examples.own_controller:Steady"),
+            "no constant of this controller can be tuned",
+        ),
         (("--task", "race"), "race"),
         (("--observer", "eye"), "eye"),
     ],

@@ -37,7 +37,8 @@ def test_the_interval_ends_at_the_bounds() -> None:
 
 def test_as_data_it_is_value_and_interval(frigate: Ship) -> None:
     found = Estimate.of(frigate, FRICTION, 8000.0, 100.0).to_dict()
-    assert found == {"value": 8000.0, "ci95": [8000.0 - 196.0, 8000.0 + 196.0]}
+    ends = [8000.0 - 196.0, 8000.0 + 196.0]
+    assert found == {"value": 8000.0, "ci95": ends, "key": FRICTION, "se": 100.0}
 
 
 def test_an_error_known_from_little_has_a_wider_interval() -> None:

@@ -217,7 +217,7 @@ def test_a_size_is_worked_out_at_the_probe_nearest_to_none() -> None:
 
     fit.predict = spied  # type: ignore[method-assign]
     detectable_effects(fit, lambda effect: 16.0, fit.null, [HULL_FOULING])
-    assert tried == [0.0, -0.03]
+    assert tried == [0.0, 0.03]
 
 
 def test_an_effect_without_room_for_a_probe_has_no_size() -> None:

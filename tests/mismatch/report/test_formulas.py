@@ -49,6 +49,8 @@ def test_a_formula_as_data() -> None:
     assert told["coefficients"]["a"] == {
         "value": -1200.0,
         "ci95": [-1396.0, -1004.0],
+        "key": "term.formula.a",
+        "se": 100.0,
         "unit": "N/rad",
     }
     assert told["evidence"] == {"score": 120.0, "threshold": 40.0, "held_out": 33.0}
