@@ -343,7 +343,7 @@ class Calibration(NamedTuple):
     def __call__(self, bound: float) -> float:
         """Return the probability of so small a bound where nothing is missing."""
         if bound < self.edge:
-            return self.share * (bound / self.edge) ** self.power
+            return self.share * math.pow(bound / self.edge, self.power)
         return self.share + (1.0 - self.share) * (bound - self.edge) / (1.0 - self.edge)
 
 

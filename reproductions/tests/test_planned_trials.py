@@ -95,7 +95,7 @@ def test_the_catalogue_advises_by_the_first_effect() -> None:
 
 
 def test_cases_that_leave_nothing_open_do_not_count() -> None:
-    one = {
+    one: dict[str, Any] = {
         "effect": "hull-fouling/hull",
         "open": "alternatives",
         "planned": "right",
@@ -104,8 +104,8 @@ def test_cases_that_leave_nothing_open_do_not_count() -> None:
         "planned_minutes": 5.0,
         "random_minutes": None,
     }
-    nothing = {"effect": NOTHING, "open": "anything", "planned": "wrong"}
-    results = [one, one, {"effect": "a", "open": ""}, nothing]
+    nothing: dict[str, Any] = {"effect": NOTHING, "open": "anything", "planned": "wrong"}
+    results: list[dict[str, Any]] = [one, one, {"effect": "a", "open": ""}, nothing]
     assert discordant(results, "random") == (2, 0)
     assert discordant([one | {"planned": "wrong", "catalogue": "right"}], "catalogue") == (0, 1)
     table = summarise(results).set_index("programme")
