@@ -63,8 +63,8 @@ def test_the_helmsman_of_a_task_with_a_rudder_is_searched_too() -> None:
 def test_what_a_search_cannot_do_is_refused() -> None:
     with pytest.raises(ControllerError, match="unknown controller 'helm'"):
         tune("helm", "acceleration", **QUICK)
-    with pytest.raises(ControllerError, match=r"cpp-optimiser.*no constant"):
-        tune("cpp-optimiser", "acceleration", **QUICK)
+    with pytest.raises(ControllerError, match=r"own_controller:Steady.*no constant"):
+        tune("examples.own_controller:Steady", "acceleration", **QUICK)
     with pytest.raises(ValueError, match=r"range of speed_gain: 3\.0 to 3\.0"):
         tune("speed-pilot", "acceleration", ranges={"speed_gain": (3.0, 3.0)}, **QUICK)
     with pytest.raises(ControllerError, match="option 'weight' is unknown"):
