@@ -94,11 +94,8 @@ class Estimate:
 
     def to_dict(self) -> dict[str, float | list[float] | str]:
         """Return ``value``, ``ci95``, ``key`` and the standard error ``se`` for ``report.json``."""
-        found: dict[str, float | list[float] | str] = {
-            "value": self.value,
-            "ci95": list(self.ci95),
-        }
-        return found | {"key": self.key, "se": self.standard_error}
+        ends = list(self.ci95)
+        return {"value": self.value, "ci95": ends, "key": self.key, "se": self.standard_error}
 
 
 Tick = Callable[[str, int, int], None]

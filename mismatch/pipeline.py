@@ -46,16 +46,14 @@ from .judge.verdict import (
     UNEXPLAINED,
     Verdict,
     active_windows,
-    alternative_ships,
     balance_rows,
-    detectable_effects,
     explained_shares,
     findings_of,
-    hidden_ships,
     is_far_from_noise,
     is_undecidable,
     judge_selection,
     limit_verdict,
+    open_models,
     regime,
     sure_effects,
 )
@@ -492,10 +490,7 @@ def _report(
     if shape is not None:
         windows = active_windows(shape.trace, interval, float(replay.time_s[-1]))
         where = regime(shape.trace, signals_of(fitter, fitter.null))
-    tried, base = [c.effect for c in selection.ranking], selection.fit if findings else fitter.null
-    detectable = detectable_effects(fitter, selector.threshold, base, tried)
-    alternatives = alternative_ships(fitter, selection, selector.threshold, name, bool(findings))
-    hides = undecidable and not findings and not alternatives
+    left = open_models(fitter, selection, selector.threshold, name, bool(findings), undecidable)
     return Diagnosis(
         verdict=name, ship=ship, corrected=corrected, time_s=replay.time_s,
         held_out=[(a * interval, b * interval) for a, b in evidence.held],
@@ -508,7 +503,7 @@ def _report(
         left_over=verdict.left_over,
         ranking=[(c, selector.threshold(c.effect)) for c in selection.ranking],
         tried=tuple(c.effect.label for c in selection.ranking),
-        detectable=[one for one in detectable if len(one.effect.parameters) == 1],
+        detectable=left.detectable,
         fit_before=fit_before, fit_after=fit_percents(measured, after, rows),
         held_out_gain=float(gain), excited=replay.excited, line=replay.line,
         highest_Hz=fitter.bands.highest_Hz, rows_averaged=replay.every, limits=together.limits,
@@ -518,6 +513,6 @@ def _report(
             "pitch_ratio_command": replay.command, "inflow": replay.inflow_rows, **replay.outside,
         },
         biased=find_biased_parameters(fitter, selection) if conclusion.is_named else [],
-        alternatives=alternatives,
-        hidden=hidden_ships(fitter.trial_ship, detectable) if hides else {},
+        alternatives=left.alternatives,
+        hidden=left.hidden,
     )  # fmt: skip

@@ -522,7 +522,6 @@ def _engine(given: Particulars) -> dict[str, Estimate]:
     return values
 
 
-MOTOR = template("electric-fixed-pitch").prime_mover.type
 RATED_VOLTAGE = 1000.0
 """Voltage of an electric motor at its rating [V], assumed; only ratios to it matter."""
 
@@ -539,7 +538,10 @@ def _motor(given: Particulars) -> dict[str, Estimate]:
     resistance_ohm = (1.0 - given.motor_efficiency) * RATED_VOLTAGE / current
     rating = "rating and efficiency of the motor"
     return {
-        "type": Estimate(MOTOR, "DC motor, equivalent to a machine with a converter"),
+        "type": Estimate(
+            template("electric-fixed-pitch").prime_mover.type,
+            "DC motor, equivalent to a machine with a converter",
+        ),
         "motor_constant_V_s_rad": Estimate(constant, rating),
         "armature_resistance_ohm": Estimate(resistance_ohm, rating),
         "voltage_max_V": Estimate(RATED_VOLTAGE, "assumed"),

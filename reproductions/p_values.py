@@ -7,8 +7,6 @@ the folder ``--kept``.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,12 +16,11 @@ from matplotlib.figure import Figure
 from shaftline.core.sweep import sweep
 from shaftline.display.figures import PALETTE, new_figure
 from shaftline.mismatch import diagnose
-from shaftline.mismatch.search.selection import CALIBRATION, Calibration, chance_bound
-from shaftline.plant import load_ship
-from shaftline.validation.cases import case_kind, draw_case
+from shaftline.mismatch.search.selection import Calibration, chance_bound
+from shaftline.validation.cases import draw_case, indices_of
+from shaftline.validation.coverage import ship_of
 from shaftline.validation.recording import simulate_case
 from shaftline.validation.scoring import wilson
-from shaftline.validation.variants import file_text
 
 from .pages import make_parser, print_dot
 from .writing import write_results
@@ -47,25 +44,15 @@ class Cell(NamedTuple):
 
 def cells_of(seed: int, count: int) -> list[Cell]:
     """Return the first null cases of a seed."""
-    found: list[Cell] = []
-    index = 0
-    while len(found) < count:
-        if case_kind(seed, index)[0].startswith("null"):
-            found.append(Cell(seed, index))
-        index += 1
-    return found
+    return [
+        Cell(seed, index) for index in indices_of(seed, count, lambda kind: kind.startswith("null"))
+    ]
 
 
 def diagnose_null(cell: Cell) -> dict[str, Any]:
     """Return the smallest bound of all candidates in a null case, and what is named."""
     case = draw_case(*cell)
-    with TemporaryDirectory() as folder:
-        file = Path(folder) / f"{case.ship}.toml"
-        text = file_text(case)
-        if text is not None:
-            file.write_text(text, encoding="utf-8")
-        ship = load_ship(case.ship if text is None else file)
-    found = diagnose(ship, simulate_case(case).recording)
+    found = diagnose(ship_of(case), simulate_case(case).recording)
     ranked = [(chance_bound(c.effect, c.gain, limit), c.effect.label) for c, limit in found.ranking]
     named = [
         (chance_bound(one.effect, one.score, one.threshold), one.effect.label)
@@ -154,7 +141,6 @@ def main(arguments: list[str] | None = None) -> None:
         .reset_index(),
         count=len(table),
         calibration=Calibration.of(bounds),
-        used=CALIBRATION,
     )
 
 

@@ -20,7 +20,7 @@ from shaftline.core.sweep import sweep
 from shaftline.mismatch import Diagnosis, Limits, catalogue, diagnose, plan_trial
 from shaftline.mismatch.report.plan import read_question
 from shaftline.plant import load_ship
-from shaftline.validation.cases import Case, case_kind, draw_case
+from shaftline.validation.cases import Case, draw_case, indices_of
 from shaftline.validation.recording import Scenario, simulate_case, with_effect
 from shaftline.validation.scoring import wilson
 from shaftline.validation.simulator.effects import CONFOUNDED
@@ -68,13 +68,8 @@ def cells_of(seed: int, count: int) -> list[Cell]:
         NOTHING if k % EVERY == EVERY - 1 else CONFOUNDED[(k - k // EVERY) % len(CONFOUNDED)]
         for k in range(count)
     ]
-    found: list[Cell] = []
-    index = 0
-    while len(found) < count:
-        if case_kind(seed, index)[0] == "confounded":
-            found.append(Cell(seed, index, keys[len(found)]))
-        index += 1
-    return found
+    indices = indices_of(seed, count, lambda kind: kind == "confounded")
+    return [Cell(seed, index, key) for index, key in zip(indices, keys, strict=True)]
 
 
 def outcome_of(diagnosis: Diagnosis, true: str) -> str:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -108,6 +110,12 @@ def case_kind(seed: int, index: int) -> tuple[str, int]:
     shuffled = [BLOCK[i] for i in _order(seed, "kinds", len(BLOCK), block)]
     kind = shuffled[place]
     return kind, block * BLOCK.count(kind) + shuffled[:place].count(kind)
+
+
+def indices_of(seed: int, count: int, is_wanted: Callable[[str], bool]) -> list[int]:
+    """Return the indices of the first cases of a seed whose kind is wanted."""
+    wanted = (index for index in itertools.count() if is_wanted(case_kind(seed, index)[0]))
+    return [*itertools.islice(wanted, count)]
 
 
 def conceal(effect: TrueEffect, ratio: float, rng: Generator) -> Concealed:

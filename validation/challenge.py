@@ -31,7 +31,7 @@ from ..core.files import (
 from ..core.sweep import sweep
 from ..display.tables import markdown, write_csv
 from ..plant import load_ship, write_ship
-from .cases import Case, case_kind, draw_case
+from .cases import Case, draw_case, indices_of
 from .comparison.rival import (
     INPUTS,
     RECORDING,
@@ -78,13 +78,7 @@ def truth_file(folder: Path) -> Path:
 
 def case_indices(seed: int, count: int) -> list[int]:
     """Return the indices of the first cases of a seed whose kinds take part in a challenge."""
-    found: list[int] = []
-    index = 0
-    while len(found) < count:
-        if case_kind(seed, index)[0] not in LEFT_OUT:
-            found.append(index)
-        index += 1
-    return found
+    return indices_of(seed, count, lambda kind: kind not in LEFT_OUT)
 
 
 def check_challenge_size(cases: int, variant: str) -> None:
@@ -103,6 +97,22 @@ def check_challenge_size(cases: int, variant: str) -> None:
     most = int(LARGEST_RESULT / (rows * ROW_BYTES))
     if cases > most:
         raise ValueError(f"--cases {cases}: at most {most} with --variant {variant}")
+
+
+def refuse_content(folder: Path, truth: Path) -> None:
+    """Refuse a folder that has content, and a file of the truth that exists.
+
+    Args:
+        folder: folder of a new challenge.
+        truth: file of its truth.
+
+    Raises:
+        ValueError: either would be overwritten.
+    """
+    if folder.is_dir() and any(folder.iterdir()):
+        raise ValueError(f"--out {folder}: is not empty; give a new folder")
+    if truth.exists():
+        raise ValueError(f"{truth}: exists already; remove this truth or give another --out")
 
 
 def make_challenge(
@@ -133,10 +143,7 @@ def make_challenge(
     """
     truth = truth or truth_file(folder)
     check_challenge_size(cases, variant)
-    if folder.is_dir() and any(folder.iterdir()):
-        raise ValueError(f"--out {folder}: is not empty; give a new folder")
-    if truth.exists():
-        raise ValueError(f"{truth}: exists already; remove this truth or give another --out")
+    refuse_content(folder, truth)
     if folder.resolve() in truth.resolve().parents:
         raise ValueError(
             f"--truth {truth}: lies in the published folder {folder}; keep it elsewhere"

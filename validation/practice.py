@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from ..core.files import read_text, write_text
-from .challenge import CARD, make_challenge, truth_file
+from .challenge import CARD, make_challenge, refuse_content, truth_file
 from .variants import SLOW
 
 FOLDER = Path(__file__).parent / "challenge_set" / "challenge"
@@ -47,10 +47,7 @@ def copy_set(folder: Path) -> Path:
         ValueError: the folder has content, or the truth exists.
     """
     truth = truth_file(folder)
-    if folder.is_dir() and any(folder.iterdir()):
-        raise ValueError(f"--out {folder}: is not empty; give a new folder")
-    if truth.exists():
-        raise ValueError(f"{truth}: exists already; remove this truth or give another --out")
+    refuse_content(folder, truth)
     shutil.copytree(FOLDER, folder, dirs_exist_ok=True)
     shutil.copyfile(truth_file(FOLDER), truth)
     return truth

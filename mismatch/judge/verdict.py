@@ -11,7 +11,7 @@ import contextlib
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -511,6 +511,38 @@ def detectable_effects(
             unit = parameter.in_ship(trial_ship.ship).info.unit
             detectable.append(Detectable(sized, abs(side), unit))
     return detectable
+
+
+class OpenModels(NamedTuple):
+    """Models that recordings leave open."""
+
+    detectable: list[Detectable]  # smallest detectable effects of one parameter
+    alternatives: dict[str, Ship]  # ships of :func:`alternative_ships`
+    hidden: dict[str, Ship]  # ships of :func:`hidden_ships`, if nothing is decided
+
+
+def open_models(
+    fitter: Fitter,
+    selection: Selection,
+    threshold: Callable[[Effect], float],
+    verdict: str,
+    named: bool,
+    undecidable: bool,
+) -> OpenModels:
+    """Return the models that recordings leave open.
+
+    The first five arguments are those of :func:`alternative_ships`. If the recordings are undecidable,
+    with neither an effect nor an alternative, they may hide any effect.
+    """
+    alternatives = alternative_ships(fitter, selection, threshold, verdict, named)
+    hides = undecidable and not named and not alternatives
+    tried = [candidate.effect for candidate in selection.ranking]
+    single = [effect for effect in tried if len(effect.parameters) == 1]
+    base = selection.fit if named else fitter.null
+    found = detectable_effects(fitter, threshold, base, tried if hides else single)
+    hidden = hidden_ships(fitter.trial_ship, found) if hides else {}
+    found = [one for one in found if len(one.effect.parameters) == 1]
+    return OpenModels(found, alternatives, hidden)
 
 
 def hidden_ships(trial_ship: TrialShip, detectable: Iterable[Detectable]) -> dict[str, Ship]:

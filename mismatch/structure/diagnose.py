@@ -32,14 +32,12 @@ from ..judge.verdict import (
     PARTLY,
     UNEXPLAINED,
     Finding,
-    alternative_ships,
     balance_verdicts,
-    detectable_effects,
     doubts,
     explained_shares,
     findings_of,
-    hidden_ships,
     is_undecidable,
+    open_models,
 )
 from ..recordings.joint import JointRecordings
 from ..search.catalogue import Effect, SizedEffect
@@ -281,11 +279,10 @@ def _update_diagnosis(
     pairs = zip(findings, effect_estimates(problem, model, fitter), strict=True)
     after = dict(zip(problem.names, problem.simulate(model), strict=True))
     shares = explained_shares(whiteness, setting.fitter.null, fit, setting.whiteness)
-    tried = [candidate.effect for candidate in selection.ranking]
     said = [*why, *remarks(best, problem), *plain_error_remarks(problem, best, corrected)]
-    detectable = detectable_effects(fitter, search.threshold, fit, tried)
-    alternatives = alternative_ships(fitter, selection, search.threshold, verdict, bool(findings))
-    hides = first.undecidable and not findings and not alternatives
+    left = open_models(
+        fitter, selection, search.threshold, verdict, bool(findings), first.undecidable
+    )
     return replace(
         first,
         verdict=verdict,
@@ -302,13 +299,13 @@ def _update_diagnosis(
         left_over=colour,
         ranking=[(c, search.threshold(c.effect)) for c in selection.ranking],
         tried=tuple(dict.fromkeys([*first.tried, *(effect.label for effect in search.effects)])),
-        detectable=[one for one in detectable if len(one.effect.parameters) == 1],
+        detectable=left.detectable,
         fit_after=fit_percents(first.measured, after, problem.held_rows),
         held_out_gain=gain,
         warnings=[*together.warnings, *said],
         parameters=parameter_estimates(first.ship, problem, model, corrected),
-        alternatives=alternatives,
-        hidden=hidden_ships(fitter.trial_ship, detectable) if hides else {},
+        alternatives=left.alternatives,
+        hidden=left.hidden,
     )
 
 
