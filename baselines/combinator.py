@@ -5,6 +5,9 @@ the lowest shaft speed; from full pitch on the shaft speed rises to its highest 
 converted to a lever position by the steady ship speeds in calm water, so waves, fouling and shallow
 water cause a steady speed error. The variant with a trimmed lever removes this error slowly, as the
 officer of the watch does, and is therefore comparable with controllers that hold the ship speed.
+
+With the option ``va_weight`` the advance velocity schedules the pitch: it is reduced where the engine
+would otherwise need more than its torque at the set-point of the shaft speed.
 """
 
 from __future__ import annotations
@@ -16,17 +19,55 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 import scipy
 
+from ..core.compiled import Record, compiled
 from ..observers.records import Floats
+from ..observers.torque_curve import model_torque
+from ..plant.drives.diesel import torque_limit
+from ..plant.shaft import brake_torque_of, load_torque
 from ..plant.ship import Ship
 from .controller import Commands, Controller, Measurements, Ranges, Variants
 from .governor import RESPONSE_S, Governor
+from .inflow_schedule import SCHEDULE_COLUMNS, make_schedule
 from .steady_points import SteadyPoint, steady_point
 
 FLOOR_SHARE = 0.5  # lowest over highest shaft speed [-], at least the lowest of the engine
 FULL_PITCH_LEVER = 0.45  # lever position at which the pitch is full [-]
 TORQUE_MARGIN = 0.97  # engine torque over its limit at full pitch and speed in calm water [-]
 _NEAR = 0.5  # largest speed error that trims the lever [m/s], as after a new order
+_HALVINGS = 30
 _POINTS = 41  # number of steady states along the curve
+
+
+@compiled
+def torque_share(plant: Record, velocity: float, shaft_speed: float, pitch: float) -> float:
+    """Return the brake torque over its limit [-] at v_a [m/s], omega [rad/s] and P/D [-]."""
+    load = load_torque(plant, model_torque(plant, velocity, shaft_speed, pitch), shaft_speed)
+    limit = torque_limit(plant, plant.gear_ratio * shaft_speed)
+    return float(brake_torque_of(plant, load, shaft_speed) / limit)
+
+
+@compiled
+def pitches_within_torque(
+    plant: Record, velocity: Floats, shaft_speed: Floats, pitch: Floats, share: float
+) -> Floats:
+    """Return the P/D [-] of n ships, reduced until the brake torque is within a share of its limit.
+
+    The torque rises with the pitch. Each argument has the shape (n,); where the advance velocity [m/s]
+    is not finite, the pitch is unchanged.
+    """
+    found = pitch.copy()
+    for i in range(len(pitch)):
+        v, omega, low, high = velocity[i], shaft_speed[i], plant.pitch_ratio_min, pitch[i]
+        if not torque_share(plant, v, omega, high) > share:
+            continue
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            if torque_share(plant, v, omega, middle) > share:
+                high = middle
+            else:
+                low = middle
+        found[i] = low
+    return found
 
 
 class SetPoints(NamedTuple):
@@ -211,17 +252,25 @@ class Combinator(Controller):
         response_s: time constant of the governed shaft speed [s].
         trim_s: time constant [s] with which the lever is trimmed until the measured ship speed equals
             the order, where waves, wind or a fouled hull slow the ship; 0 for no trim.
+        va_weight: weight k of the estimated advance velocity (:mod:`.inflow_schedule`) [-], at which the
+            pitch is reduced until the engine torque is within its limit; 0 for the nominal wake. By
+            default the pitch is that of the curve.
 
-    State: integral of the governor [mm] and trim of the speed order [m/s], shape (n, 2).
+    State: integral of the governor [mm], trim of the speed order [m/s], and state of the inflow
+    schedule; shape (n, 4).
 
     Raises:
-        ValueError: ``trim_s`` is negative or not finite.
+        ValueError: ``trim_s`` is negative or not finite, or ``va_weight`` is outside 0 to 1.
     """
 
     name = "combinator"
     source = "common practice"
     variants: ClassVar[Variants] = {"combinator-trimmed": {"trim_s": 30.0}}
-    tunable: ClassVar[Ranges] = {"response_s": (1.0, 20.0), "trim_s": (5.0, 100.0)}
+    tunable: ClassVar[Ranges] = {
+        "response_s": (1.0, 20.0),
+        "trim_s": (5.0, 100.0),
+        "va_weight": (0.0, 1.0),
+    }
 
     def __init__(
         self,
@@ -230,11 +279,13 @@ class Combinator(Controller):
         curve: Curve | None = None,
         response_s: float = RESPONSE_S,
         trim_s: float = 0.0,
+        va_weight: float | None = None,
     ) -> None:
         super().__init__(ship, interval_s)
         if not (np.isfinite(trim_s) and trim_s >= 0.0):
             raise ValueError(f"combinator: trim_s = {trim_s!r} s: must be 0 or more")
         self.trim_s = trim_s
+        self.schedule = make_schedule(self.name, self.plant, interval_s, va_weight)
         self.curve = combinator_curve(self.ship) if curve is None else curve
         middle = float(np.interp(0.5, self.curve.lever, self.curve.pitch_ratio))
         self.governor = Governor(self.ship, interval_s, response_s, middle)
@@ -258,13 +309,18 @@ class Combinator(Controller):
         """Return the integral that keeps the fuel rack at its position, and no trim."""
         _, speed = self.set_points(signals.speed_order)
         integral = self.governor.settle(signals.shaft_speed, signals.fuel_rack, speed)
-        return np.column_stack([integral, np.zeros_like(integral)])
+        return np.column_stack([integral, np.zeros((len(integral), 1 + SCHEDULE_COLUMNS))])
 
     def act(self, signals: Measurements, memory: Floats) -> Commands:
-        """Return the pitch of the curve and the fuel rack of the governor."""
+        """Return the pitch of the curve, within the torque limit, and the rack of the governor."""
         if self.trim_s > 0.0:
             error = np.clip(signals.speed_order - signals.ship_speed, -_NEAR, _NEAR)
             memory[:, 1] += self.interval_s / self.trim_s * error
-        pitch, speed = self.set_points(signals.speed_order + memory[:, 1])
+        order = signals.speed_order + memory[:, 1]
+        pitch, speed = self.set_points(order)
+        if self.schedule is not None:
+            memory[:, 2:] = self.schedule.update(signals, memory[:, 2:])
+            velocity = self.schedule.velocity(signals, memory[:, 2:])
+            pitch = pitches_within_torque(self.plant, velocity, speed, pitch, TORQUE_MARGIN)
         rack, memory[:, 0] = self.governor.command(speed, signals.shaft_speed, memory[:, 0])
         return pitch, rack

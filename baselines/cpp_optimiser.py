@@ -25,15 +25,17 @@ from .combinator import Combinator
 from .combinator_surface import OptimalSetting, combinator_surface, look_up
 from .controller import Commands, Controller, Measurements, Ranges, Variants
 from .governor import RESPONSE_S
+from .inflow_schedule import SCHEDULE_COLUMNS, make_schedule, valid_estimate
 from .working_point import fit_open_water, surface
 
 FILTER_S = 8.0  # of estimated advance speed and thrust [s], longer than a wave period
 THRUST_INTEGRAL_S = 20.0  # integral time of the thrust controller [s], slower than the filters
 TRUST_S = 5.0  # time constant of the transition between combinator and optimiser [s]
 TRIM_SHARE = 0.2  # largest trim of the thrust controller over the highest shaft speed [-]
-INTEGRAL, ADVANCE, THRUST, TRIM, TRUST = range(5)
+INTEGRAL, ADVANCE, THRUST, TRIM, TRUST, SCHEDULE = range(6)
 """Columns of the controller state: integral of the governor [mm], filtered advance speed [m/s] and
-thrust [N], trim of the shaft speed [rad/s], weight of the optimiser (0 to 1) [-]."""
+thrust [N], trim of the shaft speed [rad/s], weight of the optimiser (0 to 1) [-], and the first column
+of the inflow schedule."""
 
 
 @compiled
@@ -47,11 +49,6 @@ def _thrusts(
         j = min(max(velocity[i] / (n * plant.diameter), 0.0), max(pitch[i], 0.0))
         thrust[i] = surface(matrix, j, pitch[i]) * plant.density * plant.diameter**4 * n * n
     return thrust
-
-
-def _valid(signals: Measurements) -> NDArray[np.bool_]:
-    """Return whether the estimate of the advance speed is valid and finite."""
-    return (signals.estimate_valid > 0.5) & np.isfinite(signals.advance_velocity)
 
 
 class CppOptimiser(Controller):
@@ -68,8 +65,11 @@ class CppOptimiser(Controller):
             in the paper, for least fuel.
         kq_margin: share by which KQ may be higher than the ship file says [-], for a surface that stays
             within the engine's torque then.
+        va_weight: weight k of the estimate in the advance velocity of :mod:`.inflow_schedule` [-], which
+            falls back to the nominal wake; 0 for the nominal wake alone. By default the estimate is used
+            as it is, as in the paper.
 
-    State: shape (n, 5), columns :data:`INTEGRAL` to :data:`TRUST`.
+    State: shape (n, 7), columns :data:`INTEGRAL` to :data:`TRUST`, then those of the inflow schedule.
 
     Raises:
         ValueError: ``pitch_at`` is another word, or another option is out of range.
@@ -78,7 +78,11 @@ class CppOptimiser(Controller):
     name = "cpp-optimiser"
     source = "CPP optimiser paper"
     variants: ClassVar[Variants] = {"cpp-optimiser-at-actual": {"pitch_at": "actual"}}
-    tunable: ClassVar[Ranges] = {"cavitation_weight": (0.0, 2.0), "kq_margin": (0.0, 0.1)}
+    tunable: ClassVar[Ranges] = {
+        "cavitation_weight": (0.0, 2.0),
+        "kq_margin": (0.0, 0.1),
+        "va_weight": (0.0, 1.0),
+    }
 
     def __init__(
         self,
@@ -90,6 +94,7 @@ class CppOptimiser(Controller):
         pitch_at: str = "ordered",
         cavitation_weight: float = 0.0,
         kq_margin: float = 0.0,
+        va_weight: float | None = None,
     ) -> None:
         super().__init__(ship, interval_s)
         if pitch_at not in ("ordered", "actual"):
@@ -108,6 +113,7 @@ class CppOptimiser(Controller):
             self.ship, cavitation_weight=cavitation_weight, kq_margin=kq_margin
         )
         self.combinator = Combinator(self.ship, interval_s, response_s=response_s)
+        self.schedule = make_schedule(self.name, self.plant, interval_s, va_weight)
         self._top = self.ship.shaft_speeds[1]
 
     def ordered_thrust(self, speed_order: Any) -> Floats:
@@ -129,14 +135,17 @@ class CppOptimiser(Controller):
 
     def initial_state(self, signals: Measurements) -> Floats:
         """Return empty filters and an integral that the first call of :meth:`act` sets."""
-        memory = np.zeros((len(signals.shaft_speed), 5))
+        memory = np.zeros((len(signals.shaft_speed), SCHEDULE + SCHEDULE_COLUMNS))
         memory[:, INTEGRAL] = np.nan  # set when the shaft speed set-point is known
-        memory[:, TRUST] = _valid(signals)
+        memory[:, TRUST] = valid_estimate(self._scheduled(signals, memory))
         return memory
 
     def act(self, signals: Measurements, memory: Floats) -> Commands:
         """Return pitch and fuel rack of the optimiser and the combinator, by their weights."""
-        valid = _valid(signals)
+        if self.schedule is not None:
+            memory[:, SCHEDULE:] = self.schedule.update(signals, memory[:, SCHEDULE:])
+        signals = self._scheduled(signals, memory)
+        valid = valid_estimate(signals)
         estimate = self.thrust(signals)
         plain_pitch, plain_speed = self.combinator.set_points(signals.speed_order)
         # An empty filter starts at its first valid input.
@@ -166,6 +175,14 @@ class CppOptimiser(Controller):
         integral = np.where(np.isnan(memory[:, INTEGRAL]), settled, memory[:, INTEGRAL])
         rack, memory[:, INTEGRAL] = governor.command(speed, signals.shaft_speed, integral)
         return pitch, rack
+
+    def _scheduled(self, signals: Measurements, memory: Floats) -> Measurements:
+        """Return the measurements with the scheduled advance velocity in place of the estimate."""
+        if self.schedule is None:
+            return signals
+        velocity = self.schedule.velocity(signals, memory[:, SCHEDULE:])
+        known = np.isfinite(velocity).astype(np.float64)
+        return signals._replace(advance_velocity=velocity, estimate_valid=known)
 
     def _trim(self, memory: Floats, setting: OptimalSetting, valid: NDArray[np.bool_]) -> Floats:
         """Return the trim of the shaft speed [rad/s] by the integral of the thrust error.

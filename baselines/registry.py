@@ -121,7 +121,7 @@ def tunable(name: str) -> Mapping[str, tuple[float, float]]:
 
     Example:
         >>> tunable("combinator-trimmed")
-        {'response_s': (1.0, 20.0)}
+        {'response_s': (1.0, 20.0), 'va_weight': (0.0, 1.0)}
     """
     kind, fixed = _find_class(name)
     own: Ranges = getattr(kind, "tunable", {})

@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 
 from shaftline.baselines.combinator import (
+    TORQUE_MARGIN,
     Combinator,
     Curve,
     combinator_curve,
     curve_through,
     full_pitch,
     full_speed,
+    torque_share,
 )
 from shaftline.baselines.governor import Governor
 from shaftline.baselines.steady_points import steady_point
@@ -173,7 +175,7 @@ def test_episodes_start_in_the_initial_state_and_batches_equal_singles() -> None
     actions, state = combinator.predict(rows)
     assert actions.dtype == np.float32
     assert actions.shape == (2, 2)
-    assert state.shape == (2, 2)
+    assert state.shape == (2, 4)
     again, later = combinator.predict(rows, state + 5.0, np.array([True, False]))
     np.testing.assert_array_equal(again[0], actions[0])
     assert later[1, 0] != state[1, 0]
@@ -208,6 +210,49 @@ def test_a_large_error_as_after_a_new_order_trims_no_faster() -> None:
         assert lever.predict(row)[1][0, 1] == pytest.approx(0.5 / 30.0 * moves)
     with pytest.raises(ValueError, match=r"trim_s = -1\.0 s"):
         Combinator("frigate", trim_s=-1.0)
+
+
+def test_the_scheduled_pitch_keeps_the_engine_within_its_torque() -> None:
+    frigate = SHIPS[0]
+    plain, plant = Combinator(frigate), frigate.record()
+    order = float(plain.curve.ship_speed[-1])
+    pitch, speed = (float(x) for x in plain.set_points(order))
+    row = np.array([order, speed, 2e5, pitch, 30.0, order, 0.95 * order, 1.0])
+    slow = row * [1, 1, 1, 1, 1, 0.8, 0.8, 1]
+    fast = row * [1, 1, 1, 1, 1, 1.02, 1.02, 1]
+    wrong_wake = row * [1, 1, 1, 1, 1, 1, 0.87, 1]
+    for weight, rows in ((0.0, (slow,)), (1.0, (slow, wrong_wake))):
+        for heavy in rows:
+            action, _ = Combinator(frigate, va_weight=weight).predict(heavy)
+            found = 0.6 + 0.4 * (float(action[0]) + 1.0)
+            assert found < pitch - 0.01
+            # The engine torque is at its limit there, from the velocity that the schedule gives.
+            share = torque_share(plant, float(heavy[6]), speed, found)
+            assert share == pytest.approx(TORQUE_MARGIN, abs=1e-4)
+    for weight, light in ((0.0, fast), (1.0, fast), (0.0, wrong_wake)):
+        action, _ = Combinator(frigate, va_weight=weight).predict(light)
+        np.testing.assert_array_equal(action, plain.predict(light)[0])
+    # The pitch is that of the curve where the speed log fails.
+    lost = np.where(np.arange(8) == 5, np.nan, slow)
+    np.testing.assert_array_equal(
+        Combinator(frigate, va_weight=1.0).predict(lost)[0], plain.predict(lost)[0]
+    )
+
+
+def test_scheduled_batches_equal_singles_and_a_bad_weight_is_refused() -> None:
+    lever = Combinator("frigate", va_weight=1.0)
+    rng = np.random.default_rng(1)
+    rows = np.array([11.0, 13.0, 2e5, 1.3, 28.0, 9.0, 8.5, 1.0]) * rng.uniform(0.8, 1.1, (3, 8))
+    states: list[np.ndarray | None] = [None] * 3
+    state = None
+    for _ in range(5):
+        actions, state = lever.predict(rows, state)
+        for i in range(3):
+            action, states[i] = lever.predict(rows[i], states[i])
+            np.testing.assert_array_equal(action, actions[i])
+            np.testing.assert_array_equal(states[i][0], state[i])  # type: ignore[index]
+    with pytest.raises(ValueError, match=r"combinator: va_weight = 2\.0: must be from 0 to 1"):
+        Combinator("frigate", va_weight=2.0)
 
 
 def test_bad_curves_are_refused() -> None:

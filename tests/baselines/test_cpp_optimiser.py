@@ -222,3 +222,48 @@ def test_set_points_change_gradually(order: float) -> None:
     rack, integral = governor.command([speed], [45.0], [12.0])
     assert action[1] == pytest.approx(rack[0] / 16.0 - 1.0, abs=1e-6)
     assert after[0, INTEGRAL] == pytest.approx(integral[0])
+
+
+def test_the_scheduled_velocity_replaces_the_estimate() -> None:
+    ferry = SHIPS[1]
+    row = np.array([5.0, 45.0, 900.0, 0.8, 18.0, 4.8, 4.4, 1.0])
+
+    def advance(weight: float | None, observation: Any) -> float:
+        _, state = CppOptimiser(ferry, va_weight=weight).predict(observation)
+        return float(state[0, ADVANCE])
+
+    nominal = 0.92 * 4.8
+    for velocity, valid in ((0.9 * nominal, 1.0), (2.0 * nominal, 1.0), (0.9 * nominal, 0.0)):
+        now = np.array([*row[:6], velocity, valid])
+        assert advance(0.0, now) == pytest.approx(nominal)  # nominal wake
+        used = 0.9 if velocity < nominal and valid else 1.0  # fallback outside the band
+        assert advance(1.0, now) == pytest.approx(used * nominal)
+    assert advance(None, row) == 4.4
+
+
+def test_a_scheduled_optimiser_needs_no_valid_estimate() -> None:
+    row = np.array([5.0, 45.0, 900.0, 0.8, 18.0, 4.8, 4.4, 0.0])
+    _, blind = CppOptimiser(SHIPS[1]).predict(row)
+    _, scheduled = CppOptimiser(SHIPS[1], va_weight=1.0).predict(row)
+    assert (blind[0, TRUST], scheduled[0, TRUST]) == (0.0, 1.0)
+    # With a failed speed log as well the combinator takes over.
+    lost = np.where(np.arange(8) == 5, np.nan, row)
+    action, state = CppOptimiser(SHIPS[1], va_weight=1.0).predict(lost)
+    assert state[0, TRUST] == 0.0
+    np.testing.assert_array_equal(action, CppOptimiser(SHIPS[1]).predict(lost)[0])
+
+
+def test_scheduled_batches_equal_singles() -> None:
+    optimiser = CppOptimiser(SHIPS[1], va_weight=1.0)
+    rng = np.random.default_rng(1)
+    rows = np.array([5.0, 45.0, 900.0, 0.8, 18.0, 4.8, 4.4, 1.0]) * rng.uniform(0.8, 1.1, (3, 8))
+    states: list[Any] = [None] * 3
+    state: Any = None
+    for _ in range(5):
+        actions, state = optimiser.predict(rows, state)
+        for i in range(3):
+            action, states[i] = optimiser.predict(rows[i], states[i])
+            np.testing.assert_array_equal(action, actions[i])
+            np.testing.assert_array_equal(states[i][0], state[i])
+    with pytest.raises(ValueError, match="cpp-optimiser: va_weight = -1"):
+        CppOptimiser(SHIPS[1], va_weight=-1.0)

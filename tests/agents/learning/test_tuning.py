@@ -42,7 +42,7 @@ def test_a_task_that_is_not_in_the_package_decides_by_its_own_goals() -> None:
 
 def test_what_a_variant_sets_is_not_searched_for() -> None:
     name, options = read_options(tune("combinator-trimmed", "transit", **QUICK).controller)
-    assert (name, set(options)) == ("combinator-trimmed", {"response_s"})
+    assert (name, set(options)) == ("combinator-trimmed", {"response_s", "va_weight"})
 
 
 def test_the_helmsman_of_a_task_with_a_rudder_is_searched_too() -> None:
@@ -50,7 +50,7 @@ def test_the_helmsman_of_a_task_with_a_rudder_is_searched_too() -> None:
     helmsman, propulsion = map(read_options, found.controller.split("+"))
     assert helmsman[0] == "autopilot"
     assert set(helmsman[1]) == {"gain", "reset_lengths", "turn_deg"}
-    assert set(propulsion[1]) == {"response_s"}
+    assert set(propulsion[1]) == {"response_s", "va_weight"}
     ranges = {"gain": (1.0, 2.0)}
     found = tune("autopilot:turn_deg=9+va-pitch", "course-keeping", ranges=ranges, **QUICK)
     helmsman, propulsion = map(read_options, found.controller.split("+"))
