@@ -23,6 +23,7 @@ from ..plant.ship import Ship
 from ..plant.signals import get_signal
 from .combinator import combinator_curve
 from .controller import OBSERVED, Commands, Controller, Measurements, Ranges, Variants
+from .inflow_schedule import SCHEDULE_COLUMNS, InflowSchedule
 from .thrust_control import (
     THRUST_LAW,
     THRUST_LAW_MEMORY,
@@ -37,12 +38,17 @@ ANTI_SPIN = np.dtype(
     [
         ("law", THRUST_LAW),
         ("ventilated_speed", np.float64),  # omega_v,opt over the calm-water speed [-]
+        ("least_limit", np.float64),  # lowest omega_v,opt [rad/s]
     ],
     align=True,
 )
 
 ANTI_SPIN_MEMORY = np.dtype(
-    [*THRUST_LAW_MEMORY, ("measured", np.float64, (8,))],  # last plausible observation
+    [
+        *THRUST_LAW_MEMORY,
+        ("measured", np.float64, (8,)),  # last plausible observation
+        ("schedule", np.float64, (SCHEDULE_COLUMNS,)),  # state of the inflow schedule
+    ],
     align=True,
 )
 
@@ -73,8 +79,7 @@ def control(controller: Record, memory: Record, calm_speed: float, thrust: float
     ship, law, seen = controller.law.observer.ship, controller.law, memory.measured  # as OBSERVED
     shaft_speed, shaft_torque, rack_before, ship_speed = seen[1], seen[2], seen[4], seen[5]
     pitch = min(max(seen[3], ship.pitch_ratio_min), ship.pitch_ratio_max)
-    # A diesel turns ahead only, so the limit of a ventilating shaft is at least its lowest speed.
-    in_air = max(controller.ventilated_speed * calm_speed, law.speed_min)
+    in_air = max(controller.ventilated_speed * calm_speed, controller.least_limit)
     now = Instant(thrust, in_air, in_air, shaft_speed, shaft_torque, pitch, ship_speed)
     demand = torque_demand(law, memory, now)
 
@@ -113,6 +118,7 @@ class AntiSpinTuning(ThrustLaw):
 
     ventilated_speed: float = 0.92  # omega_v,opt over the calm-water shaft speed [-]
     top_speed: float = 1.0  # highest desired shaft speed over the engine's highest [-]
+    overspeed_only: float = 0.0  # lowest omega_v,opt over sqrt(beta_v,on) of the highest speed [-]
 
     @classmethod
     def for_ship(cls, ship: Ship) -> Self:
@@ -142,6 +148,8 @@ class AntiSpin(Controller):
         ship: ship that moves, with a diesel and a B-series propeller, or its name.
         anti_spin: whether ventilation limits the shaft speed; False for the comparison in the paper.
         tuning: gains and thresholds; :meth:`AntiSpinTuning.for_ship` by default.
+        va_weight: weight k of the estimated advance velocity in the nominal torque Q_pn of the detection
+            (:mod:`.inflow_schedule`) [-]; 0, as in the paper, for the nominal wake.
         numbers: values of the tuning, its observer or its detector by name, for example
             ``ventilated_speed=0.85, sea_margin=3.0``.
 
@@ -150,18 +158,24 @@ class AntiSpin(Controller):
 
     Raises:
         TypeError: the tuning has no value of that name.
-        ValueError: the ship is of another kind, or the tuning violates a condition of the paper.
+        ValueError: the ship is of another kind, the tuning violates a condition of the paper, or an
+            option is out of range.
     """
 
     name = "anti-spin"
     source = "Pivano et al. 2008"
-    variants: ClassVar[Variants] = {"no-anti-spin": {"anti_spin": False}}
+    variants: ClassVar[Variants] = {
+        "no-anti-spin": {"anti_spin": False},
+        "anti-spin-overspeed": {"overspeed_only": 1.0},
+    }
     tunable: ClassVar[Ranges] = {
         "ventilated_speed": (0.7, 1.0),
         "sea_margin": (0.0, 5.0),
         "proportional_rate": (0.2, 2.0),
         "integral_rate": (0.01, 0.3),
         "cutoff_rad_s": (0.3, 3.0),
+        "overspeed_only": (0.0, 1.0),
+        "va_weight": (0.0, 1.0),
     }
 
     def __init__(
@@ -171,6 +185,7 @@ class AntiSpin(Controller):
         *,
         anti_spin: bool = True,
         tuning: AntiSpinTuning | None = None,
+        va_weight: float = 0.0,
         **numbers: float,
     ) -> None:
         super().__init__(ship, interval_s)
@@ -184,11 +199,21 @@ class AntiSpin(Controller):
         tuning = tuning.with_values(numbers)
         if not (tuning.ventilated_speed > 0.0 and tuning.top_speed > 0.0):
             raise ValueError("anti-spin: ventilated_speed and top_speed must be positive")
+        if not 0.0 <= tuning.overspeed_only <= 1.0:
+            raise ValueError(
+                f"anti-spin: overspeed_only = {tuning.overspeed_only!r}: must be from 0 to 1"
+            )
         lowest = plant["engine_speed_min"] / plant["gear_ratio"]
         highest = tuning.top_speed * plant["engine_speed_max"] / plant["gear_ratio"]
         law = tuning.settings(self.ship, interval_s, anti_spin, (lowest, highest))
-        self.settings = np.array((law, tuning.ventilated_speed), ANTI_SPIN)[()]
+        # At a constant drive torque a shaft that has lost the share 1 - beta of its load settles at
+        # 1 / sqrt(beta) of its speed. Below sqrt(beta_v,on) of the highest speed the loss at which
+        # ventilation is detected causes no overspeed, and with overspeed_only = 1 no limit is needed
+        # there. A diesel turns ahead only, so the limit is at least its lowest speed.
+        least = max(lowest, tuning.overspeed_only * math.sqrt(tuning.detector.on_below) * highest)
+        self.settings = np.array((law, tuning.ventilated_speed, least), ANTI_SPIN)[()]
         self.curve = combinator_curve(self.ship)
+        self.schedule = InflowSchedule(self.name, plant, interval_s, va_weight)
 
     def initial_state(self, signals: Measurements) -> NDArray[Any]:
         """Return a zero state with the measurements of the slowest steady state."""
@@ -202,5 +227,12 @@ class AntiSpin(Controller):
         table = np.column_stack([np.asarray(column) for column in signals[: len(OBSERVED)]])
         memory["measured"] = np.where(np.abs(table) <= _BOUNDS, table, memory["measured"])
         wanted = self.curve.set_points(memory["measured"][:, 0])
+        # The nominal inflow at the scaled ship speed is the scheduled one. In ventilation the estimate
+        # says nothing about the inflow, and the deviation is kept.
+        measured = Measurements(*memory["measured"].T)
+        updated = self.schedule.update(measured, memory["schedule"])
+        ventilating = memory["detection"]["ventilating"][:, None] != 0
+        memory["schedule"] = np.where(ventilating, memory["schedule"], updated)
+        memory["measured"][:, 5] *= self.schedule.factor(memory["schedule"])
         rack = control_all(self.settings, memory, wanted.shaft_speed, wanted.thrust)
         return wanted.pitch_ratio, rack

@@ -54,6 +54,7 @@ def test_gains_within_the_conditions_pass(gains: tuple[float, float, float]) -> 
         {"integral_rate": -1.0},
         {"cutoff_rad_s": 0.0},
         {"ventilated_speed": 0.0},
+        {"overspeed_only": 1.5},
         {"observer": TorqueLossObserver(loss_rate=1.0)},
         {"detector": VentilationDetector(on_below=0.8, off_above=0.7)},
         {"detector": VentilationDetector(blend_gain=0.0)},
@@ -241,3 +242,88 @@ def test_random_measurements_give_a_finite_action(controller: AntiSpin) -> None:
         observations = rng.choice([-1.0, 1.0], (64, 8)) * 10.0**exponent
         action, state = controller.predict(observations, state)
         assert np.all(np.abs(action) <= 1.0)
+
+
+# schedule of the advance velocity, and limits only against overspeed
+
+
+def torque_ratio_after(weight: float, velocity: float, samples: int = 30) -> Any:
+    controller, state = AntiSpin("frigate", va_weight=weight), None
+    observation = [*CRUISE[:6], velocity, 1.0]
+    for _ in range(samples):
+        _, state = controller.predict(observation, state)
+    assert state is not None
+    return state[0]
+
+
+def test_the_nominal_torque_is_that_of_the_scheduled_velocity() -> None:
+    plain = torque_ratio_after(0.0, 0.9 * 7.6)
+    for weight, velocity, speed in (
+        (0.0, 7.6, 8.0),
+        (1.0, 7.6, 8.0),
+        (1.0, 0.9 * 7.6, 7.2),
+        (1.0, 1.1 * 7.6, 8.8),
+        (1.0, 2.0 * 7.6, 8.0),  # outside the band
+    ):
+        found = torque_ratio_after(weight, velocity)
+        assert found["measured"][5] == pytest.approx(speed)
+        if speed == 8.0:
+            assert found["detection"]["torque_ratio"] == plain["detection"]["torque_ratio"]
+    slow, fast = (torque_ratio_after(1.0, f * 7.6)["detection"] for f in (0.9, 1.1))
+    # Less inflow means a higher nominal torque, so the same torque is a larger loss.
+    assert slow["torque_ratio"] < plain["detection"]["torque_ratio"] < fast["torque_ratio"]
+
+
+def test_the_schedule_is_held_while_the_propeller_ventilates() -> None:
+    controller = AntiSpin("frigate", va_weight=1.0)
+    _, state = controller.predict(CRUISE)
+    state["detection"]["ventilating"] = 1
+    held = state["schedule"].copy()
+    _, later = controller.predict([*CRUISE[:6], 9.0, 1.0], state)
+    np.testing.assert_array_equal(later["schedule"], held)
+    state["detection"]["ventilating"] = 0
+    _, later = controller.predict([*CRUISE[:6], 9.0, 1.0], state)
+    assert later["schedule"][0, 0] > held[0, 0]
+
+
+def test_a_limit_against_overspeed_only_stands_down_at_part_load(frigate: Ship) -> None:
+    top = frigate.shaft_speeds[1]
+    paper, guard = AntiSpin(frigate), AntiSpin(frigate, overspeed_only=1.0)
+    assert paper.settings["least_limit"] == frigate.shaft_speeds[0]
+    assert guard.settings["least_limit"] == pytest.approx(math.sqrt(0.65) * top)
+    deeper = AntiSpin(frigate, overspeed_only=1.0, on_below=0.5, top_speed=0.9)
+    assert deeper.settings["least_limit"] == pytest.approx(math.sqrt(0.5) * 0.9 * top)
+
+    def reference(controller: AntiSpin, order: float) -> float:
+        speed = float(controller.curve.set_points(order).shaft_speed)
+        state = None
+        for _ in range(20):  # almost no torque: ventilation is detected
+            row = [order, speed, 2e4, 1.392, 10.0, order, 0.95 * order, 1.0]
+            _, state = controller.predict(row, state)
+        assert state is not None
+        assert state["detection"]["ventilating"][0] == 1
+        return float(state["reference"][0])
+
+    without = AntiSpin(frigate, anti_spin=False)
+    assert reference(guard, 6.0) == reference(without, 6.0) > reference(paper, 6.0)
+    assert reference(guard, 11.0) == reference(paper, 11.0) < reference(without, 11.0)
+
+
+def test_a_bad_weight_is_refused(frigate: Ship) -> None:
+    with pytest.raises(ValueError, match=r"anti-spin: va_weight = 3\.0: must be from 0 to 1"):
+        AntiSpin(frigate, va_weight=3.0)
+
+
+def test_scheduled_singles_equal_batches(frigate: Ship) -> None:
+    controller = AntiSpin(frigate, va_weight=1.0)
+    rng = np.random.default_rng(2)
+    fleet: Any = None
+    states: list[Any] = [None] * 3
+    for _ in range(20):
+        observations = np.array(CRUISE) * rng.uniform(0.7, 1.3, (3, 8))
+        observations[:, 7] = 1.0
+        actions, fleet = controller.predict(observations, fleet)
+        for i in range(3):
+            action, states[i] = controller.predict(observations[i], states[i])
+            np.testing.assert_array_equal(action, actions[i])
+            np.testing.assert_array_equal(states[i][0], fleet[i])

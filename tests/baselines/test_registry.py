@@ -30,6 +30,7 @@ NAMES = [
     "cpp-optimiser-at-actual",
     "anti-spin",
     "no-anti-spin",
+    "anti-spin-overspeed",
     "mpc",
     "mpc-preview",
     "speed-pilot",
