@@ -417,8 +417,10 @@ def _verdict(selection: Selection, evidence: _Evidence) -> tuple[Selection, Verd
     excited, names = fitter.balances.replay.excited, fitter.balances.names
 
     def verdict_on(chosen: Selection, sure: bool) -> tuple[Selection, Verdict]:
-        share = float(explained_shares(whiteness, fitter.null, chosen.fit)[-1])
-        chosen = correction.add_rivals(chosen, fitter, share)
+        # A residual that is noise leaves nothing unexplained; its share would be one of noise.
+        leaves_noise = whiteness.colour(chosen.fit) is None
+        shares = explained_shares(whiteness, fitter.null, chosen.fit)
+        chosen = correction.add_rivals(chosen, fitter, 1.0 if leaves_noise else float(shares[-1]))
         gain = judge.score(chosen.fit) - judge.score(fitter.null) if chosen.fit.effects else 0.0
         # Correlated values may be far from the truth in an open-loop simulation, which does not
         # refute an effect with strong evidence.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -20,7 +20,13 @@ from ...plant.ship import Ship, ShipError
 from ..estimate import Estimate
 from ..search.catalogue import Effect, SizedEffect, Window
 from ..search.fitting import Colour, Fit, Fitter, Whiteness
-from ..search.selection import INDISTINGUISHABLE, Candidate, Selection, p_value
+from ..search.selection import (
+    INDISTINGUISHABLE,
+    Candidate,
+    Selection,
+    are_confusable,
+    p_value,
+)
 from ..search.trial_ship import TrialShip
 from ..simulate.balances import Balances
 from ..simulate.joint_replay import Floats
@@ -518,7 +524,7 @@ class OpenModels(NamedTuple):
 
     detectable: list[Detectable]  # smallest detectable effects of one parameter
     alternatives: dict[str, Ship]  # ships of :func:`alternative_ships`
-    hidden: dict[str, Ship]  # ships of :func:`hidden_ships`, if nothing is decided
+    hidden: dict[str, Ship]  # ships of :func:`hidden_ships`
 
 
 def open_models(
@@ -531,18 +537,33 @@ def open_models(
 ) -> OpenModels:
     """Return the models that recordings leave open.
 
-    The first five arguments are those of :func:`alternative_ships`. If the recordings are undecidable,
-    with neither an effect nor an alternative, they may hide any effect.
+    The first five arguments are those of :func:`alternative_ships`. Recordings without an identified
+    effect may hide those that can be confused with an alternative. Undecidable recordings without an
+    alternative may hide any effect.
     """
     alternatives = alternative_ships(fitter, selection, threshold, verdict, named)
-    hides = undecidable and not named and not alternatives
     tried = [candidate.effect for candidate in selection.ranking]
-    single = [effect for effect in tried if len(effect.parameters) == 1]
+    hides = [] if named else _hideable(tried, alternatives, undecidable)
     base = selection.fit if named else fitter.null
-    found = detectable_effects(fitter, threshold, base, tried if hides else single)
-    hidden = hidden_ships(fitter.trial_ship, found) if hides else {}
+    sought = [effect for effect in tried if len(effect.parameters) == 1 or effect in hides]
+    found = detectable_effects(fitter, threshold, base, sought)
+    hidden = hidden_ships(fitter.trial_ship, (one for one in found if one.effect in hides))
     found = [one for one in found if len(one.effect.parameters) == 1]
     return OpenModels(found, alternatives, hidden)
+
+
+def _hideable(
+    tried: Sequence[Effect], alternatives: Collection[str], undecidable: bool
+) -> list[Effect]:
+    """Return the effects that recordings without an identified effect may hide."""
+    others = [effect for effect in tried if effect.label in alternatives]
+    if not others:
+        return [*tried] if undecidable else []
+    return [
+        effect
+        for effect in tried
+        if effect not in others and any(are_confusable(effect, other) for other in others)
+    ]
 
 
 def hidden_ships(trial_ship: TrialShip, detectable: Iterable[Detectable]) -> dict[str, Ship]:

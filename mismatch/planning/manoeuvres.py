@@ -15,11 +15,25 @@ from ...core.models import FileModel, Range
 from ...plant.columns import RUDDER_COMMAND, TIME, drive_column
 from ...plant.drives.diesel import torque_limit
 from ...plant.ship import Ship
+from ..simulate.joint_replay import JointReplay
 
 Floats = NDArray[np.float64]
 
 INTERVAL_S = 1.0
 """Interval of the rows of a programme."""
+
+
+RECIPROCAL = "reciprocal courses"
+"""Kind of a manoeuvre that ends on the opposite course, where a current has the opposite sign."""
+
+FIRST_LEG = 0.35
+"""Share of such a manoeuvre before the turn."""
+
+OPPOSITE = math.radians(20.0)
+"""Largest difference of a course from the opposite one."""
+
+TURNS_TRIED = 4
+"""Number of simulated turns, each with the rudder amidships nearer to the right time."""
 
 
 class PlanError(ValueError):
@@ -88,7 +102,7 @@ def random_manoeuvre(
     if pitch[0] < pitch[1]:
         kinds += ["steps of the pitch at constant drive", "steps of drive and pitch"]
     if helm > 0.0:
-        kinds += ["zig-zag"]
+        kinds += ["zig-zag", RECIPROCAL]
     kind = str(generator.choice(kinds))
     flat = np.ones(rows)
     level, blades = generator.uniform(*drive) * flat, generator.uniform(*pitch) * flat
@@ -109,7 +123,44 @@ def random_manoeuvre(
         sign = np.where(np.arange(rows) // half % 2, -1.0, 1.0)
         rudder = sign * generator.uniform(0.3, 1.0) * helm
         rudder[: rows // 8] = 0.0
+    if kind == RECIPROCAL:
+        helm = float(generator.choice([-1.0, 1.0])) * generator.uniform(0.5, 1.0) * helm
+        rudder, opposite = _turn_round(ship, Manoeuvre(kind, level, blades, rudder), helm)
+        kind = kind if opposite else "turn"
     return Manoeuvre(kind, level, blades, rudder)
+
+
+def _turn_round(ship: Ship, straight: Manoeuvre, helm: float) -> tuple[Floats, bool]:
+    """Return rudder angles [rad] of a turn to the opposite course, and whether the ship reaches it.
+
+    The turn begins after :data:`FIRST_LEG` of the manoeuvre. The rudder returns amidships before the
+    opposite course, because the ship turns on for a while. A slow ship turns less in the time, and one
+    that is unstable on a straight course more.
+
+    Args:
+        ship: ship that turns.
+        straight: manoeuvre with the rudder amidships.
+        helm: rudder angle of the turn [rad].
+    """
+    rows = len(straight.drive)
+    begin = round(FIRST_LEG * rows)
+
+    def turn_until(end: int) -> tuple[Floats, Floats]:
+        rudder = np.zeros(rows)
+        rudder[begin:end] = helm
+        table = table_of(ship, [straight._replace(rudder=rudder)])
+        heading = JointReplay(ship, table).simulate(ship.record())["heading"]
+        return rudder, np.abs(heading - heading[0])
+
+    _, turning = turn_until(rows)
+    amidships_at, turns = math.pi, []
+    for _ in range(TURNS_TRIED):
+        rudder, change = turn_until(max(begin + 1, int(np.searchsorted(turning, amidships_at))))
+        error = float(change[-1]) - math.pi
+        turns.append((abs(error), rudder))
+        amidships_at -= error
+    error, rudder = min(turns, key=lambda turn: turn[0])
+    return rudder, error <= OPPOSITE
 
 
 def _ranges(ship: Ship, limits: Limits) -> tuple[tuple[float, float], tuple[float, float], float]:

@@ -44,8 +44,8 @@ class Question(NamedTuple):
 def read_question(report: str | Path) -> Question:
     """Return what the diagnosis of a report left open.
 
-    These are its alternatives; or, if a recording with too little excitation has none, the effects that
-    it may hide, each at its detection limit; or else the parameters of the effects that it identified.
+    These are its alternatives, and the effects that the recording may hide, each at its detection limit;
+    or else the parameters of the effects that it identified.
 
     Args:
         report: ``report.json`` in the folder of the results.
@@ -68,7 +68,7 @@ def read_question(report: str | Path) -> Question:
         for one in effect["parameters"].values()
         if one["ci95"] and one["se"]
     }
-    others = content["alternatives"] or content["hidden"]
+    others = {**content["alternatives"], **content["hidden"]}
     if not others and not uncertain:
         raise PlanError(
             f"{report}: the diagnosis left nothing open (verdict {content.get('verdict')}): it has no "
@@ -81,12 +81,18 @@ def read_question(report: str | Path) -> Question:
         for column, one in content["noise"].items()
         if one["sd"]
     }
-    if content["alternatives"]:
-        text = f"The programme is to decide between {len(models)} models that fit alike."
-    elif others:
+    alike, hidden = len(content["alternatives"]), len(content["hidden"])
+    if alike:
+        text = f"The programme is to decide between {1 + alike} models that fit alike."
+        if hidden:
+            text = (
+                f"{text[:-1]}, and to distinguish them from {hidden} effects that can be confused "
+                "with them, each at its detection limit."
+            )
+    elif hidden:
         text = (
             f"The recording cannot decide whether anything is missing. The programme is to show each of "
-            f"{len(others)} effects that it may hide, at its detection limit."
+            f"{hidden} effects that it may hide, at its detection limit."
         )
     else:
         text = "One model fits best. The programme is to narrow the intervals of its parameters."

@@ -249,11 +249,14 @@ def _update_diagnosis(
 ) -> Diagnosis:
     """Return the first diagnosis with the results of the best model of a structure search.
 
-    The models ``alike`` are those that the recordings cannot distinguish from it. If the residual is
-    more than noise, effects that are not significant on the fitted rows are left out.
+    The models ``alike`` are those of the search that the recordings cannot distinguish from it. A search
+    may have visited none of them, or the best model is not one of the search. Then effects are tried in
+    place of each of its own. If the residual is more than noise, effects that are not significant on the
+    fitted rows are left out.
     """
     rests = search.without_each(best.model)
     best, rests = _strongest_first(best, rests)
+    alike = alike or search.alternatives(best, rests)
     problem, model, replay = search.problem, best.model, setting.balances.replay
     ship = _with_parameters(first.ship, problem, model)
     tables = _correct_clocks(together.tables, problem, model)

@@ -262,6 +262,22 @@ class StructureSearch:
         rests = [effects[:k] + effects[k + 1 :] for k in range(len(effects))]
         return [self.problem.fit(rest, model) for rest in rests]
 
+    def alternatives(self, best: Ranked, rests: list[Model]) -> list[Ranked]:
+        """Return models with another effect in place of one that are as likely as the best model.
+
+        Args:
+            best: model.
+            rests: results of :meth:`without_each`.
+        """
+        found = []
+        for which, (rest, own) in enumerate(zip(rests, best.model.effects, strict=True)):
+            # The search screened from other parameters where these were replaced since.
+            others = [one for one in self.screen(rest) if one.effect.kind != own.effect.kind]
+            for start in _starts(others)[:EXCHANGED]:
+                effects = start.replace_in(best.model.effects, which)
+                found.append(self.rank(self.problem.fit(effects, rest)))
+        return [one for one in found if one.evidence > best.evidence - TIED and not one.at_bound]
+
     def without_weakest(self, model: Model, rests: list[Model]) -> Model | None:
         """Return the model without its weakest effect; None if each effect is significant.
 

@@ -5,8 +5,11 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
+import pandas as pd
 import pytest
 
+from shaftline.mismatch import Options, diagnose
 from shaftline.mismatch.judge.correction import (
     ELSEWHERE_SHARE,
     REMNANT_SHARE,
@@ -18,6 +21,7 @@ from shaftline.mismatch.judge.correction import (
 from shaftline.mismatch.search.catalogue import SizedEffect
 from shaftline.mismatch.search.selection import Candidate, Selection
 from shaftline.mismatch.search.spectra import chance_gain
+from shaftline.plant import load_ship, simulate_recording
 
 from ..toy import entry
 
@@ -246,3 +250,21 @@ def test_what_does_as_well_at_the_least_size_is_not_measured(lost: float, names:
         chosen(LAG, FOULING, gains=(100.0, 90.0)), fitter, lambda fit: len(fit.effects)
     )
     assert [placed.effect.id for placed in found.fit.effects] == names
+
+
+def test_a_residual_that_is_noise_leaves_nothing_unexplained_in_favour_of_rivals() -> None:
+    """The explained share of so small a power is one of noise."""
+    random, seconds = np.random.default_rng(1), np.arange(900.0)
+    rack = np.repeat(random.uniform(14.0, 30.0, 15), 60)
+    commands = {"time_s": seconds, "fuel_rack_mm": rack, "pitch_ratio_command": 1.2}
+    ship = load_ship("frigate")
+    rubbing = ship.with_values({"transmission.coulomb_friction_engine_side_N_m": 4000.0})
+    recording = simulate_recording(rubbing, pd.DataFrame(commands))
+    noise = {"shaft_speed_rad_s": 0.03, "ship_speed_m_s": 0.05, "shaft_torque_N_m": 2500.0}
+    for channel, deviation in noise.items():
+        recording[channel] += random.normal(0.0, deviation, len(recording))
+    found = diagnose(ship, recording, options=Options(quick=True))
+    assert found.left_over is None
+    assert found.explained < 0.7
+    assert [one.effect.id for one in found.findings] == ["coulomb-friction"]
+    assert {label.split(" ")[0] for label in found.alternatives} <= {"engine-torque-curvature"}

@@ -214,7 +214,38 @@ def test_every_kind_of_manoeuvre_stays_within_the_limits() -> None:
         assert table["rudder_command_rad"].abs().max() <= np.radians(12.0) + 1e-12
         moves = np.flatnonzero(np.diff(table["pitch_ratio_command"]))
         assert all(b - a >= 20 for a, b in itertools.pairwise(moves))
-    assert len(kinds) == 7
+    assert len(kinds) == 8
+
+
+def test_a_ship_turns_to_the_opposite_course_and_says_if_it_cannot() -> None:
+    ship = load_ship("ddg-51-surrogate")
+    rng, turns = np.random.default_rng(1), []
+    while len(turns) < 4:
+        made = random_manoeuvre(ship, Limits(rudder_deg=20.0), 300, rng)
+        if made.text not in ("reciprocal courses", "turn"):
+            continue
+        heading = simulate_recording(ship, table_of(ship, [made]))["heading_rad"].to_numpy()
+        turned = abs(math.degrees(heading[-1] - heading[0]))
+        straight = np.ptp(heading[:100])
+        assert straight < 1e-6, "the first leg runs on the first course"
+        assert (abs(turned - 180.0) <= 20.5) == (made.text == "reciprocal courses")
+        turns.append(made.text)
+    assert "reciprocal courses" in turns
+
+
+def test_a_current_is_told_from_fouling_on_reciprocal_courses() -> None:
+    clean = load_ship("ddg-51-surrogate")
+    most = float(clean.record()["drive_max"])
+    models = {
+        "fouled": clean.with_values({"hull.fouling_fraction": 0.1}),
+        "current": clean.with_values({"hull.current_m_s": -0.35}),
+    }
+    noise = {"ship_speed_m_s": Noise(0.05, 20.0), SPEED: Noise(0.02, 5.0), "heading_rad": Noise(0.005)}
+    steady = Limits(drive=(0.6 * most, 0.62 * most), rudder_deg=25.0)
+    plan = plan_trial(models, noise, 10.0, steady, pool=12)
+    assert [*plan.steps["manoeuvre"]] == ["reciprocal courses"] * 2
+    straight = plan_trial(models, noise, 10.0, steady.model_copy(update={"rudder_deg": 0.0}), pool=12)
+    assert plan.least > 1.5 * straight.least
 
 
 def test_what_cannot_be_planned_is_refused(models: dict[str, Ship], tmp_path: Path) -> None:

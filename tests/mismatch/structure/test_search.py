@@ -36,6 +36,10 @@ def test_a_pair_is_found_with_the_inertia_that_the_file_has_wrong() -> None:
     assert [sorted(one.model.labels) for one in alike] == [
         ["open-circuit (motor)", "torque-offset (motor)"]
     ]
+    tried = search.alternatives(best, search.without_each(best.model))
+    assert [sorted(one.model.labels) for one in tried] == [
+        ["open-circuit (motor)", "torque-offset (motor)"]
+    ]
     assert found["open-circuit"] == pytest.approx(1.0, abs=0.03)
     assert found["coulomb-friction"] == pytest.approx(0.02, rel=0.05)
     numbers = dict(zip([d.key for d in search.problem.priors], best.model.shifts, strict=True))
