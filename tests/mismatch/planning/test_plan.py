@@ -240,11 +240,17 @@ def test_a_current_is_told_from_fouling_on_reciprocal_courses() -> None:
         "fouled": clean.with_values({"hull.fouling_fraction": 0.1}),
         "current": clean.with_values({"hull.current_m_s": -0.35}),
     }
-    noise = {"ship_speed_m_s": Noise(0.05, 20.0), SPEED: Noise(0.02, 5.0), "heading_rad": Noise(0.005)}
+    noise = {
+        "ship_speed_m_s": Noise(0.05, 20.0),
+        SPEED: Noise(0.02, 5.0),
+        "heading_rad": Noise(0.005),
+    }
     steady = Limits(drive=(0.6 * most, 0.62 * most), rudder_deg=25.0)
     plan = plan_trial(models, noise, 10.0, steady, pool=12)
     assert [*plan.steps["manoeuvre"]] == ["reciprocal courses"] * 2
-    straight = plan_trial(models, noise, 10.0, steady.model_copy(update={"rudder_deg": 0.0}), pool=12)
+    straight = plan_trial(
+        models, noise, 10.0, steady.model_copy(update={"rudder_deg": 0.0}), pool=12
+    )
     assert plan.least > 1.5 * straight.least
 
 
