@@ -228,7 +228,7 @@ class AntiSpin(Controller):
         memory["measured"] = np.where(np.abs(table) <= _BOUNDS, table, memory["measured"])
         wanted = self.curve.set_points(memory["measured"][:, 0])
         # The nominal inflow at the scaled ship speed is the scheduled one. In ventilation the estimate
-        # says nothing about the inflow, and the deviation is kept.
+        # is wrong, because less torque looks like faster inflow, and the deviation is kept.
         measured = Measurements(*memory["measured"].T)
         updated = self.schedule.update(measured, memory["schedule"])
         ventilating = memory["detection"]["ventilating"][:, None] != 0

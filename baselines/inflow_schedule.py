@@ -77,7 +77,7 @@ class InflowSchedule:
         share = np.maximum(self._share, 1.0 / np.maximum(samples, 1.0))
         share = np.where(informative, share, self._share)
         moved = deviation + share * (np.clip(sample, -_LARGEST, _LARGEST) - deviation)
-        # At low speed a valid estimate says nothing about the wake, and the deviation is kept.
+        # At low speed a valid estimate does not determine the wake, and the deviation is kept.
         return np.column_stack([np.where(valid & ~informative, deviation, moved), samples])
 
     def factor(self, state: Any) -> Floats:
