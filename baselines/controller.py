@@ -249,7 +249,7 @@ class Controller(ABC):
             >>> observation = [8.0, 10.0, 1.4e5, 1.3, 20.0, 7.9, 7.1, 1.0]
             >>> action, state = controller.predict(observation)
             >>> action.shape, state.shape
-            ((2,), (1, 2))
+            ((2,), (1, 4))
             >>> action, state = controller.predict(observation, state)
         """
         signals = measurements_of(observation, self.preview)
