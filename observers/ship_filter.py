@@ -254,11 +254,13 @@ def _model(
     low = np.where(one_sign, np.maximum(low, start / _LARGEST_FACTOR), low)
     high = np.where(one_sign, np.minimum(high, start * _LARGEST_FACTOR), high)
     word = np.concatenate([parameter.words for parameter in parameters])
+    # Also without a channel these are integers: for another type the kernel is compiled again.
+    channels = np.array([CHANNELS.index(column) for column in noise], dtype=np.int64)
     return Model(
         plant, as_words(plant), twin, as_words(twin), state, as_words(state), rate, as_words(rate),
         np.array([State._fields.index(name) for name in states]), units,
         np.concatenate([np.full(len(parameter.words), i) for i, parameter in enumerate(parameters)]),
         word, COMPLEX_WORD[word], np.concatenate([parameter.slopes for parameter in parameters]),
-        as_words(plant)[word].copy(), start, low, high, np.array([CHANNELS.index(column) for column in
-        noise]), np.array([*noise.values()]) ** 2, walk**2, forgetting,
+        as_words(plant)[word].copy(), start, low, high, channels,
+        np.array([*noise.values()], dtype=np.float64) ** 2, walk**2, forgetting,
     )  # fmt: skip

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.statistics import covariance_of
 from ...plant.columns import HEADING, YAW_RATE
 from ...plant.ship import Ship
 from ..search.fitting import Fit, Fitter, Whiteness
@@ -60,6 +61,10 @@ WORSE = 0.02
 
 OF_NOISE = 0.1
 """Increase of the error up to which it counts as equal, in rms of the channel's noise."""
+
+SAME = 1.0
+"""Squared difference of two models' predictions, in variances of the noise, below which no recording of
+this kind tells them apart (the expected difference in 2 log L)."""
 
 
 def settle_episode_edges(
@@ -160,7 +165,8 @@ def add_rivals(selection: Selection, fitter: Fitter, explained: float) -> Select
     """Return the selection with the effects that fit as well in place of each of its effects.
 
     Where a model leaves a share of the power unexplained, its form is wrong by as much; an alternative
-    whose gain is lower by less than this share is not refuted.
+    whose gain is lower by less than this share is not refuted. A form with more values that predicts the
+    same is no alternative.
 
     Args:
         selection: chosen effects; their rivals came close when each was chosen.
@@ -182,10 +188,25 @@ def add_rivals(selection: Selection, fitter: Fitter, explained: float) -> Select
             other = fitter.evaluate(rival.sized_effect.replace_in(fit.effects, i))
             if other.score < fit.score - margin:
                 other = fitter.polish(other)
+            more = len(rival.effect.parameters) > len(own.parameters)
+            if more and _is_same_model(fitter, fit, other):
+                continue
             if other.score >= fit.score - margin:
                 alike.append(Candidate(rival.effect, other, gain - fit.score + other.score))
         rivals_of_effects.append(tuple(sorted(alike, key=lambda c: -c.gain)))
     return replace(selection, rivals=tuple(rivals_of_effects))
+
+
+def _is_same_model(fitter: Fitter, fit: Fit, other: Fit) -> bool:
+    """Return whether two models predict the same, as a bend at speed 0 predicts viscous friction.
+
+    A difference that the parameters within their tolerances make up for does not count.
+    """
+    here, there = (fitter.predict(fitter.trial_ship.record(one.effects)) for one in (fit, other))
+    information = fitter.likelihood.information(fit.weight, (there - here)[None])
+    if information[0, 0] < SAME:
+        return True
+    return float(covariance_of(information)[0, 0]) > 1.0 / SAME
 
 
 def find_better_formula(

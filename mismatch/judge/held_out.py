@@ -43,27 +43,28 @@ def split_held_out(replay: JointReplay, runs: int) -> list[tuple[Segments, Segme
     - Of :data:`SEVERAL` recordings or more, a quarter of them is held out, at least one: those without
       which the others cover most of the commands' range. None has more than half of all rows or covers
       less than :data:`LEAST_RANGE` of the range itself, if others do.
-    - Otherwise the last quarter of the longest recording is held out, or another quarter that covers the
-      commands' range clearly better. The other rows must still cover :data:`LEAST_RANGE` of the range,
-      as they do not where the commands move in one quarter only.
+    - Otherwise the last quarter of the longest recording is held out, or another quarter of a recording
+      that covers the commands' range clearly better. The other rows must still cover
+      :data:`LEAST_RANGE` of the range, as they do not where the commands move in one quarter only.
     """
     if runs:
         return [(replay.segments[:-runs], replay.segments[-runs:])]
     if len(replay.segments) >= SEVERAL:
         return _split_whole(replay)
-    sizes = [b - a for a, b in replay.segments]
-    longest = int(np.argmax(sizes))
-    first, last = replay.segments[longest]
-    length = round(HELD_OUT_SHARE * (last - first))
-    starts = [last - length, first, first + length, first + 2 * length]
-    covered = [_coverage(replay, [(first, last)], [(s, s + length)]) for s in starts]
-    covered[0] /= 0.85
-    others = [s for i, s in enumerate(replay.segments) if i != longest]
+    longest = max(replay.segments, key=lambda segment: segment[1] - segment[0])
+    quarters = []
+    for first, last in (longest, *(s for s in replay.segments if s != longest)):
+        length = round(HELD_OUT_SHARE * (last - first))
+        starts = last - length, first, first + length, first + 2 * length
+        quarters += [((first, last), (start, start + length)) for start in starts]
+    covered = np.array([_coverage(replay, replay.segments, [held]) for _, held in quarters])
+    covered[::4] /= 0.85  # the last quarters
     splits = []
-    for start in (starts[i] for i in np.argsort(covered)[::-1]):
-        pieces = [(first, start), (start + length, last)]
-        kept = [(a, b) for a, b in pieces if b - a > 20]
-        splits.append(([*others, *kept], [(start, start + length)]))
+    for k in np.argsort(-covered, kind="stable"):
+        (first, last), (start, end) = quarters[k]
+        others = [segment for segment in replay.segments if segment != (first, last)]
+        kept = [(a, b) for a, b in ((first, start), (end, last)) if b - a > 20]
+        splits.append(([*others, *kept], [(start, end)]))
     moving = [one for one in splits if _coverage(replay, replay.segments, one[0]) >= LEAST_RANGE]
     return moving or splits
 

@@ -26,7 +26,7 @@ INTERVAL_S = 1.0
 RECIPROCAL = "reciprocal courses"
 """Kind of a manoeuvre that ends on the opposite course, where a current has the opposite sign."""
 
-FIRST_LEG = 0.35
+FIRST_PART = 0.35
 """Share of such a manoeuvre before the turn."""
 
 OPPOSITE = math.radians(20.0)
@@ -133,7 +133,7 @@ def random_manoeuvre(
 def _turn_round(ship: Ship, straight: Manoeuvre, helm: float) -> tuple[Floats, bool]:
     """Return rudder angles [rad] of a turn to the opposite course, and whether the ship reaches it.
 
-    The turn begins after :data:`FIRST_LEG` of the manoeuvre. The rudder returns amidships before the
+    The turn begins after :data:`FIRST_PART` of the manoeuvre. The rudder returns amidships before the
     opposite course, because the ship turns on for a while. A slow ship turns less in the time, and one
     that is unstable on a straight course more.
 
@@ -143,7 +143,7 @@ def _turn_round(ship: Ship, straight: Manoeuvre, helm: float) -> tuple[Floats, b
         helm: rudder angle of the turn [rad].
     """
     rows = len(straight.drive)
-    begin = round(FIRST_LEG * rows)
+    begin = round(FIRST_PART * rows)
 
     def turn_until(end: int) -> tuple[Floats, Floats]:
         rudder = np.zeros(rows)

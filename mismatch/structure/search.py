@@ -263,7 +263,7 @@ class StructureSearch:
         return [self.problem.fit(rest, model) for rest in rests]
 
     def alternatives(self, best: Ranked, rests: list[Model]) -> list[Ranked]:
-        """Return models with another effect in place of one that are as likely as the best model.
+        """Return models of no more values, with another effect in place of one, that are as likely.
 
         Args:
             best: model.
@@ -276,7 +276,13 @@ class StructureSearch:
             for start in _starts(others)[:EXCHANGED]:
                 effects = start.replace_in(best.model.effects, which)
                 found.append(self.rank(self.problem.fit(effects, rest)))
-        return [one for one in found if one.evidence > best.evidence - TIED and not one.at_bound]
+        return [
+            one
+            for one in found
+            if one.evidence > best.evidence - TIED
+            and one.model.size <= best.model.size
+            and not one.at_bound
+        ]
 
     def without_weakest(self, model: Model, rests: list[Model]) -> Model | None:
         """Return the model without its weakest effect; None if each effect is significant.

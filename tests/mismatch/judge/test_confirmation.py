@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch import Options, diagnose
+from shaftline.mismatch import Diagnosis, Options, diagnose
 from shaftline.mismatch.judge.correction import (
     ELSEWHERE_SHARE,
     REMNANT_SHARE,
@@ -252,19 +252,32 @@ def test_what_does_as_well_at_the_least_size_is_not_measured(lost: float, names:
     assert [placed.effect.id for placed in found.fit.effects] == names
 
 
-def test_a_residual_that_is_noise_leaves_nothing_unexplained_in_favour_of_rivals() -> None:
-    """The explained share of so small a power is one of noise."""
+def diagnose_friction(key: str, size: float) -> Diagnosis:
+    """Diagnose a frigate with friction that its file lacks, in steps of the rack."""
     random, seconds = np.random.default_rng(1), np.arange(900.0)
     rack = np.repeat(random.uniform(14.0, 30.0, 15), 60)
     commands = {"time_s": seconds, "fuel_rack_mm": rack, "pitch_ratio_command": 1.2}
     ship = load_ship("frigate")
-    rubbing = ship.with_values({"transmission.coulomb_friction_engine_side_N_m": 4000.0})
-    recording = simulate_recording(rubbing, pd.DataFrame(commands))
+    recording = simulate_recording(ship.with_values({key: size}), pd.DataFrame(commands))
     noise = {"shaft_speed_rad_s": 0.03, "ship_speed_m_s": 0.05, "shaft_torque_N_m": 2500.0}
     for channel, deviation in noise.items():
         recording[channel] += random.normal(0.0, deviation, len(recording))
-    found = diagnose(ship, recording, options=Options(quick=True))
+    return diagnose(ship, recording, options=Options(quick=True))
+
+
+def test_a_residual_that_is_noise_leaves_nothing_unexplained_in_favour_of_rivals() -> None:
+    """The explained share of so small a power is one of noise."""
+    found = diagnose_friction("transmission.coulomb_friction_engine_side_N_m", 4000.0)
     assert found.left_over is None
     assert found.explained < 0.7
     assert [one.effect.id for one in found.findings] == ["coulomb-friction"]
     assert {label.split(" ")[0] for label in found.alternatives} <= {"engine-torque-curvature"}
+
+
+def test_a_bend_at_speed_0_is_no_alternative_to_viscous_friction() -> None:
+    found = diagnose_friction("transmission.viscous_friction_engine_side_N_m_s_rad", 900.0)
+    assert [one.effect.id for one in found.findings] == ["viscous-friction"]
+    (finding,) = found.findings
+    bend = next(c for c, _ in found.ranking if c.effect.label.endswith("knee-in-speed)"))
+    assert bend.gain == pytest.approx(finding.score, rel=0.02)
+    assert found.alternatives == {}

@@ -90,6 +90,15 @@ def test_of_two_recordings_the_longer_is_parted() -> None:
     assert train == [(0, 100), (100, 400)]
 
 
+def test_of_a_long_steady_recording_and_a_lively_one_the_lively_one_is_parted() -> None:
+    """A steady part judges no model."""
+    lively = quarters(1.0, 1.0, 1.0, 1.0)
+    demand = np.concatenate([np.full(900, 0.5), lively])
+    train, held = first_choice(demand, None, [(0, 900), (900, 1300)])
+    assert held == [(1200, 1300)]
+    assert train == [(0, 900), (900, 1200)]
+
+
 def test_of_three_the_one_is_set_aside_without_which_the_rest_covers_most() -> None:
     segments = [(0, 100), (100, 200), (200, 300)]
     part = np.linspace(0.0, 1.0, 100)

@@ -219,7 +219,8 @@ def test_every_kind_of_manoeuvre_stays_within_the_limits() -> None:
 
 def test_a_ship_turns_to_the_opposite_course_and_says_if_it_cannot() -> None:
     ship = load_ship("ddg-51-surrogate")
-    rng, turns = np.random.default_rng(1), []
+    rng = np.random.default_rng(1)
+    turns: list[str] = []
     while len(turns) < 4:
         made = random_manoeuvre(ship, Limits(rudder_deg=20.0), 300, rng)
         if made.text not in ("reciprocal courses", "turn"):
@@ -227,7 +228,7 @@ def test_a_ship_turns_to_the_opposite_course_and_says_if_it_cannot() -> None:
         heading = simulate_recording(ship, table_of(ship, [made]))["heading_rad"].to_numpy()
         turned = abs(math.degrees(heading[-1] - heading[0]))
         straight = np.ptp(heading[:100])
-        assert straight < 1e-6, "the first leg runs on the first course"
+        assert straight < 1e-6, "the first part runs on the first course"
         assert (abs(turned - 180.0) <= 20.5) == (made.text == "reciprocal courses")
         turns.append(made.text)
     assert "reciprocal courses" in turns
