@@ -10,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.files import check_size
+from ..core.rows import true_runs
 from ..plant.surroundings import KNOT
 from .corrections import Wind, mean_wind
 from .speed_trial import COLUMNS, TrialError, are_reciprocal, double_runs
@@ -129,9 +130,8 @@ def _steady_spans(table: pd.DataFrame, source: str, least_s: float) -> list[tupl
         & (ranges["speed_over_ground"] <= _SPEED * mean["speed_over_ground"])
         & ((speed - speed.shift(bins - third)).abs() <= _TREND * mean["speed_over_ground"])
     ).to_numpy()
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], steady, [False]]).astype(int)))
     spans: list[tuple[float, float]] = []
-    for first, after in edges.reshape(-1, 2):  # window ends, the last one past the stretch
+    for first, after in true_runs(steady):  # window ends, the last one past the stretch
         begin, end = time[0] + (first - bins + 1) * width, time[0] + after * width
         begin += float(np.clip(end - begin - least_s, 0.0, _SETTLING * least_s))
         if not spans or begin >= spans[-1][1]:

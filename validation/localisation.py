@@ -26,6 +26,8 @@ import pandas as pd
 import scipy
 from numpy.typing import NDArray
 
+from ..core.rows import true_runs
+
 Rows: TypeAlias = NDArray[np.bool_]
 Windows: TypeAlias = list[list[float]]
 
@@ -94,9 +96,8 @@ def windows_of(rows: Rows, time: NDArray[np.float64]) -> Windows:
     >>> windows_of(np.array([0, 1, 1, 0, 1], dtype=bool), np.arange(5.0))
     [[1.0, 2.0], [4.0, 4.0]]
     """
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], rows.astype(int), [0]])))
-    pairs = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
-    return [[round(float(time[a]), 4), round(float(time[b - 1]), 4)] for a, b in pairs]
+    runs = true_runs(rows)
+    return [[round(float(time[a]), 4), round(float(time[b - 1]), 4)] for a, b in runs]
 
 
 def f1(found: Rows, true: Rows) -> float:

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...core.rows import true_runs
 from ...core.statistics import covariance_of
 from ...plant.ship import Ship, ShipError
 from ..estimate import Estimate
@@ -388,12 +389,11 @@ def active_windows(trace: Floats, interval_s: float, duration_s: float) -> list[
     active = strength > ACTIVE_SHARE * top
     if active.mean() > 0.6:
         return [(0.0, duration_s)]
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], active.astype(int), [0]])))
-    pauses = edges[2::2] - edges[1:-1:2]
-    apart = pauses >= max(1, round(GAP_S / interval_s))
-    starts, ends = edges[::2][np.r_[True, apart]], edges[1::2][np.r_[apart, True]]
-    windows = zip(starts.tolist(), ends.tolist(), strict=True)
-    return [(a * interval_s, min(b * interval_s, duration_s)) for a, b in windows]
+    for first, end in true_runs(~active):
+        inside = first > 0 and end < len(active)
+        if inside and end - first < max(1, round(GAP_S / interval_s)):
+            active[first:end] = True
+    return [(a * interval_s, min(b * interval_s, duration_s)) for a, b in true_runs(active)]
 
 
 def regime(trace: Floats, signals: dict[str, tuple[Any, str]]) -> str:

@@ -20,6 +20,7 @@ import pandas as pd
 import scipy
 from numpy.typing import NDArray
 
+from ...core.rows import true_runs
 from ...plant.columns import (
     BOUNDS,
     SHAFT_ANGLE,
@@ -323,10 +324,10 @@ def constant_channel_warnings(
     for column in measured:
         values, unit = table[column].to_numpy(), BOUNDS[column][2]
         for limit, share, row in saturated_ends(values, noise[column]):
-            if all(at_rest(column, a, b) for a, b in _visits(values == limit)):
+            if all(at_rest(column, a, b) for a, b in true_runs(values == limit)):
                 continue
             why = "the sensor or its logger is saturated"
-            if all(held(column, a, b) for a, b in _visits(values == limit)):
+            if all(held(column, a, b) for a, b in true_runs(values == limit)):
                 why = (
                     "static friction may hold the machine where it reverses; a saturated sensor would "
                     "give the same values"
@@ -357,12 +358,6 @@ def constant_channel_warnings(
                 f"{column} does not change for {rows} rows from row {first + 1}, although it has noise "
                 "in other rows: the sensor or its logger stopped there"
             )
-
-
-def _visits(at: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return the first row and one past the last of each run of true rows."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(int)))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
 def is_undriven(table: pd.DataFrame, ship: Ship, column: str, first: int, end: int) -> bool:

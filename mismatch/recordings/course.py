@@ -19,6 +19,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ...core.rows import true_runs
 from ...plant.columns import COURSE, HEADING, OVER_GROUND, RUDDER, SHIP_SPEED, YAW_RATE
 from .excitation import COURSE_CHANGE
 
@@ -115,8 +116,7 @@ def turn_remark(time: Array, columns: Mapping[str, Any]) -> str:
     rows = turning_rows(time, columns)
     if not rows.any():
         return ""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(int)))
-    first, end = int(edges[0]), int(edges[1])
+    first, end = true_runs(rows)[0]
     advice = "Set leave_out_turns = true under [rows] in the column map"
     if rows.mean() > MOST_TURNS:
         advice = "Use a ship file with [manoeuvring] and [rudder], or record a straight course"

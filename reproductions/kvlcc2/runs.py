@@ -18,6 +18,7 @@ import scipy
 from numpy.typing import NDArray
 
 from shaftline.core.compiled import Record, compiled
+from shaftline.core.rows import true_runs
 from shaftline.mismatch import identify
 from shaftline.mismatch.identify import Identification
 from shaftline.plant import RecordingError, Ship
@@ -161,9 +162,7 @@ def straight_rows(run: pd.DataFrame, by: Straight) -> list[tuple[int, int]]:
     straight = np.less(angles.T, by[1:4]).all(axis=1) & (run[TIME].to_numpy() >= by.from_s)
     if by.first_only:
         straight = np.logical_and.accumulate(straight)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], straight.astype(int), [0]])))
-    pairs = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
-    return [(a, b) for a, b in pairs if b - a >= by.least_rows]
+    return [(a, b) for a, b in true_runs(straight) if b - a >= by.least_rows]
 
 
 def straight_parts(runs: Runs, by: Straight) -> list[pd.DataFrame]:

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from shaftline.core.rows import true_runs
 from shaftline.mismatch import Diagnosis, Options, diagnose, fit_percent
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.columns import TIME, input_columns
@@ -93,8 +94,7 @@ def without_reversals(table: pd.DataFrame) -> list[pd.DataFrame]:
         values = table[column].to_numpy()
         for row in np.flatnonzero(values[1:] * values[:-1] < 0.0) + 1:
             unknown |= (time >= time[row] - BEFORE_S - 1e-9) & (time < time[row] + AFTER_S - 1e-9)
-    edges = np.flatnonzero(np.diff(np.concatenate([[1], unknown, [1]])))
-    parts = [table.iloc[a:b] for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    parts = [table.iloc[a:b] for a, b in true_runs(~unknown)]
     long = (p for p in parts if np.ptp(p[TIME]) >= _SHORTEST_S - 1e-9)
     return [part.reset_index(drop=True) for part in long]
 

@@ -15,6 +15,7 @@ from shaftline.baselines.anti_spin import AntiSpin
 from shaftline.baselines.controller import OBSERVED, decode
 from shaftline.baselines.ventilation import estimated_propeller_torque
 from shaftline.core.compiled import Record, compiled
+from shaftline.core.rows import true_runs
 from shaftline.envs.tasks import get_task
 from shaftline.plant import Ship, equilibrium, get_sea, load_ship, realise
 from shaftline.plant.expressions import NO_SIGNALS
@@ -173,11 +174,6 @@ def truth_and_detection(storm: Storm) -> tuple[NDArray[np.bool_], NDArray[np.boo
     return storm.ventilation[:, :-1] > 0.5, storm.detected[:, 1:]
 
 
-def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    edges = np.diff(np.concatenate([[0], flags.astype(int), [0]]))
-    return list(zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True))
-
-
 def event_counts(truth: NDArray[np.bool_], detected: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Return right detections, detections, detected events and events of each ship, shape (n, 4).
 
@@ -185,7 +181,7 @@ def event_counts(truth: NDArray[np.bool_], detected: NDArray[np.bool_]) -> NDArr
     """
     rows = []
     for happened, called in zip(truth, detected, strict=True):
-        real, found = _runs(happened), _runs(called)
+        real, found = true_runs(happened), true_runs(called)
         hits = [a < end + 2 and b > start for start, end in real for a, b in found]
         table = np.array(hits, dtype=bool).reshape(len(real), len(found))
         rows.append((table.any(axis=0).sum(), len(found), table.any(axis=1).sum(), len(real)))
