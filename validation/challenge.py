@@ -427,7 +427,7 @@ def _true_location(folder: Path, truth: Mapping[str, Any]) -> TrueLocation:
         raise FileError(
             f"{folder / RECORDING}: not found; give the complete folder of the challenge"
         )
-    return TrueLocation.of(ChallengeCase(folder).recording, truth.get("active_s", []))
+    return TrueLocation.of(ChallengeCase(folder).recording, truth["active_s"])
 
 
 def score_entry(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -11,6 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from pydantic import Field
 
+from ...core.compiled import Record, compiled
 from ...core.models import FileModel, Range
 from ...plant.columns import RUDDER_COMMAND, TIME, drive_column
 from ...plant.drives.diesel import torque_limit
@@ -95,7 +97,8 @@ def random_manoeuvre(
     ship: Ship, limits: Limits, rows: int, generator: np.random.Generator
 ) -> Manoeuvre:
     """Return a random manoeuvre of one of the usual kinds within the limits."""
-    drive, pitch, helm = _ranges(ship, limits)
+    drive, pitch = command_ranges(ship, limits)
+    helm = math.radians(limits.rudder_deg)
     hold = max(1, round(limits.shortest_hold_s / INTERVAL_S))
     kinds = ["steps of the drive", "ramp of the drive", "drive at random between two levels"]
     kinds += ["coast-down"]
@@ -163,8 +166,8 @@ def _turn_round(ship: Ship, straight: Manoeuvre, helm: float) -> tuple[Floats, b
     return rudder, error <= OPPOSITE
 
 
-def _ranges(ship: Ship, limits: Limits) -> tuple[tuple[float, float], tuple[float, float], float]:
-    """Return the ranges of drive command and pitch, and the largest rudder angle [rad].
+def command_ranges(ship: Ship, limits: Limits) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the ranges of drive command and pitch.
 
     Raises:
         PlanError: a limit lies outside what the ship can do.
@@ -187,7 +190,23 @@ def _ranges(ship: Ship, limits: Limits) -> tuple[tuple[float, float], tuple[floa
             )
     if limits.rudder_deg > 0.0 and not ship.turns:
         raise PlanError(f"limits: rudder_deg is above 0, but {ship.name} has no rudder")
-    return drive, pitch, math.radians(limits.rudder_deg)
+    return drive, pitch
+
+
+def hold_commands(levels: Floats, edges: Sequence[int]) -> list[Manoeuvre]:
+    """Return manoeuvres with constant commands, one for each run of intervals with the same.
+
+    Args:
+        levels: drive and pitch, shape (2, intervals).
+        edges: first row of each interval, and the row after the last, shape (intervals + 1,).
+    """
+    starts = [0, *(np.flatnonzero(np.diff(levels, axis=1).any(axis=0)) + 1).tolist()]
+    held = []
+    for first, end in itertools.pairwise([*starts, levels.shape[1]]):
+        flat = np.ones(edges[end] - edges[first])
+        drive, pitch = levels[:, first]
+        held.append(Manoeuvre("held commands", drive * flat, pitch * flat, 0.0 * flat))
+    return held
 
 
 def table_of(ship: Ship, manoeuvres: Sequence[Manoeuvre]) -> pd.DataFrame:
@@ -226,11 +245,19 @@ def is_inside(ship: Ship, samples: Any, limits: Limits, room_m: float = math.inf
     if not ship.has_diesel:
         return True
     plant = ship.record()
-    speeds = float(plant["gear_ratio"]) * samples["shaft_speed"]
-    if speeds.max() > float(plant["engine_speed_max"]):
-        return False
-    most = np.array([torque_limit(plant, speed) for speed in speeds])
-    return bool((samples["brake_torque"] <= 1.001 * most).all())
+    speeds = float(plant["gear_ratio"]) * np.ascontiguousarray(samples["shaft_speed"])
+    torques = np.ascontiguousarray(samples["brake_torque"])
+    return bool(_is_in_envelope(plant, speeds, torques))
+
+
+@compiled
+def _is_in_envelope(plant: Record, speeds: Floats, torques: Floats) -> bool:
+    """Return whether engine speeds [rad/s] and brake torques [N m] of n rows are allowed."""
+    for i in range(len(speeds)):
+        most = 1.001 * torque_limit(plant, speeds[i])
+        if not (speeds[i] <= plant.engine_speed_max and torques[i] <= most):
+            return False
+    return True
 
 
 def steps_of(ship: Ship, chosen: Sequence[Manoeuvre]) -> pd.DataFrame:

@@ -4,7 +4,8 @@ A diagnosis may end with alternatives: several models that the recording support
 with too little excitation may hide any effect of the catalogue below its detection limit. The intervals
 of a single model may be wide. The programme grows by one manoeuvre at a time. Of random manoeuvres that
 begin where the last one has ended, the one with the largest merit together with those before it is taken
-(:mod:`.evidence`).
+(:mod:`.evidence`). Then the commands are held in intervals and exchanged one at a time where that is
+better (coordinate exchange, Meyer and Nachtsheim 1995, Technometrics 37(1)).
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -49,6 +51,8 @@ from .manoeuvres import (
     Limits,
     Manoeuvre,
     PlanError,
+    command_ranges,
+    hold_commands,
     is_inside,
     random_manoeuvre,
     steps_of,
@@ -69,6 +73,15 @@ MANOEUVRE_S = 300.0
 
 POOL = 24
 """Number of random manoeuvres from which each one of a programme is chosen."""
+
+HELD, LEVELS = 12, 3
+"""Largest number of intervals in which commands are held, and of values tried for each command."""
+
+SWEEPS, BETTER = 2, 1.02
+"""Largest number of exchanges of each command, and factor on the merit from which another follows."""
+
+PARTS = 3
+"""Number of equal parts of a programme after each of which the exchange of commands counts its merit."""
 
 RANDOM = 6
 """Number of random programmes to which the result is compared."""
@@ -200,8 +213,8 @@ def plan_trial(
         ... }
         >>> noise = {"ship_speed_m_s": Noise(0.05), "shaft_speed_rad_s": Noise(0.02)}
         >>> plan = plan_trial(models, noise, minutes=10.0, pool=6)
-        >>> len(plan.table), len(plan.steps), plan.least > DECIDED
-        (600, 2, True)
+        >>> len(plan.table), plan.least > DECIDED
+        (600, True)
 
         >>> fouling = {"hull.fouling_fraction": 0.05}
         >>> plan = plan_trial({"fouled": models["fouled"]}, noise, 10.0, uncertain=fouling, pool=6)
@@ -221,6 +234,8 @@ def plan_trial(
     search = _Search(ship, predictor, tuple(noise.values()), limits, rows, room_m)
     generator = np.random.default_rng(seed)
     best = search.programme(slots, pool, generator, tick)
+    if pool > 1:
+        best = search.exchange_commands(best, room_m * slots, tick)
     random = []
     for k in range(RANDOM):
         tick("comparing with random programmes", k, RANDOM)
@@ -284,13 +299,14 @@ class _Search:
                 tries += 1
                 manoeuvre = random_manoeuvre(self.ship, self.limits, self.rows, generator)
                 table = table_of(self.ship, [manoeuvre]).assign(**begin)
-                simulated = self.simulate_within_limits(table)
-                if simulated is None:
-                    continue
                 found: Evidence | None = None
                 merit = 0.0
+                if pool == 1 and self.simulate_within_limits(table) is None:
+                    continue
                 if pool > 1:
-                    predictions = self.measured(self.predictor.differentiate(simulated))
+                    predictions = self.predict_within_limits(table)
+                    if predictions is None:
+                        continue
                     found = evidence_of(predictions, self.noise)
                     found = found if total is None else total.plus(found)
                     merit = found.merit()
@@ -306,6 +322,66 @@ class _Search:
             chosen.append(manoeuvre)
             begin = self.state_after(table_of(self.ship, chosen))
         return chosen
+
+    def exchange_commands(
+        self, chosen: list[Manoeuvre], room_m: float, tick: Tick = ignore_progress
+    ) -> list[Manoeuvre]:
+        """Return a programme of held commands that is better than the chosen one, or the chosen one.
+
+        The means of the commands over intervals are replaced one at a time by the ends and the middle of
+        their range, and kept where that increases the merit. The rudder stays amidships.
+
+        Args:
+            chosen: manoeuvres; those of a ship that turns are not changed if they use the rudder.
+            room_m: longest distance of the programme [m].
+            tick: progress callback.
+        """
+        if any(m.rudder.any() for m in chosen):
+            return chosen
+        whole = replace(self, room_m=room_m)
+        drive, pitch = (np.concatenate(values) for values in list(zip(*chosen, strict=True))[1:3])
+        least = max(1, round(self.limits.shortest_hold_s / INTERVAL_S))
+        count = max(1, min(HELD, len(drive) // least))
+        edges = np.linspace(0, len(drive), count + 1).round().astype(int)
+        ends = [e for e in command_ranges(self.ship, self.limits) if e[0] < e[1]]
+        levels = np.array([[x[a:b].mean() for a, b in pairwise(edges)] for x in (drive, pitch)])
+
+        def merit_of(values: Floats) -> float:
+            return whole.mean_merit(table_of(self.ship, hold_commands(values, edges)))
+
+        best = merit_of(levels)
+        for sweep in range(SWEEPS):
+            start = best
+            places = [*product(range(len(ends)), range(count))]
+            for done, (command, interval) in enumerate(places):
+                tick(f"exchanging commands, round {sweep + 1}", done, len(places))
+                for level in np.linspace(*ends[command], LEVELS):
+                    trial = levels.copy()
+                    trial[command, interval] = level
+                    if (merit := merit_of(trial)) > best:
+                        levels, best = trial, merit
+            if not best > BETTER * start:
+                break
+        before = whole.mean_merit(table_of(self.ship, chosen))
+        return hold_commands(levels, edges) if best > before else chosen
+
+    def mean_merit(self, table: pd.DataFrame) -> float:
+        """Return the mean of a programme's merit after each of :data:`PARTS`; -inf outside the limits.
+
+        A trial that decides early may be stopped early.
+        """
+        predictions = self.predict_within_limits(table)
+        if predictions is None:
+            return -math.inf
+        found = evidence_over_time(predictions, self.noise, -(-len(table) // PARTS))
+        return float(np.mean([one.merit() for one in found]))
+
+    def predict_within_limits(self, table: pd.DataFrame) -> Predictions | None:
+        """Return the predictions of all models; None if one leaves the limits."""
+        simulated = self.simulate_within_limits(table)
+        if simulated is None:
+            return None
+        return self.measured(self.predictor.differentiate(simulated))
 
     def simulate_within_limits(self, table: pd.DataFrame) -> list[tuple[JointReplay, Any]] | None:
         """Return the simulations of all models; None if one leaves the limits or the envelope."""

@@ -16,19 +16,27 @@ from shaftline.core.models import read_model
 from shaftline.mismatch import Limits, Noise, plan_trial
 from shaftline.mismatch.planning.evidence import (
     Predictions,
+    Predictor,
     evidence_of,
     evidence_over_time,
     whiten,
 )
-from shaftline.mismatch.planning.manoeuvres import PlanError, random_manoeuvre, table_of
-from shaftline.mismatch.planning.plan import DECIDED, _minutes_until, own_effects
+from shaftline.mismatch.planning.manoeuvres import (
+    PlanError,
+    is_inside,
+    random_manoeuvre,
+    table_of,
+)
+from shaftline.mismatch.planning.plan import DECIDED, _minutes_until, _Search, own_effects
 from shaftline.mismatch.report.plan import (
     intervals_in_words,
     pairs_in_words,
     read_question,
     save_plan,
 )
+from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import Ship, load_ship, write_ship
+from shaftline.plant.drives.diesel import torque_limit
 from shaftline.plant.replay import simulate_recording
 
 WHITE = (Noise(0.5), Noise(2.0))
@@ -164,6 +172,29 @@ def test_a_programme_beats_random_ones_and_can_be_simulated(
     assert pairs_in_words(plan)[0].startswith("fouled or log: decided after")
 
 
+def test_an_exchange_of_commands_increases_the_evidence_and_holds_them_long_enough(
+    frigate: Ship,
+) -> None:
+    """A derating is told from friction by changes of rack and pitch that no single manoeuvre has."""
+    quick = frigate.with_values({"integration.time_step_s": 0.25})
+    models = {
+        "derated": quick.with_values({"prime_mover.derating_fraction": 0.02}),
+        "dry": quick.with_values({"transmission.coulomb_friction_engine_side_N_m": 4000.0}),
+    }
+    noise = {**LOG, SPEED: Noise(0.03, 2.0), "shaft_torque_N_m": Noise(2500.0, 1.0)}
+    limits = Limits(drive=(14.0, 30.0), pitch_ratio=(0.95, 1.35), shortest_hold_s=75.0)
+    predictor = Predictor(models, own_effects(models), tuple(noise))
+    search = _Search(quick, predictor, tuple(noise.values()), limits, 200)
+    chosen = search.programme(3, 4, np.random.default_rng(2))
+    better = search.exchange_commands(chosen, math.inf)
+    before, after = (search.mean_merit(table_of(quick, one)) for one in (chosen, better))
+    assert after > 1.2 * before
+    assert {m.text for m in better} == {"held commands"}
+    assert sum(len(m.drive) for m in better) == 600
+    assert all(len(m.drive) >= 75 for m in better)
+    assert search.exchange_commands(chosen, 1.0) == chosen, "no programme stays in a room of 1 m"
+
+
 def test_the_expected_evidence_is_what_simulated_recordings_show(models: dict[str, Ship]) -> None:
     """The truth is the fouled ship; the rival fits its gain and the resistance to the recording."""
     plan = plan_trial(
@@ -291,6 +322,23 @@ def test_what_cannot_be_planned_is_refused(models: dict[str, Ship], tmp_path: Pa
         file.write_text(text)
         with pytest.raises(PlanError, match=words):
             read_model(Limits, file, PlanError)
+
+
+def test_a_diesel_stays_within_its_envelope_and_speed(frigate: Ship) -> None:
+    commands = {"time_s": np.arange(60.0), "fuel_rack_mm": 20.0, "pitch_ratio_command": 1.2}
+    samples = JointReplay(frigate, pd.DataFrame(commands)).simulate(frigate.record())
+    assert is_inside(frigate, samples, Limits())
+    limit = torque_limit(frigate.record(), float(frigate.record()["gear_ratio"]) * 8.0)
+    for signal, value in (
+        ("brake_torque", 1.01 * limit),
+        ("brake_torque", math.nan),
+        ("shaft_speed", 1.01 * frigate.shaft_speeds[1]),
+    ):
+        other = samples.copy()
+        other["shaft_speed"][30] = 8.0
+        assert is_inside(frigate, other, Limits())
+        other[signal][30] = value
+        assert not is_inside(frigate, other, Limits()), signal
 
 
 def test_a_trial_stays_within_the_sea_room(models: dict[str, Ship]) -> None:
