@@ -63,8 +63,7 @@ OF_NOISE = 0.1
 """Increase of the error up to which it counts as equal, in rms of the channel's noise."""
 
 SAME = 1.0
-"""Squared difference of two models' predictions, in variances of the noise, below which no recording of
-this kind tells them apart (the expected difference in 2 log L)."""
+"""Expected difference in 2 log L of two models below which they are the same on these recordings."""
 
 
 def settle_episode_edges(

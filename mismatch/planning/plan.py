@@ -342,8 +342,10 @@ class _Search:
         drive, pitch = (np.concatenate(values) for values in list(zip(*chosen, strict=True))[1:3])
         least = max(1, round(self.limits.shortest_hold_s / INTERVAL_S))
         count = max(1, min(HELD, len(drive) // least))
-        edges = np.linspace(0, len(drive), count + 1).round().astype(int)
-        ends = [e for e in command_ranges(self.ship, self.limits) if e[0] < e[1]]
+        edges = [round(k * len(drive) / count) for k in range(count + 1)]
+        ends = command_ranges(self.ship, self.limits)
+        movable = [k for k, (low, high) in enumerate(ends) if low < high]
+        places = [*product(movable, range(count))]
         levels = np.array([[x[a:b].mean() for a, b in pairwise(edges)] for x in (drive, pitch)])
 
         def merit_of(values: Floats) -> float:
@@ -352,7 +354,6 @@ class _Search:
         best = merit_of(levels)
         for sweep in range(SWEEPS):
             start = best
-            places = [*product(range(len(ends)), range(count))]
             for done, (command, interval) in enumerate(places):
                 tick(f"exchanging commands, round {sweep + 1}", done, len(places))
                 for level in np.linspace(*ends[command], LEVELS):

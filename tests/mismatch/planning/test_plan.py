@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -192,6 +193,10 @@ def test_an_exchange_of_commands_increases_the_evidence_and_holds_them_long_enou
     assert {m.text for m in better} == {"held commands"}
     assert sum(len(m.drive) for m in better) == 600
     assert all(len(m.drive) >= 75 for m in better)
+    fixed = replace(search, limits=limits.model_copy(update={"drive": (20.0, 20.0)}))
+    flat = fixed.exchange_commands(fixed.programme(3, 4, np.random.default_rng(2)), math.inf)
+    assert all((m.drive == 20.0).all() for m in flat)
+    assert len({m.pitch[0] for m in flat}) > 1
     assert search.exchange_commands(chosen, 1.0) == chosen, "no programme stays in a room of 1 m"
 
 
