@@ -249,7 +249,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Compute the missing cases, and write the page."""
     folder = "out/planned-trials"
     parser = make_parser("planned_trials", __doc__, f"{folder}/page", kept=folder, jobs=None)
-    parser.add_argument("--cases", type=int, default=42, help="number of cases")
+    parser.add_argument("--cases", type=int, default=50, help="number of cases")
     parser.add_argument("--seed", type=int, default=6403, help="seed of the cases")
     options = parser.parse_args(arguments)
     wanted = {cell.name: cell for cell in cells_of(options.seed, options.cases)}
@@ -258,6 +258,11 @@ def main(arguments: list[str] | None = None) -> None:
     table = pd.DataFrame(results)
     without = [one for one in results if one["effect"] == NOTHING]
     asked = [one for one in without if one["open"]]
+    left = [
+        one["effect"]
+        for one in results
+        if one["open"] and one["effect"] != NOTHING and one[PLANNED] != "right"
+    ]
     write_results(
         __file__,
         options.out,
@@ -275,6 +280,8 @@ def main(arguments: list[str] | None = None) -> None:
         stayed=sum(one[PLANNED] == "right" for one in asked),
         named_without=sum(one[PLANNED] == "wrong" for one in asked),
         against={name: discordant(results, name) for name in (RANDOM, ADVISED)},
+        left=len(left),
+        engine=sum(effect.endswith("/engine") for effect in left),
         settled=sum(not one["open"] for one in results),
         right=sum(one["first"] == "right" and not one["open"] for one in results),
     )
