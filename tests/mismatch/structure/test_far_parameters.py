@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from shaftline.mismatch import diagnose
 from shaftline.mismatch.judge.held_out import split_held_out
 from shaftline.mismatch.search.catalogue import catalogue
 from shaftline.mismatch.simulate.balances import Balances
@@ -12,6 +13,9 @@ from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.mismatch.structure.diagnose import replace_far_parameters
 from shaftline.mismatch.structure.output_error import OutputError
 from shaftline.mismatch.structure.search import StructureSearch, choose
+from shaftline.plant import load_ship
+from shaftline.validation.cases import draw_case
+from shaftline.validation.recording import simulate_case
 
 from ..voyages import frigate_voyage, quick_frigate
 from .rigs import INERTIA, motor, run, searched
@@ -47,6 +51,16 @@ def test_a_resistance_far_from_the_file_is_fouling_with_the_parameter_beside_it(
     assert was.value == pytest.approx(1.2 * 3306.2, rel=0.02)
     place = [d.key for d in problem.priors].index(RESISTANCE)
     assert abs(found.shifts[place]) < 3.0 * problem.priors[place].near
+
+
+@pytest.mark.slow
+def test_an_effect_in_place_of_a_parameter_has_its_alternatives() -> None:
+    """A steady cruise does not distinguish two frictions; the search had tried them at another eta_R."""
+    case = draw_case(7703, 116, keys=("viscous-friction/propeller",))
+    found = diagnose(load_ship(case.ship), simulate_case(case).recording)
+    assert len(found.findings) == 1
+    labels = {found.findings[0].effect.label, *found.alternatives}
+    assert {"viscous-friction (propeller)", "coulomb-friction (propeller)"} <= labels
 
 
 def test_the_parameters_of_a_guessed_file_stay_as_estimated() -> None:
