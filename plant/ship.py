@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
+from ..core.models import short
 from .actuators import PitchActuator
 from .cavitation import CavitationBucket
 from .combinator_table import CombinatorTable
@@ -102,7 +103,7 @@ def _error_line(model: type[BaseModel], item: dict[str, Any]) -> str:
         error = item["ctx"]["error"]
         joint = "." if isinstance(error, MissingKeyError) else ": "
         return f"{key}{joint}{error}" if path else str(error)
-    return f"{key} = {item.get('input')!r}: {item['msg'].lower()}{allowed}"
+    return f"{key} = {short(item.get('input'))}: {item['msg'].lower()}{allowed}"
 
 
 def _kinds(model: type[BaseModel], section: str) -> tuple[Any, ...]:

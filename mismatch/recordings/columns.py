@@ -603,7 +603,7 @@ class ColumnMap(FileModel):
                     result[source.column] = source.convert(values)
                 else:
                     result[source.column] = source.with_unit_of_file(stated).convert(values, ranges)
-            except ValueError as error:
+            except (ValueError, OverflowError) as error:  # also an integer too large for a float
                 raise RecordingError(f"{path}: {name!r} as {source.column}: {error}") from None
         return result
 
