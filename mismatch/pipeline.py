@@ -418,9 +418,10 @@ def _verdict(selection: Selection, evidence: _Evidence) -> tuple[Selection, Verd
 
     def verdict_on(chosen: Selection, sure: bool) -> tuple[Selection, Verdict]:
         # A residual that is noise leaves nothing unexplained; its share would be one of noise.
-        leaves_noise = whiteness.colour(chosen.fit) is None
-        shares = explained_shares(whiteness, fitter.null, chosen.fit)
-        chosen = correction.add_rivals(chosen, fitter, 1.0 if leaves_noise else float(shares[-1]))
+        share = 1.0
+        if whiteness.colour(chosen.fit) is not None:
+            share = float(explained_shares(whiteness, fitter.null, chosen.fit)[-1])
+        chosen = correction.add_rivals(chosen, fitter, share)
         gain = judge.score(chosen.fit) - judge.score(fitter.null) if chosen.fit.effects else 0.0
         # Correlated values may be far from the truth in an open-loop simulation, which does not
         # refute an effect with strong evidence.

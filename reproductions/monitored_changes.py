@@ -7,7 +7,6 @@ the folder ``--kept``.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -21,11 +20,10 @@ from shaftline.mismatch.monitor import RISK, monitor
 from shaftline.plant import load_ship
 from shaftline.validation.cases import Case, draw_case, indices_of
 from shaftline.validation.recording import Scenario, with_effect
-from shaftline.validation.scoring import wilson
 from shaftline.validation.simulator.effects import FRIGATE
 
 from .pages import make_parser, print_dot
-from .writing import write_results
+from .writing import share, write_results
 
 TITLE = "Monitored ships: changes found and false alarms"
 
@@ -131,14 +129,6 @@ def monitor_ship(cell: Cell) -> dict[str, Any]:
     }
 
 
-def share(hits: Sequence[bool]) -> str:
-    """Return a share with its 95 % interval."""
-    if not hits:
-        return "–"
-    low, high = wilson(sum(hits), len(hits))
-    return f"{sum(hits) / len(hits):.2f} ({low:.2f} to {high:.2f})"
-
-
 def summarise(table: pd.DataFrame) -> pd.DataFrame:
     """Return how often a change raises an alarm, by its size over the detection limit."""
     relative = table["true"] / table["detection_limit"]
@@ -152,9 +142,9 @@ def summarise(table: pd.DataFrame) -> pd.DataFrame:
                 if high < np.inf
                 else f"> {low:g}",
                 "ships": len(part),
-                "alarm of this parameter": share([*part["alarm"]]),
-                "alarm of another": share([*(part["other alarms"] > 0)]),
-                "95 % interval holds": share([*within]),
+                "alarm of this parameter": share(part["alarm"]),
+                "alarm of another": share(part["other alarms"] > 0),
+                "95 % interval holds": share(within),
             }
         )
     return pd.DataFrame(rows)
@@ -184,7 +174,7 @@ def main(arguments: list[str] | None = None) -> None:
         references=REFERENCES,
         minutes=SECONDS / 60.0,
         risk=RISK,
-        false_alarms=share([*table["false alarm"]]),
+        false_alarms=share(table["false alarm"]),
         keys=KEYS,
     )
 

@@ -20,10 +20,9 @@ from shaftline.mismatch.search.selection import Calibration, chance_bound
 from shaftline.validation.cases import draw_case, indices_of
 from shaftline.validation.coverage import ship_of
 from shaftline.validation.recording import simulate_case
-from shaftline.validation.scoring import wilson
 
 from .pages import make_parser, print_dot
-from .writing import write_results
+from .writing import share, write_results
 
 TITLE = "p-values where nothing is missing"
 NOMINAL = (0.05, 0.01)
@@ -85,17 +84,10 @@ def summarise(table: pd.DataFrame) -> pd.DataFrame:
     for kind, own in [("all", table), *table.groupby("kind")]:
         row: dict[str, Any] = {"cases": kind, "count": len(own)}
         for level in NOMINAL:
-            row[f"p < {level:g}"] = share(own["p_value"] < level)
-        row[f"bound < {NOMINAL[0]:g}"] = share(own["bound"] < NOMINAL[0])
-        rows.append(row | {"named": share(own["named"] != "")})
+            row[f"p < {level:g}"] = share(own["p_value"] < level, 3)
+        row[f"bound < {NOMINAL[0]:g}"] = share(own["bound"] < NOMINAL[0], 3)
+        rows.append(row | {"named": share(own["named"] != "", 3)})
     return pd.DataFrame(rows)
-
-
-def share(hits: Any) -> str:
-    """Return a share with Wilson's 95 % interval."""
-    count, whole = int(np.sum(hits)), len(hits)
-    low, high = wilson(count, whole)
-    return f"{count / whole:.3f} ({low:.3f} to {high:.3f})"
 
 
 def draw(table: pd.DataFrame) -> Figure:

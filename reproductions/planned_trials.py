@@ -22,11 +22,10 @@ from shaftline.mismatch.report.plan import read_question
 from shaftline.plant import load_ship
 from shaftline.validation.cases import Case, draw_case, indices_of
 from shaftline.validation.recording import Scenario, simulate_case, with_effect
-from shaftline.validation.scoring import wilson
 from shaftline.validation.simulator.effects import CONFOUNDED
 
 from .pages import make_parser, print_dot
-from .writing import write_results
+from .writing import share, write_results
 
 TITLE = "Trials planned to settle what a recording leaves open"
 MINUTES = (5, 15)
@@ -214,15 +213,14 @@ def summarise(results: Sequence[dict[str, Any]]) -> pd.DataFrame:
     asked = [one for one in results if one["open"] and one["effect"] != NOTHING]
     rows = []
     for name in (PLANNED, RANDOM, ADVISED):
-        right = sum(one[name] == "right" for one in asked)
-        low, high = wilson(right, len(asked))
+        right = [one[name] == "right" for one in asked]
         minutes = [one.get(f"{name}_minutes") or math.inf for one in asked]
         rows.append(
             {
                 "programme": name,
                 "cases": len(asked),
-                "right alone": right,
-                "share (95 %)": f"{right / len(asked):.2f} ({low:.2f} to {high:.2f})",
+                "right alone": sum(right),
+                "share (95 %)": share(right),
                 "among alternatives": sum(one[name] == "among alternatives" for one in asked),
                 "a wrong name": sum(one[name] == "wrong" for one in asked),
                 "minutes until right, median": math.nan

@@ -15,6 +15,7 @@ from shaftline.display.figures import PALETTE, TRUTH, new_figure, save
 from shaftline.display.tables import write_table
 from shaftline.mismatch import identify
 from shaftline.plant import Ship
+from shaftline.validation.scoring import wilson
 
 from .cells import Cell, Kind, number
 from .pages import fill_template
@@ -78,6 +79,15 @@ def span(values: Iterable[float], digits: int = 2) -> str:
     """Return the least and the largest of some values as text."""
     known = list(values)
     return f"{min(known):.{digits}f} to {max(known):.{digits}f}"
+
+
+def share(hits: Any, digits: int = 2) -> str:
+    """Return the share of true values with Wilson's 95 % interval as text; a dash without values."""
+    count, whole = int(np.sum(hits)), len(hits)
+    if not whole:
+        return "–"
+    low, high = wilson(count, whole)
+    return f"{count / whole:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
 
 
 class Line(NamedTuple):

@@ -188,9 +188,8 @@ def add_rivals(selection: Selection, fitter: Fitter, explained: float) -> Select
             if other.score < fit.score - margin:
                 other = fitter.polish(other)
             more = len(rival.effect.parameters) > len(own.parameters)
-            if more and _is_same_model(fitter, fit, other):
-                continue
-            if other.score >= fit.score - margin:
+            near_enough = other.score >= fit.score - margin
+            if near_enough and not (more and _is_same_model(fitter, fit, other)):
                 alike.append(Candidate(rival.effect, other, gain - fit.score + other.score))
         rivals_of_effects.append(tuple(sorted(alike, key=lambda c: -c.gain)))
     return replace(selection, rivals=tuple(rivals_of_effects))

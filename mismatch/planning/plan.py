@@ -357,6 +357,8 @@ class _Search:
             for done, (command, interval) in enumerate(places):
                 tick(f"exchanging commands, round {sweep + 1}", done, len(places))
                 for level in np.linspace(*ends[command], LEVELS):
+                    if level == levels[command, interval]:
+                        continue
                     trial = levels.copy()
                     trial[command, interval] = level
                     if (merit := merit_of(trial)) > best:

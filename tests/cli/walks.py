@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from typer.testing import CliRunner, Result
 
+from reproductions.anti_spin_ships import PARTICULARS
 from shaftline.cli.main import app
 from shaftline.plant import Ship, equilibrium, linearise, load_ship, ship_names
 from shaftline.plant.columns import RUDDER_COMMAND, TIME, drive_column
@@ -18,31 +19,8 @@ from shaftline.plant.particulars import Particulars, ship_from_particulars
 from shaftline.plant.ship_files import format_value, template, template_names
 
 FOREIGN: dict[str, dict[str, Any]] = {
-    "trawler": {
-        "length_m": 38.0,
-        "beam_m": 9.6,
-        "draught_m": 4.0,
-        "displacement_t": 820.0,
-        "design_speed_kn": 12.0,
-        "mcr_kW": 1200.0,
-        "engine_speed_rpm": 900.0,
-        "shaft_speed_rpm": 180.0,
-        "propeller_diameter_m": 3.0,
-        "controllable_pitch": True,
-    },
-    "harbour-tug": {
-        "length_m": 24.0,
-        "beam_m": 10.5,
-        "draught_m": 3.6,
-        "displacement_t": 480.0,
-        "design_speed_kn": 11.5,
-        "shafts": 2,
-        "prime_mover": "electric",
-        "mcr_kW": 1000.0,
-        "engine_speed_rpm": 1000.0,
-        "shaft_speed_rpm": 250.0,
-        "propeller_diameter_m": 2.4,
-    },
+    "trawler": PARTICULARS["trawler"],
+    "harbour-tug": PARTICULARS["harbour-tug"] | {"prime_mover": "electric"},
 }
 """Particulars of ships that the package does not contain."""
 

@@ -176,7 +176,7 @@ def test_a_programme_beats_random_ones_and_can_be_simulated(
 def test_an_exchange_of_commands_increases_the_evidence_and_holds_them_long_enough(
     frigate: Ship,
 ) -> None:
-    """A derating is told from friction by changes of rack and pitch that no single manoeuvre has."""
+    """Changes of rack and pitch that no single manoeuvre has separate a derating from friction."""
     quick = frigate.with_values({"integration.time_step_s": 0.25})
     models = {
         "derated": quick.with_values({"prime_mover.derating_fraction": 0.02}),
@@ -270,7 +270,7 @@ def test_a_ship_turns_to_the_opposite_course_and_says_if_it_cannot() -> None:
     assert "reciprocal courses" in turns
 
 
-def test_a_current_is_told_from_fouling_on_reciprocal_courses() -> None:
+def test_reciprocal_courses_separate_a_current_from_fouling() -> None:
     clean = load_ship("ddg-51-surrogate")
     most = float(clean.record()["drive_max"])
     models = {
