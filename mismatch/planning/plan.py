@@ -5,7 +5,7 @@ with too little excitation may hide any effect of the catalogue below its detect
 of a single model may be wide. The programme grows by one manoeuvre at a time. Of random manoeuvres that
 begin where the last one has ended, the one with the largest merit together with those before it is taken
 (:mod:`.evidence`). Then the commands are held in intervals and exchanged one at a time where that is
-better (coordinate exchange, Meyer and Nachtsheim 1995, Technometrics 37(1)).
+better (:mod:`.exchange`).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import contextlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise, product
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -45,6 +45,7 @@ from .evidence import (
     evidence_over_time,
     pair_names,
 )
+from .exchange import exchange
 from .manoeuvres import (
     INTERVAL_S,
     Floats,
@@ -76,9 +77,6 @@ POOL = 24
 
 HELD, LEVELS = 12, 3
 """Largest number of intervals in which commands are held, and of values tried for each command."""
-
-SWEEPS, BETTER = 2, 1.02
-"""Largest number of exchanges of each command, and factor on the merit from which another follows."""
 
 PARTS = 3
 """Number of equal parts of a programme after each of which the exchange of commands counts its merit."""
@@ -344,27 +342,15 @@ class _Search:
         count = max(1, min(HELD, len(drive) // least))
         edges = [round(k * len(drive) / count) for k in range(count + 1)]
         ends = command_ranges(self.ship, self.limits)
-        movable = [k for k, (low, high) in enumerate(ends) if low < high]
-        places = [*product(movable, range(count))]
+        choices = {
+            k: np.linspace(*both, LEVELS) for k, both in enumerate(ends) if both[0] < both[1]
+        }
         levels = np.array([[x[a:b].mean() for a, b in pairwise(edges)] for x in (drive, pitch)])
 
         def merit_of(values: Floats) -> float:
             return whole.mean_merit(table_of(self.ship, hold_commands(values, edges)))
 
-        best = merit_of(levels)
-        for sweep in range(SWEEPS):
-            start = best
-            for done, (command, interval) in enumerate(places):
-                tick(f"exchanging commands, round {sweep + 1}", done, len(places))
-                for level in np.linspace(*ends[command], LEVELS):
-                    if level == levels[command, interval]:
-                        continue
-                    trial = levels.copy()
-                    trial[command, interval] = level
-                    if (merit := merit_of(trial)) > best:
-                        levels, best = trial, merit
-            if not best > BETTER * start:
-                break
+        levels, best = exchange(levels, choices, merit_of, tick=tick)
         before = whole.mean_merit(table_of(self.ship, chosen))
         return hold_commands(levels, edges) if best > before else chosen
 
