@@ -41,7 +41,8 @@ def exchange(
         The design, and its merit.
 
     Examples:
-        >>> found, merit = exchange(np.zeros((1, 2)), {0: np.array([0.0, 1.0])}, lambda x: x[0, 0] - x[0, 1])
+        >>> choices = {0: np.array([0.0, 1.0])}
+        >>> found, merit = exchange(np.zeros((1, 2)), choices, lambda x: x[0, 0] - x[0, 1])
         >>> found.tolist(), float(merit)
         ([[1.0, 0.0]], 1.0)
     """
