@@ -28,7 +28,7 @@ from .pages import make_parser, print_dot
 from .writing import share, write_results
 
 TITLE = "Trials planned to settle what a recording leaves open"
-MINUTES = (2, 5, 15)
+MINUTES = (5, 15)
 """Lengths of a trial of which the shortest sufficient one is looked for; each begins like the next."""
 
 LIMITS = Limits(drive=(14.0, 30.0), pitch_ratio=(0.95, 1.35))
@@ -248,7 +248,7 @@ def main(arguments: list[str] | None = None) -> None:
     folder = "out/planned-trials"
     parser = make_parser("planned_trials", __doc__, f"{folder}/page", kept=folder, jobs=None)
     parser.add_argument("--cases", type=int, default=50, help="number of cases")
-    parser.add_argument("--seed", type=int, default=6404, help="seed of the cases")
+    parser.add_argument("--seed", type=int, default=6403, help="seed of the cases")
     options = parser.parse_args(arguments)
     wanted = {cell.name: cell for cell in cells_of(options.seed, options.cases)}
     found = sweep(decide, wanted, options.kept, jobs=options.jobs, tick=print_dot)

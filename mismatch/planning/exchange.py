@@ -7,12 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..estimate import Tick, ignore_progress
-
-Floats = NDArray[np.float64]
+from .manoeuvres import Floats
 
 SWEEPS, BETTER = 2, 1.02
 """Largest number of exchanges of each value, and factor on the merit from which another follows."""
@@ -41,6 +37,7 @@ def exchange(
         The design, and its merit.
 
     Examples:
+        >>> import numpy as np
         >>> choices = {0: np.array([0.0, 1.0])}
         >>> found, merit = exchange(np.zeros((1, 2)), choices, lambda x: x[0, 0] - x[0, 1])
         >>> found.tolist(), float(merit)
