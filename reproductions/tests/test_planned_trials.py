@@ -13,6 +13,7 @@ from reproductions.planned_trials import (
     EVERY,
     LIMITS,
     NOTHING,
+    STOPS,
     advised_programme,
     cells_of,
     discordant,
@@ -22,6 +23,7 @@ from reproductions.planned_trials import (
 )
 from shaftline.validation.cases import case_kind, draw_case
 from shaftline.validation.simulator.effects import CONFOUNDED
+from shaftline.validation.simulator.voyage import StalledError
 
 
 def test_cells_are_confounded_cases_with_each_effect_in_turn_and_nothing() -> None:
@@ -50,6 +52,16 @@ def test_the_second_recording_follows_the_programme_with_the_concealed_effect() 
     ratio = found["shaft_torque_N_m"].mean() / plain["shaft_torque_N_m"].mean()
     assert ratio == pytest.approx(1.0 + case.effects[0].sign * 0.05, abs=0.01)
     np.testing.assert_allclose(found["ship_speed_m_s"], plain["ship_speed_m_s"], atol=0.02)
+
+
+def test_a_programme_at_which_the_true_engine_stops_has_no_recording() -> None:
+    """At least rack and largest pitch, with 400 kN m of Coulomb friction in the engine."""
+    index = cells_of(6301, 1)[0].number
+    case = draw_case(6301, index, keys=("coulomb-friction/engine",))
+    columns = {"fuel_rack_mm": 14.0, "pitch_ratio_command": 1.35}
+    table = pd.DataFrame({"time_s": np.arange(60.0)}).assign(**columns)
+    with pytest.raises(StalledError, match="the engine stops at the first demands"):
+        second_recording(case, {"coulomb-friction/engine": 4e5}, table)
 
 
 def diagnosis(named: list[str], others: list[str], verdict: str = "explained") -> Any:
@@ -105,14 +117,18 @@ def test_cases_that_leave_nothing_open_do_not_count() -> None:
         "random_minutes": None,
     }
     nothing: dict[str, Any] = {"effect": NOTHING, "open": "anything", "planned": "wrong"}
-    results: list[dict[str, Any]] = [one, one, {"effect": "a", "open": ""}, nothing]
+    stopped = one | {"catalogue": STOPS}
+    results: list[dict[str, Any]] = [one, stopped, {"effect": "a", "open": ""}, nothing]
     assert discordant(results, "random") == (2, 0)
     assert discordant([one | {"planned": "wrong", "catalogue": "right"}], "catalogue") == (0, 1)
     table = summarise(results).set_index("programme")
     assert table["cases"].tolist() == [2, 2, 2]
     assert table["right alone"].tolist() == [2, 0, 0]
-    assert table["among alternatives"].tolist() == [0, 0, 2]
+    assert table["among alternatives"].tolist() == [0, 0, 1]
+    assert table[STOPS].tolist() == [0, 0, 1]
     assert table["a wrong name"].tolist() == [0, 2, 0]
+    assert table["right from 2 min on"].tolist()[:2] == [0, 0]
+    assert table["right from 5 min on"].tolist()[:2] == [2, 0]
     assert table.loc["planned", "minutes until right, median"] == 5.0
     assert np.isinf(table.loc["random", "minutes until right, median"])
     assert np.isnan(table.loc["catalogue", "minutes until right, median"])
