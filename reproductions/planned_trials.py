@@ -238,10 +238,11 @@ def summarise(results: Sequence[dict[str, Any]]) -> pd.DataFrame:
                 **{
                     f"right from {most} min on": sum(m <= most for m in minutes)
                     if measured
-                    else math.nan
+                    else "–"
                     for most in MINUTES[:-1]
                 },
                 "minutes until right, median": float(np.median(minutes)) if measured else math.nan,
+                "mean": float(np.minimum(minutes, MINUTES[-1]).mean()) if measured else math.nan,
             }
         )
     return pd.DataFrame(rows)
@@ -257,6 +258,13 @@ def discordant(results: Sequence[dict[str, Any]], other: str) -> tuple[int, int]
     asked = [one for one in results if one["open"] and one["effect"] != NOTHING]
     pairs = [(one[PLANNED] == "right", one[other] == "right") for one in asked]
     return pairs.count((True, False)), pairs.count((False, True))
+
+
+def sooner(results: Sequence[dict[str, Any]]) -> tuple[int, int]:
+    """Return in how many cases the planned trial, and the random one, needs fewer minutes."""
+    asked = [one for one in results if one["open"] and one["effect"] != NOTHING]
+    pairs = [[one[f"{name}_minutes"] or math.inf for name in (PLANNED, RANDOM)] for one in asked]
+    return sum(a < b for a, b in pairs), sum(a > b for a, b in pairs)
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -294,6 +302,7 @@ def main(arguments: list[str] | None = None) -> None:
         stayed=sum(one[PLANNED] == "right" for one in asked),
         named_without=sum(one[PLANNED] == "wrong" for one in asked),
         against={name: discordant(results, name) for name in (RANDOM, ADVISED)},
+        sooner=sooner(results),
         left=len(left),
         engine=sum(effect.endswith("/engine") for effect in left),
         settled=sum(not one["open"] for one in results),

@@ -19,6 +19,7 @@ from reproductions.planned_trials import (
     discordant,
     outcome_of,
     second_recording,
+    sooner,
     summarise,
 )
 from shaftline.validation.cases import case_kind, draw_case
@@ -121,6 +122,8 @@ def test_cases_that_leave_nothing_open_do_not_count() -> None:
     results: list[dict[str, Any]] = [one, stopped, {"effect": "a", "open": ""}, nothing]
     assert discordant(results, "random") == (2, 0)
     assert discordant([one | {"planned": "wrong", "catalogue": "right"}], "catalogue") == (0, 1)
+    assert sooner(results) == (2, 0)
+    assert sooner([one | {"planned_minutes": 15.0, "random_minutes": 2.0}]) == (0, 1)
     table = summarise(results).set_index("programme")
     assert table["cases"].tolist() == [2, 2, 2]
     assert table["right alone"].tolist() == [2, 0, 0]
@@ -131,4 +134,5 @@ def test_cases_that_leave_nothing_open_do_not_count() -> None:
     assert table["right from 5 min on"].tolist()[:2] == [2, 0]
     assert table.loc["planned", "minutes until right, median"] == 5.0
     assert np.isinf(table.loc["random", "minutes until right, median"])
+    assert table["mean"].tolist()[:2] == [5.0, 15.0]
     assert np.isnan(table.loc["catalogue", "minutes until right, median"])
