@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,7 @@ from reproductions.trial_design.page import (
     Cell,
     better_starts,
     cells_of,
-    discordant,
+    discordant_table,
     vessel_table,
     voyage_table,
 )
@@ -140,7 +139,10 @@ def test_outcomes_are_counted_by_noise_and_way() -> None:
         PUBLISHED: trial,
     }
     found = [voyage if cell.question else vessel for cell in cells]
-    assert discordant(cells, found, bioreactor.NOISES[0]) == (2, 0)
+    counts = discordant_table(cells, found).set_index(["noise [g/L]", "success"])
+    alone = counts.loc[(bioreactor.NOISES[0], "true law alone")].tolist()
+    assert alone == pytest.approx([2, 0, 0.5])
+    assert counts.loc[(bioreactor.NOISES[0], "true law best")].tolist() == [0, 0, 1.0]
     assert better_starts(cells, found) == (4 * STARTS, 4 * STARTS)
     table = vessel_table(cells, found).set_index(["noise [g/L]", "feed chosen by"])
     assert table.loc[(bioreactor.NOISES[1], PLANNER), "true law alone (95 %)"].startswith("1.00")
@@ -148,5 +150,5 @@ def test_outcomes_are_counted_by_noise_and_way() -> None:
     trials = voyage_table(cells, found).set_index(["question", "trial chosen by"])
     assert trials.loc[("pitch", PLANNER), "closest pair, median"] == 8.0
     assert trials.loc[("pitch", "random"), "pairs decided"] == f"{STARTS} of {2 * STARTS}"
-    assert not math.isnan(trials.loc[("pitch", PUBLISHED), "wrong choice, median of the bound"])
+    assert trials.loc[("pitch", PUBLISHED), "wrong choice, median of the bound"] == "1.0e-01"
     assert Cell("", 0.1, 1).name != Cell("pitch", 0.0, 1).name

@@ -80,25 +80,28 @@ NESTING = {"Haldane"}
 @numba.njit(cache=True)
 def _growth(law: int, p: Floats, s: float) -> float:
     s = max(s, 0.0)
+    rate: float = 0.0
     if law == 0:
-        return p[0] * s / (p[1] + s)
-    if law == 1:
-        return p[0] * s / (1e-3 + s)  # constant, until nothing is left
-    if law == 2:
-        return p[0] * s
-    if law == 3:
-        return p[0] * (1.0 - math.exp(-s / p[1]))
-    if law == 4:
-        return p[0] * s * s / (p[1] + s * s)
-    if law == 5:
-        return p[0] * s / (p[1] + s + s * s / p[2])
-    if law == 6:
-        return p[0] * math.tanh(s / p[1])
-    if law == 7:
-        return p[0] * s ** min(p[1], 3.0)
-    if law == 8:
-        return max(p[0] * s - p[1] * s * s, 0.0)
-    return p[0] * math.sqrt(s)
+        rate = p[0] * s / (p[1] + s)
+    elif law == 1:
+        rate = p[0] * s / (1e-3 + s)  # constant, until nothing is left
+    elif law == 2:
+        rate = p[0] * s
+    elif law == 3:
+        rate = p[0] * (1.0 - math.exp(-s / p[1]))
+    elif law == 4:
+        rate = p[0] * s * s / (p[1] + s * s)
+    elif law == 5:
+        rate = p[0] * s / (p[1] + s + s * s / p[2])
+    elif law == 6:
+        rate = p[0] * math.tanh(s / p[1])
+    elif law == 7:
+        rate = p[0] * s ** min(p[1], 3.0)
+    elif law == 8:
+        rate = p[0] * s - p[1] * s * s
+    else:
+        rate = p[0] * math.sqrt(s)
+    return rate if rate > 0.0 else 0.0
 
 
 @numba.njit(cache=True)
@@ -158,8 +161,8 @@ def fit(law: int, feeds: Sequence[Floats], measured: Sequence[Floats], noise: fl
         return np.asarray(np.clip(np.nan_to_num(both, nan=1e6), -1e6, 1e6))
 
     found = scipy.optimize.least_squares(residuals, guess, method="trf", x_scale=1.0)
-    information = found.jac.T @ found.jac
-    return Fitted(law, found.x, 2.0 * found.cost, np.linalg.inv(information))
+    slopes = np.asarray(found.jac)
+    return Fitted(law, found.x, 2.0 * found.cost, np.linalg.inv(slopes.T @ slopes))
 
 
 def plausible(fits: Sequence[Fitted]) -> list[Fitted]:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy
 
 from shaftline.core.sweep import sweep
 
@@ -73,13 +74,25 @@ def vessel_table(cells: Sequence[Cell], found: Sequence[dict[str, Any]]) -> pd.D
     return pd.DataFrame(rows)
 
 
-def discordant(
-    cells: Sequence[Cell], found: Sequence[dict[str, Any]], noise: float
-) -> tuple[int, int]:
-    """Return for how many seeds only the planner's feed, and only the published one, decides."""
-    some = [x for c, x in zip(cells, found, strict=True) if not c.question and c.noise == noise]
-    pairs = [(one[PLANNER]["alone"], one[PUBLISHED]["alone"]) for one in some]
-    return pairs.count((True, False)), pairs.count((False, True))
+def discordant_table(cells: Sequence[Cell], found: Sequence[dict[str, Any]]) -> pd.DataFrame:
+    """Return for how many seeds only the planner's feed, and only the published one, succeeds."""
+    rows = []
+    for noise in bioreactor.NOISES:
+        some = [x for c, x in zip(cells, found, strict=True) if not c.question and c.noise == noise]
+        for key, words in {"right": "true law best", "alone": "true law alone"}.items():
+            pairs = [(one[PLANNER][key], one[PUBLISHED][key]) for one in some]
+            ours, theirs = pairs.count((True, False)), pairs.count((False, True))
+            chance = scipy.stats.binomtest(ours, ours + theirs).pvalue if ours + theirs else 1.0
+            rows.append(
+                {
+                    "noise [g/L]": noise,
+                    "success": words,
+                    "only the planner's feed": ours,
+                    "only the published criterion's": theirs,
+                    "p-value of no difference": chance,
+                }
+            )
+    return pd.DataFrame(rows)
 
 
 def voyage_table(cells: Sequence[Cell], found: Sequence[dict[str, Any]]) -> pd.DataFrame:
@@ -90,6 +103,7 @@ def voyage_table(cells: Sequence[Cell], found: Sequence[dict[str, Any]]) -> pd.D
         for way in WAYS:
             ours = [one[way] for one in some]
             least = [one["least"] for one in ours]
+            wrong = np.median([one["wrong"] for one in ours])
             rows.append(
                 {
                     "question": question,
@@ -100,7 +114,7 @@ def voyage_table(cells: Sequence[Cell], found: Sequence[dict[str, Any]]) -> pd.D
                     "pairs decided": " of ".join(
                         str(sum(one[key] for one in ours)) for key in ("decided", "pairs")
                     ),
-                    "wrong choice, median of the bound": np.median([one["wrong"] for one in ours]),
+                    "wrong choice, median of the bound": f"{wrong:.1e}",
                 }
             )
     return pd.DataFrame(rows)
@@ -138,7 +152,11 @@ def main(arguments: list[str] | None = None) -> None:
         voyages,
         {},
         f"--seed {options.seed} --seeds {options.seeds}",
-        printed=printed.assign(prior=np.where(printed["prior"], "yes", "")).rename(
+        printed=printed.assign(
+            temperature=[f"{value:g}" for value in printed["temperature"]],
+            prior=np.where(printed["prior"], "yes", ""),
+            published=[f"{value:.9g}" for value in printed["published"]],
+        ).rename(
             columns={"temperature": "first temperature [K]", "prior": "with earlier experiments"}
         ),
         design=design,
@@ -146,7 +164,7 @@ def main(arguments: list[str] | None = None) -> None:
         log10_det=reactor.PUBLISHED[-1][-1],
         step=reactor.STEP_K,
         vessels=vessel_table(cells, found),
-        discordant={noise: discordant(cells, found, noise) for noise in bioreactor.NOISES},
+        discordant=discordant_table(cells, found),
         voyages=voyages,
         starts=STARTS,
         better=better_starts(cells, found),
