@@ -47,6 +47,9 @@ NEAR_SHARE = 0.01
 PIECES = 24
 """Number of equal pieces of a recording; windows begin and end at their edges."""
 
+LEAST_POWER = 1e-3
+"""Power of a piece, as a share of the largest, below which none of its rows is fitted."""
+
 STRETCHES = PIECES * (PIECES + 1) // 2 - 1
 """Number of windows that are scanned: all except the whole recording."""
 
@@ -257,8 +260,9 @@ def find_episodes(fitter: Fitter, fit: Fit) -> list[Window]:
     """Return the windows [s] in which a changed resistance explains most of the hull residual.
 
     All windows of :data:`PIECES` pieces are compared by generalised least squares; a change of the
-    resistance acts in the hull balance only. For several recordings, or without ship speed, there are
-    no windows.
+    resistance acts in the hull balance only. Where a window meets rows that are not fitted, it goes on
+    to their end: nothing in the fitted rows says otherwise. For several recordings, or without ship
+    speed, there are no windows.
     """
     balances, bands = fitter.balances, fitter.bands
     replay, names = balances.replay, balances.names
@@ -274,9 +278,13 @@ def find_episodes(fitter: Fitter, fit: Fit) -> list[Window]:
     across, regressors = information[:count, count:], information[count:, count:]
     own = information[:count, :count] - across @ np.linalg.solve(regressors, across.T)
     times = (replay.interval_s * edges).tolist()
+    powers = np.diag(own)[:PIECES]
+    fitted = powers > LEAST_POWER * powers.max()
+    starts = [a for a in range(PIECES) if a == 0 or fitted[a - 1]]
+    ends = [b for b in range(1, PIECES + 1) if b == PIECES or fitted[b]]
     gains: dict[Window, float] = {}
-    for a, b in itertools.combinations(range(PIECES + 1), 2):
-        power = float(own[a:b, a:b].sum())
+    for a, b in itertools.product(starts, ends):
+        power = float(own[a:b, a:b].sum()) if a < b else 0.0
         if power > 0.0 and b - a < PIECES:
             gain = float(own[a:b, -1].sum()) ** 2 / power
             if gain > LEAST_GAIN:

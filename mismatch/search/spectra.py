@@ -359,77 +359,65 @@ class Sums(NamedTuple):
 
 
 @compiled_apart
-def gram(pairs: Floats, weight: Complex) -> Floats:
-    """Return the information on the regressors with their prior, shape (k, k).
-
-    The weight has the inverse covariances, shape (bands, m, m). The trace of weight times products needs
-    its transpose. For a Hermitian weight this is its conjugate, which the real part of the complex
-    product gives.
-    """
-    k = int(len(pairs) ** 0.5 + 0.5)
-    return 2.0 * (pairs @ weight.reshape(-1).view(np.float64)).reshape(k, k) + np.eye(k)
-
-
-@compiled_apart
 def invert_in_place(matrices: Complex, counts: Floats) -> float:
     """Invert Hermitian matrices (bands, m, m) in place by Gauss-Jordan elimination without pivoting.
 
     Return the sum over the bands of weight times log |det|; NaN if a matrix is not positive definite,
     possibly by rounding.
     """
+    bands, m, _ = matrices.shape
     total = 0.0
-    for band in range(len(matrices)):
-        a = matrices[band]
-        for p in range(len(a)):
-            pivot = a[p, p].real
+    for b in range(bands):
+        for p in range(m):
+            pivot = matrices[b, p, p].real
             if not pivot > 0.0:
-                return np.nan
-            total += counts[band] * np.log(pivot)
-            a[p, p] = 1.0
-            a[p] /= pivot
-            for i in range(len(a)):
+                return math.nan
+            total += counts[b] * math.log(pivot)
+            matrices[b, p, p] = 1.0
+            for q in range(m):
+                matrices[b, p, q] /= pivot
+            for i in range(m):
                 if i != p:
-                    share = a[i, p]
-                    a[i, p] = 0.0
-                    a[i] -= share * a[p]
+                    share = matrices[b, i, p]
+                    matrices[b, i, p] = 0.0
+                    for q in range(m):
+                        matrices[b, i, q] -= share * matrices[b, p, q]
         # Rounding makes the inverse of a nearly singular matrix asymmetric.
-        for p in range(len(a)):
+        for p in range(m):
             for q in range(p + 1):
-                mean = 0.5 * (a[p, q] + np.conj(a[q, p]))
-                a[p, q], a[q, p] = mean, np.conj(mean)
+                mean = 0.5 * (matrices[b, p, q] + matrices[b, q, p].conjugate())
+                matrices[b, p, q], matrices[b, q, p] = mean, mean.conjugate()
     return total
 
 
 @compiled_apart
-def _at(sums: Sums, shares: Floats) -> tuple[float, Complex, Complex]:
-    """Return the score at given shares, the inverse covariances and the derivatives of the band sums."""
-    k, bands, m, _ = sums.crossed.shape
-    moved = shares @ sums.pairs.reshape(k, k * bands * m * m * 2)
-    half = moved.view(np.complex128).reshape(k, bands, m, m) - sums.crossed
-    slopes = np.empty_like(half)
-    covariance = sums.own.copy()
+def _fill(sums: Sums, shares: Floats, half: Complex, covariance: Complex, slopes: Complex) -> None:
+    """Fill the covariances of all bands, and their derivatives times the weight of each band.
+
+    ``half`` holds the products of each regressor with all of them at their shares, less those with the
+    residual.
+    """
+    k, bands, m, _ = slopes.shape
     for i in range(k):
         for b in range(bands):
             for p in range(m):
                 for q in range(m):
-                    slopes[i, b, p, q] = half[i, b, p, q] + np.conj(half[i, b, q, p])
+                    slopes[i, b, p, q] = half[i, b, p, q] + half[i, b, q, p].conjugate()
                     covariance[b, p, q] += shares[i] * (
-                        half[i, b, p, q] - np.conj(sums.crossed[i, b, q, p])
+                        half[i, b, p, q] - sums.crossed[i, b, q, p].conjugate()
                     )
     for b in range(bands):
-        covariance[b] /= sums.counts[b]
-    determinant = invert_in_place(covariance, sums.counts)
-    return -2.0 * determinant - float(np.sum(shares**2)), covariance, slopes
+        for p in range(m):
+            for q in range(m):
+                covariance[b, p, q] /= sums.counts[b]
 
 
 @compiled_apart
-def _steepness(
-    weight: Complex, slopes: Complex, counts: Floats, shares: Floats
-) -> tuple[Floats, Floats]:
-    """Return half the derivative of the score, and the curvature due to the changing covariances."""
+def _fill_steepness(
+    weight: Complex, slopes: Complex, counts: Floats, weighed: Complex, rise: Floats, bent: Floats
+) -> None:
+    """Add half the derivative of the score, and the curvature due to the changing covariances."""
     k, bands, m, _ = slopes.shape
-    rise, bent = -shares.copy(), np.zeros((k, k))
-    weighed = np.empty((k, m, m), np.complex128)
     for b in range(bands):
         for i in range(k):
             for p in range(m):
@@ -449,10 +437,39 @@ def _steepness(
     for i in range(k):
         for j in range(i):
             bent[j, i] = bent[i, j]
+
+
+def gram(pairs: Floats, weight: Complex) -> Floats:
+    """Return the information on the regressors with their prior, shape (k, k).
+
+    The weight has the inverse covariances, shape (bands, m, m). The trace of weight times products needs
+    its transpose. For a Hermitian weight this is its conjugate, which the real part of the complex
+    product gives.
+    """
+    k = math.isqrt(len(pairs))
+    return 2.0 * (pairs @ weight.reshape(-1).view(np.float64)).reshape(k, k) + np.eye(k)
+
+
+def _at(sums: Sums, shares: Floats) -> tuple[float, Complex, Complex]:
+    """Return the score at given shares, the inverse covariances and the derivatives of the band sums."""
+    moved = shares @ sums.pairs.reshape(len(shares), -1)
+    half = moved.view(np.complex128).reshape(sums.crossed.shape) - sums.crossed
+    covariance, slopes = sums.own.copy(), np.empty_like(half)
+    _fill(sums, shares, half, covariance, slopes)
+    determinant = invert_in_place(covariance, sums.counts)
+    return -2.0 * determinant - float(shares @ shares), covariance, slopes
+
+
+def _steepness(
+    weight: Complex, slopes: Complex, counts: Floats, shares: Floats
+) -> tuple[Floats, Floats]:
+    """Return half the derivative of the score, and the curvature due to the changing covariances."""
+    k, _, m, _ = slopes.shape
+    rise, bent = -shares, np.zeros((k, k))
+    _fill_steepness(weight, slopes, counts, np.empty((k, m, m), np.complex128), rise, bent)
     return rise, bent
 
 
-@compiled_apart
 def best_shares(sums: Sums, start: Floats, tolerance: float) -> tuple[float, Floats, Complex]:
     """Maximise f over the shares, from initial shares (k,) to steps that gain less than the tolerance.
 
@@ -461,25 +478,21 @@ def best_shares(sums: Sums, start: Floats, tolerance: float) -> tuple[float, Flo
     shares = start.copy()
     score, weight, slopes = _at(sums, shares)
     held = 0.0
-    for _ in range(MOST_STEPS if np.isfinite(score) else 0):
+    for _ in range(MOST_STEPS if math.isfinite(score) else 0):
         rise, bent = _steepness(weight, slopes, sums.counts, shares)
-        definite = True
         try:
-            root = np.linalg.cholesky(gram(sums.pairs, weight))
-        except Exception:  # Compiled code catches no narrower class; rounding has ended the search.
-            definite = False
-        if not definite:
+            whitening = np.linalg.inv(np.linalg.cholesky(gram(sums.pairs, weight)))
+        except np.linalg.LinAlgError:  # Rounding has ended the search.
             break
-        inner = np.linalg.solve(root, bent)
-        bends, axes = np.linalg.eigh(np.linalg.solve(root, inner.T.copy()))
-        along = axes.T @ np.linalg.solve(root, rise)
+        bends, axes = np.linalg.eigh(whitening @ bent @ whitening.T)
+        along = axes.T @ (whitening @ rise)
         curvature = np.where(bends < 1.0, 1.0 - bends, 0.3 * (bends - 1.0))
         curvature = np.maximum(curvature, LEAST_CURVATURE)
         gain = -1.0
         while True:
             step = along / (curvature + held)
-            predicted = 2.0 * (along @ step) - np.sum((1.0 - bends) * step**2)
-            trial = shares + np.linalg.solve(root.T.copy(), axes @ step)
+            predicted = float(2.0 * along @ step - (1.0 - bends) @ step**2)
+            trial = shares + whitening.T @ (axes @ step)
             found, heavier, steeper = _at(sums, trial)
             if found > score or not abs(predicted) > 1e-3 * tolerance:
                 break
@@ -490,7 +503,7 @@ def best_shares(sums: Sums, start: Floats, tolerance: float) -> tuple[float, Flo
         # A small damped step does not show convergence.
         if gain <= 0.0 or (gain < tolerance and held == 0.0):
             break
-        sure = gain / abs(predicted)
+        sure = gain / abs(predicted) if predicted else math.inf
         if sure > TRUSTED:
             held = 0.0 if held < 0.1 else held / 5.0
         elif sure < DISTRUSTED:

@@ -132,8 +132,8 @@ class Toy:
         return self.residuals(self.measured) - self.residuals(simulated)
 
 
-def bands() -> Bands:
-    return make_bands([(0, ROWS)], 1.0, 2, 0.4)
+def bands(last: int = ROWS) -> Bands:
+    return make_bands([(0, last)], 1.0, 2, 0.4)
 
 
 def fitter(

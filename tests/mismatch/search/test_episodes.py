@@ -65,3 +65,16 @@ def test_without_a_speed_log_there_is_none() -> None:
     fitter = hull(1, 0.03)
     fitter.balances.names = ["engine", "thrust"]
     assert stretches(fitter) == []
+
+
+@pytest.mark.parametrize("end", [450, 600])
+def test_a_stretch_that_meets_held_out_rows_goes_on_to_their_end(end: int) -> None:
+    """The fitted rows end at 450 s; whether the episode does as well, they cannot decide."""
+    noise = white(5, 1.0, 0.02 * 1.5e5)
+    noise[1, 350:end] += 0.03 * 1.5e5
+    toy: Any = Toy({}, noise)
+    found = stretches(Fitter(toy, bands(450)))
+    start, stop = found[0]
+    assert start == pytest.approx(350.0, abs=26.0)
+    assert stop == float(ROWS)
+    assert not any(425.0 < b < ROWS for _, b in found)
