@@ -9,7 +9,7 @@ run: $(INSTALLED)
 	$(BIN)/shaftline tour --out out/tour
 
 test: $(INSTALLED)
-	@echo "About 10,000 tests in a quarter of an hour on two cores; the first minute compiles kernels."
+	@echo "About 10,000 tests in a quarter of an hour on two cores."
 	$(BIN)/python -m pytest -n auto --dist worksteal -m "not slow"
 
 test-slow: $(INSTALLED)
@@ -74,6 +74,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install -qq --disable-pip-version-check --upgrade pip -c constraints.txt
 	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(BIN)/shaftline prepare
 	touch $(INSTALLED)
 
 clean:

@@ -110,7 +110,7 @@ def announce_compilation(say: Callable[[str], None] | None = None, patience_s: f
                 self.announced = True
                 words = (
                     "compiling the equations: each command does so at its first use on this machine, "
-                    "in half a minute to a few minutes"
+                    "in half a minute to a few minutes; shaftline prepare does so on all cores"
                 )
                 (say or _line)(words)
 

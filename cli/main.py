@@ -26,7 +26,7 @@ from .machine import add_json_option
 COMMANDS = (
     "tour", "new-ship", "simulate", "manoeuvre", "linearise", "loop", "reproduce", "train", "tune",
     "tune-recipe", "evaluate", "dataset", "export", "video", "check", "identify", "diagnose",
-    "monitor", "plan-trial", "trial", "performance", "validate", "challenge", "list",
+    "monitor", "plan-trial", "trial", "performance", "validate", "challenge", "list", "prepare",
 )  # fmt: skip
 """Sub-commands in the order of ``--help``; ``new-ship`` is ``new_ship`` in ``new_ship_command.py``."""
 
