@@ -11,8 +11,16 @@ shaft speed and pitch with the constraints of the paper:
     gradient:     d eta_o / d J >= 0     (beyond its maximum the efficiency falls steeply)
     cavitation:   tau_c <= tau_limit     (Burrill, 5 % back cavitation)
 
-With a cavitation weight w the cost is fuel + w tau_c / tau_limit, with the fuel relative to that of a
-good setting: the propeller is quieter and the engine burns more.
+With a cavitation weight w_c and a NOx weight w_n the cost is
+
+    fuel + w_c tau_c / tau_limit + w_n NOx
+
+with fuel and NOx relative to those of a setting of little fuel: the propeller is quieter, or the engine
+emits less NOx, and burns more. A weight of CO2 would change nothing, because CO2 is proportional to
+fuel.
+
+A robust surface minimises the fuel in the worst of the cases of :mod:`.uncertainty`, with the engine
+within its limit in all of them, or the expected fuel, with the nominal limit.
 """
 
 from __future__ import annotations
@@ -26,15 +34,17 @@ import numpy as np
 import scipy
 
 from ..observers.records import Floats
-from ..plant.ship import Ship
+from ..plant.ship import Ship, ShipError
 from .combinator import TORQUE_MARGIN, full_pitch, full_speed
 from .steady_points import require_diesel, steady_point
-from .working_point import OpenWaterFit, WorkingPoint, fit_open_water, search, slack, working_point
+from .uncertainty import CERTAIN, Uncertainty, uncertain_cases
+from .working_point import OpenWaterFit, WorkingPoint, fit_open_water, robust_point, search, slack
 
 ADVANCE_SPEEDS, THRUSTS = 15, 13  # numbers of nodes of the surface
 _TRIALS = (161, 81)  # shaft speeds and pitches of the grid search for the start of SLSQP
 _NO_REACH = 0.7  # thrust over the least thrust at which the weight of the surface is 0
 _STEP = 1.5e-8  # step of the forward differences [-]
+_LEAST_NOX, _NO_NOX = 1e-3, 1e-9  # lowest NOx scale over the mean [-], and its absolute value [g/s]
 _LEAST_J = 0.02  # lowest J: at J = 0 the efficiency is 0 at every setting
 
 
@@ -59,9 +69,12 @@ class _Optimum:
         fit: OpenWaterFit,
         advance_velocity: float,
         torque_share: float,
-        cavitation_weight: float,
+        weights: tuple[float, float],
+        uncertainty: Uncertainty,
     ) -> None:
-        self.torque_share, self.cavitation_weight = torque_share, cavitation_weight
+        self.torque_share = torque_share
+        self.cavitation_weight, self.nox_weight = weights
+        self.cases = uncertain_cases(ship, uncertainty), uncertainty.expected
         self.plant, self.fit, self.velocity = ship.record(), fit, advance_velocity
         low, self.top = ship.shaft_speeds
         pitches = (max(ship.propeller.pitch_ratio_min, 0.1), ship.propeller.pitch_ratio_max)
@@ -71,7 +84,7 @@ class _Optimum:
         settings = speeds, np.linspace(*pitches, _TRIALS[1])
         allowed = np.zeros((_TRIALS[0] * _TRIALS[1], 4))  # omega, p, thrust, cost
         grid = (advance_velocity, *settings, torque_share)
-        count = search(self.plant, fit.thrust, fit.torque, *grid, allowed)
+        count = search(self.plant, fit.thrust, fit.torque, *grid, *self.cases, allowed)
         self.trials = allowed[:count]
 
     def at(self, x: Any) -> WorkingPoint:
@@ -79,11 +92,12 @@ class _Optimum:
         key, fit = np.asarray(x).tobytes(), self.fit
         if key not in self._cache:
             place = (self.velocity, float(x[0]) * self.top, float(x[1]))
-            self._cache[key] = working_point(self.plant, fit.thrust, fit.torque, *place)
+            found = robust_point(self.plant, fit.thrust, fit.torque, *place, *self.cases)
+            self._cache[key] = found
         return self._cache[key]
 
-    def _burrill(self, trial: Floats) -> float:
-        return float(self.at(trial[:2] / (self.top, 1.0)).burrill)
+    def _trial(self, trial: Floats) -> WorkingPoint:
+        return self.at(trial[:2] / (self.top, 1.0))
 
     def constraints(self, x: Any) -> list[float]:
         """Return the inequality constraints at x, each satisfied if it is not negative."""
@@ -103,17 +117,25 @@ class _Optimum:
     def best(self, thrust: float) -> tuple[Floats, bool]:
         """Return the optimal x at a thrust [N] and whether SLSQP converged."""
         near = self.trials[np.argsort(np.abs(self.trials[:, 2] / thrust - 1.0))[:60]]
-        costs = near[:, 3] * (thrust / near[:, 2]) ** 1.5  # power is proportional to T^1.5
+        to_thrust = (thrust / near[:, 2]) ** 1.5  # power is proportional to T^1.5
+        costs = near[:, 3] * to_thrust
         weight, scale = self.cavitation_weight, float(costs.min())
+        clean, nox_scale = self.nox_weight, 1.0
+        least = int(np.argmin(costs))
         if weight > 0.0:
-            costs = costs + weight * scale * np.array([self._burrill(row) for row in near])
+            costs = costs + weight * scale * np.array([self._trial(row).burrill for row in near])
+        if clean > 0.0:
+            nox = to_thrust * np.array([self._trial(row).nox for row in near])
+            nox_scale = max(float(nox[least]), float(nox.mean()) * _LEAST_NOX, _NO_NOX)
+            costs = costs + clean * scale * nox / nox_scale
         start = near[int(np.argmin(costs)), :2] / (self.top, 1.0)
-        if weight == 0.0:
+        if weight == clean == 0.0:
             scale = float(self.at(start).cost)
 
         def cost(x: Any) -> float:
             here = self.at(x)
-            return float(here.cost) / scale + weight * float(here.burrill)
+            value = float(here.cost) / scale + weight * float(here.burrill)
+            return value + clean * float(here.nox) / nox_scale if clean > 0.0 else value
 
         def shortfall(x: Any) -> float:
             return float(self.at(x).thrust) / thrust - 1.0
@@ -148,6 +170,8 @@ def combinator_surface(
     torque_share: float = TORQUE_MARGIN,
     cavitation_weight: float = 0.0,
     kq_margin: float = 0.0,
+    nox_weight: float = 0.0,
+    uncertainty: Uncertainty = CERTAIN,
 ) -> CombinatorSurface:
     """Return the optimal settings over the advance speeds and thrusts of a ship.
 
@@ -158,12 +182,20 @@ def combinator_surface(
         cavitation_weight: weight of Burrill's ratio against the relative fuel flow [-].
         kq_margin: share by which KQ may be higher than the fit [-]. Fuel and engine torque are those of
             this worst case, to which an error of eta_R or of the engine's torque is equivalent.
+        nox_weight: weight of the relative NOx flow against the relative fuel flow [-].
+        uncertainty: bounds of the errors of KQ, eta_R and wake, for a robust surface.
 
     Raises:
-        ShipError: the ship is of another kind, or the polynomials do not fit its open-water curves.
+        ShipError: the ship is of another kind, the polynomials do not fit its open-water curves, or a
+            NOx weight is given and the ship file has no NOx map.
         ValueError: at fewer than two advance speeds there is a setting that satisfies all constraints.
     """
     require_diesel(ship)
+    if nox_weight > 0.0 and ship.emissions.nox_base_g_kWh <= 0.0:
+        raise ShipError(
+            f"{ship.name}: nox_weight = {nox_weight:g} needs a NOx map; add the section [emissions] "
+            "with nox_base_g_kWh (unit g/kWh, such as 9.0) to the ship file"
+        )
     fit = fit_open_water(ship)
     fit = fit._replace(torque=(1.0 + kq_margin) * fit.torque)
     low = ship.shaft_speeds[0]
@@ -173,7 +205,8 @@ def combinator_surface(
     rows = []
     converged = 0
     for velocity in np.linspace(slowest, fastest, ADVANCE_SPEEDS):
-        problem = _Optimum(ship, fit, float(velocity), torque_share, cavitation_weight)
+        weights = cavitation_weight, nox_weight
+        problem = _Optimum(ship, fit, float(velocity), torque_share, weights, uncertainty)
         thrusts = problem.trials[:, 2]
         if len(thrusts) == 0:
             break  # No setting is allowed at this speed or above.

@@ -26,6 +26,7 @@ from .combinator_surface import OptimalSetting, combinator_surface, look_up
 from .controller import Commands, Controller, Measurements, Ranges, Variants
 from .governor import RESPONSE_S
 from .inflow_schedule import SCHEDULE_COLUMNS, make_schedule, valid_estimate
+from .uncertainty import Uncertainty
 from .working_point import fit_open_water, surface
 
 FILTER_S = 8.0  # of estimated advance speed and thrust [s], longer than a wave period
@@ -65,6 +66,14 @@ class CppOptimiser(Controller):
             in the paper, for least fuel.
         kq_margin: share by which KQ may be higher than the ship file says [-], for a surface that stays
             within the engine's torque then.
+        nox_weight: weight of the relative NOx flow against the relative fuel flow [-]; the ship file
+            needs a NOx map (``[emissions]``).
+        kq_error: largest relative error of KQ in the ship file [-]; this and the two next options make
+            the surface robust (:mod:`.uncertainty`).
+        eta_r_error: largest relative error of eta_R [-].
+        wake_error: largest error of the wake fraction [-]; 0 where the advance velocity is estimated.
+        expected: 1 for the least expected fuel under these errors, 0 for the least fuel in the worst
+            case, with the engine within its torque limit there.
         va_weight: weight k of the estimate in the advance velocity of :mod:`.inflow_schedule` [-], which
             falls back to the nominal wake; 0 for the nominal wake alone. By default the estimate is used
             as it is, as in the paper.
@@ -94,6 +103,11 @@ class CppOptimiser(Controller):
         pitch_at: str = "ordered",
         cavitation_weight: float = 0.0,
         kq_margin: float = 0.0,
+        nox_weight: float = 0.0,
+        kq_error: float = 0.0,
+        eta_r_error: float = 0.0,
+        wake_error: float = 0.0,
+        expected: float = 0.0,
         va_weight: float | None = None,
     ) -> None:
         super().__init__(ship, interval_s)
@@ -104,13 +118,25 @@ class CppOptimiser(Controller):
         for key, value, most in (
             ("cavitation_weight", cavitation_weight, 10.0),
             ("kq_margin", kq_margin, 0.3),
+            ("nox_weight", nox_weight, 10.0),
         ):
             if not 0.0 <= value <= most:
                 raise ValueError(f"{key} = {value!r}: must be 0 to {most:g}")
+        if expected not in (0.0, 1.0):
+            raise ValueError(
+                f"expected = {expected!r}: must be 1 (expected fuel) or 0 (worst case)"
+            )
         self.pitch_at, self.filter_s = pitch_at, filter_s
         self.fit = fit_open_water(self.ship)
+        errors = Uncertainty(kq_error, eta_r_error, wake_error, expected == 1.0)
+        if expected == 1.0 and not errors.present:
+            raise ValueError("expected = 1: needs a kq_error, eta_r_error or wake_error above 0")
         self.surface = combinator_surface(
-            self.ship, cavitation_weight=cavitation_weight, kq_margin=kq_margin
+            self.ship,
+            cavitation_weight=cavitation_weight,
+            kq_margin=kq_margin,
+            nox_weight=nox_weight,
+            uncertainty=errors,
         )
         self.combinator = Combinator(self.ship, interval_s, response_s=response_s)
         self.schedule = make_schedule(self.name, self.plant, interval_s, va_weight)

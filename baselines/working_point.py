@@ -17,6 +17,7 @@ from ..core.compiled import Record, compiled
 from ..observers.records import Floats
 from ..plant.cavitation import burrill_ratio
 from ..plant.drives.diesel import torque_limit
+from ..plant.emissions import nox_rate
 from ..plant.fuel import fuel_rate
 from ..plant.open_water import REVOLUTIONS_PER_RADIAN, advance_ratio
 from ..plant.propeller import propeller_load
@@ -34,6 +35,7 @@ class WorkingPoint(NamedTuple):
     efficiency_slope: float  # d eta_o / d J [-]
     burrill: float  # tau_c / tau_limit [-]
     advance_room: float  # J_max(p) - J [-]
+    nox: float = 0.0  # NOx of one engine [g/s]; 0 without a NOx map
 
 
 @compiled
@@ -44,16 +46,18 @@ def working_point(
     advance_velocity: float,
     shaft_speed: float,
     pitch_ratio: float,
+    torque_factor: float = 1.0,
 ) -> WorkingPoint:
     """Return thrust, engine load, cost and margins of one working point.
 
-    A and B are the matrices of the fits of KT and KQ; v_a is in m/s, omega in rad/s.
+    A and B are the matrices of the fits of KT and KQ; v_a is in m/s, omega in rad/s, and
+    ``torque_factor`` the propeller torque over that of the fits [-].
     """
     j = advance_ratio(advance_velocity, shaft_speed, plant.diameter)
     n = shaft_speed * REVOLUTIONS_PER_RADIAN
     kt, kq = surface(thrust, j, pitch_ratio), surface(torque, j, pitch_ratio)
     force = plant.density * plant.diameter**4 * n * n
-    load = kq * force * plant.diameter / plant.relative_rotative_efficiency
+    load = torque_factor * kq * force * plant.diameter / plant.relative_rotative_efficiency
     brake = brake_torque_of(plant, load_torque(plant, load, shaft_speed), shaft_speed)
     engine_speed = plant.gear_ratio * shaft_speed
     cost = fuel_rate(plant, engine_speed, brake)
@@ -66,7 +70,79 @@ def working_point(
         plant, kt * force, advance_velocity, shaft_speed, pitch_ratio, plant.depth
     )
     share = brake / torque_limit(plant, engine_speed)
-    return WorkingPoint(kt * force, share, cost, slope, margin, highest_j(pitch_ratio) - j)
+    room = highest_j(pitch_ratio) - j
+    nox = nox_rate(plant, engine_speed, brake)
+    return WorkingPoint(kt * force, share, cost, slope, margin, room, nox)
+
+
+_TRIMS = 6  # Newton steps of the shaft speed at a given thrust
+_LONGEST_TRIM = 0.1  # longest of them, in the logarithm of the shaft speed [-]
+
+
+@compiled
+def speed_of_thrust(
+    plant: Record,
+    matrix: Floats,
+    thrust: float,
+    advance_velocity: float,
+    shaft_speed: float,
+    pitch_ratio: float,
+) -> float:
+    """Return the shaft speed [rad/s] at which the fitted surface gives a thrust above 0 [N].
+
+    The search starts at ``shaft_speed`` [rad/s] and takes Newton steps in the logarithms.
+    """
+    omega = shaft_speed
+    force = plant.density * plant.diameter**4 * REVOLUTIONS_PER_RADIAN**2
+    for _ in range(_TRIMS):
+        j = advance_ratio(advance_velocity, omega, plant.diameter)
+        kt = surface(matrix, j, pitch_ratio)
+        step = _LONGEST_TRIM
+        if kt > 0.0:
+            growth = max(2.0 - j * surface_slope(matrix, j, pitch_ratio) / kt, 1.0)
+            step = math.log(thrust / (force * omega * omega * kt)) / growth
+        omega *= math.exp(min(max(step, -_LONGEST_TRIM), _LONGEST_TRIM))
+    return omega
+
+
+@compiled
+def robust_point(
+    plant: Record,
+    thrust: Floats,
+    torque: Floats,
+    advance_velocity: float,
+    shaft_speed: float,
+    pitch_ratio: float,
+    cases: Floats,
+    expected: bool,
+) -> WorkingPoint:
+    """Return a working point whose costs and engine load are those of uncertain cases.
+
+    A case (factor on the torque, factor on v_a, weight) is a row of ``cases``; without rows this is
+    :func:`working_point`. Fuel and NOx of a case are those at the nominal thrust: with another v_a the
+    shaft speed is corrected for the thrust, at the same pitch. Its engine load is that without this
+    correction, because an optimiser that does not know v_a keeps the shaft speed. ``expected`` takes the
+    weighted means of fuel and NOx and the nominal engine load; otherwise each of the three is the
+    largest of the nominal point and the cases. Thrust and other margins are nominal.
+    """
+    w = working_point(plant, thrust, torque, advance_velocity, shaft_speed, pitch_ratio)
+    if len(cases) == 0:
+        return w
+    share, cost, nox = w.torque_share, w.cost, w.nox
+    mean_cost, mean_nox = 0.0, 0.0
+    for k in range(len(cases)):
+        factor, velocity = cases[k, 0], cases[k, 1] * advance_velocity
+        c = working_point(plant, thrust, torque, velocity, shaft_speed, pitch_ratio, factor)
+        share = max(share, c.torque_share)
+        if w.thrust > 0.0 and velocity != advance_velocity:
+            speed = speed_of_thrust(plant, thrust, w.thrust, velocity, shaft_speed, pitch_ratio)
+            c = working_point(plant, thrust, torque, velocity, speed, pitch_ratio, factor)
+        mean_cost += cases[k, 2] * c.cost
+        mean_nox += cases[k, 2] * c.nox
+        cost, nox = max(cost, c.cost), max(nox, c.nox)
+    if expected:
+        share, cost, nox = w.torque_share, mean_cost, mean_nox
+    return WorkingPoint(w.thrust, share, cost, w.efficiency_slope, w.burrill, w.advance_room, nox)
 
 
 @compiled
@@ -88,13 +164,27 @@ def search(
     shaft_speeds: Floats,
     pitch_ratios: Floats,
     torque_share: float,
+    cases: Floats,
+    expected: bool,
     found: Floats,
 ) -> int:
-    """Fill rows (omega, p, thrust, cost) with the allowed settings of a grid; return their number."""
+    """Fill rows (omega, p, thrust, cost) with the allowed settings of a grid; return their number.
+
+    The working points are those of :func:`robust_point`.
+    """
     count = 0
     for shaft_speed in shaft_speeds:
         for pitch_ratio in pitch_ratios:
-            w = working_point(plant, thrust, torque, advance_velocity, shaft_speed, pitch_ratio)
+            w = robust_point(
+                plant,
+                thrust,
+                torque,
+                advance_velocity,
+                shaft_speed,
+                pitch_ratio,
+                cases,
+                expected,
+            )
             if w.thrust > 0.0 and slack(w, torque_share) >= 0.0:
                 found[count, 0], found[count, 1] = shaft_speed, pitch_ratio
                 found[count, 2], found[count, 3] = w.thrust, w.cost

@@ -64,6 +64,7 @@ _SEA_COLUMNS = {
 _SHOWN = (
     "reward",
     "fuel_kg_nmi",
+    "nox_g_nmi",
     "speed_error_rms_m_s",
     "torque_sd_kN_m",
     "rack_travel_mm_min",
@@ -208,8 +209,11 @@ def evaluate(
             ]
         shown = merge_equal_rows(found.table)
         varied = [c for c in ("controller", "sea", "observer") if shown[c].nunique() > 1]
-        zero = zero_columns(found.table, _SHOWN)
-        figures = [name for name in _SHOWN if name not in zero]
+        # A ship without a NOx map does not emit zero NOx: its column is left out.
+        without = set() if vessel.emissions.nox_base_g_kWh > 0.0 else {"nox_g_nmi"}
+        columns = [name for name in _SHOWN if name not in without]
+        zero = zero_columns(found.table, columns)
+        figures = [name for name in columns if name not in zero]
         scored = ["score"] if "score" in shown else []
         marks = ["stability"] if unstable else []
         print_table(shown[[*(varied or ["controller"]), *marks, *scored, *figures]], title)
@@ -240,7 +244,7 @@ def evaluate(
             }
         )
         bad = ", ".join(dict.fromkeys(name for name, _ in unstable))
-        found.save(out, f"{title}; unstable: {bad}" if bad else title, _SHOWN)
+        found.save(out, f"{title}; unstable: {bad}" if bad else title, columns)
         write_atomically(out / "seas.csv", lambda file: waves.to_csv(file, index=False))
         lasts = {cell.controller: (cell, i) for i, cell in enumerate(cells)}
         traces = {name: found.traces[i] for name, (_, i) in lasts.items()}

@@ -31,6 +31,7 @@ from ..core.compiled import Record, compiled, generate_kernel
 from ..core.models import FileModel
 from ..plant.cavitation import burrill_ratio
 from ..plant.drives.diesel import rack_torque, torque_limit
+from ..plant.emissions import nox_rate
 from ..plant.fuel import fuel_rate
 from ..plant.state import Outputs
 
@@ -79,6 +80,7 @@ class Goals(FileModel):
         "the pitch range and the mean resistance of the episode, less 1; kinetic energy that the "
         "ship gains or loses counts as fuel, as the state of charge of a hybrid's battery (SAE J1711)"
     )
+    nox_g_s: Goal | None = _term("NOx flow of all engines; 0 without a NOx map in the ship file")
     overload: Goal | None = _term(
         "engine torque demanded beyond the envelope, as share of the envelope"
     )
@@ -188,6 +190,8 @@ def add_terms(
     engine_torque = abs(outputs.brake_torque - now.mean_brake_torque)
     terms.speed_error_m_s += share * abs(now.ship_speed - now.order)
     terms.fuel_kg_s += share * fuel
+    nox = nox_rate(plant, engine_speed, outputs.brake_torque)
+    terms.nox_g_s += share * plant.propellers * nox
     if now.reference_fuel > 0.0:
         way = plant.mass * now.mean_speed * (now.ship_speed - now.mean_speed) / MEAN_S
         terms.fuel_excess += share * (fuel / now.reference_fuel - way / now.reference_power - 1.0)

@@ -17,6 +17,7 @@ _SYMBOLS: dict[str, tuple[float, dict[str, int]]] = {
     "mm": (1e-3, {"m": 1}),
     "s": (1.0, {"s": 1}),
     "kg": (1.0, {"kg": 1}),
+    "g": (1e-3, {"kg": 1}),
     "rad": (1.0, {"rad": 1}),
     "deg": (math.pi / 180.0, {"rad": 1}),
     "A": (1.0, {"A": 1}),

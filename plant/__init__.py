@@ -1,6 +1,7 @@
 """Physics of the plant: propeller, engine, shaft, hull, actuators and waves, and their simulation."""
 
 from .approach import approach
+from .emissions import fit_nox_map, nox_limit
 from .linear import linearise, linearise_along
 from .loops import Loop
 from .manoeuvres import spiral, turning_circle, zig_zag
@@ -19,8 +20,9 @@ from .waves import realise
 
 __all__ = [
     "Equilibrium", "Loop", "Nomoto", "RecordingError", "Schedule", "Sea", "Ship", "ShipError",
-    "State", "ValidityWarning", "Voyage", "approach", "departures", "equilibrium", "get_sea",
-    "linearise", "linearise_along", "load_ship", "nomoto", "read_recording", "realise",
+    "State", "ValidityWarning", "Voyage", "approach", "departures", "equilibrium", "fit_nox_map",
+    "get_sea", "linearise", "linearise_along", "load_ship", "nomoto", "nox_limit", "read_recording",
+    "realise",
     "ship_names", "simulate", "simulate_recording", "spiral", "turning_circle", "write_ship",
     "zig_zag",
 ]  # fmt: skip

@@ -13,6 +13,7 @@ RUDDER_COMMAND, RUDDER = "rudder_command_rad", "rudder_rad"
 SWAY_SPEED, YAW_RATE, HEADING = "sway_speed_m_s", "yaw_rate_rad_s", "heading_rad"
 SHIP_SPEED, OVER_GROUND = "ship_speed_m_s", "speed_over_ground_m_s"
 COURSE = "course_over_ground_rad"
+NOX, CO2 = "nox_g_s", "co2_kg_s"
 
 DEMANDS = tuple(drive.demand for drive in DRIVES)
 """Command signal of each kind of prime mover."""
@@ -89,9 +90,11 @@ def simulated_columns(ship: Ship) -> list[str]:
 
 
 def absent_columns(ship: Ship) -> set[str]:
-    """Return the columns of equipment that the ship lacks: armature, electric drive, rudder."""
+    """Return the columns of what the ship file lacks: armature, electric drive, emissions, rudder."""
     absent = set() if ship.has_voltage else {"motor_current_A", "true_motor_current_A"}
     absent |= set() if ship.prime_mover.electric else {ELECTRIC_POWER}
+    absent |= set() if ship.emissions.nox_base_g_kWh > 0.0 else {NOX}
+    absent |= set() if ship.emissions.co2_factor > 0.0 else {CO2}
     return absent if ship.turns else {*absent, *TURNING_COLUMNS, RUDDER_COMMAND}
 
 

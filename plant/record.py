@@ -10,6 +10,7 @@ import numpy as np
 from .actuators import PitchActuator
 from .cavitation import CavitationBucket
 from .drives import DRIVES
+from .emissions import Emissions
 from .hull import Hull
 from .keys import Section, record_field
 from .manoeuvring import Manoeuvring
@@ -32,6 +33,7 @@ SECTIONS: tuple[type[Section], ...] = (
     Ventilation,
     CavitationBucket,
     *DRIVES,
+    Emissions,
     Transmission,
     PitchActuator,
     Sensors,

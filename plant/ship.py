@@ -22,6 +22,7 @@ from .actuators import PitchActuator
 from .cavitation import CavitationBucket
 from .combinator_table import CombinatorTable
 from .drives import Diesel, Drive
+from .emissions import Emissions
 from .expressions import FUNCTIONS, MAX_SIGNALS, MAX_TERMS
 from .hull import Hull
 from .keys import (
@@ -240,6 +241,21 @@ def check_combinator(ship: Ship) -> None:
         raise ValueError(f"combinator: {error}") from None
 
 
+def check_emissions(ship: Ship) -> None:
+    """Refuse emissions that lack a diesel, its reference power or a fuel model, with a ValueError."""
+    if not ship.emissions.model_fields_set:
+        return
+    if not isinstance(ship.prime_mover, Diesel):
+        raise ValueError("emissions: the section needs a diesel; remove it")
+    if ship.emissions.nox_base_g_kWh > 0.0:
+        because = "with an emissions.nox_base_g_kWh"
+        require(ship.prime_mover, ("fuel_rated_power_W",), because, "prime_mover.")
+    try:
+        ship.emissions.check(ship.prime_mover.fuel_base_g_kWh)
+    except ValueError as error:
+        raise ValueError(f"emissions: {error}") from None
+
+
 class Ship(Section):
     """A ship: all parameters that the plant needs, immutable.
 
@@ -266,6 +282,7 @@ class Ship(Section):
     ventilation: Ventilation = Ventilation()
     cavitation_bucket: CavitationBucket = CavitationBucket()
     prime_mover: Annotated[Drive, Field(discriminator="type")]
+    emissions: Emissions = Emissions()
     transmission: Transmission = Transmission()
     pitch_actuator: PitchActuator = PitchActuator()
     combinator: CombinatorTable = CombinatorTable()
@@ -306,6 +323,7 @@ class Ship(Section):
             require(self.transmission, keys, UNLESS_HELD, "transmission.")
         check_turning(self)
         check_combinator(self)
+        check_emissions(self)
         check_time_constants(self)
         return self
 

@@ -81,6 +81,8 @@ SIGNALS = (
            "heading to starboard of the initial course, not reset after a turn"),
     Signal("cross_track", "y", "m", -math.inf, math.inf, "truth", "cross_track_m",
            "distance to starboard of the initial course"),
+    Signal("nox", "m_NOx", "g/s", 0, 1e4, "truth", "nox_g_s", "NOx flow of the engines"),
+    Signal("co2", "m_CO2", "kg/s", 0, 400, "truth", "co2_kg_s", "CO2 flow of the engines"),
 )  # fmt: skip
 
 CONTROL_SIGNALS = (

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
 from ..core.files import check_size
+from .emissions import co2_rate, nox_rate
 from .expressions import external_at
 from .memory import MEMORY
 from .rudder import rudder_angle
@@ -69,6 +70,9 @@ def write_sample(
     sample.heading = state.heading
     sample.cross_track = state.cross_track
     sample.rudder_angle = rudder_angle(plant, state.rudder_angle, rudder_command)
+    engine_speed = plant.gear_ratio * state.shaft_speed
+    sample.nox = plant.propellers * nox_rate(plant, engine_speed, outputs.brake_torque)
+    sample.co2 = plant.propellers * co2_rate(plant, engine_speed, outputs.brake_torque)
 
 
 @compiled

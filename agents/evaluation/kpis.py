@@ -76,6 +76,7 @@ class EpisodeSums:
         for name, value in {
             "intervals": 1.0,
             "fuel": terms["fuel_kg_s"] * interval,
+            "nox": terms["nox_g_s"] * interval,
             "error": (info["ship_speed"] - order) ** 2,
             "short": order - info["ship_speed"],
             "torque": torque,
@@ -176,6 +177,8 @@ def _per_minute(name: str) -> Callable[[EpisodeSums], Any]:
 _DECLARED: dict[str, tuple[str, Callable[[EpisodeSums], Any]]] = {
     "fuel_kg_nmi": ("fuel per nautical mile [kg]",
         lambda s: s.total["fuel"] / np.maximum(s.distance, 1.0) * _NAUTICAL_MILE),
+    "nox_g_nmi": ("NOx per nautical mile, 0 without a NOx map in the ship file [g]",
+        lambda s: s.total["nox"] / np.maximum(s.distance, 1.0) * _NAUTICAL_MILE),
     "speed_error_rms_m_s": ("rms of ship speed less ordered speed [m/s]", _rms("error")),
     "speed_mean_m_s": ("distance over time [m/s]", lambda s: s.distance / s.time),
     "speed_short_m_s": ("mean of ordered speed less ship speed [m/s]", _mean("short")),

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from shaftline.baselines.combinator import full_pitch
 from shaftline.baselines.combinator_surface import CombinatorSurface, combinator_surface, look_up
 from shaftline.baselines.steady_points import steady_point
-from shaftline.baselines.working_point import fit_open_water, slack, working_point
+from shaftline.baselines.uncertainty import CERTAIN, Uncertainty, uncertain_cases
+from shaftline.baselines.working_point import fit_open_water, robust_point, slack, working_point
 from shaftline.plant import Ship, ShipError, load_ship
 
 SHIPS = [load_ship("frigate"), load_ship("ferry")]
@@ -72,6 +75,156 @@ def test_a_cavitation_weight_trades_fuel_for_a_quieter_propeller(ship: Ship) -> 
     assert load == sorted(load, reverse=True)
     assert load[1] < 0.97 * load[0]
     assert fuel[1] < 1.01 * fuel[0]
+
+
+NOX_MAP = {
+    "emissions.nox_base_g_kWh": 10.0,
+    "emissions.nox_m0_s0": 0.9,
+    "emissions.nox_m1_s0": 0.8,
+    "emissions.nox_m0_s1": -0.7,
+}
+"""The specific emission rises with the torque and falls with the speed."""
+
+
+def _middle(ship: Ship) -> tuple[float, float]:
+    """Return an advance velocity and a thrust in the middle of the surface of least fuel."""
+    plain, i = combinator_surface(ship), 7
+    least, most = plain.least_thrust[i], plain.most_thrust[i]
+    return float(plain.advance_velocity[i]), float(0.5 * (least + most))
+
+
+@by_ship
+def test_a_nox_weight_trades_fuel_for_nox_at_higher_speed(ship: Ship) -> None:
+    """At equal thrust and advance speed: faster, less torque, less NOx, more fuel, all monotonous."""
+    emitting = ship.with_values(NOX_MAP)
+    fit, plant = fit_open_water(emitting), emitting.record()
+    rows = []
+    for weight in (0.0, 0.1, 0.3, 1.0):
+        table = combinator_surface(emitting, nox_weight=weight)
+        velocity, thrust = _middle(ship)
+        setting = look_up(table, np.array([thrust]), np.array([velocity]))
+        speed, pitch = float(setting.shaft_speed[0]), float(setting.pitch_ratio[0])
+        w = working_point(plant, fit.thrust, fit.torque, velocity, speed, pitch)
+        assert w.thrust == pytest.approx(thrust, rel=0.01)
+        rows.append((speed, -pitch, w.cost, -w.nox, -w.torque_share))
+    steps = np.diff(rows, axis=0)
+    assert (steps > 0.0).all()
+    fuel, nox = (np.array(rows)[:, k] for k in (2, 3))
+    assert 0.85 < nox[2] / nox[0] < 0.97
+    assert fuel[2] < 1.02 * fuel[0]
+
+
+@by_ship
+def test_no_setting_of_a_fine_search_is_better_with_a_nox_weight(ship: Ship) -> None:
+    emitting, weight, i, k = ship.with_values(NOX_MAP), 0.5, 9, 6
+    fit, plant = fit_open_water(emitting), emitting.record()
+    table, plain = combinator_surface(emitting, nox_weight=weight), combinator_surface(ship)
+    velocity = table.advance_velocity[i]
+
+    def at(speed: float, pitch: float) -> Any:
+        return working_point(plant, fit.thrust, fit.torque, velocity, speed, pitch)
+
+    least = at(plain.shaft_speed[i, k], plain.pitch_ratio[i, k])
+    best = at(table.shaft_speed[i, k], table.pitch_ratio[i, k])
+
+    def cost(w: Any) -> float:
+        return float(w.cost / least.cost + weight * w.nox / least.nox)
+
+    pitches = np.linspace(ship.propeller.pitch_ratio_min, ship.propeller.pitch_ratio_max, 60)
+    for speed in np.linspace(0.6, 1.6, 400) * table.shaft_speed[i, k]:
+        for pitch in pitches:
+            w = at(speed, pitch)
+            if w.thrust >= best.thrust and slack(w) >= 0.0 and speed <= ship.shaft_speeds[1]:
+                assert cost(w) >= cost(best) * (1 - 2e-3)
+
+
+@by_ship
+def test_without_a_weight_a_nox_map_changes_no_bit(ship: Ship) -> None:
+    plain, emitting = combinator_surface(ship), combinator_surface(ship.with_values(NOX_MAP))
+    for one, other in zip(plain, emitting, strict=True):
+        assert np.asarray(one).tobytes() == np.asarray(other).tobytes()
+
+
+def test_a_nox_weight_without_a_map_is_refused() -> None:
+    with pytest.raises(
+        ShipError, match=r"ferry: nox_weight = 0.3 needs a NOx map; .*\[emissions\]"
+    ):
+        combinator_surface(SHIPS[1], nox_weight=0.3)
+
+
+BOUNDS = (0.05, 0.03, 0.04)
+
+
+def test_uncertain_cases_are_corners_or_gauss_nodes() -> None:
+    ferry = SHIPS[1]  # w = 0.08
+    assert uncertain_cases(ferry, CERTAIN).shape == (0, 3)
+    corners = uncertain_cases(ferry, Uncertainty(*BOUNDS))
+    assert len(corners) == 8
+    assert corners[:, 0].max() == pytest.approx(1.05 / 0.97)
+    assert corners[:, 0].min() == pytest.approx(0.95 / 1.03)
+    assert sorted({*corners[:, 1].round(12)}) == pytest.approx([0.88 / 0.92, 0.96 / 0.92])
+    nodes = uncertain_cases(ferry, Uncertainty(*BOUNDS, expected=True))
+    assert nodes[:, 2].sum() == pytest.approx(1.0)
+    # mean and variance of the uniform distribution of the wake
+    wake = 1.0 - 0.92 * nodes[:, 1] - 0.08
+    assert nodes[:, 2] @ wake == pytest.approx(0.0, abs=1e-12)
+    assert nodes[:, 2] @ wake**2 == pytest.approx(0.04**2 / 3.0)
+    only = uncertain_cases(ferry, Uncertainty(eta_r=0.03))
+    assert only[:, :2] == pytest.approx(np.array([[1.0 / 0.97, 1.0], [1.0 / 1.03, 1.0]]))
+
+
+@pytest.mark.parametrize(
+    ("bounds", "reason"),
+    [
+        ((0.31, 0.0, 0.0), "kq_error = 0.31: must be 0 to 0.3"),
+        ((0.0, -0.1, 0.0), "eta_r_error = -0.1: must be 0 to 0.3"),
+        ((0.0, 0.0, float("nan")), "wake_error = nan: must be 0 to 0.3"),
+    ],
+)
+def test_bounds_out_of_range_are_refused(bounds: tuple[float, ...], reason: str) -> None:
+    with pytest.raises(ValueError, match=reason):
+        combinator_surface(SHIPS[1], uncertainty=Uncertainty(*bounds))
+
+
+@by_ship
+def test_the_worst_case_keeps_the_engine_within_its_torque_at_every_corner(ship: Ship) -> None:
+    fit, plant = fit_open_water(ship), ship.record()
+    corners = uncertain_cases(ship, Uncertainty(*BOUNDS))
+    for uncertainty, within in ((Uncertainty(*BOUNDS), True), (CERTAIN, False)):
+        table = combinator_surface(ship, uncertainty=uncertainty)
+        assert table.refined > 0.95
+        shares = [
+            working_point(
+                plant,
+                fit.thrust,
+                fit.torque,
+                factor * velocity,
+                table.shaft_speed[i, -1],
+                table.pitch_ratio[i, -1],
+                torque,
+            ).torque_share
+            for i, velocity in enumerate(table.advance_velocity)
+            for torque, factor, _ in corners
+        ]
+        assert (max(shares) < 0.972) == within  # TORQUE_MARGIN, and the tolerance of SLSQP
+
+
+@by_ship
+@pytest.mark.parametrize("expected", [True, False])
+def test_a_robust_surface_is_best_by_its_own_criterion(ship: Ship, expected: bool) -> None:
+    uncertainty = Uncertainty(*BOUNDS, expected)
+    fit, plant, cases = fit_open_water(ship), ship.record(), uncertain_cases(ship, uncertainty)
+    costs = []
+    for chosen in (uncertainty, CERTAIN):
+        table = combinator_surface(ship, uncertainty=chosen)
+        velocity, thrust = _middle(ship)
+        setting = look_up(table, np.array([thrust]), np.array([velocity]))
+        at = float(setting.shaft_speed[0]), float(setting.pitch_ratio[0])
+        w = robust_point(plant, fit.thrust, fit.torque, velocity, *at, cases, expected)
+        costs.append(w.cost * (thrust / w.thrust) ** 1.5)
+    assert costs[0] <= costs[1] * (1.0 + 1e-6)
+    nominal = working_point(plant, fit.thrust, fit.torque, velocity, *at).cost
+    assert costs[0] > (1.0 if expected else 1.05) * nominal
 
 
 def test_a_margin_of_kq_keeps_the_engine_within_its_torque_when_kq_is_higher() -> None:

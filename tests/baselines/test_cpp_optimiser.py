@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from shaftline.baselines.combinator import Combinator
-from shaftline.baselines.combinator_surface import OptimalSetting, look_up
+from shaftline.baselines.combinator_surface import OptimalSetting, combinator_surface, look_up
 from shaftline.baselines.controller import measurements_of
 from shaftline.baselines.cpp_optimiser import ADVANCE, INTEGRAL, THRUST, TRIM, TRUST, CppOptimiser
+from shaftline.baselines.registry import make_controller
+from shaftline.baselines.uncertainty import Uncertainty
 from shaftline.plant import Ship, load_ship
 
 from .voyage import run_voyage
@@ -267,3 +269,34 @@ def test_scheduled_batches_equal_singles() -> None:
             np.testing.assert_array_equal(states[i][0], state[i])
     with pytest.raises(ValueError, match="cpp-optimiser: va_weight = -1"):
         CppOptimiser(SHIPS[1], va_weight=-1.0)
+
+
+def test_options_choose_the_surface() -> None:
+    ferry = SHIPS[1].with_values({"emissions.nox_base_g_kWh": 9.0, "emissions.nox_m1_s0": 0.8})
+    clean = make_controller("cpp-optimiser:nox_weight=0.3", ferry, 0.5)
+    assert isinstance(clean, CppOptimiser)
+    own = combinator_surface(ferry, nox_weight=0.3)
+    np.testing.assert_array_equal(clean.surface.pitch_ratio, own.pitch_ratio)
+    assert np.any(own.pitch_ratio != CppOptimiser(ferry).surface.pitch_ratio)
+    errors = "kq_error=0.05,eta_r_error=0.03,wake_error=0.04"
+    for more, expected in (("", False), (",expected=1", True)):
+        robust = make_controller(f"cpp-optimiser:{errors}{more}", ferry, 0.5)
+        assert isinstance(robust, CppOptimiser)
+        own = combinator_surface(ferry, uncertainty=Uncertainty(0.05, 0.03, 0.04, expected))
+        np.testing.assert_array_equal(robust.surface.pitch_ratio, own.pitch_ratio)
+        assert np.any(own.pitch_ratio != CppOptimiser(ferry).surface.pitch_ratio)
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        ({"nox_weight": 0.3}, r"nox_weight = 0.3 needs a NOx map; add the section \[emissions\]"),
+        ({"nox_weight": -1.0}, "nox_weight = -1.0: must be 0 to 10"),
+        ({"kq_error": 0.5}, "kq_error = 0.5: must be 0 to 0.3"),
+        ({"kq_error": 0.05, "expected": 0.5}, r"expected = 0.5: must be 1 \(expected fuel\)"),
+        ({"expected": 1.0}, "expected = 1: needs a kq_error, eta_r_error or wake_error above 0"),
+    ],
+)
+def test_unusable_options_are_refused(options: dict[str, float], reason: str) -> None:
+    with pytest.raises(ValueError, match=reason):
+        CppOptimiser(SHIPS[1], **options)  # type: ignore[arg-type]

@@ -25,6 +25,7 @@ from shaftline.observers.records import ESTIMATE, Measurement
 from shaftline.plant import load_ship
 from shaftline.plant.cavitation import burrill_ratio, effective_attack, outside_bucket
 from shaftline.plant.drives.diesel import rack_torque, torque_limit
+from shaftline.plant.emissions import nox_rate
 from shaftline.plant.expressions import NO_SIGNALS
 
 from .by_hand import STILL, ByHand, Moment
@@ -42,6 +43,8 @@ FAULTY = load_ship("frigate").with_values(
         "cavitation_bucket.centre_deg": 4.0,
         "cavitation_bucket.suction_deg": 0.05,
         "cavitation_bucket.pressure_deg": 0.1,
+        "emissions.nox_base_g_kWh": 9.0,
+        "emissions.nox_m1_s0": 0.4,
     }
 )
 """On this ship each measurement differs from the true value, the rack from its command."""
@@ -193,6 +196,7 @@ def by_formula(
             {
                 "speed_error_m_s": abs(error),
                 "fuel_kg_s": now.fuel,
+                "nox_g_s": 2.0 * nox_rate(plant, engine, out.brake_torque),
                 "overload": max(asked - 1.0, 0.0),
                 "fuel_excess": now.fuel / episode["reference_fuel"][order] - way / towing - 1.0,
                 "rack_travel_mm": len(moments) * abs(now.drive - last.drive),

@@ -77,6 +77,14 @@ def test_fuel_is_that_of_both_engines() -> None:
     assert total_fuel_flow(plant, SPEED, 2e4) == pytest.approx(2.0 * one)
 
 
+def test_nox_is_that_of_both_engines() -> None:
+    ship = load_ship("frigate").with_values({"emissions.nox_base_g_kWh": 9.0})
+    terms = np.zeros(1, REWARD_TERMS)[0]
+    add_terms(terms, ship.record(), outputs(brake_torque=2e4), QUIET, 0.25, 0.0)
+    one = 9.0 * GEAR * SPEED * 2e4 / 3.6e6  # g/s at 9 g/kWh
+    assert terms["nox_g_s"] == pytest.approx(0.25 * 2.0 * one)
+
+
 @pytest.mark.parametrize(
     ("share_of_limit", "expected", "near"),
     [

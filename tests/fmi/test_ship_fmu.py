@@ -408,6 +408,7 @@ def test_the_description_follows_the_registry(frigate: Path) -> None:
     [
         ("rad/s2", (1.0, {"rad": 1, "s": -2})),
         ("kg/s", (1.0, {"kg": 1, "s": -1})),
+        ("g/s", (1e-3, {"kg": 1, "s": -1})),
         ("W", (1.0, {"kg": 1, "m": 2, "s": -3})),
         ("-", (1.0, {})),
         ("N.m", (1.0, {"kg": 1, "m": 2, "s": -2})),

@@ -279,6 +279,8 @@ NOMINAL = {
                      "inertia_propeller_side_kg_m2", "stiction_speed_rad_s"},
     "pitch_actuator": {"time_constant_s"},
     "sensors": set(),
+    "emissions": {"nox_base_g_kWh", "nox_m0_s0", "nox_m1_s0", "nox_m0_s1", "nox_m2_s0", "nox_m1_s1",
+                  "nox_m0_s2", "co2_factor"},
 }  # fmt: skip
 
 

@@ -27,6 +27,7 @@ BOUNDS = {
     "base_fuel_rack_command_mm": (0, 200), "base_pitch_ratio_command": (-1.6, 1.6),
     "base_rudder_command_rad": (-1.6, 1.6), "wind_speed_m_s": (0, 80), "true_wind_speed_m_s": (0, 80),
     "wind_height_m": (0, 200), "draught_fore_m": (0, 40), "draught_aft_m": (0, 40),
+    "nox_g_s": (0, 1e4), "co2_kg_s": (0, 400),
     "water_depth_m": (0.5, 12000), "water_temperature_C": (-3, 40),
     **dict.fromkeys(("course_over_ground_rad", "wind_angle_rad", "true_wind_angle_rad"), (-7, 7)),
 }  # fmt: skip

@@ -37,6 +37,7 @@ def made_up(k: int) -> dict[str, Any]:
         "reward_terms": nothing
         | {
             "fuel_kg_s": column((1.0, 2.0, 3.0), (0.5, 0.7, 9.0)),
+            "nox_g_s": column((10.0, 20.0, 60.0), (5.0, 9.0, 90.0)),
             "rack_travel_mm": column((1.0, 0.0, 2.0), (4.0, 0.5, 9.0)),
             "overload": column((0.004, 0.1, 0.2), (0.0, 0.0, 0.9)),
             "near_limit": column((0.91, 1.0, 1.0), (0.89, 1.0, 1.0)),
@@ -76,6 +77,7 @@ def test_a_whole_episode(rows: list[dict[str, float]]) -> None:
     assert rows[0] == pytest.approx(
         {
             "fuel_kg_nmi": 0.5 * (1.0 + 2.0 + 3.0) / 13.0 * 1852.0,
+            "nox_g_nmi": 0.5 * (10.0 + 20.0 + 60.0) / 13.0 * 1852.0,
             "speed_error_rms_m_s": math.sqrt((0.0 + 1.0 + 1.0) / 3.0),
             "speed_mean_m_s": 13.0 / 1.5,
             "speed_short_m_s": -2.0 / 3.0,
@@ -113,6 +115,7 @@ def test_an_episode_that_ended_early_counts_no_further(rows: list[dict[str, floa
     assert rows[1] == pytest.approx(
         {
             "fuel_kg_nmi": 0.6 * 1852.0,  # over a metre at least
+            "nox_g_nmi": 7.0 * 1852.0,
             "speed_error_rms_m_s": math.sqrt(0.5),
             "speed_mean_m_s": 0.5,
             "speed_short_m_s": 0.5,
