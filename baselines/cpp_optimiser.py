@@ -73,7 +73,7 @@ class CppOptimiser(Controller):
         eta_r_error: largest relative error of eta_R [-].
         wake_error: largest error of the wake fraction [-]; 0 where the advance velocity is estimated.
         expected: 1 for the least expected fuel under these errors, 0 for the least fuel in the worst
-            case, with the engine within its torque limit there.
+            case, with the engine within its torque limit there [-].
         va_weight: weight k of the estimate in the advance velocity of :mod:`.inflow_schedule` [-], which
             falls back to the nominal wake; 0 for the nominal wake alone. By default the estimate is used
             as it is, as in the paper.

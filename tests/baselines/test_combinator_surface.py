@@ -181,7 +181,7 @@ def test_uncertain_cases_are_corners_or_gauss_nodes() -> None:
         ((0.0, 0.0, float("nan")), "wake_error = nan: must be 0 to 0.3"),
     ],
 )
-def test_bounds_out_of_range_are_refused(bounds: tuple[float, ...], reason: str) -> None:
+def test_bounds_out_of_range_are_refused(bounds: tuple[float, float, float], reason: str) -> None:
     with pytest.raises(ValueError, match=reason):
         combinator_surface(SHIPS[1], uncertainty=Uncertainty(*bounds))
 

@@ -203,6 +203,7 @@ def test_every_kpi_is_told_with_its_unit() -> None:
         "_kW": "[kW]",
         "_rad_s": "[rad/s]",
         "_nmi": "[kg]",
+        "_g_nmi": "[g]",
         "_mm_min": "[mm/min]",
     }
     for name, meaning in KPIS.items():
