@@ -1,6 +1,6 @@
 """Compare the CPP optimiser with robust ones under wrong KQ, relative rotative efficiency and wake.
 
-Run ``python -m reproductions robust_optimiser --out docs/results``; about three minutes on one core.
+Run ``python -m reproductions robust_optimiser --out docs/results``; about four minutes on one core.
 """
 
 from __future__ import annotations
