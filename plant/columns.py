@@ -11,6 +11,7 @@ SHAFT_SPEED, SHAFT_ANGLE = "shaft_speed_rad_s", "shaft_angle_rad"
 SHAFT_POWER, ELECTRIC_POWER = "shaft_power_W", "electric_power_W"
 RUDDER_COMMAND, RUDDER = "rudder_command_rad", "rudder_rad"
 SWAY_SPEED, YAW_RATE, HEADING = "sway_speed_m_s", "yaw_rate_rad_s", "heading_rad"
+ROLL, ROLL_RATE = "roll_rad", "roll_rate_rad_s"
 SHIP_SPEED, OVER_GROUND = "ship_speed_m_s", "speed_over_ground_m_s"
 COURSE = "course_over_ground_rad"
 NOX, CO2 = "nox_g_s", "co2_kg_s"
@@ -33,7 +34,7 @@ COLUMNS = (
     SHAFT_SPEED, SHAFT_ANGLE, "shaft_torque_N_m", "ship_speed_m_s", "thrust_N",
     "propeller_submergence_m", "motor_current_A", SHAFT_POWER, ELECTRIC_POWER,
     "inflow_velocity_m_s",
-    RUDDER_COMMAND, RUDDER, SWAY_SPEED, YAW_RATE, HEADING, *LOG_COLUMNS,
+    RUDDER_COMMAND, RUDDER, SWAY_SPEED, YAW_RATE, HEADING, ROLL, ROLL_RATE, *LOG_COLUMNS,
 )  # fmt: skip
 """Canonical columns of a recording: commands first, then measurements."""
 
@@ -56,6 +57,9 @@ MEASURED = {
 
 TURNING_COLUMNS = (SWAY_SPEED, YAW_RATE, HEADING, RUDDER)
 """Columns that only a ship with sway and yaw has."""
+
+ROLLING_COLUMNS = {ROLL: "roll_angle", ROLL_RATE: "roll_rate"}
+"""Columns that only a ship with roll has, each with its signal; a simulation is not fitted to them."""
 
 ALWAYS_SIMULATED = tuple(MEASURED)[:4]
 """Columns that a simulation always returns; it returns the others only if the recording has them."""
@@ -90,11 +94,12 @@ def simulated_columns(ship: Ship) -> list[str]:
 
 
 def absent_columns(ship: Ship) -> set[str]:
-    """Return the columns of what the ship file lacks: armature, electric drive, emissions, rudder."""
+    """Return the columns of what the ship lacks: armature, electric drive, emissions, rudder, roll."""
     absent = set() if ship.has_voltage else {"motor_current_A", "true_motor_current_A"}
     absent |= set() if ship.prime_mover.electric else {ELECTRIC_POWER}
     absent |= set() if ship.emissions.nox_base_g_kWh > 0.0 else {NOX}
     absent |= set() if ship.emissions.co2_factor > 0.0 else {CO2}
+    absent |= set() if ship.rolls else set(ROLLING_COLUMNS)
     return absent if ship.turns else {*absent, *TURNING_COLUMNS, RUDDER_COMMAND}
 
 

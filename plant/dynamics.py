@@ -24,6 +24,7 @@ from .manoeuvring import (
     through_water,
 )
 from .propeller import propeller_load
+from .roll import heeled_hull_forces, roll_acceleration, slope_across
 from .rudder import rudder_angle, rudder_forces, rudder_rate
 from .shaft import (
     brake_torque_of,
@@ -70,6 +71,7 @@ class Loads(NamedTuple):
     surge_force: Real  # of hull and rudder in a turn, without the resistance [N]
     side_force: Real  # Y [N]
     yaw_moment: Real  # N [N m]
+    rudder_force: Real  # own side force of the rudder [N]
     inflow_rate: Real  # [m/s2]
     added_pitch_rate: Real  # from terms [1/s]
     term_rate_1: Real  # of the terms' states
@@ -152,11 +154,16 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
             state.heading,
         )
     thrust = load.thrust
-    surge_force = side_force = yaw_moment = 0.0
+    surge_force = side_force = yaw_moment = rudder_force = 0.0
     if plant.turns != 0:
         surge_force, side_force, yaw_moment = hull_forces(plant, reference, across, state.yaw_rate)
-        x, y, n = rudder_forces(plant, rudder, kinematic, thrust, across, state.yaw_rate)
+        x, y, n, rudder_force = rudder_forces(
+            plant, rudder, kinematic, thrust, across, state.yaw_rate
+        )
         surge_force, side_force, yaw_moment = surge_force + x, side_force + y, yaw_moment + n
+    if plant.rolls != 0:
+        y, n = heeled_hull_forces(plant, reference, state.roll_angle)
+        side_force, yaw_moment = side_force + y, yaw_moment + n
     added_pitch_rate = term_rate_1 = term_rate_2 = term_rate_3 = 0.0
     if plant.term_count > 0:
         load_signals = LoadSignals(
@@ -189,8 +196,8 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
         electric_power=electric_power(plant, mover, brake_torque, engine_speed), drive_torque=drive,
         load_torque=load_behind, push=push, resistance=drag, ahead=speed, across=across,
         surge_force=surge_force, side_force=side_force, yaw_moment=yaw_moment,
-        inflow_rate=inflow_rate, added_pitch_rate=added_pitch_rate, term_rate_1=term_rate_1,
-        term_rate_2=term_rate_2, term_rate_3=term_rate_3,
+        rudder_force=rudder_force, inflow_rate=inflow_rate, added_pitch_rate=added_pitch_rate,
+        term_rate_1=term_rate_1, term_rate_2=term_rate_2, term_rate_3=term_rate_3,
     )  # fmt: skip
 
 
@@ -213,6 +220,7 @@ def evaluate(
         ship_acceleration = 0.0
     track_rate, cross_rate = state.ship_speed, 0.0
     sway_acceleration = yaw_acceleration = turning_rate = helm_rate = 0.0
+    rolling_rate = rolling_acceleration = 0.0
     if plant.turns != 0:
         track_rate, cross_rate = over_ground(state)
         turning_rate = state.yaw_rate
@@ -228,6 +236,20 @@ def evaluate(
         )
         if plant.rudder_lag.real > 0.0:
             helm_rate = rudder_rate(plant, inputs.rudder_command, state.rudder_angle)
+    if plant.rolls != 0:
+        rolling_rate = state.roll_rate
+        lateral = sway_acceleration + state.yaw_rate * state.ship_speed  # over ground
+        rolling_acceleration = roll_acceleration(
+            plant,
+            state.roll_angle,
+            state.roll_rate,
+            acting.ahead,
+            lateral + plant.centre_of_gravity * yaw_acceleration,
+            acting.rudder_force,
+            slope_across(
+                inputs.elevation_slope, inputs.wave_along, inputs.wave_across, state.heading
+            ),
+        )
     torque = shaft_meter_torque(plant, acting.drive_torque, acting.load_torque, acceleration)
     blade_rate = pitch_rate(plant, inputs.pitch_command, state.pitch_ratio)
     if plant.term_count > 0:
@@ -254,6 +276,8 @@ def evaluate(
         heading=turning_rate,
         cross_track=cross_rate,
         rudder_angle=helm_rate,
+        roll_angle=rolling_rate,
+        roll_rate=rolling_acceleration,
         term_1=acting.term_rate_1,
         term_2=acting.term_rate_2,
         term_3=acting.term_rate_3,

@@ -35,6 +35,7 @@ MISSING_PROPERTIES = {
     "has_propeller": "has no propeller",
     "moves": "has a hull that is fixed",
     "turns": "does not turn: it has no manoeuvring.length_m",
+    "rolls": "does not roll: it has no roll.metacentric_height_m",
     "turns_freely": "has a shaft whose speed is held",
     "meets_water": "has neither a propeller nor a hull that moves",
     "has_variable_pitch": "has a fixed pitch",

@@ -16,6 +16,7 @@ from .keys import Section, record_field
 from .manoeuvring import Manoeuvring
 from .memory import Sensors
 from .propeller import Propeller
+from .roll import Roll
 from .rudder import Rudder
 from .shaft import Transmission
 from .surroundings import Integration, Water
@@ -29,6 +30,7 @@ SECTIONS: tuple[type[Section], ...] = (
     Superstructure,
     Manoeuvring,
     Rudder,
+    Roll,
     Propeller,
     Ventilation,
     CavitationBucket,

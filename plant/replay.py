@@ -15,6 +15,7 @@ from ..core.files import check_size
 from .columns import (
     ALWAYS_SIMULATED,
     MEASURED,
+    ROLLING_COLUMNS,
     RUDDER,
     RUDDER_COMMAND,
     SHAFT_ANGLE,
@@ -166,6 +167,9 @@ class Replay(RecordedInputs):
             first["rudder_angle"] = float(self.rudder[0])
             if "sway_speed" not in first:  # The current carries the ship along.
                 first["sway_speed"] = self.ship.manoeuvring.cross_current_m_s
+            if self.ship.rolls:
+                rolling = {c: s for c, s in ROLLING_COLUMNS.items() if c in self.table}
+                first |= {state: self._at_first(c, count) for c, state in rolling.items()}
             first = dict.fromkeys(PLANAR_STATES, 0.0) | first
         return first
 

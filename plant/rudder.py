@@ -114,8 +114,10 @@ def race_inflow(plant: Record, inflow: Real, thrust: Real) -> Real:
 @compiled
 def rudder_forces(
     plant: Record, angle: Real, inflow: Real, thrust: Real, across: Real, yaw_rate: Real
-) -> tuple[Real, Real, Real]:
+) -> tuple[Real, Real, Real, Real]:
     """Return X [N], Y [N] and N [N m] of the rudder and its interaction with the hull (eqs. 15 to 19).
+
+    The fourth result is the part of Y [N] that acts on the rudder itself.
 
     delta is in rad, the inflow at the propeller and v through the water in m/s, the thrust of one
     propeller in N, r in rad/s.
@@ -136,6 +138,7 @@ def rudder_forces(
     surge = -(1.0 - plant.steering_deduction) * normal * sine - drag * along
     across_ship = -normal * cosine
     side = (1.0 + plant.rudder_hull_share) * across_ship - drag * cross_flow
+    own = across_ship - drag * cross_flow
     lever = plant.rudder_position + plant.rudder_hull_share * plant.rudder_hull_position
     moment = lever * across_ship - plant.rudder_position * drag * cross_flow
-    return surge, side, moment
+    return surge, side, moment, own

@@ -44,6 +44,8 @@ from .manoeuvring import Manoeuvring, planar_inertia
 from .memory import HISTORY, Sensors
 from .propeller import Propeller
 from .record import PLANT, record_of
+from .roll import WITH as ROLLING
+from .roll import Roll
 from .rudder import Rudder
 from .shaft import UNLESS_HELD, Transmission
 from .surroundings import THINNEST_LIQUID, WATER, Integration, Water
@@ -203,8 +205,15 @@ def check_turning(ship: Ship) -> None:
         raise ValueError(
             "rudder.area_m2 has no effect without a manoeuvring.length_m: give the [manoeuvring] section"
         )
+    if ship.roll.metacentric_height_m > 0.0 and not ship.turns:
+        raise ValueError(
+            "roll.metacentric_height_m has no effect without a manoeuvring.length_m: give the "
+            "[manoeuvring] section"
+        )
     if not ship.turns:
         return
+    if ship.rolls and ship.rudder.area_m2 > 0.0:
+        require(ship.roll, ("rudder_force_depth_m",), f"{ROLLING} and a rudder", "roll.")
     if not ship.moves:
         raise ValueError(
             "manoeuvring.length_m requires a hull that moves: remove hull.fixed = true"
@@ -278,6 +287,7 @@ class Ship(Section):
     superstructure: Superstructure = Superstructure()
     manoeuvring: Manoeuvring = Manoeuvring()
     rudder: Rudder = Rudder()
+    roll: Roll = Roll()
     propeller: Propeller
     ventilation: Ventilation = Ventilation()
     cavitation_bucket: CavitationBucket = CavitationBucket()
@@ -408,6 +418,11 @@ class Ship(Section):
     def turns(self) -> bool:
         """Whether sway and yaw are simulated."""
         return self.manoeuvring.length_m > 0.0
+
+    @property
+    def rolls(self) -> bool:
+        """Whether the roll of the ship is simulated."""
+        return self.turns and self.roll.metacentric_height_m > 0.0
 
     @property
     def moves(self) -> bool:

@@ -81,6 +81,10 @@ SIGNALS = (
            "heading to starboard of the initial course, not reset after a turn"),
     Signal("cross_track", "y", "m", -math.inf, math.inf, "truth", "cross_track_m",
            "distance to starboard of the initial course"),
+    Signal("roll_angle", "phi", "rad", -math.pi, math.pi, "sensor", "roll_rad",
+           "roll angle, positive with starboard down"),
+    Signal("roll_rate", "p", "rad/s", -10, 10, "sensor", "roll_rate_rad_s",
+           "rate of roll, positive to starboard"),
     Signal("nox", "m_NOx", "g/s", 0, 1e4, "truth", "nox_g_s", "NOx flow of the engines"),
     Signal("co2", "m_CO2", "kg/s", 0, 400, "truth", "co2_kg_s", "CO2 flow of the engines"),
 )  # fmt: skip

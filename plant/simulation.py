@@ -69,6 +69,8 @@ def write_sample(
     sample.yaw_rate = state.yaw_rate
     sample.heading = state.heading
     sample.cross_track = state.cross_track
+    sample.roll_angle = state.roll_angle
+    sample.roll_rate = state.roll_rate
     sample.rudder_angle = rudder_angle(plant, state.rudder_angle, rudder_command)
     engine_speed = plant.gear_ratio * state.shaft_speed
     sample.nox = plant.propellers * nox_rate(plant, engine_speed, outputs.brake_torque)

@@ -23,6 +23,7 @@ class PresentIf(NamedTuple):
 
 
 TURNS = PresentIf(lambda plant: plant["turns"] != 0)
+ROLLS = PresentIf(lambda plant: plant["rolls"] != 0)
 UNUSED = PresentIf(lambda plant: False)
 
 
@@ -58,6 +59,9 @@ class State(NamedTuple):
     heading: Annotated[Real, TURNS] = 0.0  # to starboard of the initial course [rad]
     cross_track: Annotated[Real, UNUSED] = 0.0  # to starboard of it [m]
     rudder_angle: Annotated[Real, Lag("rudder_lag")] = 0.0  # positive turns to starboard [rad]
+    # Roll.
+    roll_angle: Annotated[Real, ROLLS] = 0.0  # positive with starboard down [rad]
+    roll_rate: Annotated[Real, ROLLS] = 0.0  # [rad/s]
     # States of terms, in the order of the terms.
     term_1: Annotated[Real, PresentIf(lambda plant: plant["term_states"] > 0)] = 0.0
     term_2: Annotated[Real, PresentIf(lambda plant: plant["term_states"] > 1)] = 0.0

@@ -30,6 +30,7 @@ from .hull import Hull
 from .keys import KeyInfo, Section, is_lag
 from .manoeuvring import Manoeuvring, hull_forces, planar_acceleration
 from .record import PLANT
+from .roll import Roll, fastest_rate
 from .shaft import shaft_inertia
 from .terms import Term, add_term
 
@@ -146,6 +147,18 @@ def _turning_range(
             return -sys.float_info.max
 
     value = float(getattr(manoeuvring, name))
+    return _resolved(spare, value, low), _resolved(spare, value, high)
+
+
+@functools.lru_cache(maxsize=1024)
+def _roll_range(roll: Roll, step: float, name: str, low: float, high: float) -> tuple[float, float]:
+    """Return the range of a roll parameter in which a step [s] resolves the roll."""
+
+    def spare(at: float) -> float:
+        """Return 1 minus the time step in time constants of the faster mode."""
+        return 1.0 - step * fastest_rate(roll.model_copy(update={name: at}))
+
+    value = float(getattr(roll, name))
     return _resolved(spare, value, low), _resolved(spare, value, high)
 
 
@@ -291,6 +304,11 @@ def resolved_range(ship: Ship, key: str, value: float, info: KeyInfo) -> KeyInfo
         turning = (ship.hull, table, ship.water.density_kg_m3)
         low, high = _turning_range(*turning, step, name, info.low, info.high)
         info = info._replace(low=low, high=high)
+    if section == "roll" and ship.rolls:
+        low, high = _roll_range(table, step, name, info.low, info.high)
+        # Without a metacentric height the ship does not roll, so no search may reach 0.
+        above = info.above or name == "metacentric_height_m"
+        info = info._replace(low=low, high=high, above=above)
     limits = ship.prime_mover.resolved_ranges(step) if section == "prime_mover" else {}
     if name in limits:
         low, high, gap = limits[name]

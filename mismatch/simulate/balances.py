@@ -258,6 +258,7 @@ class Balances:
             columns = {"sway_speed": SWAY_SPEED, "heading": HEADING, "yaw_rate": YAW_RATE}
             for name, column in columns.items():
                 states[name] = channels.get(column, nominal[name])
+            states["roll_angle"] = nominal["roll_angle"]
             if HEADING in channels and YAW_RATE not in channels:
                 states["yaw_rate"] = self._run_rate(channels[HEADING])
         return states

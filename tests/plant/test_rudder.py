@@ -89,8 +89,9 @@ def test_forces_by_hand(tanker: Any, across: float, straightening: float) -> Non
         -(1.0 + 0.312) * normal * math.cos(angle),
         -(-3.5 + 0.312 * -3.248) * normal * math.cos(angle),
     )
-    found = rudder_forces(tanker, angle, inflow, thrust, across, yaw_rate)
+    *found, own = rudder_forces(tanker, angle, inflow, thrust, across, yaw_rate)
     assert found == pytest.approx(expected, rel=1e-9)
+    assert own == pytest.approx(-normal * math.cos(angle), rel=1e-9)
 
 
 def test_profile_drag_goes_with_the_flow(osaka: Any) -> None:
@@ -100,12 +101,12 @@ def test_profile_drag_goes_with_the_flow(osaka: Any) -> None:
     args = (0.1, 2.0, 1e6, -0.4, 0.001)
     difference = np.subtract(rudder_forces(osaka, *args), rudder_forces(bare, *args))
     drag = 0.5 * 1025.0 * 119.8 * 0.0085 * math.hypot(along, cross)
-    expected = (-drag * along, -drag * cross, 162.5 * drag * cross)
+    expected = (-drag * along, -drag * cross, 162.5 * drag * cross, -drag * cross)
     assert difference == pytest.approx(expected, rel=1e-8)
 
 
 def test_rudder_to_starboard_turns_to_starboard(tanker: Any) -> None:
-    surge, side, moment = rudder_forces(tanker, 0.3, 0.5, 12.0, 0.0, 0.0)
+    surge, side, moment, _ = rudder_forces(tanker, 0.3, 0.5, 12.0, 0.0, 0.0)
     assert surge < 0.0  # it drags
     assert side < 0.0  # the stern goes to port
     assert moment > 0.0

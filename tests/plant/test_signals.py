@@ -19,6 +19,7 @@ BOUNDS = {
     "propeller_submergence_m": (-30, 60), "fuel_rack_mm": (0, 200), "fuel_rack_position_mm": (0, 200),
     "pitch_ratio_command": (-1.6, 1.6), "true_pitch_ratio": (-2.1, 2.1), "pitch_ratio": (-2.6, 2.6),
     "rudder_command_rad": (-1.6, 1.6), "rudder_rad": (-1.6, 1.6), "yaw_rate_rad_s": (-10, 10),
+    "roll_rad": (-math.pi, math.pi), "roll_rate_rad_s": (-10, 10),
     "heading_rad": (-math.inf, math.inf), "cross_track_m": (-math.inf, math.inf),
     "heading_order_rad": (-math.inf, math.inf), "cross_track_order_m": (-math.inf, math.inf),
     "speed_error_m_s": (-80, 80), "estimated_angle_of_attack_deg": (-180, 180),

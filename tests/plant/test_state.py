@@ -125,5 +125,5 @@ def test_state_of_the_motion_alone() -> None:
 
 
 def test_absent_states_and_disturbances_are_nothing() -> None:
-    assert tuple(State(1.0, 2.0, 3.0)) == (1.0, 2.0, 3.0, *16 * (0.0,))
+    assert tuple(State(1.0, 2.0, 3.0)) == (1.0, 2.0, 3.0, *18 * (0.0,))
     assert tuple(Inputs(22.0, 1.4)) == (22.0, 1.4, *6 * (0.0,), 1.0, *6 * (0.0,), 6 * (0.0,))
