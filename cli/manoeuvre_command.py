@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +13,7 @@ from ..core.files import check_writable, write_json
 from ..display.tables import write_csv
 from ..plant import approach, load_ship
 from ..plant.manoeuvres import MANOEUVRES, Trials, criteria, trials
+from ..plant.roll import LARGEST_ANGLE
 from .console import check_folder, print_table, progress, report_errors, say
 from .machine import to_json
 
@@ -54,6 +56,9 @@ def manoeuvre(
     The table contains IMO's criteria (MSC.137(76)): advance and tactical diameter, distance until the
     heading has changed by 10 degrees, overshoot angles. The limits of the overshoot angles depend on the
     time in which the ship travels her own length; for a model give its `--scale`.
+
+    With a `[roll]` section the table and a panel of the figure also contain the heel of the turning
+    circles: the largest inward (as the rudder is put over) and outward, and that of the steady turn.
 
     Written: a CSV of each track (`turning-circle-port.csv`, `zig-zag-10-10-starboard.csv`, ...),
     `spiral.csv`, `criteria.csv`, `turning-circles.png`, `zig-zags.png`, `spiral.png`, and
@@ -103,6 +108,12 @@ def _sentences(results: Trials) -> list[str]:
         f"{turn.steady_diameter:.2f} L."
         for side, turn in results.turns.items()
     ]
+    heels = [turn.heel for turn in results.turns.values() if turn.heel is not None]
+    if any(max(heel.inward_rad, heel.outward_rad) > LARGEST_ANGLE for heel in heels):
+        limit = math.degrees(LARGEST_ANGLE)
+        lines.append(
+            f"- The heel exceeds {limit:.0f} deg, up to which the righting lever is valid."
+        )
     if results.spiral is not None:
         wide = abs(results.spiral.width_deg)
         holds = "directionally stable" if wide < 0.05 else "directionally unstable"

@@ -48,11 +48,16 @@ def _draw_ships(axis: Axes, track: pd.DataFrame, length: float, colour: str, apa
 
 
 def turning_circles(turns: dict[str, TurningCircle], title: str) -> Figure:
-    """Return a figure of tracks by side with outlines, and of speed and rate of turn over the way."""
+    """Return a figure of tracks by side with outlines, and of speed and rate of turn over the way.
+
+    Turns of a ship with roll have a third panel with the roll angle over the way.
+    """
     figure = Figure(figsize=(12.5, 5.6), layout="constrained")
-    places = figure.add_gridspec(2, 2, width_ratios=(2.1, 1.0))
-    map_, speeds, rates = (
-        figure.add_subplot(place) for place in (places[:, 0], places[0, 1], places[1, 1])
+    rolls = any(turn.heel is not None for turn in turns.values())
+    places = figure.add_gridspec(3 if rolls else 2, 2, width_ratios=(2.1, 1.0))
+    map_, speeds, rates, *heels = (
+        figure.add_subplot(place)
+        for place in (places[:, 0], *(places[k, 1] for k in range(3 if rolls else 2)))
     )
     figure.suptitle(title, fontsize=12)
     for side, turn in turns.items():
@@ -65,6 +70,8 @@ def turning_circles(turns: dict[str, TurningCircle], title: str) -> Figure:
         way = np.cumsum(track["speed_m_s"]) * float(track["time_s"].iloc[1]) / length
         speeds.plot(way, track["speed_m_s"] / track["speed_m_s"].iloc[0], color=colour)
         rates.plot(way, np.degrees(track["yaw_rate_rad_s"]) * 60.0, color=colour)
+        if turn.heel is not None:
+            heels[0].plot(way, np.degrees(track["roll_rad"]), color=colour)
     map_.plot([0.0, 0.0], [-1.5, 0.0], color=TRUTH, linewidth=1.0, linestyle="--")
     map_.plot(0.0, 0.0, "o", color=TRUTH, markersize=4, zorder=4)
     map_.annotate("rudder ordered", (0.0, 0.0), (8, -14), textcoords="offset points", fontsize=8)
@@ -77,8 +84,12 @@ def turning_circles(turns: dict[str, TurningCircle], title: str) -> Figure:
     map_.legend(fontsize=8, frameon=False, loc="lower right")
     speeds.set(ylabel="speed / approach\nspeed [-]", ylim=(0.0, 1.05))
     rates.axhline(0.0, color=THESIS, linewidth=0.6)
-    rates.set(xlabel="way [ship lengths]", ylabel="rate of turn [deg/min]")
-    style(map_, speeds, rates)
+    rates.set(ylabel="rate of turn [deg/min]")
+    for heel in heels:
+        heel.axhline(0.0, color=THESIS, linewidth=0.6)
+        heel.set(ylabel="roll, starboard\ndown [deg]")
+    (heels or [rates])[-1].set_xlabel("way [ship lengths]")
+    style(map_, speeds, rates, *heels)
     return figure
 
 

@@ -99,8 +99,8 @@ class Helm:
     def hold(self, rudder_rad: float, steps: int, purpose: str) -> None:
         """Simulate the ship with a constant rudder command [rad] for some time steps.
 
-        A ship that stops, or does not reach the ``purpose`` of the command within the longest way,
-        raises a ShipError.
+        A ship that stops or capsizes, or does not reach the ``purpose`` of the command within the
+        longest way, raises a ShipError.
         """
         before = self.speed()
         command = self.point.inputs.pitch_command
@@ -112,6 +112,12 @@ class Helm:
             raise ShipError(
                 f"{begin} stops before {purpose} (speed {after:.3g} m/s; allowed: > "
                 f"{STALLED * self.approach_speed:.3g} m/s, {100.0 * STALLED:g} % of the approach speed)"
+            )
+        roll = float(self._voyage.state.roll_angle)
+        if not abs(roll) < 0.5 * math.pi:
+            raise ShipError(
+                f"{begin} capsizes before {purpose} (roll angle {roll:.3g} rad; allowed: < "
+                f"{0.5 * math.pi:.4g} rad). Check roll.metacentric_height_m and roll.hull_force_depth_m"
             )
         if self._since > self._longest:
             raise ShipError(

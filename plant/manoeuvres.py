@@ -23,6 +23,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from .columns import ROLL
 from .helm import Helm, refuse_angle, require_steering
 from .ship import Ship, ShipError
 from .steady_state import Equilibrium
@@ -36,6 +37,14 @@ STEADY_RATE, STEADY_SPEED = 5e-5, 2e-4
 _TO_ONE_SIDE = [0.25, 0.5, 0.75, *np.arange(1.0, 5.5, 0.5).tolist(), 7.5, 10.0, 15.0, 20.0, 25.0]
 SPIRAL_ANGLES = tuple(map(math.radians, [*_TO_ONE_SIDE[::-1], 0.0, *(-a for a in _TO_ONE_SIDE)]))
 """Rudder angles of a spiral [rad], from starboard to port."""
+
+
+class Heel(NamedTuple):
+    """Roll angles in a turning circle, positive towards the side in its name."""
+
+    inward_rad: float  # largest towards the centre of the turn, as the rudder is put over [rad]
+    outward_rad: float  # largest away from the centre [rad]
+    steady_rad: float  # away from the centre at the end [rad]
 
 
 class TurningCircle(NamedTuple):
@@ -53,6 +62,7 @@ class TurningCircle(NamedTuple):
     shaft_speed_ratio: float  # shaft speed at the end / at the approach [-]
     unsteadiness: float  # relative change of r over the last 90 deg of heading [-]
     track: pd.DataFrame  # row for each time step, as in helm.Helm.track
+    heel: Heel | None = None  # of a ship with roll
 
     @property
     def metres(self) -> dict[str, float]:
@@ -150,7 +160,13 @@ def turning_circle(
         shaft_speed_ratio=shaft / point.state.shaft_speed,
         unsteadiness=abs(turning / quarter_before - 1.0),
         track=track,
+        heel=_heel(side * track[ROLL], side * at(heading_rad, ROLL)) if ship.rolls else None,
     )
+
+
+def _heel(inward: pd.Series, last: float) -> Heel:
+    """Return the heel from the roll angles towards the centre of the turn, and that at its end [rad]."""
+    return Heel(max(float(inward.max()), 0.0), max(float(-inward.min()), 0.0), -last)
 
 
 def zig_zag(
@@ -337,11 +353,13 @@ class Trials(NamedTuple):
 
 
 def _plain(measured: TurningCircle | ZigZag | Spiral) -> dict[str, Any]:
-    return {
-        name: [float(one) for one in value] if isinstance(value, tuple) else float(value)
-        for name, value in measured._asdict().items()
-        if not isinstance(value, pd.DataFrame)
-    }
+    found: dict[str, Any] = {}
+    for name, value in measured._asdict().items():
+        if isinstance(value, Heel):
+            found[name] = value._asdict()
+        elif value is not None and not isinstance(value, pd.DataFrame):
+            found[name] = [*map(float, value)] if isinstance(value, tuple) else float(value)
+    return found
 
 
 def trials(ship: Ship, point: Equilibrium, tick: Callable[[], None] = lambda: None) -> Trials:
@@ -397,7 +415,9 @@ def criteria(results: Trials, scale: float = 1.0) -> pd.DataFrame:
     proportional to its square root (Froude).
 
     Returns:
-        Columns criterion, unit, starboard, port, limit, met: ``yes``, ``no``, or ``not completed``.
+        Columns criterion, unit, starboard, port, limit, met: ``yes``, ``no``, or ``not completed``. A
+        ship with roll has three more rows with the heel of the turning circles, for which IMO sets no
+        limit: their ``limit`` is NaN and their ``met`` is ``no limit``.
     """
     if not 0.0 < scale < math.inf:
         raise ShipError(f"scale = {scale:g} is out of range (unit -; allowed: > 0)")
@@ -410,6 +430,14 @@ def criteria(results: Trials, scale: float = 1.0) -> pd.DataFrame:
             met = "not completed"
         unit = "deg" if "overshoot" in criterion else "L"
         rows.append((criterion, unit, *pair, limit, met))
+    if results.ship.rolls:
+        for k, quantity in enumerate(
+            ("largest heel inward", "largest heel outward", "steady heel")
+        ):
+            heels = [getattr(results.turns.get(side), "heel", None) for side in SIDES]
+            pair = [math.nan if heel is None else math.degrees(heel[k]) for heel in heels]
+            met = "not completed" if None in heels else "no limit"
+            rows.append((f"{quantity}, turn", "deg", *pair, math.nan, met))
     return pd.DataFrame(rows, columns=["criterion", "unit", *SIDES, "limit", "met"])
 
 

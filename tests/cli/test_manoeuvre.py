@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -145,6 +146,50 @@ def test_figures_hold_what_was_sailed(sailed: Trials) -> None:
     assert said == [f"{value:.1f}°" for value in overshoots]
     whole, middle = found["spiral"].axes
     assert np.size(whole.lines[0].get_xdata()) > np.size(middle.lines[0].get_xdata()) > 10
+
+
+ROLL = """
+[roll]
+metacentric_height_m = {height}
+period_s = 11.0
+damping_ratio = 0.06
+hull_force_depth_m = 4.5
+rudder_force_depth_m = 6.5
+"""
+
+
+def test_a_ship_with_roll_reports_its_heel(shaftline: Command, tmp_path: Path) -> None:
+    file, out = tmp_path / "rolling.toml", tmp_path / "out"
+    text = (Path(__file__).parents[2] / "plant/ships/ddg-51-surrogate.toml").read_text("utf-8")
+    file.write_text(text + ROLL.format(height=0.2), "utf-8")
+    result = shaftline("manoeuvre", "--ship", file, "--speed", 11, "--out", out)
+    assert result.exit_code == 0, result.output
+    for word in ("largest heel inward", "largest heel outward", "steady heel", "no limit"):
+        assert word in result.output
+    assert "The heel exceeds 20 deg" in result.output
+    numbers = json.loads((out / "manoeuvres.json").read_text())
+    heel = numbers["turning_circles"]["port"]["heel"]
+    track = pd.read_csv(out / "turning-circle-port.csv")["roll_rad"]
+    assert heel["inward_rad"] == pytest.approx(-track.min(), rel=1e-6)
+    assert heel["outward_rad"] == pytest.approx(track.max(), rel=1e-6)
+    assert 0.0 < heel["inward_rad"] < heel["steady_rad"] < heel["outward_rad"]
+    rows = {row["criterion"]: row for row in numbers["criteria"]}
+    steady = rows["steady heel, turn"]
+    assert steady["port"] == pytest.approx(math.degrees(heel["steady_rad"]))
+    assert (steady["unit"], steady["limit"], steady["met"]) == ("deg", None, "no limit")
+    largest = [rows[f"largest heel {side}, turn"]["port"] for side in ("inward", "outward")]
+    assert largest == pytest.approx(np.degrees([heel["inward_rad"], heel["outward_rad"]]))
+
+
+def test_the_figure_of_a_ship_with_roll_has_its_panel(sailed: Trials) -> None:
+    keys = tomllib.loads(ROLL.format(height=1.5))["roll"]
+    ship = sailed.ship.with_values({f"roll.{key}": value for key, value in keys.items()})
+    turn = turning_circle(ship, approach(ship, 11.0), 0.5)
+    figure = trial_figures(sailed._replace(ship=ship, turns={"starboard": turn}))["turning-circles"]
+    *_, rates, heels = figure.axes
+    assert len(figure.axes) == 4
+    np.testing.assert_allclose(heels.lines[0].get_ydata(), np.degrees(turn.track["roll_rad"]))
+    assert (rates.get_xlabel(), heels.get_xlabel()) == ("", "way [ship lengths]")
 
 
 def test_what_is_not_sailed_has_no_figure(sailed: Trials) -> None:
