@@ -1,7 +1,8 @@
 """Roll, an optional fourth degree of freedom: heel in turns, free decay, and the effect of waves.
 
 Roll angle phi and rate p are positive with starboard down. The equation is that of moments about the
-centre of gravity G (Fossen 2011, section 6.5; Perez 2005, chapter 4), divided by the moment of inertia:
+centre of gravity G, divided by the moment of inertia (models of roll: Fossen 2011, chapter 7; Perez
+2005):
 
     dp/dt = w^2 (K / (m g GM) - sin phi + kappa alpha) - 2 zeta w p - beta p |p|
     K = -h_H (m a_G - Y_R) - h_R Y_R

@@ -79,7 +79,7 @@ def test_rate_is_the_thesis_right_hand_side(
     assert rate.position == x[2]
     assert rate.shaft_angle == x[1]
     assert rate[4:8] == (0.0, 0.0, 0.0, 0.0)
-    assert tuple(rate[9:]) == 10 * (0.0,)
+    assert tuple(rate[9:]) == 12 * (0.0,)
     # thesis eq. 2-19: no acceleration in it
     engine = (-45.5 * 7.38 * x[1] + 1428.6 * rack - 7381.0) * 7.38 * 0.95
     gauge = RIGHT / TOTAL * engine + LEFT / TOTAL * out.propeller_torque

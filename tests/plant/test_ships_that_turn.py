@@ -110,10 +110,12 @@ def test_a_ship_that_does_not_turn_has_no_numbers_of_a_turn(frigate: Ship) -> No
 
 def test_the_pages_example_is_a_ship_that_turns() -> None:
     page = (Path(__file__).parents[2] / "docs" / "manoeuvring.md").read_text(encoding="utf-8")
-    (block,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
-    tree = without("rudder") | tomllib.loads(block)
+    block, roll = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    tree = without("rudder") | tomllib.loads(block) | tomllib.loads(roll)
     tree["hull"] = {"mass_kg": 1.15e7, "resistance_coefficient_N_s2_m2": 6000.0}
     tree["propeller"]["diameter_m"] = 4.5
     ship = Ship.model_validate(tree)
     turn = turning_circle(ship, approach(ship, 7.0), 0.35)
     assert 1.0 < turn.tactical_diameter < 10.0
+    assert turn.heel is not None
+    assert 0.0 < turn.heel.inward_rad < turn.heel.steady_rad < turn.heel.outward_rad < 0.3

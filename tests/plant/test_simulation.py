@@ -122,6 +122,8 @@ def test_samples_are_the_outputs_of_single_steps(
             "yaw_rate": 0.0,
             "heading": 0.0,
             "cross_track": 0.0,
+            "roll_angle": 0.0,
+            "roll_rate": 0.0,
             "shaft_power": memory["shaft_torque"] * memory["shaft_speed"],
         }
         for name in SAMPLE.names or ():
