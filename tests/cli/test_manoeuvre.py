@@ -188,7 +188,8 @@ def test_the_figure_of_a_ship_with_roll_has_its_panel(sailed: Trials) -> None:
     figure = trial_figures(sailed._replace(ship=ship, turns={"starboard": turn}))["turning-circles"]
     *_, rates, heels = figure.axes
     assert len(figure.axes) == 4
-    np.testing.assert_allclose(heels.lines[0].get_ydata(), np.degrees(turn.track["roll_rad"]))
+    drawn = np.asarray(heels.lines[0].get_xydata())[:, 1]
+    np.testing.assert_allclose(drawn, np.degrees(turn.track["roll_rad"]))
     assert (rates.get_xlabel(), heels.get_xlabel()) == ("", "way [ship lengths]")
 
 

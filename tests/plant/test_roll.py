@@ -366,7 +366,7 @@ def test_a_rudder_needs_its_depth() -> None:
 )  # fmt: skip
 def test_wrong_values_are_refused_by_name(values: dict[str, float], words: str) -> None:
     with pytest.raises(ShipError, match=words):
-        rolling(**values)
+        rolling("ddg-51-surrogate", **values)
 
 
 def test_a_ship_that_does_not_turn_does_not_roll(frigate: Ship) -> None:
