@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.compiled import compiled
 from . import expressions
-from .dynamics import evaluate
+from .dynamics import evaluate, evaluate_without_roll
 from .memory import MEMORY
 from .record import PLANT
 from .ship import Ship
@@ -134,7 +134,8 @@ def adapt_to_gpu() -> None:
 
     _replace(expressions._on_a_stack, on_a_stack)
     # Four inlined copies in a step take longer to compile than the calls take in a simulation.
-    _replace(evaluate, evaluate.py_func)  # type: ignore[attr-defined]
+    for kernel in (evaluate, evaluate_without_roll):
+        _replace(kernel, kernel.py_func)  # type: ignore[attr-defined]
 
 
 def _replace(kernel: Any, function: Any) -> None:

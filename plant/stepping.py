@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.compiled import Record, compiled
-from .dynamics import evaluate
+from ..core.compiled import Record, compiled, compiled_apart
+from .dynamics import evaluate, evaluate_apart, evaluate_without_roll
 from .expressions import NO_SIGNALS
 from .hull import episode_factor
 from .memory import begin_step, end_step, read_instruments, settle_memory
@@ -109,13 +109,69 @@ def runge_kutta(
     dt: float,
 ) -> State:
     """Return the state after a fourth-order Runge-Kutta step of ``dt`` [s], given its first slope."""
-    k2, _ = evaluate(plant, shift_state(state, k1, 0.5 * dt), middle, blade_before)
-    k3, _ = evaluate(plant, shift_state(state, k2, 0.5 * dt), middle, blade_before)
-    k4, _ = evaluate(plant, shift_state(state, k3, dt), end, blade_before)
+    if plant.rolls != 0:
+        return _runge_kutta(plant, state, k1, middle, end, blade_before, dt, True)
+    return _runge_kutta(plant, state, k1, middle, end, blade_before, dt, False)
+
+
+@compiled
+def _derivative(
+    plant: Record, state: State, inputs: Inputs, blade_before: float, rolls: bool
+) -> tuple[State, Outputs]:
+    """Return derivative and outputs; ``rolls`` is constant, so that the compiler keeps one branch."""
+    if rolls:
+        return evaluate_apart(plant, state, inputs, blade_before)
+    return evaluate_without_roll(plant, state, inputs, blade_before)
+
+
+@compiled
+def _runge_kutta(
+    plant: Record,
+    state: State,
+    k1: State,
+    middle: Inputs,
+    end: Inputs,
+    blade_before: float,
+    dt: float,
+    rolls: bool,
+) -> State:
+    k2, _ = _derivative(plant, shift_state(state, k1, 0.5 * dt), middle, blade_before, rolls)
+    k3, _ = _derivative(plant, shift_state(state, k2, 0.5 * dt), middle, blade_before, rolls)
+    k4, _ = _derivative(plant, shift_state(state, k3, dt), end, blade_before, rolls)
     following = shift_state(state, k1, dt / 6.0)
     following = shift_state(following, k2, dt / 3.0)
     following = shift_state(following, k3, dt / 3.0)
     return shift_state(following, k4, dt / 6.0)
+
+
+@compiled
+def _advance(
+    plant: Record,
+    now: State,
+    first: Inputs,
+    second: Inputs,
+    third: Inputs,
+    blade: float,
+    dt: float,
+    rolls: bool,
+) -> tuple[Outputs, State]:
+    """Return the outputs at the start of a step, and the state at its end."""
+    rate, outputs = _derivative(plant, now, first, blade, rolls)
+    return outputs, _runge_kutta(plant, now, rate, second, third, blade, dt, rolls)
+
+
+@compiled_apart
+def _advance_with_roll(
+    plant: Record,
+    now: State,
+    first: Inputs,
+    second: Inputs,
+    third: Inputs,
+    blade: float,
+    dt: float,
+) -> tuple[Outputs, State]:
+    """Return what :func:`_advance` returns, for a ship with roll."""
+    return _advance(plant, now, first, second, third, blade, dt, True)
 
 
 @compiled
@@ -163,9 +219,11 @@ def step(
         pass_half_step(sea)
     third = _inputs(delivered, pitch, rudder, sea, end, episode, time + dt, speed_rate)
     blade = memory.blade_pitch
-    rate, outputs = evaluate(plant, now, first, blade)
+    if plant.rolls != 0:
+        outputs, following = _advance_with_roll(plant, now, first, second, third, blade, dt)
+    else:
+        outputs, following = _advance(plant, now, first, second, third, blade, dt, False)
     read_instruments(plant, memory, now.shaft_speed, outputs, dt)
-    following = runge_kutta(plant, now, rate, second, third, blade, dt)
     set_state(state, following)
     if plant.speed_held != 0:
         state.shaft_speed = delivered
