@@ -18,6 +18,7 @@ import pandas as pd
 
 from shaftline.core.sweep import sweep
 from shaftline.mismatch import Diagnosis, Limits, catalogue, diagnose, plan_trial
+from shaftline.mismatch.planning.plan import DECIDED
 from shaftline.mismatch.report.plan import read_question
 from shaftline.plant import load_ship
 from shaftline.validation.cases import Case, draw_case, indices_of
@@ -206,6 +207,8 @@ def decide(cell: Cell) -> dict[str, Any]:
             seed=cell.number,
             pool=POOLS[name],
         )
+        if name == PLANNED:
+            result["expected"] = plan.least if len(plan.pairs) else None
         result[name] = after(plan.table)
         result[f"{name}_minutes"] = None
         for minutes in reversed(MINUTES):
@@ -267,6 +270,20 @@ def sooner(results: Sequence[dict[str, Any]]) -> tuple[int, int]:
     return sum(a < b for a, b in pairs), sum(a > b for a, b in pairs)
 
 
+def undecided(results: Sequence[dict[str, Any]]) -> pd.DataFrame:
+    """Return the cases in which the planned trial does not end right, with the evidence it expected."""
+    rows = [
+        {
+            "effect": one["effect"],
+            "after the planned trial": one[PLANNED],
+            "expected 2 log L of the closest pair": one["expected"],
+        }
+        for one in results
+        if one["open"] and one[PLANNED] != "right"
+    ]
+    return pd.DataFrame(rows)
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Compute the missing cases, and write the page."""
     folder = "out/planned-trials"
@@ -280,11 +297,6 @@ def main(arguments: list[str] | None = None) -> None:
     table = pd.DataFrame(results)
     without = [one for one in results if one["effect"] == NOTHING]
     asked = [one for one in without if one["open"]]
-    left = [
-        one["effect"]
-        for one in results
-        if one["open"] and one["effect"] != NOTHING and one[PLANNED] != "right"
-    ]
     write_results(
         __file__,
         options.out,
@@ -293,7 +305,7 @@ def main(arguments: list[str] | None = None) -> None:
         {},
         f"--cases {options.cases} --seed {options.seed}",
         summary=summarise(results),
-        table=table.fillna("–"),
+        table=table.drop(columns="expected").fillna("–"),
         minutes=MINUTES[-1],
         lengths=", ".join(map(str, MINUTES)),
         count=len(results),
@@ -303,8 +315,8 @@ def main(arguments: list[str] | None = None) -> None:
         named_without=sum(one[PLANNED] == "wrong" for one in asked),
         against={name: discordant(results, name) for name in (RANDOM, ADVISED)},
         sooner=sooner(results),
-        left=len(left),
-        engine=sum(effect.endswith("/engine") for effect in left),
+        undecided=undecided(results),
+        decided=DECIDED,
         settled=sum(not one["open"] for one in results),
         right=sum(one["first"] == "right" and not one["open"] for one in results),
     )

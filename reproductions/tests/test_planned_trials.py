@@ -21,6 +21,7 @@ from reproductions.planned_trials import (
     second_recording,
     sooner,
     summarise,
+    undecided,
 )
 from shaftline.validation.cases import case_kind, draw_case
 from shaftline.validation.simulator.effects import CONFOUNDED
@@ -116,12 +117,19 @@ def test_cases_that_leave_nothing_open_do_not_count() -> None:
         "catalogue": "among alternatives",
         "planned_minutes": 5.0,
         "random_minutes": None,
+        "expected": 6.0,
     }
-    nothing: dict[str, Any] = {"effect": NOTHING, "open": "anything", "planned": "wrong"}
+    nothing: dict[str, Any] = {
+        "effect": NOTHING,
+        "open": "anything",
+        "planned": "wrong",
+        "expected": 5.9,
+    }
     stopped = one | {"catalogue": STOPS}
     results: list[dict[str, Any]] = [one, stopped, {"effect": "a", "open": ""}, nothing]
     assert discordant(results, "random") == (2, 0)
     assert discordant([one | {"planned": "wrong", "catalogue": "right"}], "catalogue") == (0, 1)
+    assert undecided(results).to_numpy().tolist() == [[NOTHING, "wrong", 5.9]]
     assert sooner(results) == (2, 0)
     assert sooner([one | {"planned_minutes": 15.0, "random_minutes": 2.0}]) == (0, 1)
     table = summarise(results).set_index("programme")
