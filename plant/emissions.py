@@ -144,7 +144,7 @@ def fit_nox_map(
     Example:
         >>> keys = fit_nox_map([1.0, 0.91, 0.8, 0.63], [1.0, 0.75, 0.5, 0.25], [9.0, 9.2, 9.5, 10.0])
         >>> {key: round(value, 2) for key, value in keys.items()}
-        {'emissions.nox_base_g_kWh': 10.63, 'emissions.nox_m1_s0': -0.16}
+        {'emissions.nox_base_g_kWh': 10.6, 'emissions.nox_m1_s0': -0.16}
     """
     columns = [np.asarray(column, dtype=np.float64) for column in (speed, power, nox_g_kWh)]
     if len({column.shape for column in columns}) > 1 or columns[0].ndim != 1 or not len(columns[0]):

@@ -17,7 +17,7 @@ from shaftline.plant.terms import RECORD_FIELDS
 
 FRIGATE, TUG = load_ship("frigate"), load_ship("tito-neri-sine")
 DESTROYER = load_ship("ddg-51-surrogate")
-STEERED = ("manoeuvring", "rudder")
+STEERED = ("manoeuvring", "rudder", "roll")
 OF_A_MOTOR = ("prime_mover", "sensors.current", "sensors.power")
 
 
@@ -42,6 +42,15 @@ NEEDED = {
 }
 """What a number cannot be without."""
 
+ROLL = {
+    "roll.metacentric_height_m": 1.5,
+    "roll.period_s": 11.0,
+    "roll.damping_ratio": 0.05,
+    "roll.hull_force_depth_m": 4.6,
+    "roll.rudder_force_depth_m": 6.5,
+}
+"""What every number of a roll cannot be without."""
+
 
 @pytest.mark.parametrize(
     ("name", "key"),
@@ -55,6 +64,8 @@ NEEDED = {
 )
 def test_a_number_of_the_file_is_in_its_field(name: str, key: str) -> None:
     ship = load_ship(name)
+    if key.startswith("roll."):
+        ship = ship.with_values(ROLL)
     number = ship.parameter(key)
     low, high = number.info[1:3]
     before = number.read(ship.record())

@@ -124,6 +124,8 @@ def test_samples_are_the_outputs_of_single_steps(
             "cross_track": 0.0,
             "roll_angle": 0.0,
             "roll_rate": 0.0,
+            "nox": 0.0,
+            "co2": 0.0,
             "shaft_power": memory["shaft_torque"] * memory["shaft_speed"],
         }
         for name in SAMPLE.names or ():
