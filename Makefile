@@ -2,17 +2,18 @@
 PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/installed
+PREPARED := .venv/prepared
 
 .PHONY: run test test-slow coverage check mutants docs site results clean
 
-run: $(INSTALLED)
+run: $(PREPARED)
 	$(BIN)/shaftline tour --out out/tour
 
-test: $(INSTALLED)
+test: $(PREPARED)
 	@echo "About 10,000 tests in a quarter of an hour on two cores."
 	$(BIN)/python -m pytest -n auto --dist worksteal -m "not slow"
 
-test-slow: $(INSTALLED)
+test-slow: $(PREPARED)
 	$(BIN)/python -m pytest -n auto --dist worksteal -m slow
 
 # which lines of Python no fast test visits; compiled kernels are not counted
@@ -74,8 +75,12 @@ $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install -qq --disable-pip-version-check --upgrade pip -c constraints.txt
 	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e '.[dev]'
-	$(BIN)/shaftline prepare
 	touch $(INSTALLED)
+
+# compile the equations on all cores; other targets need none
+$(PREPARED): $(INSTALLED)
+	$(BIN)/shaftline prepare
+	touch $(PREPARED)
 
 clean:
 	rm -rf .venv out build dist *.egg-info

@@ -54,10 +54,10 @@ def turning_circles(turns: dict[str, TurningCircle], title: str) -> Figure:
     """
     figure = Figure(figsize=(12.5, 5.6), layout="constrained")
     rolls = any(turn.heel is not None for turn in turns.values())
-    places = figure.add_gridspec(3 if rolls else 2, 2, width_ratios=(2.1, 1.0))
+    rows = 3 if rolls else 2
+    places = figure.add_gridspec(rows, 2, width_ratios=(2.1, 1.0))
     map_, speeds, rates, *heels = (
-        figure.add_subplot(place)
-        for place in (places[:, 0], *(places[k, 1] for k in range(3 if rolls else 2)))
+        figure.add_subplot(place) for place in (places[:, 0], *(places[k, 1] for k in range(rows)))
     )
     figure.suptitle(title, fontsize=12)
     for side, turn in turns.items():

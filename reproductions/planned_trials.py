@@ -221,9 +221,14 @@ def decide(cell: Cell) -> dict[str, Any]:
     return result
 
 
+def asked_of(results: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the results of cases with a concealed effect that the first recording leaves open."""
+    return [one for one in results if one["open"] and one["effect"] != NOTHING]
+
+
 def summarise(results: Sequence[dict[str, Any]]) -> pd.DataFrame:
     """Return how often each kind of programme ends with the right effect alone."""
-    asked = [one for one in results if one["open"] and one["effect"] != NOTHING]
+    asked = asked_of(results)
     rows = []
     for name in (PLANNED, RANDOM, ADVISED):
         right = [one[name] == "right" for one in asked]
@@ -258,14 +263,14 @@ def discordant(results: Sequence[dict[str, Any]], other: str) -> tuple[int, int]
         results: results of cases.
         other: name of the other kind of programme.
     """
-    asked = [one for one in results if one["open"] and one["effect"] != NOTHING]
+    asked = asked_of(results)
     pairs = [(one[PLANNED] == "right", one[other] == "right") for one in asked]
     return pairs.count((True, False)), pairs.count((False, True))
 
 
 def sooner(results: Sequence[dict[str, Any]]) -> tuple[int, int]:
     """Return in how many cases the planned trial, and the random one, needs fewer minutes."""
-    asked = [one for one in results if one["open"] and one["effect"] != NOTHING]
+    asked = asked_of(results)
     pairs = [[one[f"{name}_minutes"] or math.inf for name in (PLANNED, RANDOM)] for one in asked]
     return sum(a < b for a, b in pairs), sum(a > b for a, b in pairs)
 

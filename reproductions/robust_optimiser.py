@@ -37,9 +37,7 @@ BOUNDS = (0.05, 0.03, 0.04)
 """Largest errors of KQ [-] and eta_R [-], relative, and of the wake fraction [-]."""
 
 FIRST_SEED = 5000
-RISE = (
-    1.15  # resistance over that in calm water, as in the experiment of the CPP optimiser paper [-]
-)
+RISE = 1.15  # resistance over that in calm water, as in the experiment of the source paper [-]
 ORDERS = {"cruise": 0.75, "full": 1.0}
 """Ordered speeds as shares of the highest speed of the combinator in calm water."""
 
@@ -99,9 +97,7 @@ class SettledState(NamedTuple):
     point: SteadyPoint
     estimate: float  # advance velocity that the optimiser uses [m/s]
     estimated_thrust: float  # of one propeller [N]
-    set_thrust: (
-        float  # thrust set-point: the ordered thrust, at most the highest of the surface [N]
-    )
+    set_thrust: float  # set-point: the ordered thrust, at most the highest of the surface [N]
     ordered_thrust: float  # thrust for the ordered speed in calm water, by the ship file [N]
     demanded_share: float  # engine torque that the set-points take, over its limit [-]
 

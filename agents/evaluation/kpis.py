@@ -174,11 +174,15 @@ def _per_minute(name: str) -> Callable[[EpisodeSums], Any]:
     return lambda s: s.total[name] / s.time * 60.0
 
 
+def _per_mile(name: str) -> Callable[[EpisodeSums], Any]:
+    return lambda s: s.total[name] / np.maximum(s.distance, 1.0) * _NAUTICAL_MILE
+
+
 _DECLARED: dict[str, tuple[str, Callable[[EpisodeSums], Any]]] = {
     "fuel_kg_nmi": ("fuel per nautical mile [kg]",
-        lambda s: s.total["fuel"] / np.maximum(s.distance, 1.0) * _NAUTICAL_MILE),
+        _per_mile("fuel")),
     "nox_g_nmi": ("NOx per nautical mile, 0 without a NOx map in the ship file [g]",
-        lambda s: s.total["nox"] / np.maximum(s.distance, 1.0) * _NAUTICAL_MILE),
+        _per_mile("nox")),
     "speed_error_rms_m_s": ("rms of ship speed less ordered speed [m/s]", _rms("error")),
     "speed_mean_m_s": ("distance over time [m/s]", lambda s: s.distance / s.time),
     "speed_short_m_s": ("mean of ordered speed less ship speed [m/s]", _mean("short")),

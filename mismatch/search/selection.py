@@ -280,11 +280,11 @@ def find_episodes(fitter: Fitter, fit: Fit) -> list[Window]:
     times = (replay.interval_s * edges).tolist()
     powers = np.diag(own)[:PIECES]
     fitted = powers > LEAST_POWER * powers.max()
-    starts = [a for a in range(PIECES) if a == 0 or fitted[a - 1]]
-    ends = [b for b in range(1, PIECES + 1) if b == PIECES or fitted[b]]
     gains: dict[Window, float] = {}
-    for a, b in itertools.product(starts, ends):
-        power = float(own[a:b, a:b].sum()) if a < b else 0.0
+    for a, b in itertools.combinations(range(PIECES + 1), 2):
+        if (a > 0 and not fitted[a - 1]) or (b < PIECES and not fitted[b]):
+            continue
+        power = float(own[a:b, a:b].sum())
         if power > 0.0 and b - a < PIECES:
             gain = float(own[a:b, -1].sum()) ** 2 / power
             if gain > LEAST_GAIN:

@@ -1,4 +1,4 @@
-"""Roll: decay, heel in turns and in waves against closed forms, and what a wrong file is told."""
+"""Roll: decay, heel in turns and in waves against closed forms, and the refusals of wrong files."""
 
 from __future__ import annotations
 
