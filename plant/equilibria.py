@@ -240,7 +240,7 @@ class SteadyReplay(Replay):
         """Return the disturbance of the advance velocity [m/s] at the rows, shape (rows,)."""
         return self.inflow_rows(plant)
 
-    def simulate_into(
+    def simulate(
         self, plant: Any, start: tuple[float, ...] | None = None, sea: Any = None
     ) -> NDArray[Any]:
         """Return the equilibria, shape (rows,); they depend on neither start nor waves."""
@@ -260,6 +260,13 @@ class SteadyReplay(Replay):
             samples,
         )
         return samples
+
+    def simulate_channels(
+        self, plant: Any, start: tuple[float, ...] | None = None
+    ) -> dict[str, NDArray[np.float64]]:
+        """Return the measured channels of the equilibria, each of shape (rows,)."""
+        samples = self.simulate(plant, start)
+        return {c: samples[MEASURED[c]].copy() for c in self.channels}
 
 
 def simulate_steady(ship: Ship, recording: pd.DataFrame) -> pd.DataFrame:

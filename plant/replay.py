@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-import threading
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -28,25 +28,19 @@ from .columns import (
 )
 from .dynamics import settle_lags
 from .expressions import external_at
-from .memory import MEMORY
 from .recording import WATER, RecordedInputs, RecordingError
 from .ship import Ship, refuse_sea
 from .signals import SAMPLE
-from .simulation import trajectory
+from .simulation import ALL_SIGNALS, simulate_record
 from .state import STATE, Inputs, State
 from .steady_state import equilibrium
 from .stepping import refuse_divergence
 from .validity import warn_of_departures
-from .waves import calm_sea
 
 _START = ("pitch_ratio", SHAFT_SPEED, "ship_speed_m_s")
 
 PLANAR_STATES = ("sway_speed", "yaw_rate", "heading")
 """Further states of the initial state of a ship with sway and yaw."""
-
-
-_own = threading.local()
-"""Memory for samples of each thread, as long as its longest simulation needed."""
 
 
 class Replay(RecordedInputs):
@@ -231,38 +225,34 @@ class Replay(RecordedInputs):
                 Further values are added to :data:`PLANAR_STATES`.
             sea: SEA record, or None for calm water.
         """
-        return self.simulate_into(plant, start, sea).copy()
+        return self._simulate(plant, start, sea, ALL_SIGNALS).view(SAMPLE).ravel()
 
-    def simulate_into(
-        self, plant: Any, start: tuple[float, ...] | None = None, sea: Any = None
-    ) -> NDArray[Any]:
-        """Return the samples of :meth:`simulate` in memory that the thread's next simulation reuses."""
+    def simulate_channels(
+        self, plant: Any, start: tuple[float, ...] | None = None
+    ) -> dict[str, NDArray[np.float64]]:
+        """Return the measured channels that :meth:`simulate` gives in calm water, each (rows,)."""
+        kept = self._simulate(plant, start, None, [MEASURED[c] for c in self.channels])
+        return {c: column.copy() for c, column in zip(self.channels, kept.T, strict=True)}
+
+    def _simulate(
+        self, plant: Any, start: tuple[float, ...] | None, sea: Any, signals: Sequence[str]
+    ) -> NDArray[np.float64]:
+        """Return some signals at the recording's rows, shape (rows, signals)."""
         inflow = self.inflow(plant)
         if self.helm_measured:
             plant = plant.copy()
             plant["rudder_lag"] = 0.0
         first = settle_lags(plant, self.first_state(start, plant), self.first_inputs(inflow))
-        state = np.array([tuple(first)], STATE)
-        steps = len(self.drive)
-        if len(getattr(_own, "samples", ())) <= steps:
-            _own.samples = np.zeros(steps + 1, SAMPLE)
-        samples: NDArray[Any] = _own.samples[: steps + 1]
-        trajectory(
+        return simulate_record(
             plant,
-            state[0],
-            np.zeros(1, MEMORY)[0],
-            calm_sea() if sea is None else sea.copy(),
-            self.drive,
-            self.pitch,
-            self.rudder,
-            inflow,
-            self.elevation,
-            self.resistance_factor,
-            self.signals,
+            np.array([tuple(first)], STATE)[0],
+            None if sea is None else sea.copy(),
+            (self.drive, self.pitch, self.rudder),
+            (inflow, self.elevation, self.resistance_factor, self.signals),
             self.dt,
-            samples,
+            self.per_row,
+            signals,
         )
-        return np.asarray(samples[:: self.per_row])
 
 
 def simulate_recording(

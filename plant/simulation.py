@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -91,16 +91,22 @@ def trajectory(
     resistance_factor: NDArray[np.float64],
     signals: NDArray[np.float64],
     dt: float,
-    samples: Any,
+    every: int,
+    sample: Any,
+    values: NDArray[np.float64],
+    columns: NDArray[np.int64],
+    kept: NDArray[np.float64],
 ) -> None:
-    """Simulate one ship record and keep all samples: :func:`simulate` without its checks.
+    """Simulate one ship record: :func:`simulate_record` in memory of the caller.
 
     STATE, MEMORY and SEA records are changed in place; the state holds the initial and afterwards the
     final state. Commands of each step have shape (n,): drive [mm | V | N m], P/D [-], rudder angle
     [rad]. At starts and middles of the steps and at the last end, shape (2 n + 1,): u_x [m/s], elevation
     of the surface above the propeller [m], d_c1 [-], and the external signals, shape (2 n + 1,
-    MAX_SIGNALS) or one row that is constant. ``samples`` is a SAMPLE array of shape (n + 1,), filled at
-    intervals ``dt`` [s].
+    MAX_SIGNALS) or one row that is constant. Steps have a length of ``dt`` [s].
+
+    Each sample is written to ``sample``, a SAMPLE array of shape (1,). ``values``, shape (signals,), is
+    the same memory, of which ``columns`` are kept every few steps: shape (n // every + 1, columns).
     """
     steps = len(drive)
     begin = Disturbance(inflow[0], elevation[0], resistance_factor[0], external_at(signals, 0))
@@ -122,9 +128,11 @@ def trajectory(
             Disturbance(inflow[c], elevation[c], resistance_factor[c], external_at(signals, c)),
             dt,
         )
+        if k % every:
+            continue
         write_sample(
             plant,
-            samples[k],
+            sample[0],
             k * dt,
             drive[k],
             pitch_command[k],
@@ -134,6 +142,10 @@ def trajectory(
             log,
             outputs,
         )
+        for j, column in enumerate(columns):
+            kept[k // every, j] = values[column]
+    if steps % every:
+        return
     last = steps - 1
     finish = Disturbance(
         inflow[-1], elevation[-1], resistance_factor[-1], external_at(signals, 2 * steps)
@@ -143,7 +155,7 @@ def trajectory(
     )
     write_sample(
         plant,
-        samples[steps],
+        sample[0],
         steps * dt,
         drive[last],
         pitch_command[last],
@@ -153,6 +165,57 @@ def trajectory(
         memory.speed_log,
         outputs,
     )
+    for j, column in enumerate(columns):
+        kept[steps // every, j] = values[column]
+
+
+ALL_SIGNALS: tuple[str, ...] = SAMPLE.names or ()
+
+
+def simulate_record(
+    plant: Any,
+    state: Any,
+    sea: Any,
+    commands: Sequence[NDArray[np.float64]],
+    surroundings: Sequence[NDArray[np.float64]],
+    dt: float,
+    every: int = 1,
+    signals: Sequence[str] = ALL_SIGNALS,
+) -> NDArray[np.float64]:
+    """Simulate one ship record and keep some signals: :func:`simulate` without its checks.
+
+    Args:
+        plant: ship record.
+        state: STATE record; the initial state, and afterwards the final one.
+        sea: SEA record, changed in place; None for calm water.
+        commands: drive [mm | V | N m | rad/s], P/D [-] and rudder angle [rad] of each step, shape (n,).
+        surroundings: u_x [m/s], elevation of the surface above the propeller [m] and d_c1 [-] at starts
+            and middles of the steps and at the last end, shape (2 n + 1,); then the external signals,
+            shape (2 n + 1, MAX_SIGNALS), or (1, MAX_SIGNALS) if they are constant.
+        dt: time step [s].
+        every: number of steps from one kept sample to the next.
+        signals: names of the kept signals.
+
+    Returns:
+        Shape (n // every + 1, signals).
+    """
+    sample = np.zeros(1, SAMPLE)
+    kept = np.empty((len(commands[0]) // every + 1, len(signals)))
+    trajectory(
+        plant,
+        state,
+        np.zeros(1, MEMORY)[0],
+        calm_sea() if sea is None else sea,
+        *commands,
+        *surroundings,
+        dt,
+        every,
+        sample,
+        sample.view(np.float64),
+        np.array([ALL_SIGNALS.index(name) for name in signals], dtype=np.int64),
+        kept,
+    )
+    return kept
 
 
 @dataclass(frozen=True)
@@ -262,22 +325,22 @@ def simulate(
     state[0] = tuple(float(value) for value in initial)
     if not np.isfinite(state.tolist()).all():
         raise ValueError(f"the initial state contains a value that is not finite: {initial}")
-    samples = np.zeros(steps + 1, SAMPLE)
-    trajectory(
+    commands = {
+        name: getattr(schedule, name) for name in ("drive", "pitch_command", "rudder_command")
+    }
+    disturbances = {n: getattr(schedule, n) for n in ("inflow", "elevation", "resistance_factor")}
+    kept = simulate_record(
         ship.record(),
         state[0],
-        np.zeros(1, MEMORY)[0],
-        calm_sea() if sea is None else sea.copy(),
-        _values_at(schedule.drive, grid, "drive"),
-        _values_at(schedule.pitch_command, grid, "pitch_command"),
-        _values_at(schedule.rudder_command, grid, "rudder_command"),
-        _values_at(schedule.inflow, half_grid, "inflow"),
-        _values_at(schedule.elevation, half_grid, "elevation"),
-        _values_at(schedule.resistance_factor, half_grid, "resistance_factor"),
-        ship.external_rows(signals),
+        None if sea is None else sea.copy(),
+        [_values_at(value, grid, name) for name, value in commands.items()],
+        [
+            *(_values_at(value, half_grid, name) for name, value in disturbances.items()),
+            ship.external_rows(signals),
+        ],
         dt,
-        samples,
     )
+    samples = kept.view(SAMPLE).ravel()
     refuse_divergence(ship, samples)
     warn_of_departures(ship, samples)
     return samples

@@ -269,10 +269,12 @@ def find_episodes(fitter: Fitter, fit: Fit) -> list[Window]:
     if "hull" not in names or len(replay.segments) > 1:
         return []
     edges = np.linspace(0, replay.rows, PIECES + 1).astype(int)
-    pieces = np.zeros((PIECES, len(names), replay.rows))
-    for piece, a, b in zip(pieces, edges[:-1], edges[1:], strict=True):
-        piece[names.index("hull"), a:b] = balances.nominal_samples["resistance"][a:b]
-    columns = [*map(bands.transform, pieces), fit.difference]
+    columns, resistance = [], balances.nominal_samples["resistance"]
+    for a, b in itertools.pairwise(edges):
+        piece = np.zeros((len(names), replay.rows))
+        piece[names.index("hull"), a:b] = resistance[a:b]
+        columns.append(bands.transform(piece))
+    columns.append(fit.difference)
     information = fitter.likelihood.information(fit.weight, np.array(columns))
     count = len(columns)
     across, regressors = information[:count, count:], information[count:, count:]

@@ -178,8 +178,8 @@ class JointReplay:
     ) -> dict[str, Floats]:
         """Simulate the recording of an index and return its channels, each of shape (its rows,)."""
         run = self.runs[which]
-        samples = self.simulate_into(run, plant, _shifted(run, shift))
-        return {c: blocks(samples[MEASURED[c]].copy(), self.every) for c in self.channels}
+        channels = self.channels_of_run(run, plant, _shifted(run, shift))
+        return {c: blocks(values, self.every) for c, values in channels.items()}
 
     def with_held_commands(self) -> Iterator[JointReplay]:
         """Yield replays in which some command steps occur at the next row instead of along a line.
@@ -213,9 +213,11 @@ class JointReplay:
         """
         return run.simulate(plant, start)
 
-    def simulate_into(self, run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:
-        """Simulate one recording in memory that the next simulation of the thread overwrites."""
-        return run.simulate_into(plant, start)
+    def channels_of_run(
+        self, run: Replay, plant: Any, start: tuple[float, ...]
+    ) -> dict[str, Floats]:
+        """Return the measured channels of :meth:`simulate_run`, each of shape (its rows,)."""
+        return run.simulate_channels(plant, start)
 
     @functools.cached_property
     def recorded(self) -> dict[str, Floats]:
@@ -355,7 +357,11 @@ class LinearReplay(JointReplay):
             samples[own] = samples[signal] = column
         return samples
 
-    simulate_into = simulate_run
+    def channels_of_run(
+        self, run: Replay, plant: Any, start: tuple[float, ...]
+    ) -> dict[str, Floats]:
+        """Return the measured channels of the linear model, each of shape (its rows,)."""
+        return self.simulated(self.simulate_run(run, plant, start))
 
 
 def _means(run: Replay) -> tuple[float, float, float]:

@@ -133,7 +133,7 @@ def fit_least_squares(
             number.write(record, float(value))
         parts = []
         for replay, table in zip(replays, tables, strict=True):
-            found = replay.simulate_into(record)
+            found = replay.simulate(record)
             parts += [(found[name] - table[c].to_numpy()) / weight for name, c, weight in channels]
         return np.concatenate(parts)
 

@@ -24,7 +24,7 @@ from shaftline.plant import (
 )
 from shaftline.plant.memory import MEMORY
 from shaftline.plant.signals import SAMPLE, SIGNALS
-from shaftline.plant.simulation import _values_at, trajectory
+from shaftline.plant.simulation import _values_at, simulate_record
 from shaftline.plant.state import STATE, get_state
 from shaftline.plant.stepping import Disturbance, observe, prepare, step
 
@@ -248,28 +248,23 @@ def test_trajectory_of_records_is_the_simulation_of_ships(
         initial=design_point.state,
         sea=thesis_sea,
     )
-    plant, memory = frigate.record(), np.zeros(1, MEMORY)[0]
+    plant = frigate.record()
     for key, value in keys.items():
         frigate.parameter(key).write(plant, value)
-    samples, state = np.zeros(steps + 1, SAMPLE), np.zeros(1, STATE)
-    for _ in range(2):  # a memory may be used again
+    commands = [np.full(steps, value) for value in (24.0, 1.3, 0.0)]
+    surroundings = [np.sin(half), np.cos(half), np.full(half.shape, 1.1), np.zeros((1, 6))]
+
+    def kept(*of_signals: Any) -> Any:
+        state = np.zeros(1, STATE)
         state[0] = tuple(design_point.state)
-        trajectory(
-            plant,
-            state[0],
-            memory,
-            thesis_sea.copy(),
-            np.full(steps, 24.0),
-            np.full(steps, 1.3),
-            np.zeros(steps),
-            np.sin(half),
-            np.cos(half),
-            np.full(half.shape, 1.1),
-            np.zeros((1, 6)),
-            dt,
-            samples,
-        )
-        assert samples.tobytes() == expected.tobytes()
+        sea = thesis_sea.copy()
+        return simulate_record(plant, state[0], sea, commands, surroundings, dt, *of_signals)
+
+    assert kept().tobytes() == expected.tobytes()
+    some = kept(50, ("time", "shaft_speed"))  # every 50 steps
+    np.testing.assert_allclose(some[:, 0], [0.0, 2.5, 5.0, 7.5, 10.0], rtol=1e-12)
+    assert some[:, 1].tolist() == expected["shaft_speed"][::50].tolist()
+    assert len(kept(60)) == 4  # the last sample would be that of a fraction of 60 steps
 
 
 def test_equilibrium_stays(frigate: Ship, design_point: Equilibrium) -> None:
