@@ -4,7 +4,7 @@ BIN := .venv/bin
 INSTALLED := .venv/installed
 PREPARED := .venv/prepared
 
-.PHONY: run test test-slow coverage check mutants docs site results clean
+.PHONY: run test test-slow coverage check mutants docs site results wheel clean
 
 run: $(PREPARED)
 	$(BIN)/shaftline tour --out out/tour
@@ -81,6 +81,12 @@ $(INSTALLED): pyproject.toml constraints.txt
 $(PREPARED): $(INSTALLED)
 	$(BIN)/shaftline prepare
 	touch $(PREPARED)
+
+# a wheel that contains the machine code of the usual commands, for this version of Python
+wheel: $(PREPARED)
+	$(BIN)/python -m build --wheel --outdir dist \
+	    -C--build-option=--python-tag=cp$$($(BIN)/python -c 'import sys; print("%d%d" % sys.version_info[:2])') \
+	    -C--build-option=--plat-name=$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_platform())')
 
 clean:
 	rm -rf .venv out build dist *.egg-info

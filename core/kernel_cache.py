@@ -1,12 +1,15 @@
 """Cache of compiled kernels on disk.
 
-Each cache file contains a digest. A damaged file is deleted and its kernel compiled again, and so is a
-file that is older than a source on which its kernel may depend.
+A kernel belongs to the content of its module and of all modules of the package that this one imports. So
+it is compiled again where an equation changed, and only there; the age of files and the place of the
+package do not matter. Each cache file contains a digest, so that a damaged one is never run.
 """
 
 from __future__ import annotations
 
 import contextlib
+import functools
+import glob
 import hashlib
 import io
 import os
@@ -33,21 +36,35 @@ class CheckedCacheFile(_Plain):  # type: ignore[misc]
     """
 
     def _load_index(self) -> dict[Any, str]:
-        content = _read(self._index_path)
+        return self._overloads(self._index_path)
+
+    def _overloads(self, path: str) -> dict[Any, str]:
+        """Return the names of the data files of an index; none if a source has changed since."""
+        content = _read(path)
         if content is None:
             return {}
         file = io.BytesIO(content)
         if pickle.load(file) != self._version:
             return {}
         try:
-            stamp, overloads = pickle.load(file)
+            digest, overloads = pickle.load(file)
         except _UNKNOWN_NAME:
             return {}
-        return dict(overloads) if stamp == self._source_stamp else {}
+        return dict(overloads) if digest == self._source_stamp else {}
 
     def _save_index(self, overloads: dict[Any, str]) -> None:
+        if not self._load_index():
+            self._drop_stale()
         version = pickle.dumps(self._version, protocol=-1)
         self._write(self._index_path, version + self._dump((self._source_stamp, overloads)))
+
+    def _drop_stale(self) -> None:
+        """Delete kernels of the module as it was before: files are named by the lines of functions."""
+        module = self._index_name.split(".")[0]
+        for index in Path(self._cache_path).glob(f"{module}.*.nbi"):
+            if not self._overloads(str(index)):
+                for file in (index, *index.parent.glob(f"{glob.escape(index.stem)}.*.nbc")):
+                    file.unlink(missing_ok=True)
 
     def _load_data(self, name: str) -> Any:
         content = _read(self._data_path(name))
@@ -82,17 +99,44 @@ def _read(path: str) -> bytes | None:
 
 
 def check_files(kernel: Any) -> None:
-    """Make the cache of a kernel, compiled with ``cache=True``, verify the digests of its files."""
+    """Make the cache of a kernel, compiled with ``cache=True``, verify its files and its sources."""
     cache = kernel._cache
     plain = cache._cache_file
     base = plain._index_name.removesuffix(".nbi")
-    cache._cache_file = CheckedCacheFile(cache.cache_path, base, plain._source_stamp)
+    source = Path(kernel.py_func.__code__.co_filename)
+    # A cell of a notebook is no file; Numba's own stamp is the digest of its text.
+    stamp = source_digest(source) if source.is_file() else plain._source_stamp
+    cache._cache_file = CheckedCacheFile(cache.cache_path, base, stamp)
+
+
+ROOT = Path(__file__).resolve().parent.parent
+"""Folder of the package."""
+
+
+@functools.cache
+def source_digest(source: Path, root: Path = ROOT) -> str:
+    """Return the digest of a module and of all modules of the package that it imports, even indirectly.
+
+    Numba compares a kernel only with its own source file. After a change of ``propeller.py`` it would
+    still use the old propeller inside ``simulation.py``. ``root`` is the folder of the package.
+    """
+    needed, new = {source}, {source}
+    while new:
+        new = set().union(*(_imports(file, root) for file in new)) - needed
+        needed |= new
+    return hashlib.sha256("".join(sorted(map(_digest, needed))).encode()).hexdigest()
+
+
+@functools.cache
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 _IMPORT = re.compile(r"^ *from (\.*)([\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 
 
-def imported_files(source: Path, root: Path) -> set[Path]:
+@functools.cache
+def _imports(source: Path, root: Path) -> frozenset[Path]:
     """Return the files of the package, below the folder ``root``, that a module imports directly."""
     found = set()
     for dots, module, names in _IMPORT.findall(source.read_text(encoding="utf-8")):
@@ -110,37 +154,4 @@ def imported_files(source: Path, root: Path) -> set[Path]:
         for name in re.findall(r"\w+", names):
             part = folder / f"{name}.py"
             found.add(part if part.is_file() else folder / "__init__.py")
-    return {file for file in found if file.is_file()}
-
-
-def drop_stale_kernels(root: Path) -> None:
-    """Delete cached kernels that are older than a source that their module imports, even indirectly.
-
-    Numba compares a kernel only with its own source file. After a change of ``propeller.py`` it would
-    still use the old propeller inside ``simulation.py``. ``root`` is the folder of the package.
-    """
-    packages = [folder for folder in root.iterdir() if (folder / "__init__.py").is_file()]
-    changed = {file: file.stat().st_mtime for one in packages for file in one.rglob("*.py")}
-    cached: dict[Path, list[Path]] = {}
-    oldest = float("inf")
-    for folder in packages:
-        for file in folder.rglob("__pycache__/*.nb[ic]"):
-            with contextlib.suppress(OSError):
-                oldest = min(oldest, file.stat().st_mtime)
-                module = file.parent.parent / f"{file.name.split('.')[0]}.py"
-                cached.setdefault(module, []).append(file)
-    if max(changed.values(), default=0.0) <= oldest:
-        return
-    imports: dict[Path, set[Path]] = {}  # only of the modules on which a kernel depends
-    for module, files in cached.items():
-        needed, new = {module}, {module}
-        while new:
-            for file in new - imports.keys():
-                imports[file] = imported_files(file, root) if file in changed else set()
-            new = set().union(*(imports[file] for file in new)) - needed
-            needed |= new
-        newest = max((changed.get(file, 0.0) for file in needed), default=0.0)
-        for file in files:
-            with contextlib.suppress(OSError):
-                if file.stat().st_mtime < newest:
-                    file.unlink()
+    return frozenset(file for file in found if file.is_file())

@@ -13,7 +13,8 @@ import numba
 import pytest
 
 import shaftline
-from shaftline.core.kernel_cache import drop_stale_kernels
+from shaftline.core import kernel_cache
+from shaftline.core.kernel_cache import source_digest
 
 PROGRAM = """
 from shaftline.core.compiled import compiled
@@ -26,10 +27,10 @@ print(triple(2.0), sum(triple.stats.cache_hits.values()))
 """
 
 
-def _run(folder: Path) -> tuple[float, int]:
+def _run(folder: Path, program: str = "kernel.py") -> tuple[float, int]:
     root = Path(shaftline.__file__).resolve().parents[1]
     done = subprocess.run(
-        [sys.executable, "kernel.py"],
+        [sys.executable, program],
         cwd=folder,
         capture_output=True,
         text=True,
@@ -93,39 +94,22 @@ SOURCES = {
     "cli/__init__.py": "",
     "cli/main.py": "from ..plant import Ship\n",
 }
-"""Sources of a package; kernels are cached for ``hull``, ``filter``, ``case`` and ``ship``."""
+"""Sources of a package; ``hull``, ``filter``, ``case`` and ``ship`` have kernels."""
 KERNELS = ("plant/hull", "observers/deep/filter", "reproductions/case", "plant/ship")
 
 
-@pytest.fixture
-def root(tmp_path: Path) -> Path:
-    """Return a package whose sources are of second 1000 and whose cached kernels of second 2000."""
-    files = dict(SOURCES)
-    for kernel in KERNELS:
-        folder, _, name = kernel.rpartition("/")
-        files |= {f"{folder}/__pycache__/{name}.run-1.py311.nb{end}": "" for end in "ic"}
-        files[f"{folder}/__pycache__/{name}.cpython-311.pyc"] = ""
-    for name, text in files.items():
-        file = tmp_path / name
+def _write(root: Path, sources: dict[str, str]) -> None:
+    for name, text in sources.items():
+        file = root / name
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text)
-        second = 1000 if name in SOURCES else 2000
-        os.utime(file, (second, second))
-    return tmp_path
 
 
-def kept(root: Path) -> set[str]:
-    """Return the kernels of which both cache files are left."""
-    found = [
-        (file.parent.parent / file.name.split(".")[0]).relative_to(root).as_posix()
-        for file in root.rglob("*.nb[ic]")
-    ]
-    return {name for name in found if found.count(name) == 2}
-
-
-def test_kernels_newer_than_every_source_are_kept(root: Path) -> None:
-    drop_stale_kernels(root)
-    assert kept(root) == set(KERNELS)
+def _digests(root: Path) -> dict[str, str]:
+    """Return the digest of each module with kernels, as a new process reads them."""
+    for cached in (source_digest, kernel_cache._digest, kernel_cache._imports):
+        cached.cache_clear()
+    return {name: source_digest(root / f"{name}.py", root) for name in KERNELS}
 
 
 @pytest.mark.parametrize(
@@ -139,24 +123,40 @@ def test_kernels_newer_than_every_source_are_kept(root: Path) -> None:
         ("plant/__init__.py", set()),
     ],
 )
-def test_an_edit_drops_the_kernels_that_depend_on_it(
-    root: Path, edited: str, stale: set[str]
+def test_an_edit_changes_the_digests_that_depend_on_it(
+    edited: str, stale: set[str], tmp_path: Path
 ) -> None:
-    os.utime(root / edited, (2001, 2001))
-    drop_stale_kernels(root)
-    assert kept(root) == set(KERNELS) - stale
-    assert len(list(root.rglob("*.pyc"))) == len(KERNELS)
+    _write(tmp_path, SOURCES)
+    before = _digests(tmp_path)
+    _write(tmp_path, {edited: SOURCES[edited] + "# edited\n"})
+    after = _digests(tmp_path)
+    assert {name for name in KERNELS if after[name] != before[name]} == stale
 
 
-def test_an_import_of_the_package_depends_on_its_init(root: Path) -> None:
-    (root / "plant" / "hull.py").write_text("from . import Ship\n")
-    os.utime(root / "plant" / "hull.py", (1000, 1000))
-    os.utime(root / "plant" / "ship.py", (2001, 2001))
-    drop_stale_kernels(root)
-    assert kept(root) == set()
+def test_an_import_of_the_package_depends_on_its_init(tmp_path: Path) -> None:
+    _write(tmp_path, SOURCES | {"plant/hull.py": "from . import Ship\n"})
+    before = _digests(tmp_path)
+    _write(tmp_path, {"plant/ship.py": "# edited\n"})
+    after = _digests(tmp_path)
+    assert all(after[name] != before[name] for name in KERNELS)
 
 
-def test_a_kernel_as_old_as_its_source_is_kept(root: Path) -> None:
-    os.utime(root / "plant" / "hull.py", (2000, 2000))
-    drop_stale_kernels(root)
-    assert kept(root) == set(KERNELS)
+def test_neither_the_place_nor_the_age_of_a_source_matters(tmp_path: Path) -> None:
+    _write(tmp_path / "a", SOURCES)
+    _write(tmp_path / "b", SOURCES)
+    os.utime(tmp_path / "b" / "plant" / "water.py", (1000, 1000))
+    assert _digests(tmp_path / "a") == _digests(tmp_path / "b")
+
+
+def test_kernels_of_earlier_sources_are_deleted(tmp_path: Path) -> None:
+    """Names of cache files contain the line of the function, so an edit above it gives new ones."""
+    (tmp_path / "kernel.py").write_text(PROGRAM)
+    (tmp_path / "kernels.py").write_text(PROGRAM)  # of another module
+    _run(tmp_path)
+    _run(tmp_path, "kernels.py")
+    (tmp_path / "kernel.py").write_text(f"\n{PROGRAM}")
+    assert _run(tmp_path) == (6.0, 0)
+    kept = sorted(file.name.split("-")[0] for file in (tmp_path / "kept").rglob("*triple*.nbc"))
+    assert kept == ["kernel.triple", "kernels.triple"]
+    assert _run(tmp_path) == (6.0, 1)
+    assert _run(tmp_path, "kernels.py") == (6.0, 1)
