@@ -50,6 +50,7 @@ closure of cavities between the blades and the emergence of single blades. With 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from ..core.compiled import Real, Record, compiled
 from .keys import Section, effect, parameter
@@ -84,7 +85,8 @@ def _reach() -> float:
     # At a fold K S'(v) = 1, with S'(v) = 140 (v (1 - v))^3.
     product = (1.0 / (140.0 * _STEEPNESS)) ** (1.0 / 3.0)
     v = 0.5 * (1.0 - math.sqrt(1.0 - 4.0 * product))
-    return float(2.0 * (0.5 - (0.5 - v) / _STEEPNESS - _smooth_step(v)))
+    smooth_step: Any = _smooth_step  # not compiled here, where every import would wait for it
+    return float(2.0 * (0.5 - (0.5 - v) / _STEEPNESS - smooth_step.py_func(v)))
 
 
 _REACH = _reach()
