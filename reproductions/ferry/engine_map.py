@@ -3,8 +3,9 @@
 The paper prints no map, but the consumption at twenty states of engine speed and ship speed (thirty
 entries of its Tables 1 to 3), fifteen of which are optima. A surface of the paper's own form, C_s = sum
 of c_ij N^i n^j, i up to 2 and j up to 3, is fitted to the thirty entries; with a small weight also to
-the optima (no slope of the fuel along equal thrust and speed), and with a smaller one, so that it stays
-a map where no state lies, to a typical diesel at its level.
+the optima (no slope of the fuel along equal thrust and speed), and with a smaller one to a typical
+diesel at its level. No state of the envelope may consume less than a floor, or the optimiser would leave
+the printed states.
 
 Run ``python -m reproductions ferry.engine_map --out docs/results``; about a minute.
 """
@@ -28,15 +29,19 @@ from shaftline.plant import Ship, load_ship
 
 from ..pages import label_axis, make_parser, write_page
 from . import experiment
-from .experiment import COMBINATOR, CORRECTED, HELD, RAISED, printed_levers, resistance_rises
+from .bounded import bounded_least_squares
+from .experiment import COMBINATOR, CORRECTED, HELD, LEVERS, RAISED, RISE, printed_levers
 from .levers import HALF_DIGIT, implied_rises, implied_savings, table_cells
 
 Floats = NDArray[np.float64]
 
-RATED_W, RATED_RPM, BASE = 1e5, 2200.0, 300.0
+RATED_W, RATED_RPM, BASE, IDLE_RPM = 1e5, 2200.0, 300.0, 700.0
 TERMS = tuple((i, j) for i in range(3) for j in range(4))  # powers of N and n of the paper's form
-SLOPE_WEIGHT, PRIOR_WEIGHT = 0.06, 0.01
+SLOPE_WEIGHT, PRIOR_WEIGHT = 0.03, 0.0003
 """Weights of the slope of an optimum (share of the fuel by share of the speed) and of the prior."""
+
+FLOOR = 285.0
+"""Lowest consumption of the map [g/kWh]; the tables print 291.2 to 343.5."""
 
 
 class States(NamedTuple):
@@ -59,17 +64,14 @@ def _power(ship: Ship, rpm: float, ship_speed: float, factor: float) -> float:
     return steady_point(ship, shaft, pitch, factor).brake_torque * gear * shaft / RATED_W
 
 
-def states(ship: Ship, rise: tuple[float, ...] | None = None) -> States:
+def states(ship: Ship, rise: tuple[float, ...] = (RISE,) * LEVERS) -> States:
     """Return the thirty entries, with the power of the ferry's hull and propeller.
 
-    ``rise`` is the resistance after the disturbance over that before it, by lever [-]; that of
-    :func:`.experiment.resistance_rises` by default.
+    ``rise`` is the resistance after the disturbance over that before it, by lever [-].
     """
     rows: list[tuple[Any, ...]] = []
     for control in (COMBINATOR, HELD, CORRECTED):
-        for (lever, row), more in zip(
-            printed_levers(control).iterrows(), rise or resistance_rises(), strict=True
-        ):
+        for (lever, row), more in zip(printed_levers(control).iterrows(), rise, strict=True):
             for when, factor in (("before", 1.0), ("after", more)):
                 rpm, speed, sfoc = (
                     float(row[f"{name}_{when}"])
@@ -102,10 +104,23 @@ def _prior() -> tuple[Floats, Floats, Floats]:
     return power, speed, share / power
 
 
+def envelope_states(speeds: int = 18, powers: int = 25) -> tuple[Floats, Floats]:
+    """Return powers and engine speeds over the rated ones on a grid over the engine's envelope."""
+    speed, power = np.linspace(IDLE_RPM / RATED_RPM, 1.0, speeds), np.linspace(0.02, 1.0, powers)
+    found = np.array([(p, s) for s in speed for p in power if p < 1.15 * s]).T
+    return found[0], found[1]
+
+
 def fit_map(
-    known: States, slope_weight: float = SLOPE_WEIGHT, prior_weight: float = PRIOR_WEIGHT
+    known: States,
+    slope_weight: float = SLOPE_WEIGHT,
+    prior_weight: float = PRIOR_WEIGHT,
+    floor: float = FLOOR,
 ) -> Floats:
-    """Return the coefficients of the map [g/kWh], in the order of :data:`TERMS`."""
+    """Return the coefficients of the map [g/kWh], in the order of :data:`TERMS`.
+
+    ``floor`` is the lowest consumption in the envelope [g/kWh], -inf for none.
+    """
     p, s, c = known.power, known.speed, known.consumption
     best = np.array([table != COMBINATOR for table in known.table])
     along = [
@@ -116,9 +131,12 @@ def fit_map(
     power, speed, shape = _prior()
     level = c.mean() / np.mean(shape)
     prior = prior_weight * form_terms(power, speed)
-    rows = [form_terms(p, s), slope_weight * BASE * slopes[best], prior]
-    aims = [c, np.zeros(int(best.sum())), prior_weight * level * shape]
-    return np.asarray(np.linalg.lstsq(np.vstack(rows), np.concatenate(aims), rcond=None)[0])
+    rows = np.vstack([form_terms(p, s), slope_weight * BASE * slopes[best], prior])
+    aims = np.concatenate([c, np.zeros(int(best.sum())), prior_weight * level * shape])
+    if math.isinf(floor):
+        return np.asarray(np.linalg.lstsq(rows, aims, rcond=None)[0])
+    limits = form_terms(*envelope_states())
+    return bounded_least_squares(rows, aims, limits, np.full(len(limits), floor))
 
 
 def ship_keys(coefficients: Floats) -> dict[str, float]:
@@ -156,16 +174,15 @@ def rms(values: Floats) -> float:
 
 
 SHIP = "ferry-printed"
-TRADED = (0.01, 0.02, 0.03, 0.06, 0.12)  # weights of the slopes that are tried
+TRADED = ((0.03, 0.0003), (0.03, 0.001), (0.03, 0.003), (0.03, 0.01), (0.01, 0.001), (0.12, 0.001))
+"""Weights of the slopes and of the prior that are tried."""
 
 
 def optimiser_states(ship: Ship) -> pd.DataFrame:
     """Return the optimiser's states at the printed ship speeds, beside the printed states."""
     surface, rows = combinator_surface(ship, experiment.WHOLE_ENVELOPE), []
-    for (lever, row), rise in zip(
-        printed_levers(CORRECTED).iterrows(), resistance_rises(), strict=True
-    ):
-        for when, factor in (("before", 1.0), ("after", rise)):
+    for lever, row in printed_levers(CORRECTED).iterrows():
+        for when, factor in (("before", 1.0), ("after", RISE)):
             speed = float(row[f"ship_speed_m_s_{when}"])
             point = experiment.optimal_state(ship, surface, speed, factor)
             assert point is not None
@@ -183,11 +200,12 @@ def optimiser_states(ship: Ship) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def try_slope_weights(ship: Ship) -> pd.DataFrame:
-    """Return errors and savings of maps with several weights of the optima."""
+def try_weights(ship: Ship) -> pd.DataFrame:
+    """Return errors and savings of maps with several weights of the optima and of the prior."""
     known, rows = states(ship), []
-    for weight in TRADED:
-        other = ship.with_values(ship_keys(fit_map(known, weight)))
+    for weight, prior in TRADED:
+        coefficients = fit_map(known, weight, prior)
+        other = ship.with_values(ship_keys(coefficients))
         found = experiment.compare_controls(other)
         found = found[found["curve"] == "printed"]
         off: dict[str, list[float]] = {name: [] for name in HALF_DIGIT}
@@ -197,12 +215,14 @@ def try_slope_weights(ship: Ship) -> pd.DataFrame:
         saved = found.loc[(found["condition"] == RAISED) & (found["lever"] < 5), "saving_percent"]
         rows.append(
             {
-                "weight of the slopes": weight,
+                "weight of the slopes": f"{weight:g}",
+                "of the prior": f"{prior:g}",
                 "SFOC, rms [g/kWh]": rms(np.array(off["sfoc_g_kwh"])),
                 "worst [g/kWh]": max(off["sfoc_g_kwh"]),
                 "worst engine speed [rpm]": max(off["engine_speed_rpm"]),
                 "fuel saved, least [%]": saved.min(),
                 "most [%]": saved.max(),
+                "largest of the map [g/kWh]": (form_terms(*envelope_states()) @ coefficients).max(),
             }
         )
     return pd.DataFrame(rows)
@@ -247,8 +267,11 @@ def main() -> None:
     for key, value in ship_keys(coefficients).items():
         print(f"{key.split('.')[1]} = {value:.6f}")
     found = optimiser_states(ship)
-    by_table_1 = tuple(1.0 + 0.01 * implied_rises(ship)["rise by Table 1 [%]"])
-    tried = {"10.0 to 12.3 %": resistance_rises(), "15 %": (1.15,) * 5, "by Table 1": by_table_1}
+    by_table = {
+        name: tuple(1.0 + 0.01 * implied_rises(ship)[f"rise {name} [%]"])
+        for name in ("by Table 1", "by Table 2")
+    }
+    tried = {"15 %": (RISE,) * LEVERS, **by_table}
     figures.save(draw_map(known, coefficients), folder / "figures" / "ferry-map.png")
     write_page(
         folder,
@@ -259,7 +282,9 @@ def main() -> None:
         Path(__file__).with_name("engine_map.md"),
         states=found,
         weight=SLOPE_WEIGHT,
-        weights=try_slope_weights(ship),
+        prior=PRIOR_WEIGHT,
+        floor=FLOOR,
+        weights=try_weights(ship),
         four=found["lever"] != "5",
         five=found["lever"] == "5",
         off_rpm=(found["engine [rpm]"] - found["printed [rpm]"]).abs(),

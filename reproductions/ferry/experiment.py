@@ -8,7 +8,6 @@ the second simulates one lever in closed loop.
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
 from collections.abc import Mapping
@@ -35,6 +34,11 @@ from ..side_by_side import Tick, published
 
 PAPERS = "cpp_ferry_tables"  # the paper's Tables 1 to 3, in ``reproductions/data``
 TOP_SPEED_M_S = 13.0 * 1852.0 / 3600.0  # of the paper's ferry: 13 kn
+RISE = 1.15
+"""Resistance after the disturbance over that before it: the paper's text has "up to 15 %"."""
+
+LEVERS = 5
+
 WHOLE_ENVELOPE = 1.0  # share of the torque limit that the constraint N <= N_max(n) allows
 COMBINATOR, HELD, CORRECTED = "combinator", "optimal", "optimal-thrust-corrected"
 """The paper's Tables 1 to 3: combinator; optimiser that holds its thrust; optimiser at equal speed."""
@@ -42,21 +46,8 @@ COMBINATOR, HELD, CORRECTED = "combinator", "optimal", "optimal-thrust-corrected
 _AT_LIMIT = 5e-3  # as a share; nearer to it, a constraint counts as active
 
 
-@functools.cache
-def resistance_rises() -> tuple[float, ...]:
-    """Return the resistance after the paper's disturbance over that before it, by lever [-].
-
-    The paper does not print the rise of the total resistance: its text says that the *wave* resistance
-    rises by up to 15 %. Its Table 2 holds the thrust, so a resistance that follows the square of the
-    speed rises by (speed before / speed after)^2: 1.100 to 1.123, less than 1.15 as it must be.
-    """
-    held = published(PAPERS).loc[HELD]
-    share = held["ship_speed_m_s_before"] / held["ship_speed_m_s_after"]
-    return tuple(float(value) ** 2 for value in share)
-
-
 FERRIES = ("ferry", "ferry-printed")  # ships that stand for the paper's own
-CALM, RAISED = "calm", "resistance +10 to 12 %"
+CALM, RAISED = "calm", "resistance +15 %"
 
 CONDITIONS = {
     CALM: (False, 1.0),
@@ -231,7 +222,7 @@ def compare_controls(ship: Ship, allowed: float = WHOLE_ENVELOPE) -> pd.DataFram
         enumerate(lever_speeds(ship), 1),
     ):
         afloat = load_ship_deeper(ship, load)
-        factor = resistance_rises()[lever - 1] if raised else 1.0
+        factor = RISE if raised else 1.0
         shaft = float(np.interp(speed, curve.ship_speed, curve.shaft_speed))
         pitch = float(np.interp(speed, curve.ship_speed, curve.pitch_ratio))
         plain = state_under_governor(afloat, shaft, pitch, factor)
@@ -276,8 +267,8 @@ def simulate_voyage(
     """Simulate a ship in closed loop in head seas, with a step of the resistance.
 
     The set-point of the ship speed is ``speed``, from the step on ``corrected`` [m/s]. ``rise`` is the
-    resistance factor from then on [-], that of the middle lever by default; ``observer`` that of the
-    advance velocity, ``noise`` the ``sensor_noise`` of the environment.
+    resistance factor from then on [-]; ``observer`` that of the advance
+    velocity, ``noise`` the ``sensor_noise`` of the environment.
 
     Returns:
         One row per 0.5 s: time [s], ship speed [m/s], engine speed [rpm], P/D, SFOC [g/kWh], fuel
@@ -285,7 +276,7 @@ def simulate_voyage(
     """
     still = {"resistance_rise": (0.0, 0.0), "resistance_swing": 0.0, "seas": (sea,)}
     task = get_task("transit").model_dump() | still
-    factor = resistance_rises()[LEVER - 1] if rise is None else rise
+    factor = RISE if rise is None else rise
     # only the sea knows of the step
     step = {"hull.episode_resistance_fraction": factor - 1.0, "hull.episode_start_s": STEP_AT}
     env = FrigateEnv(
@@ -325,7 +316,7 @@ def simulate_voyages(ship: Ship, tick: Tick = lambda: None) -> dict[str, pd.Data
     found = {COMBINATOR: simulate_voyage(ship, Combinator(ship, curve=curve), speed, speed)}
     tick()
     reached = float(found[COMBINATOR]["ship_speed_m_s"].iloc[-1])
-    held = speed_at_held_thrust(ship, speed, resistance_rises()[LEVER - 1])
+    held = speed_at_held_thrust(ship, speed, RISE)
     for control, order in ((HELD, speed), (CORRECTED, reached * speed / held)):
         found[control] = simulate_voyage(ship, CppOptimiser(ship), speed, order)
         tick()

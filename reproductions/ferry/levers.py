@@ -1,10 +1,10 @@
 """Compare the CPP optimiser with the combinator at five levers, Tables 1 to 3 of the optimiser's paper.
 
-Given to the model: the engine speeds of the combinator and the ship speeds before the disturbance.
-Fitted: all consumption (the engine map), the engine speeds of the optimiser (its optima in the map),
-the ship speeds after the disturbance of Table 2 (the rise of resistance follows from them) and the
-pitches before it (hull and gear were chosen by their fall). Predicted: the ship speeds after the
-disturbance in Tables 1 and 3 and the pitches of the optimiser.
+Given to the model: the engine speeds of the combinator, the ship speeds before the disturbance and
+the rise of the resistance, 15 % by the text. Fitted: all consumption (the engine map), the engine speeds
+of the optimiser (its optima in the map), the pitches before the disturbance and the ship speeds after it
+at one lever (propeller, gear and exponent of the resistance, :mod:`.similarity`). Predicted: the ship
+speeds after the disturbance at the other four levers and the pitches of the optimiser.
 """
 
 from __future__ import annotations
@@ -34,12 +34,14 @@ from .experiment import (
     CORRECTED,
     HELD,
     LEVER,
+    LEVERS,
     RAISED,
+    RISE,
     WHOLE_ENVELOPE,
     pitch_for,
     printed_levers,
-    resistance_rises,
 )
+from .similarity import CALIBRATED_LEVER
 
 PRINTED_TABLES = {COMBINATOR: "Table 1", HELD: "Table 2", CORRECTED: "Table 3"}
 
@@ -51,6 +53,9 @@ HALF_DIGIT = {
 }
 """Half a unit of the last printed digit."""
 
+HALF_PERCENT = 0.005
+"""Half a unit of the last digit of the rise of 15 %."""
+
 WHEN = {"before": CALM, "after": RAISED}
 
 _BY_SLOPE = "of the ship speed by the printed slope between the levers"
@@ -59,7 +64,7 @@ BASES = {
     "pitch_deg": "half a digit of the pitch and of the pitch at lever 1 that sets the zero, and "
     f"half a digit {_BY_SLOPE}",
     "ship_speed_m_s": "half a digit of the ship speed, of the speed before the disturbance, and of the "
-    "rise that follows from Table 2",
+    "rise of 15 %",
     "sfoc_g_kwh": f"half a digit of the consumption, and {_BY_SLOPE}",
 }
 _EXACT = 1.0 + 1e-9
@@ -85,32 +90,28 @@ class _Comparison(NamedTuple):
         return float(abs(np.gradient(values, speeds)[lever - 1]))
 
     def rise_shift(self, lever: int) -> float:
-        """Return the change of the speed after the disturbance by Table 2's half digits [m/s]."""
-        held = printed_levers(HELD).loc[lever]
-        half, rise = HALF_DIGIT["ship_speed_m_s"], resistance_rises()[lever - 1]
-        share = 2.0 * half * sum(1.0 / float(held[f"ship_speed_m_s_{when}"]) for when in WHEN)
+        """Return the change of the speed after the disturbance by half a digit of the rise [m/s]."""
         before, after = (self.value("ship_speed_m_s", lever, when) for when in WHEN)
-        return abs(after * math.log(after / before) / math.log(rise) * share)
+        return abs(after * math.log(after / before) / math.log(RISE) * HALF_PERCENT / RISE)
 
     def tolerance(self, quantity: str, lever: int, when: str) -> float:
         """Return half the width of a cell's interval, from the printed digits alone."""
         half = HALF_DIGIT[quantity]
         if quantity == "ship_speed_m_s":
-            own = self.control != HELD and when == "after"
-            return (2.0 * half + self.rise_shift(lever) if own else half) * _EXACT
+            return (2.0 * half + self.rise_shift(lever) if when == "after" else half) * _EXACT
         if quantity == "engine_speed_rpm" and self.control == COMBINATOR:
             return half * _EXACT
         carried = HALF_DIGIT["ship_speed_m_s"] * self.slope(quantity, lever)
         return (half * (2.0 if quantity == "pitch_deg" else 1.0) + carried) * _EXACT
 
-    def kind(self, quantity: str, when: str) -> Kind:
+    def kind(self, quantity: str, lever: int, when: str) -> Kind:
         """Return what our model knew of a number."""
         if quantity == "engine_speed_rpm":
             return Kind.INPUT if self.control == COMBINATOR else Kind.CALIBRATED
         if quantity == "ship_speed_m_s" and when == "before":
             return Kind.INPUT
         free = {
-            "ship_speed_m_s": self.control != HELD,
+            "ship_speed_m_s": lever != CALIBRATED_LEVER,
             "pitch_deg": when == "after" and self.control != COMBINATOR,
         }
         return Kind.FREE if free.get(quantity) else Kind.CALIBRATED
@@ -127,11 +128,11 @@ def table_cells(rows: pd.DataFrame, ship: Ship | None = None) -> list[Cell]:
     for control, name in PRINTED_TABLES.items():
         table = _Comparison(ours.loc[control], printed_levers(control), zero, control)
         changes = published("cpp_ferry_variations").loc[control].set_index("condition")
-        for lever, rise in enumerate(resistance_rises(), 1):
+        for lever in range(1, LEVERS + 1):
             at_printed = {}
             speed = float(table.printed.loc[lever, "ship_speed_m_s_after"])
-            if control == CORRECTED and (
-                point := experiment.optimal_state(ship, surface, speed, rise)
+            if control != COMBINATOR and (
+                point := experiment.optimal_state(ship, surface, speed, RISE)
             ):
                 at_printed = experiment.in_units_of_paper(ship, point)
             found += _cells_of_lever(table, name, lever, at_printed)
@@ -142,25 +143,25 @@ def table_cells(rows: pd.DataFrame, ship: Ship | None = None) -> list[Cell]:
 def _cells_of_lever(
     table: _Comparison, name: str, lever: int, at_printed: dict[str, float]
 ) -> list[Cell]:
-    """Return the cells of a lever; ``at_printed`` is our optimum at the printed speed of Table 3."""
+    """Return the cells of a lever; ``at_printed`` is our optimum at the printed ship speed."""
     found = []
+    ends = "our combinator, whose speed the optimiser keeps, ends at"
+    if table.control == HELD:
+        ends = "at held thrust and 15 % more resistance our ship ends at"
     for when in WHEN:
         speed = table.value("ship_speed_m_s", lever, when)
         for quantity in HALF_DIGIT:
             ours, reason = table.value(quantity, lever, when), None
-            if (
-                when == "after"
-                and quantity in at_printed
-                and quantity.startswith(("engine", "sfoc"))
-            ):
-                shift = at_printed[quantity] - ours
-                reason = Reason(
-                    f"our combinator, whose speed the optimiser keeps, ends at {speed:.3f} m/s; at the "
-                    f"printed ship speed our optimiser has {at_printed[quantity]:.1f}, {shift:+.1f} "
-                    f"from {ours:.1f}",
-                    shift,
-                )
             printed = float(table.printed.loc[lever, f"{quantity}_{when}"])
+            if when == "after" and at_printed and quantity != "ship_speed_m_s":
+                own = at_printed[quantity] + (table.zero if quantity == "pitch_deg" else 0.0)
+                shift, digits = own - ours, 2 if quantity == "pitch_deg" else 1
+                if abs(own - printed) < 0.5 * abs(ours - printed):  # the cause has the larger part
+                    text = (
+                        f"{ends} {speed:.3f} m/s; at the printed ship speed our optimiser has "
+                        f"{own:.{digits}f}, {shift:+.{digits}f} from {ours:.{digits}f}"
+                    )
+                    reason = Reason(text, shift)
             found.append(
                 number(
                     name,
@@ -170,7 +171,7 @@ def _cells_of_lever(
                     printed,
                     table.tolerance(quantity, lever, when),
                     BASES[quantity],
-                    table.kind(quantity, when),
+                    table.kind(quantity, lever, when),
                     reason,
                 )
             )
@@ -181,13 +182,13 @@ def _variations(table: _Comparison, name: str, lever: int, printed: pd.Series) -
     """Return the cells of the column "Variation" of one lever: after the disturbance less before it."""
     half, speed = HALF_DIGIT["sfoc_g_kwh"], HALF_DIGIT["ship_speed_m_s"]
     carried = 2.0 * speed * table.slope("sfoc_g_kwh", lever)
-    rise = table.rise_shift(lever) if table.control != HELD else speed
+    rise = table.rise_shift(lever)
     found = []
     for quantity, tolerance, basis in (
         (
             "ship_speed_m_s",
             speed + rise,
-            "half a digit of the variation, and of the speeds of Table 2 that give the rise",
+            "half a digit of the variation, and of the rise of 15 %",
         ),
         (
             "sfoc_g_kwh",
@@ -196,7 +197,7 @@ def _variations(table: _Comparison, name: str, lever: int, printed: pd.Series) -
         ),
     ):
         before, after = (table.value(quantity, lever, when) for when in WHEN)
-        row, kind = f"lever {lever}, variation", table.kind(quantity, "after")
+        row, kind = f"lever {lever}, variation", table.kind(quantity, lever, "after")
         value = float(printed[quantity])
         found.append(
             number(name, row, quantity, after - before, value, tolerance * _EXACT, basis, kind)
@@ -269,13 +270,13 @@ def implied_savings(ship: Ship) -> pd.DataFrame:
         the disturbance, for Tables 1 and 3; the printed change of SFOC [%]; change of fuel per mile [%].
     """
     gear, lines = ship.transmission.gear_ratio, []
-    for lever, rise in enumerate(resistance_rises(), 1):
+    for lever in range(1, LEVERS + 1):
         found = []
         for control in (COMBINATOR, CORRECTED):
             row = printed_levers(control).loc[lever]
             shaft = float(row["engine_speed_rpm_after"]) * math.pi / 30.0 / gear
-            pitch = pitch_for(ship, shaft, float(row["ship_speed_m_s_after"]), rise)
-            power = steady_point(ship, shaft, pitch, rise).brake_torque * gear * shaft
+            pitch = pitch_for(ship, shaft, float(row["ship_speed_m_s_after"]), RISE)
+            power = steady_point(ship, shaft, pitch, RISE).brake_torque * gear * shaft
             angle = experiment.blade_angle(pitch)
             found.append(
                 (power, angle, float(row["pitch_deg_after"]), float(row["sfoc_g_kwh_after"]))
@@ -299,21 +300,19 @@ def implied_savings(ship: Ship) -> pd.DataFrame:
 def implied_rises(ship: Ship) -> pd.DataFrame:
     """Return the rise of resistance that Tables 1 and 2 each imply.
 
-    Table 2 holds the thrust: (v0 / v1)^2. Table 1 holds shaft speed and pitch: the rise at which our
-    ferry, with its own propeller, slows from the printed speed before to the printed speed after. Where
-    both have one rise, the thrust at held shaft speed and pitch grows less with the loss of speed than
-    ours.
+    Table 1 holds shaft speed and pitch: the rise at which our ferry, with its own propeller, slows from
+    the printed speed before to the printed speed after. Table 2 holds the thrust: (v0 / v1)^k with the
+    exponent k of the ship's resistance.
 
     Returns:
-        One row per lever: rises [%], growth of the thrust [%] that Table 2's rise leaves for Table 1 and
-        that of our propeller, and the exponent k of the resistance that fits both tables with our
-        propeller, from growth = (speed after in Table 1 / in Table 2)^k, with its rise [%].
+        One row per lever: rises [%], and the change of the thrust [%] at which the rise of the text
+        slows the ship to the speed of Table 2, 0 if the thrust is held.
     """
-    lines = []
-    for (lever, row), rise in zip(
-        printed_levers(COMBINATOR).iterrows(), resistance_rises(), strict=True
-    ):
+    lines, exponent = [], ship.hull.resistance_exponent
+    held = printed_levers(HELD)
+    for lever, row in printed_levers(COMBINATOR).iterrows():
         before, after = (float(row[f"ship_speed_m_s_{when}"]) for when in WHEN)
+        lost = before / float(held.loc[lever, "ship_speed_m_s_after"])
         shaft = float(row["engine_speed_rpm_before"]) * math.pi / 30.0
         shaft /= ship.transmission.gear_ratio
         pitch = pitch_for(ship, shaft, before, 1.0)
@@ -322,18 +321,13 @@ def implied_rises(ship: Ship) -> pd.DataFrame:
             return steady_point(ship, at[0], at[1], factor).ship_speed - at[2]
 
         asked = float(scipy.optimize.brentq(missing, 0.9, 1.5, xtol=1e-9))
-        squared, held = (after / before) ** 2, before / math.sqrt(rise)
-        exponent = math.log(asked * squared) / math.log(after / held)
-        growth = "growth of thrust in Table 1 with the rise of Table 2 [%]"
         lines.append(
             {
                 "lever": str(lever),
-                "rise by Table 2 [%]": 100.0 * (rise - 1.0),
                 "rise by Table 1 [%]": 100.0 * (asked - 1.0),
-                growth: 100.0 * (rise * squared - 1.0),
-                "growth of thrust of our propeller [%]": 100.0 * (asked * squared - 1.0),
-                "exponent of the resistance that fits both [-]": exponent,
-                "its rise [%]": 100.0 * ((before / held) ** exponent - 1.0),
+                "rise by Table 2 [%]": 100.0 * (lost**exponent - 1.0),
+                "change of thrust at the speed of Table 2 [%]": 100.0
+                * (RISE / lost**exponent - 1.0),
             }
         )
     return pd.DataFrame(lines)
@@ -387,26 +381,30 @@ def own_size(rows: pd.DataFrame) -> pd.DataFrame:
     return rows[(rows["ship"] == "ferry-printed") & (rows["curve"] == "printed")]
 
 
-def _shares(cells: list[Cell]) -> dict[str, int]:
-    """Return numbers of cells, and of those that are met, by quantity."""
-    plain = [c for c in cells if not c.row.endswith("variation") and c.column != "pitch_deg"]
-    given = [c for c in plain if c.kind is Kind.INPUT]
-    sfoc = [c for c in plain if c.column == "sfoc_g_kwh"]
-    rest = [c for c in plain if c not in given and c not in sfoc]
-    speeds = [c for c in rest if c.column == "ship_speed_m_s"]
-    groups = {
-        "sfoc": sfoc,
-        "rest": rest,
-        "rpm": [c for c in rest if c.column == "engine_speed_rpm"],
-        "held": [c for c in speeds if c.kind is Kind.CALIBRATED],
-        "speed": [c for c in speeds if c.kind is Kind.FREE],
-        "change": [c for c in cells if c.row.endswith("variation") and c.column == "sfoc_g_kwh"],
+def _shares(cells: list[Cell]) -> dict[str, str]:
+    """Return how many cells of each group are met."""
+
+    def of(cells: list[Cell]) -> str:
+        return f"{sum(cell.verdict is Verdict.MET for cell in cells)} of {len(cells)}"
+
+    free = [cell for cell in cells if cell.kind is Kind.FREE]
+    held = [cell.table == PRINTED_TABLES[HELD] for cell in free]
+    speeds = [cell.column == "ship_speed_m_s" for cell in free]
+    best = [c for c in cells if c.table != PRINTED_TABLES[COMBINATOR]]
+    plain = [c for c in cells if not c.row.endswith("variation")]
+    changes = [c for c in cells if c.row.endswith("variation")]
+    return {
+        "all_met": of(cells),
+        "inputs": str(sum(cell.kind is Kind.INPUT for cell in cells)),
+        "free_met": of(free),
+        "equal_met": of([c for c, h, v in zip(free, held, speeds, strict=True) if v and not h]),
+        "held_met": of([c for c, h, v in zip(free, held, speeds, strict=True) if v and h]),
+        "pitch_met": of([c for c, v in zip(free, speeds, strict=True) if not v]),
+        "rpm_met": of([c for c in best if c.column == "engine_speed_rpm"]),
+        "sfoc_met": of([c for c in plain if c.column == "sfoc_g_kwh"]),
+        "change_met": of([c for c in changes if c.column == "sfoc_g_kwh"]),
+        "loss_met": of([c for c in changes if c.column == "ship_speed_m_s"]),
     }
-    found = {"inputs": len(given)}
-    for name, group in groups.items():
-        met = sum(c.verdict is Verdict.MET for c in group)
-        found |= {f"{name}_all": len(group), f"{name}_met": met}
-    return found
 
 
 def _span(values: pd.Series, digits: int = 1) -> str:
@@ -428,25 +426,20 @@ def all_ships(tick: Tick = lambda: None) -> pd.DataFrame:
 def _findings(rows: pd.DataFrame, cells: list[Cell], implied: pd.DataFrame) -> dict[str, Any]:
     """Return the numbers that the findings of the page name."""
     asked, own = implied_rises(load_ship("ferry-printed")), own_size(rows)
-    two, one, slope, mine, steep, large = (asked[name] for name in asked.columns[1:])
+    one, two, thrust = (asked[name] for name in asked.columns[1:])
     fast = (own["lever"] < 5) & (own["condition"] == RAISED) & (own["control"] == CORRECTED)
-    plain = own[own["control"] == COMBINATOR].set_index(["condition", "lever"])["ship_speed_m_s"]
+    means = -implied["fuel per mile change [%]"].iloc[:4]
     states = rows[rows["control"] != COMBINATOR]
     active = states["active"].str.contains("gradient")
     first, second = (states["ship"] == name for name in ("ferry-printed", "ferry"))
     return {
-        "met": sum(cell.verdict is Verdict.MET for cell in cells),
-        "all": len(cells),
         **_shares(cells),
-        "two": _span(two),
         "one": _span(one),
-        "slope": _span(slope),
-        "own": _span(mine),
-        "lost": _span(plain["calm"] - plain[RAISED], 2),
-        "steep": _span(steep),
-        "large": _span(large, 0),
+        "two": _span(two),
+        "thrust": f"{thrust.max():+.1f} to {thrust.min():+.1f}",
         "saved": _span(own.loc[fast, "saving_percent"]),
-        "printed": _span(-implied["fuel per mile change [%]"].iloc[:4]),
+        "printed": _span(means),
+        "apart": f"{np.abs(own.loc[fast, 'saving_percent'].to_numpy() - means).max():.1f}",
         "active": f"{(active & first).sum()} of {first.sum()}",
         "active_ferry": f"{(active & second).sum()} of {second.sum()}",
     }
@@ -463,7 +456,7 @@ def page(tick: Tick = lambda: None) -> Page:
         Path(__file__).with_suffix(".md"),
         **_findings(whole, cells, implied),
         lever=LEVER,
-        rise=100.0 * (resistance_rises()[LEVER - 1] - 1.0),
+        rise=100.0 * (RISE - 1.0),
         margin=100 * TORQUE_MARGIN,
         quantities=by_quantity(cells),
         asked=implied_rises(ferry),

@@ -33,7 +33,7 @@ from ..cells import Cell, Kind
 from ..pages import fill_template, label_axis
 from ..side_by_side import Page, Study, Tick
 from . import experiment
-from .experiment import STEP_AT, WHOLE_ENVELOPE, lever_speeds, optimal_state, resistance_rises
+from .experiment import RISE, STEP_AT, WHOLE_ENVELOPE, lever_speeds, optimal_state
 
 SHIPS = ("ferry-printed", "ferry")
 ETA_R = "propeller.relative_rotative_efficiency"
@@ -124,10 +124,10 @@ def error_row(ship: Ship, error: Error) -> dict[str, float]:
     actual = ship.with_values({ETA_R: error.ship_eta_r})
     known = combinator_surface(actual, WHOLE_ENVELOPE)
     rows = []
-    for order, rise in list(zip(lever_speeds(ship), resistance_rises(), strict=True))[:4]:
-        state, reference = (settle(ship, one, order, rise) for one in (error, Error()))
+    for order in lever_speeds(ship)[:4]:
+        state, reference = (settle(ship, one, order, RISE) for one in (error, Error()))
         point = state.point
-        best = optimal_state(actual, known, point.ship_speed, rise)
+        best = optimal_state(actual, known, point.ship_speed, RISE)
         assert best is not None
         ratios = {
             "thrust estimate [%]": state.thrust / point.thrust,
@@ -352,6 +352,7 @@ def page(tick: Tick) -> Page:
         Path(__file__).with_suffix(".md"),
         errors=rounded,
         pitch=pitch,
+        least=wrong.loc[wrong["ship"] == "ferry", MOST].max(),
         most=wrong[MOST].max(),
         thrust=wrong["thrust estimate [%]"].abs().max(),
         speed=wrong["ship speed [%]"].abs().max(),

@@ -15,10 +15,10 @@ from reproductions.ferry.experiment import (
     HELD,
     PAPERS,
     RAISED,
+    RISE,
     compare_controls,
     load_ship_deeper,
     optimal_state,
-    resistance_rises,
     state_under_governor,
 )
 from reproductions.ferry.levers import (
@@ -109,54 +109,71 @@ def test_every_printed_number_of_the_three_tables_is_a_cell(cells: list[Cell]) -
 
 def test_what_the_model_was_given_is_not_counted_as_predicted(cells: list[Cell]) -> None:
     """Of the 90 speeds and consumptions 25 are inputs; the map was fitted to all consumption."""
-    kinds = {(cell.table, cell.row.split(", ")[1], cell.column): cell.kind for cell in cells}
+    kinds = {(cell.table, *cell.row.split(", "), cell.column): cell.kind for cell in cells}
     assert sum(cell.kind is Kind.INPUT for cell in cells) == 25
     assert not any(
-        kind is Kind.FREE for (_, _, column), kind in kinds.items() if column == "sfoc_g_kwh"
+        kind is Kind.FREE for (*_, column), kind in kinds.items() if column == "sfoc_g_kwh"
     )
-    assert kinds["Table 2", "after", "ship_speed_m_s"] is Kind.CALIBRATED
-    assert kinds["Table 3", "after", "engine_speed_rpm"] is Kind.CALIBRATED
-    assert kinds["Table 1", "after", "ship_speed_m_s"] is Kind.FREE
+    assert kinds["Table 3", "lever 2", "after", "engine_speed_rpm"] is Kind.CALIBRATED
+    for table in ("Table 1", "Table 2", "Table 3"):
+        for when in ("after", "variation"):
+            speeds = [kinds[table, f"lever {k}", when, "ship_speed_m_s"] for k in range(1, 6)]
+            assert speeds == [Kind.FREE, Kind.FREE, Kind.CALIBRATED, Kind.FREE, Kind.FREE]
 
 
-def test_a_tolerance_is_smaller_than_what_is_missed_systematically(cells: list[Cell]) -> None:
-    """Our combinator loses 0.06 to 0.07 m/s less at every lever: no tolerance may hide this."""
+def test_tolerances_are_narrower_than_the_loss_of_speed(cells: list[Cell]) -> None:
+    """Our combinator loses speed as printed; our held thrust does not: no tolerance may hide this."""
     speeds = [cell for cell in cells if cell.column == "ship_speed_m_s" and cell.kind is Kind.FREE]
-    assert len(speeds) == 20
+    assert len(speeds) == 24
     for cell in speeds:
-        assert 0.05 < cell.ours - cell.printed < 0.075
-        assert cell.verdict is Verdict.UNEXPLAINED
+        if cell.table != "Table 2":
+            assert abs(cell.ours - cell.printed) < 0.007
+            assert cell.verdict is Verdict.MET
+    held = [cell for cell in speeds if cell.table == "Table 2"]
+    assert sum(cell.verdict is Verdict.UNEXPLAINED for cell in held) == 6
     for cell in cells:
         widest = {
             "engine_speed_rpm": 5.0,
             "pitch_deg": 0.15,
-            "ship_speed_m_s": 0.016,
+            "ship_speed_m_s": 0.020,
             "sfoc_g_kwh": 0.5,
         }[cell.column]
         assert cell.high - cell.printed < widest
 
 
-def test_a_reason_of_the_corrected_states_is_the_printed_ship_speed(cells: list[Cell]) -> None:
+def test_a_reason_of_the_optimiser_is_the_printed_ship_speed(cells: list[Cell]) -> None:
     for cell in cells:
         if cell.reason is not None:
-            assert cell.table == "Table 3"
+            assert cell.table in ("Table 2", "Table 3")
             assert cell.row.endswith("after")
+            assert cell.column != "ship_speed_m_s"
+            moved = cell.ours + cell.reason.shift - cell.printed
+            assert abs(moved) < 0.5 * abs(cell.ours - cell.printed)
             assert "at the printed ship speed our optimiser has" in cell.reason.text
 
 
-def test_the_rise_of_the_resistance_is_less_than_the_texts_bound_on_wave_resistance() -> None:
-    """By hand from Table 2: (5.57 / 5.31)^2 to (6.40 / 6.04)^2."""
-    assert resistance_rises() == pytest.approx((1.1003, 1.1084, 1.1084, 1.1158, 1.1228), abs=1e-4)
-    assert load_ship("ferry-printed").hull.resistance_exponent == 2.0
-    asked = implied_rises(load_ship("ferry-printed"))
-    assert asked["rise by Table 2 [%]"].between(10.0, 12.3).all()
-    assert asked["rise by Table 1 [%]"].between(16.0, 17.6).all()
+def test_the_loss_of_speed_in_table_1_is_that_of_the_rise_of_the_text() -> None:
+    """15 % at every lever, of which only the third was used; Table 2 asks for 13.9 to 17.0 %."""
+    assert RISE == 1.15
+    ship = load_ship("ferry-printed")
+    asked = implied_rises(ship)
+    assert asked["rise by Table 1 [%]"].between(14.8, 15.6).all()
+    assert asked["rise by Table 2 [%]"].tolist() == pytest.approx(
+        [13.86, 15.0, 15.0, 16.04, 17.02], abs=0.01
+    )
+    change = asked["change of thrust at the speed of Table 2 [%]"]
+    lost = (6.40 / 6.04) ** ship.hull.resistance_exponent  # lever 5, by hand
+    assert change.iloc[4] == pytest.approx(100.0 * (1.15 / lost - 1.0), abs=1e-6)
+    assert (change.iloc[0], change.iloc[4]) == pytest.approx((1.0, -1.7), abs=0.05)
 
 
-def test_savings_are_smaller_than_the_prints(own_size: pd.DataFrame) -> None:
-    saved = own_size[(own_size["curve"] == "printed") & (own_size["lever"] < 5)]
-    saved = saved[saved["condition"] == RAISED]["saving_percent"].dropna()
-    assert 0.15 < saved.min() < saved.max() < 0.7
+def test_savings_have_the_printed_size(own_size: pd.DataFrame) -> None:
+    saved = own_size[(own_size["curve"] == "printed") & (own_size["condition"] == RAISED)]
+    saved = saved.dropna().set_index("lever")["saving_percent"]
+    implied = -implied_savings(load_ship("ferry-printed"))["fuel per mile change [%]"]
+    assert implied.tolist() == pytest.approx([3.8, 3.5, 2.9, 2.7, 3.0], abs=0.05)
+    assert saved.tolist() == pytest.approx(implied.tolist(), abs=1.1)
+    assert saved.mean() == pytest.approx(implied.mean(), abs=0.2)
 
 
 def test_held_thrust_loses_speed_with_the_root_of_the_resistance(rows: pd.DataFrame) -> None:
@@ -164,7 +181,7 @@ def test_held_thrust_loses_speed_with_the_root_of_the_resistance(rows: pd.DataFr
     speed = held.set_index(["condition", "lever"])["ship_speed_m_s"]
     for lever in range(1, 6):
         lost = speed[RAISED, lever] / speed["calm", lever]
-        assert lost == pytest.approx(resistance_rises()[lever - 1] ** -0.5, rel=1e-9)
+        assert lost == pytest.approx(RISE**-0.5, rel=1e-9)
 
 
 def test_our_ferry_needs_the_papers_pitch_changes() -> None:

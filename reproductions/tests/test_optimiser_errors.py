@@ -8,11 +8,10 @@ import pytest
 from reproductions.cells import Kind, Verdict
 from reproductions.ferry import optimiser
 from reproductions.ferry.experiment import (
-    LEVER,
+    RISE,
     STEP_AT,
     WHOLE_ENVELOPE,
     lever_speeds,
-    resistance_rises,
     simulate_voyage,
 )
 from reproductions.ferry.optimiser import ERRORS, Error, error_row, settle
@@ -22,7 +21,6 @@ from shaftline.baselines.working_point import fit_open_water
 from shaftline.plant import load_ship
 
 FERRY = load_ship("ferry")
-RISE = resistance_rises()[LEVER - 1]
 
 
 def test_without_an_error_nothing_is_lost() -> None:
