@@ -53,7 +53,7 @@ results: $(INSTALLED)
 	  --out docs/results/figures/film.gif
 	$(BIN)/shaftline manoeuvre --ship kvlcc2 --speed 1.18 --scale 45.7 --out out/kvlcc2
 	cp out/kvlcc2/turning-circles.png docs/results/figures/turning-circles.png
-	for name in printed_numbers loops ferry.engine_map errata towing_tank.observers observer_ranking \
+	for name in printed_numbers loops ferry.engine_map ferry.propellers errata towing_tank.observers observer_ranking \
 	    advance_velocity_control robust_optimiser anti_spin_ships observer_features intervals tito_neri.effects \
 	    tito_neri.rig_page standards speed_loss \
 	    speed_loss_causes voyages frontier; do \
