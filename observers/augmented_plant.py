@@ -43,6 +43,7 @@ from ..plant.state import (
     shift_state,
 )
 from ..plant.stepping import runge_kutta
+from .adaptive_noise import AdaptiveNoise, adapt, correct_slopes, propagate_slopes
 from .augmented import correct, propagate
 from .records import Floats
 
@@ -233,6 +234,7 @@ def _correct_by_measurements(
     row: Floats,
     measurements: Floats,
     innovations: Floats,
+    adaptive: AdaptiveNoise,
 ) -> float:
     """Correct an estimate by the measurements of one instant; return their 2 log L."""
     _write_estimate(model, z)
@@ -250,8 +252,12 @@ def _correct_by_measurements(
             for i in range(len(z)):
                 innovation -= h[c, i] * (z[i] - before[i])
             total = correct(z, p, h[c], innovation, model.noise[c], row)
+            if adaptive.gain > 0.0:
+                correct_slopes(adaptive, c, h[c], row[1], innovation, model.noise[c], total)
             innovations[c] = innovation / np.sqrt(total)
             likelihood -= np.log(2.0 * np.pi * total) + innovation * innovation / total
+    if adaptive.gain > 0.0:
+        adapt(adaptive, model.noise, model.process)
     _limit_parameters(model, z, p)
     _write_estimate(model, z)
     return likelihood
@@ -302,6 +308,7 @@ def _predict(
     memory: Record,
     f: Floats,
     work: Floats,
+    adaptive: AdaptiveNoise,
 ) -> None:
     """Predict the estimate and its covariance over one step of the plant."""
     plant, dt = model.plant[0], recorded.dt
@@ -316,6 +323,8 @@ def _predict(
     rate, outputs = evaluate_apart(plant, now, start, blade)
     _slopes_of_rates(model, shift_state(now, rate, 0.5 * dt), middle, memory, f)
     propagate(p, f, len(model.slots) + 1, model.process, dt, work)
+    if adaptive.gain > 0.0:
+        propagate_slopes(adaptive, f, len(model.slots) + 1, model.process, dt, work)
     read_instruments(plant, memory, now.shaft_speed, outputs, dt)
     following = runge_kutta(plant, now, rate, middle, end, blade, dt)
     set_state(model.state[0], following)
@@ -338,6 +347,8 @@ def follow_course(
     estimates: Floats,
     variances: Floats,
     innovations: Floats,
+    adaptive: AdaptiveNoise,
+    noises: Floats,
 ) -> float:
     """Run the filter along one recording of n rows, and return 2 log L of the measurements.
 
@@ -345,7 +356,9 @@ def follow_course(
     changed in place. So is ``memory``, a MEMORY array of shape (1,) in steady state at the first row.
     Measurements of shape (n, channels) are NaN where they are missing. Filled are estimates and
     variances after each row, shape (n, states + 1 + parameters), and innovations over their standard
-    deviations, shape (n, channels).
+    deviations, shape (n, channels). With adaptive noise the noises of the model are changed, and
+    ``noises`` is filled with them after each row: variances of the channels and densities of states and
+    disturbance, shape (n, channels + states + 1).
     """
     n, rows = len(z), len(measurements)
     f, h = np.zeros((n, n)), np.zeros((len(model.channels), n))
@@ -360,10 +373,22 @@ def follow_course(
                 shaft = model.state[0].shaft_speed
                 inputs = _inputs_at(recorded, model.plant[0], memory[0], shaft, step, 0)
                 likelihood += _correct_by_measurements(
-                    model, z, p, inputs, memory[0], h, row, measurements[k], innovations[k]
+                    model,
+                    z,
+                    p,
+                    inputs,
+                    memory[0],
+                    h,
+                    row,
+                    measurements[k],
+                    innovations[k],
+                    adaptive,
                 )
                 estimates[k], variances[k] = z, np.diag(p)
+                if adaptive.gain > 0.0:
+                    noises[k, : len(model.channels)] = model.noise
+                    noises[k, len(model.channels) :] = model.process[: len(model.slots) + 1]
             if k == rows - 1:
                 break
-            _predict(model, z, p, recorded, step, memory[0], f, work)
+            _predict(model, z, p, recorded, step, memory[0], f, work, adaptive)
     return likelihood

@@ -2,7 +2,8 @@
 
 The prediction is one step of the plant, with dead time, fuel rack, backlash and ventilation. The
 derivatives by states and parameters are exact (:mod:`shaftline.plant.derivatives`). Waves disturb the
-inflow of the propeller; the disturbance may be estimated as a Gauss-Markov process.
+inflow of the propeller; the disturbance may be estimated as a Gauss-Markov process. The noises may be
+estimated from the innovations (:mod:`.adaptive_noise`).
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from ..plant.record import PLANT
 from ..plant.replay import Replay
 from ..plant.ship import Ship
 from ..plant.state import STATE, State, active_states
+from .adaptive_noise import start_adaptive_noise
 from .augmented_plant import CHANNELS, Model, RecordedInputs, follow_course
 from .base import ObserverError
 from .records import Floats
@@ -57,6 +59,12 @@ _LARGEST_FACTOR = 50.0
 """Largest ratio of an estimate and the value in the ship file, in either direction, for a parameter of
 one sign. An inertia near 0, for example, has time constants that no time step resolves."""
 
+NOISE_MEMORY_S = 30.0
+"""Default memory of adaptive noise: about four wave periods. At 10 Hz the standard error of an estimated
+standard deviation is then about 3 %: a log variance has g / (2 J), with J at most 1/2."""
+LEAST_ROWS = 20.0  # fewest rows in the memory of adaptive noise: a standard error of about 11 %
+_LEAST_SHARE = 0.01  # smallest adaptive noise over the given one
+
 
 @dataclass(frozen=True)
 class FilterResult:
@@ -69,12 +77,14 @@ class FilterResult:
     standard_errors: Floats  # of the estimates, same shape
     innovations: Floats  # over their standard deviations, shape (n, channels); NaN where missing
     likelihood: float  # 2 log L of the measurements
+    noise: Floats  # standard deviation of each channel's noise after each row, shape (n, channels)
+    walk: Floats  # root of the density of the process noise [unit/s^0.5], shape (n, states + 1)
 
 
 class ShipFilter:
     """Estimate states and parameters of a ship along recordings by an augmented Kalman filter.
 
-    The estimates of the parameters are kept from one recording to the next.
+    The estimates of the parameters, and of adaptive noise, are kept from one recording to the next.
 
     Args:
         ship: nominal ship.
@@ -89,6 +99,11 @@ class ShipFilter:
         parameter_walk: root of the density of the drift of each parameter, by key; 0 by default.
         record: PLANT record of the ship, if fixed parameters differ from those of ``ship``.
         disturbance_time_s: correlation time of the disturbance of the inflow [s].
+        noise_memory_s: time constant [s] with which the noise of the channels and the process noise of
+            states and inflow are estimated from the innovations (:mod:`.adaptive_noise`), such as
+            :data:`NOISE_MEMORY_S`; None keeps the given ones. A process noise of 0 stays 0.
+        least_noise: smallest standard deviation of adaptive noise, by column; a hundredth of ``noise``
+            by default. Process noise stays above a hundredth of ``state_walk``.
 
     Attributes:
         states: names of the states.
@@ -98,7 +113,7 @@ class ShipFilter:
 
     Raises:
         ObserverError: ``free`` is empty, a measurement of the ship is delayed, a column cannot be used,
-            or a standard deviation is not positive.
+            or a standard deviation or the memory of the noise is not positive.
         ShipError: a key is no parameter with a derivative.
     """
 
@@ -114,6 +129,8 @@ class ShipFilter:
         parameter_walk: Mapping[str, float] | None = None,
         record: Any = None,
         disturbance_time_s: float = DISTURBANCE_TIME_S,
+        noise_memory_s: float | None = None,
+        least_noise: Mapping[str, float] | None = None,
     ) -> None:
         if not free:
             raise ObserverError(f"{ship.name}: name at least one key to estimate")
@@ -129,6 +146,11 @@ class ShipFilter:
                 raise ObserverError(
                     f"{name}: the standard deviation must be above 0, not {spread:g}"
                 )
+        if noise_memory_s is not None and not 0.0 < noise_memory_s < np.inf:
+            raise ObserverError(
+                f"noise_memory_s = {noise_memory_s:g}: the memory of adaptive noise must be above 0 s, "
+                f"such as {NOISE_MEMORY_S:g}; None keeps the noise constant"
+            )
         self.ship, self.keys, self.columns = ship, tuple(free), tuple(noise)
         record = ship.record() if record is None else record
         self._rudder_lag = float(record["rudder_lag"])
@@ -140,6 +162,12 @@ class ShipFilter:
         self._model = _model(
             ship, record, self.keys, self.states, np.array(walk), noise, 1.0 / disturbance_time_s
         )
+        self._memory_s = noise_memory_s
+        adapted = [i for i in range(self._before) if walk[i] > 0.0]
+        least = {c: _LEAST_SHARE * own for c, own in noise.items()} | dict(least_noise or {})
+        floors = [*(least[c] for c in noise), *(_LEAST_SHARE * walk[i] for i in adapted)]
+        self._adapted = np.array(adapted, dtype=np.int64), np.array(floors) ** 2
+        self._given = self._model.noise.copy(), self._model.process.copy()
         spreads = [state_spread[name] for name in self.states]
         self._state_variances = np.array([*spreads, stationary]) ** 2
         self._parameter_variances = np.array([parameter_spread[key] for key in self.keys]) ** 2
@@ -164,7 +192,8 @@ class ShipFilter:
         return [key for key, own in zip(self.keys, held, strict=True) if own]
 
     def restart(self, values: Sequence[float] | Floats) -> None:
-        """Restart with given values of the parameters and the initial covariance."""
+        """Restart with given values of the parameters, the initial covariance and the given noises."""
+        self._model.noise[:], self._model.process[:] = self._given
         self.z[self._before :] = values
         self.p[:] = np.diag(np.concatenate([self._state_variances, self._parameter_variances]))
 
@@ -177,7 +206,7 @@ class ShipFilter:
 
         Raises:
             ObserverError: a parameter has no effect, because the recording contains its result, the
-                inflow or the rudder angle.
+                inflow or the rudder angle; or the memory of adaptive noise has too few rows.
         """
         table, model, count = replay.table, self._model, self._before
         given, gear = "inflow_velocity_m_s", "rudder_rad and no rudder command"
@@ -190,6 +219,7 @@ class ShipFilter:
                     f"{replaced[0]} is not identifiable from a recording with {source}, because the "
                     f"measured {what} replaces the computed one"
                 )
+        gain = self._adaptive_gain(replay.per_row * replay.dt)
         plant = model.plant[0]
         lag = 0.0 if replay.helm_measured else self._rudder_lag
         plant["rudder_lag"], model.twin[0]["rudder_lag"] = lag, lag
@@ -222,10 +252,40 @@ class ShipFilter:
         shape = (len(measurements), len(self.z))
         estimates, variances = np.empty(shape), np.empty(shape)
         innovations = np.empty(measurements.shape)
+        noises = np.concatenate([model.noise, model.process[:count]])
+        noises = np.tile(noises, (len(measurements) if gain else 1, 1))
         likelihood = follow_course(
-            model, self.z, self.p, recorded, memory, measurements, estimates, variances, innovations
+            model,
+            self.z,
+            self.p,
+            recorded,
+            memory,
+            measurements,
+            estimates,
+            variances,
+            innovations,
+            start_adaptive_noise(gain, *self._adapted, len(self.z)),
+            noises,
         )
-        return FilterResult(estimates, np.sqrt(np.maximum(variances, 0.0)), innovations, likelihood)
+        noises = np.broadcast_to(np.sqrt(noises), (len(measurements), noises.shape[1]))
+        return FilterResult(
+            estimates,
+            np.sqrt(np.maximum(variances, 0.0)),
+            innovations,
+            likelihood,
+            *np.split(noises, [len(self.columns)], axis=1),
+        )
+
+    def _adaptive_gain(self, seconds: float) -> float:
+        """Return the weight of a row ``seconds`` long in adaptive noise; 0 if the noise is constant."""
+        if self._memory_s is None:
+            return 0.0
+        if self._memory_s < LEAST_ROWS * seconds:
+            raise ObserverError(
+                f"noise_memory_s = {self._memory_s:g}: the rows are {seconds:.4g} s apart, so adaptive "
+                f"noise needs a memory of at least {LEAST_ROWS * seconds:.4g} s ({LEAST_ROWS:g} rows)"
+            )
+        return float(-np.expm1(-seconds / self._memory_s))
 
 
 def _model(

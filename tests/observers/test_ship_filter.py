@@ -333,3 +333,63 @@ def test_the_wake_is_not_identifiable_from_a_measured_inflow() -> None:
         match=r"hull.wake_fraction is not identifiable from a recording with inflow_vel",
     ):
         own.follow(Replay(ship, table))
+
+
+WALK = {DISTURBANCE: 0.2, "shaft_speed": 0.01}
+
+
+def test_constant_noise_is_the_given_one() -> None:
+    ship = load_ship("frigate")
+    own = frigate_filter(state_walk=WALK)
+    followed = own.follow(Replay(ship, recording(ship, 20.0, NOISE)))
+    np.testing.assert_allclose(followed.noise, np.tile([*NOISE.values()], (401, 1)))
+    np.testing.assert_allclose(followed.walk, np.tile([0.0, 0.01, 0.0, 0.2], (401, 1)))
+
+
+def test_adaptive_noise_follows_a_change() -> None:
+    """The torque meter becomes four times noisier; the others and the noise of 0 do not change."""
+    ship = load_ship("frigate")
+    table = recording(ship, 200.0, NOISE, seed=2)
+    more = math.sqrt(15.0) * NOISE["shaft_torque_N_m"]
+    later = table["time_s"] >= 100.0
+    table.loc[later, "shaft_torque_N_m"] += more * np.random.default_rng(9).standard_normal(
+        later.sum()
+    )
+    table.loc[table["time_s"] > 150.0, "pitch_ratio"] = math.nan
+    given = NOISE | {"ship_speed_m_s": 0.5}
+    own = frigate_filter(noise=given, noise_memory_s=20.0, state_walk={DISTURBANCE: 0.2})
+    replay = Replay(ship, table)
+    followed = own.follow(replay)
+    found = dict(zip(NOISE, (followed.noise / [*NOISE.values()]).T, strict=True))
+    assert found["shaft_torque_N_m"][1990] == pytest.approx(1.0, abs=0.15)
+    assert found["shaft_torque_N_m"][-1] == pytest.approx(4.0, abs=0.4)
+    assert found["shaft_speed_rad_s"][-1] == pytest.approx(1.0, abs=0.15)
+    assert found["ship_speed_m_s"][[0, -1]] == pytest.approx([10.0, 1.0], rel=0.15)
+    np.testing.assert_allclose(found["pitch_ratio"][3001:], found["pitch_ratio"][3001], rtol=0.02)
+    assert np.all(followed.walk[:, :3] == 0.0)
+    # calm water: the noise of the inflow falls until it does not matter, and not below its limit
+    assert 0.002 <= followed.walk[-1, 3] < 0.05
+    # a further recording goes on with these noises, a restart with the given ones
+    again = own.follow(replay, rows=1)
+    assert again.noise[0] == pytest.approx(followed.noise[-1], rel=0.02)
+    own.restart(own.parameters)
+    assert own.follow(replay, rows=1).noise[0] == pytest.approx([*given.values()], rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("memory_s", "why"),
+    [
+        (
+            0.0,
+            r"noise_memory_s = 0: .* must be above 0 s, such as 30; None keeps the noise constant",
+        ),
+        (-1.0, r"noise_memory_s = -1: "),
+        (math.nan, r"noise_memory_s = nan: "),
+        (0.9, r"noise_memory_s = 0.9: the rows are 0.05 s apart, .* at least 1 s \(20 rows\)"),
+    ],
+)
+def test_a_memory_of_too_few_rows_is_refused(memory_s: float, why: str) -> None:
+    ship = load_ship("frigate")
+    replay = Replay(ship, recording(ship, 20.0, NOISE))
+    with pytest.raises(ObserverError, match=why):
+        frigate_filter(noise_memory_s=memory_s).follow(replay)
