@@ -52,6 +52,10 @@ def identify(
     and the tables of the method. If the recordings do not identify a parameter, or only its ratio or
     product with another one, the message names it; the exit code is then 2 and nothing is written.
 
+    `--method ekf` assumes noise of constant strength. `--method ekf-adaptive` estimates the noise of
+    every instrument and of the inflow anew along the recording, for example where the sea gets rough,
+    and reports it at the beginning and the end; `noise.csv` has its course.
+
     Recordings with steps of the commands over the whole range, much longer than the time constants of
     the ship, identify most parameters.
 

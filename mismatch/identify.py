@@ -16,6 +16,7 @@ import scipy
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from ..observers.ship_filter import LEAST_ROWS, NOISE_MEMORY_S
 from ..plant.columns import TIME
 from ..plant.ship import Ship, ShipError
 from .estimate import Estimate, Tick, ignore_progress
@@ -125,6 +126,15 @@ class Identification(Result):
         held = ", ".join(f"{a:.4g} to {b:.4g} s" for a, b in self.held_out)
         return f"{held}, which was held out before anything was fitted"
 
+    @property
+    def adapted_noise(self) -> dict[str, tuple[float, float]]:
+        """Adaptive noise of the filter at the beginning and end, by column of the table ``noise``."""
+        table = self.tables.get("noise", pd.DataFrame({"time_s": []}))
+        return {
+            name: (float(values.iloc[0]), float(values.iloc[-1]))
+            for name, values in table.drop(columns="time_s").items()
+        }
+
     def strongest_correlation(self) -> tuple[str, str, float] | None:
         """Return the two parameters with the strongest correlation, and the correlation."""
         if len(self.estimates) < 2:
@@ -146,6 +156,13 @@ class Identification(Result):
         parts = [f"{title}\n{align_columns(rows, right)}"]
         if (pair := self.strongest_correlation()) is not None:
             parts[0] += f"\nstrongest correlation: {pair[0]} with {pair[1]}, {pair[2]:.2f}"
+        if self.adapted_noise:
+            noises = [
+                {"noise": name, "at the beginning": f"{first:.3g}", "at the end": f"{last:.3g}"}
+                for name, (first, last) in self.adapted_noise.items()
+            ]
+            table = align_columns(noises, ("at the beginning", "at the end"))
+            parts.append(f"Noise of the filter, standard deviations\n{table}")
         if self.left_out:
             lines = [f"{key}: {why}" for key, why in self.left_out.items()]
             parts.append("\n".join(["Parameters that were not estimated", *lines]))
@@ -192,6 +209,11 @@ class Identification(Result):
             "limits": self.limits,
             "warnings": self.warnings,
         }
+        if self.adapted_noise:
+            report["noise"] = {
+                name: {"beginning": first, "end": last}
+                for name, (first, last) in self.adapted_noise.items()
+            }
         plain: dict[str, Any] = replace_non_finite(report)
         return plain
 
@@ -547,16 +569,24 @@ def _find_by_output_error(
     return replace(found, tables=tables, line=True, remarks=remarks)
 
 
-def _find_by_filter(work: MethodInput, keys: tuple[str, ...]) -> MethodResult:
-    """Estimate parameters by the augmented filter; each fitted segment is a recording of its own."""
+def _find_by_filter(
+    work: MethodInput, keys: tuple[str, ...], adaptive: bool = False
+) -> MethodResult:
+    """Estimate parameters by the augmented filter; each fitted segment is a recording of its own.
+
+    With ``adaptive`` noise the memory is long enough for the interval of the rows.
+    """
     replay = work.balances.replay
+    memory_s = max(NOISE_MEMORY_S, LEAST_ROWS * replay.interval_s) if adaptive else None
     tables = [
         run.table.iloc[max(a, first) - first : min(b, last) - first].reset_index(drop=True)
         for a, b in sorted(work.train)
         for run, (first, last) in zip(replay.runs, replay.segments, strict=True)
         if max(a, first) < min(b, last)
     ]
-    return ekf(replay.ship, tables, keys, work.tick, tolerance=work.tolerance)
+    return ekf(
+        replay.ship, tables, keys, work.tick, noise_memory_s=memory_s, tolerance=work.tolerance
+    )
 
 
 def _on_whole_recordings(
@@ -589,6 +619,11 @@ METHODS: dict[str, Method] = {
         _find_by_filter,
         cut=True,
         words="recordings with white noise: states and parameters together, row by row",
+    ),
+    "ekf-adaptive": Method(
+        partial(_find_by_filter, adaptive=True),
+        "recordings along which noise or sea change: ekf that estimates its noises from its innovations",
+        cut=True,
     ),
     "steady": Method(
         _on_whole_recordings(steady),

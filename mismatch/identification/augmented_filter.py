@@ -1,8 +1,8 @@
 """Estimate parameters with the ship's states, row by row, by a state-augmented extended Kalman filter.
 
 The filter is :class:`shaftline.observers.ship_filter.ShipFilter`. Its noises are estimated from the
-recording, so that the user needs no tuning. The parameters are constant; ``parameter_walk`` lets them
-drift, for example to track growing fouling.
+recording, so that the user needs no tuning; ``noise_memory_s`` lets them change along it. The parameters
+are constant; ``parameter_walk`` lets them drift, for example to track growing fouling.
 """
 
 from __future__ import annotations
@@ -32,6 +32,9 @@ DOUBT = 0.5  # initial standard deviation of a parameter that is not 0, as a sha
 LEAST_NOISE = 3e-4
 """Smallest standard deviation of an instrument's noise, as a share of the channel's size. Without noise,
 an extended filter takes its linearisation error for information and its estimates diverge."""
+LEAST_WHITE = 1.0 / 3.0
+"""Smallest adaptive noise of an instrument over the white part of its recording. Without it the filter,
+whose model of the inflow is rougher than waves, takes smooth waves for a torque meter without noise."""
 FELT = 0.1  # relative change of a channel by the initial deviation of a parameter that is 0
 STATE_SPREAD = 0.05  # initial standard deviation of each state, as a share of its size
 WALKS = (1e-3, 1e-2, 0.1, 0.5)
@@ -60,6 +63,7 @@ def ekf(
     *,
     spread: Mapping[str, float] | None = None,
     parameter_walk: Mapping[str, float] | None = None,
+    noise_memory_s: float | None = None,
     tolerance: float = 1.0,
 ) -> MethodResult:
     """Estimate parameters by the augmented filter, over one recording after the other.
@@ -81,19 +85,26 @@ def ekf(
         spread: initial standard deviations of parameters by key, in the keys' units.
         parameter_walk: square roots of the densities of the numbers' drift [unit/s^0.5], by key. With
             any, the last value is the one at the end of the last recording.
+        noise_memory_s: time constant [s] with which the noises are adapted along the recordings, such as
+            :data:`shaftline.observers.ship_filter.NOISE_MEMORY_S`; None keeps them constant. The table
+            ``noise`` has the noises of the last pass.
         tolerance: factor on the tolerances of the parameters that are not free [-].
 
     Raises:
         ValueError: parameters that are not identifiable, or of which only a combination is; recordings
             that do not go together.
-        ObserverError: an instrument with a delay.
+        ObserverError: an instrument with a delay, or a memory of too few rows.
         ShipError: a key that is no parameter with a derivative.
     """
     replay = JointReplay(ship, *tables)
-    noises = _estimate_noises(replay, free, dict(spread or {}), dict(parameter_walk or {}))
-    runs = _FilterRuns(replay, tuple(free), noises)
-    refuse_unidentifiable(free, _information(runs))
-    noises.state_walk.update(_likeliest_process_noise(runs, tick))
+    runs = tune_filter(
+        replay,
+        free,
+        tick,
+        spread=spread,
+        parameter_walk=parameter_walk,
+        noise_memory_s=noise_memory_s,
+    )
     first, own = runs.run(runs.start)
     values, last = own.parameters, first
     for count in range(0 if parameter_walk else MOST_PASSES):
@@ -116,6 +127,8 @@ def ekf(
         *_whiteness_remarks(whiteness),
     ]
     kept = {"estimates": _estimates_over_time(runs, first), "innovations": whiteness}
+    if noise_memory_s is not None:
+        kept["noise"] = _noises_over_time(runs, last)
     return MethodResult(tuple(free), tuple(map(float, values)), covariance, kept, tuple(remarks))
 
 
@@ -123,21 +136,34 @@ class _Noises(NamedTuple):
     """Standard deviations that the filter needs beforehand."""
 
     readings: dict[str, float]  # rms by column
+    least: dict[str, float]  # smallest adaptive rms by column
     states: dict[str, float]  # at the start, by name
     numbers: dict[str, float]  # at the start, by key
     state_walk: dict[str, float]  # [unit/s^0.5]
     parameter_walk: Mapping[str, float]
 
 
-class _FilterRuns:
+class FilterRuns:
     """Runs of the filter over the recordings, one after the other."""
 
-    def __init__(self, replay: JointReplay, keys: tuple[str, ...], noises: _Noises) -> None:
+    def __init__(
+        self,
+        replay: JointReplay,
+        keys: tuple[str, ...],
+        noises: _Noises,
+        noise_memory_s: float | None = None,
+    ) -> None:
         self.replay, self.keys, self.noises = replay, keys, noises
+        self.noise_memory_s = noise_memory_s
         self.start = np.array([parameter_slope(replay.ship, key).value for key in keys])
 
-    def filter(self, state_walk: Mapping[str, float], record: Any = None) -> ShipFilter:
-        """Return a filter without measurements yet."""
+    def filter(
+        self,
+        state_walk: Mapping[str, float],
+        record: Any = None,
+        noise_memory_s: float | None = None,
+    ) -> ShipFilter:
+        """Return a filter without measurements yet, with constant noise by default."""
         noises = self.noises
         return ShipFilter(
             self.replay.ship,
@@ -148,13 +174,35 @@ class _FilterRuns:
             state_walk=state_walk,
             parameter_walk=noises.parameter_walk,
             record=record,
+            noise_memory_s=noise_memory_s,
+            least_noise=noises.least,
         )
 
     def run(self, values: Array, record: Any = None) -> tuple[list[FilterResult], ShipFilter]:
         """Run the filter over all recordings once, from these parameters."""
-        own = self.filter(self.noises.state_walk, record)
+        own = self.filter(self.noises.state_walk, record, self.noise_memory_s)
         own.restart(values)
         return [own.follow(run) for run in self.replay.runs], own
+
+
+def tune_filter(
+    replay: JointReplay,
+    free: Sequence[str],
+    tick: Tick = ignore_progress,
+    *,
+    spread: Mapping[str, float] | None = None,
+    parameter_walk: Mapping[str, float] | None = None,
+    noise_memory_s: float | None = None,
+) -> FilterRuns:
+    """Return the filter of :func:`ekf` with the noises that it estimates from the recordings.
+
+    Arguments and errors are those of :func:`ekf`.
+    """
+    noises = _estimate_noises(replay, free, dict(spread or {}), dict(parameter_walk or {}))
+    runs = FilterRuns(replay, tuple(free), noises, noise_memory_s)
+    refuse_unidentifiable(free, _information(runs))
+    noises.state_walk.update(_likeliest_process_noise(runs, tick))
+    return runs
 
 
 def _estimate_noises(
@@ -167,18 +215,21 @@ def _estimate_noises(
     ship = replay.ship
     nominal = replay.simulate(ship.record())
     fixed = () if ship.has_variable_pitch else ("pitch_ratio",)
-    readings = {
-        c: max(rms, LEAST_NOISE * _size(nominal[MEASURED[c]]))
+    noises = {
+        c: rms
         for c, rms in replay.noise_rms.items()
         if c in CHANNELS and c not in fixed and rms > 0.0
     }
+    least = {c: LEAST_NOISE * _size(nominal[MEASURED[c]]) for c in noises}
+    readings = {c: max(rms, least[c]) for c, rms in noises.items()}
     if not readings:
         raise ValueError(f"ekf: {ship.name}: no measured channel of the recordings moves")
     states = {name: STATE_SPREAD * own for name, own in state_sizes(replay, free).items()}
     for key in (key for key in free if key not in spread):
         value = parameter_slope(ship, key).value
         spread[key] = DOUBT * abs(value) or smallest_change(replay, key, nominal)
-    return _Noises(readings, states, spread, dict.fromkeys(states, 0.0), parameter_walk)
+    least = {c: max(own, LEAST_WHITE * readings[c]) for c, own in least.items()}
+    return _Noises(readings, least, states, spread, dict.fromkeys(states, 0.0), parameter_walk)
 
 
 def state_sizes(replay: JointReplay, free: Sequence[str]) -> dict[str, float]:
@@ -222,7 +273,7 @@ def _simulated_with(replay: JointReplay, key: str, change: float) -> dict[str, A
     return replay.simulated(replay.simulate(record))
 
 
-def _likeliest_process_noise(runs: _FilterRuns, tick: Tick) -> dict[str, float]:
+def _likeliest_process_noise(runs: FilterRuns, tick: Tick) -> dict[str, float]:
     """Return the process noises with the largest likelihood of the measurements, by greedy search."""
     sizes = {name: spread / STATE_SPREAD for name, spread in runs.noises.states.items()}
     sizes[DISTURBANCE] = 1.0 if runs.replay.ship.moves else 0.0
@@ -255,7 +306,7 @@ def _likeliest_process_noise(runs: _FilterRuns, tick: Tick) -> dict[str, float]:
     return walk
 
 
-def _information(runs: _FilterRuns) -> Array:
+def _information(runs: FilterRuns) -> Array:
     """Return the information about the parameters at the file's values, in units of their spreads.
 
     It comes from simulations, because an extended filter, which linearises anew at every row, gains
@@ -272,7 +323,7 @@ def _information(runs: _FilterRuns) -> Array:
     return np.asarray(found @ found.T)
 
 
-def _tolerance_covariance(runs: _FilterRuns, values: Array, tolerance: float, tick: Tick) -> Array:
+def _tolerance_covariance(runs: FilterRuns, values: Array, tolerance: float, tick: Tick) -> Array:
     """Return the covariance from the tolerances of the parameters that are not free."""
     found = np.zeros((len(values), len(values)))
     records = tolerance_records(runs.replay, tolerance, runs.keys)
@@ -284,7 +335,7 @@ def _tolerance_covariance(runs: _FilterRuns, values: Array, tolerance: float, ti
     return found
 
 
-def _refuse_diverged(runs: _FilterRuns, followed: list[FilterResult], covariance: Array) -> None:
+def _refuse_diverged(runs: FilterRuns, followed: list[FilterResult], covariance: Array) -> None:
     """Refuse estimates that are not finite, with the time from which they are not."""
     lost = ~np.isfinite(np.concatenate([one.estimates for one in followed])).all(axis=1)
     if lost.any() or not np.isfinite(covariance).all():
@@ -296,24 +347,42 @@ def _refuse_diverged(runs: _FilterRuns, followed: list[FilterResult], covariance
         )
 
 
-def _join(runs: _FilterRuns, followed: list[FilterResult]) -> tuple[Any, Any]:
+def _join(runs: FilterRuns, followed: list[FilterResult]) -> tuple[Any, Any]:
     """Return the estimates over all rows and their standard errors, each of shape (rows, parameters)."""
     count = len(runs.keys)
     values = np.concatenate([one.estimates[:, -count:] for one in followed])
     return values, np.concatenate([one.standard_errors[:, -count:] for one in followed])
 
 
-def _estimates_over_time(runs: _FilterRuns, followed: list[FilterResult]) -> pd.DataFrame:
+def _estimates_over_time(runs: FilterRuns, followed: list[FilterResult]) -> pd.DataFrame:
     """Return a table of the estimates and their standard errors over time."""
     values, errors = _join(runs, followed)
     columns = {"time_s": runs.replay.time_s}
     for i, key in enumerate(runs.keys):
         columns |= {key: values[:, i], f"{key} se": errors[:, i]}
-    every = max(1, len(values) // SHOWN_ROWS)
-    return pd.DataFrame(columns).iloc[::every].reset_index(drop=True)
+    return _thin(pd.DataFrame(columns))
 
 
-def _innovations(runs: _FilterRuns, followed: list[FilterResult]) -> pd.DataFrame:
+def _noises_over_time(runs: FilterRuns, followed: list[FilterResult]) -> pd.DataFrame:
+    """Return a table of the noise of each channel and of the process noise of each state over time."""
+    walks = [name for name, own in runs.noises.state_walk.items() if own > 0.0]
+    names = [*active_states(runs.replay.ship.record()), DISTURBANCE]
+    found = [
+        np.hstack([one.noise, one.walk[:, [names.index(name) for name in walks]]])
+        for one in followed
+    ]
+    columns = [*runs.noises.readings, *(f"{name} walk" for name in walks)]
+    table = pd.DataFrame(np.concatenate(found), columns=columns)
+    table.insert(0, "time_s", runs.replay.time_s)
+    return _thin(table)
+
+
+def _thin(table: pd.DataFrame) -> pd.DataFrame:
+    """Return every nth row of a table, about :data:`SHOWN_ROWS` in all."""
+    return table.iloc[:: max(1, len(table) // SHOWN_ROWS)].reset_index(drop=True)
+
+
+def _innovations(runs: FilterRuns, followed: list[FilterResult]) -> pd.DataFrame:
     """Return a table of noise, rms of the innovations and their largest correlation by channel."""
     rows = []
     for c, (column, noise) in enumerate(runs.noises.readings.items()):
@@ -342,7 +411,7 @@ def _whiteness_remarks(innovations: pd.DataFrame) -> list[str]:
     ]
 
 
-def _convergence_remarks(runs: _FilterRuns, followed: list[FilterResult]) -> list[str]:
+def _convergence_remarks(runs: FilterRuns, followed: list[FilterResult]) -> list[str]:
     """Return remarks on estimates that changed over the last quarter by more than their errors allow.
 
     The change of the estimate of a constant between two times has the variance P(first) - P(second).
@@ -359,7 +428,7 @@ def _convergence_remarks(runs: _FilterRuns, followed: list[FilterResult]) -> lis
     ]
 
 
-def _information_remarks(runs: _FilterRuns, own: ShipFilter) -> list[str]:
+def _information_remarks(runs: FilterRuns, own: ShipFilter) -> list[str]:
     """Return remarks on parameters about which the recordings contain little information."""
     errors, spreads = np.sqrt(np.diag(own.covariance)), runs.noises.numbers
     return [

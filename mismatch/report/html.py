@@ -303,9 +303,10 @@ def _without_size(diagnosis: Outcome) -> dict[str, list[str]]:
 def identification_html(identification: Identification) -> str:
     """Return the page of an identification with its style sheet and figures."""
     drawn = {
-        "parameters": [_change_panel(identification), *_correlation_panels(identification)],
+        "parameters": [*_change_panels(identification), *_correlation_panels(identification)],
         "traces": figures.trace_panels(identification) if identification.fit_before else [],
         "search": _search_panels(identification),
+        "noise": _noise_panels(identification),
     }
     before, after = identification.fit_before, identification.fit_after
     fits = [
@@ -355,9 +356,11 @@ def _rows(identification: Identification) -> list[dict[str, Any]]:
     return rows
 
 
-def _change_panel(identification: Identification) -> Figure:
-    """Draw each estimate with its 95 % interval, as a change from the ship file's value."""
+def _change_panels(identification: Identification) -> list[Figure]:
+    """Draw the change of each estimate from the ship file, unless that is 0, with its 95 % interval."""
     shown = [e for e in identification.estimates if e.neutral != 0.0]
+    if not shown:
+        return []
     height = max(HEIGHT, 0.9 + 0.3 * len(shown))
     figure, axes = panel(
         "Change of each parameter", "estimate / ship file − 1 [%]", "", height, 2.2
@@ -369,7 +372,7 @@ def _change_panel(identification: Identification) -> Figure:
     axes.axvline(0.0, color=MEASURED, linewidth=0.7)
     axes.set_yticks(range(len(shown)), [parameter_words(e.name, e.unit) for e in shown], fontsize=7)
     axes.set_ylim(len(shown) - 0.5, -0.5)
-    return with_label(figure, "change of each parameter with its 95 % interval")
+    return [with_label(figure, "change of each parameter with its 95 % interval")]
 
 
 def _correlation_panels(identification: Identification) -> list[Figure]:
@@ -387,6 +390,19 @@ def _correlation_panels(identification: Identification) -> list[Figure]:
     axes.set_xticks(range(count), [str(i + 1) for i in range(count)], fontsize=7)
     axes.grid(visible=False)
     return [with_label(figure, "correlation of the estimates")]
+
+
+def _noise_panels(identification: Identification) -> list[Figure]:
+    """Draw the adaptive noises of the filter over time, as ratios to those at the beginning."""
+    if not identification.adapted_noise:
+        return []
+    table = identification.tables["noise"]
+    title, label = "Noise over that at the beginning", "adaptive noises of the filter over time"
+    figure, axes = panel(title, "time [s]", "ratio of standard deviations")
+    for name, (first, _) in identification.adapted_noise.items():
+        axes.semilogy(table["time_s"], table[name] / first, linewidth=1.0, label=name)
+    axes.legend(fontsize=6, frameon=False)
+    return [with_label(figure, label)]
 
 
 def _search_panels(identification: Identification) -> list[Figure]:

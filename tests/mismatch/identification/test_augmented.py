@@ -9,10 +9,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.identification.augmented_filter import ekf, smallest_change, state_sizes
-from shaftline.mismatch.identify import METHODS, MethodInput
+from shaftline.mismatch.identification.augmented_filter import (
+    ekf,
+    smallest_change,
+    state_sizes,
+    tune_filter,
+)
+from shaftline.mismatch.identify import METHODS, MethodInput, identify
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
+from shaftline.observers import ObserverError
 from shaftline.plant import approach, get_sea, load_ship, realise, simulate_recording, zig_zag
 from shaftline.plant.columns import (
     HEADING,
@@ -236,3 +242,63 @@ def test_every_state_that_a_ship_has_has_a_size(name: str) -> None:
             assert sizes[state] == pytest.approx(expected, rel=1e-6)
     assert sizes.get("charge", 1.0) > 0.0
     assert sizes.get("warmth", 1.0) > 0.0
+
+
+def test_the_adaptive_method_follows_the_noise() -> None:
+    """The torque meter becomes three times noisier at half time; the report says so."""
+    table = frigate_voyage({FOULING: 0.1}, seed=7, seconds=240.0)
+    rng, later = np.random.default_rng(1), table["time_s"] > 120.0
+    more = math.sqrt(8.0) * 1400.0 * rng.standard_normal(later.sum())
+    table.loc[later, "shaft_torque_N_m"] += more
+    other = frigate_voyage({FOULING: 0.1}, seed=8, seconds=60.0)
+    found = {
+        method: identify(
+            load_ship("frigate"), table, free=[FOULING], method=method, hold_out=[other]
+        )
+        for method in ("ekf", "ekf-adaptive")
+    }
+    plain, own = found["ekf"], found["ekf-adaptive"]
+    assert "noise" not in plain.tables
+    assert "noise" not in plain.to_dict()
+    assert "Noise of the filter" not in plain.summary()
+    noise = own.tables["noise"]
+    assert (noise["time_s"].iloc[0], noise["time_s"].iloc[-1]) == (0.0, 240.0)
+    first, last = own.adapted_noise["shaft_torque_N_m"]
+    # the given noise is that of the whole recording: the root of (1 + 9) / 2
+    assert first == pytest.approx(2.24 * 1400.0, rel=0.15)
+    assert noise["shaft_torque_N_m"][590] == pytest.approx(1400.0, rel=0.2)
+    assert last == pytest.approx(3.0 * 1400.0, rel=0.2)
+    assert own.to_dict()["noise"]["shaft_torque_N_m"] == {"beginning": first, "end": last}
+    assert "Noise of the filter, standard deviations\nnoise" in own.summary()
+    section = own.summary().split("Noise of the filter")[1].splitlines()
+    line = next(text for text in section if text.startswith("shaft_torque_N_m "))
+    assert line.split()[1:] == [f"{first:.3g}", f"{last:.3g}"]
+    page = own._page()
+    assert "Noise of the filter" in page
+    assert 'data-figure="noise"' in page
+    assert 'data-figure="noise"' not in plain._page()
+    # the fouling is 0 in the file, so that no relative change is drawn
+    assert "Change of each parameter" not in page
+    estimate = own.estimates[0]
+    assert abs(estimate.value - 0.1) < 3.5 * estimate.standard_error
+
+
+def test_adaptive_noise_stays_above_a_third_of_the_white_noise() -> None:
+    table = frigate_voyage({FOULING: 0.1}, seed=7, seconds=60.0)
+    runs = tune_filter(JointReplay(load_ship("frigate"), table), (FOULING,))
+    least, given = runs.noises.least, runs.noises.readings
+    assert least["shaft_torque_N_m"] == pytest.approx(given["shaft_torque_N_m"] / 3.0)
+    # the encoder is good: 0.03 % of the shaft speed, about 13 rad/s, is more than a third of its noise
+    assert given["shaft_speed_rad_s"] / 3.0 < least["shaft_speed_rad_s"]
+    assert least["shaft_speed_rad_s"] == pytest.approx(3e-4 * 13.0, rel=0.3)
+    assert runs.filter(runs.noises.state_walk)._memory_s is None
+    assert runs.noise_memory_s is None
+
+
+def test_slow_rows_get_a_longer_memory() -> None:
+    """Rows 2 s apart need 40 s."""
+    table = frigate_voyage({FOULING: 0.1}, seed=7, seconds=600.0, interval_s=2.0)
+    found = identify(load_ship("frigate"), table, free=[FOULING], method="ekf-adaptive")
+    assert found.adapted_noise
+    with pytest.raises(ObserverError, match=r"noise_memory_s = 30: the rows are 2 s apart"):
+        ekf(load_ship("frigate"), [table], (FOULING,), noise_memory_s=30.0)
