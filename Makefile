@@ -54,7 +54,7 @@ results: $(INSTALLED)
 	$(BIN)/shaftline manoeuvre --ship kvlcc2 --speed 1.18 --scale 45.7 --out out/kvlcc2
 	cp out/kvlcc2/turning-circles.png docs/results/figures/turning-circles.png
 	for name in printed_numbers loops ferry.engine_map ferry.propellers errata towing_tank.observers observer_ranking \
-	    advance_velocity_control robust_optimiser anti_spin_ships observer_features intervals tito_neri.effects \
+	    advance_velocity_control robust_optimiser anti_spin_ships observer_features intervals adaptive_noise tito_neri.effects \
 	    tito_neri.rig_page standards speed_loss \
 	    speed_loss_causes voyages frontier; do \
 	    $(BIN)/python -m reproductions $$name --out docs/results || exit 1; done

@@ -53,7 +53,7 @@ def identify(
     product with another one, the message names it; the exit code is then 2 and nothing is written.
 
     `--method ekf` assumes noise of constant strength. `--method ekf-adaptive` estimates the noise of
-    every instrument and of the inflow anew along the recording, for example where the sea gets rough,
+    every instrument and of the inflow along the recording, for example where an instrument gets worse,
     and reports it at the beginning and the end; `noise.csv` has its course.
 
     Recordings with steps of the commands over the whole range, much longer than the time constants of

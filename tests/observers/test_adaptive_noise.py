@@ -89,3 +89,14 @@ def test_a_noise_stays_above_its_limit() -> None:
     adaptive.score[:] = -1.0
     adapt(adaptive, noise, process)
     assert process[0] == 0.4
+
+
+@pytest.mark.parametrize(("seen", "known"), [(2.0, 2.0), (0.1, 0.5 + 0.01 * (0.1 - 0.5))])
+def test_a_row_with_much_information_counts_no_more_than_others(seen: float, known: float) -> None:
+    """The information of a row limits its step at once, and its mean later."""
+    adaptive = start_adaptive_noise(0.01, np.zeros(0, np.int64), np.array([1e-3]), 1)
+    noise = np.array([1.0])
+    adaptive.score[0], adaptive.seen[0] = 1.0, seen
+    adapt(adaptive, noise, np.zeros(1))
+    assert math.log(noise[0]) == pytest.approx(0.01 / (known + LEAST_INFORMATION))
+    assert adaptive.information[0] == pytest.approx(0.5 + 0.01 * (seen - 0.5))
