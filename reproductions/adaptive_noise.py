@@ -255,7 +255,7 @@ def evaluate(
     off = found.parameters - run.truth
     squares = np.square(found.innovations[first : first + (len(error) // WINDOW) * WINDOW])
     windows = squares.reshape(-1, WINDOW, squares.shape[1]).mean(axis=1)
-    low, high = scipy.stats.chi2.ppf([0.025, 0.975], WINDOW) / WINDOW
+    low, high = (float(scipy.stats.chi2.ppf(x, WINDOW)) / WINDOW for x in (0.025, 0.975))
     place = [*columns].index(TORQUE)
     torque = case.kind.noise if case.kind.only in ("", TORQUE) else 1.0
     return {
