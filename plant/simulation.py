@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -169,6 +169,8 @@ def trajectory(
         kept[steps // every, j] = values[column]
 
 
+Floats: TypeAlias = NDArray[np.float64]
+
 ALL_SIGNALS: tuple[str, ...] = SAMPLE.names or ()
 
 
@@ -176,8 +178,8 @@ def simulate_record(
     plant: Any,
     state: Any,
     sea: Any,
-    commands: Sequence[NDArray[np.float64]],
-    surroundings: Sequence[NDArray[np.float64]],
+    commands: tuple[Floats, Floats, Floats],
+    surroundings: tuple[Floats, Floats, Floats, Floats],
     dt: float,
     every: int = 1,
     signals: Sequence[str] = ALL_SIGNALS,
@@ -325,19 +327,19 @@ def simulate(
     state[0] = tuple(float(value) for value in initial)
     if not np.isfinite(state.tolist()).all():
         raise ValueError(f"the initial state contains a value that is not finite: {initial}")
-    commands = {
-        name: getattr(schedule, name) for name in ("drive", "pitch_command", "rudder_command")
-    }
-    disturbances = {n: getattr(schedule, n) for n in ("inflow", "elevation", "resistance_factor")}
+
+    def over(times: Floats, *names: str) -> Any:
+        return tuple(_values_at(getattr(schedule, name), times, name) for name in names)
+
     kept = simulate_record(
         ship.record(),
         state[0],
         None if sea is None else sea.copy(),
-        [_values_at(value, grid, name) for name, value in commands.items()],
-        [
-            *(_values_at(value, half_grid, name) for name, value in disturbances.items()),
+        over(grid, "drive", "pitch_command", "rudder_command"),
+        (
+            *over(half_grid, "inflow", "elevation", "resistance_factor"),
             ship.external_rows(signals),
-        ],
+        ),
         dt,
     )
     samples = kept.view(SAMPLE).ravel()

@@ -251,8 +251,8 @@ def test_trajectory_of_records_is_the_simulation_of_ships(
     plant = frigate.record()
     for key, value in keys.items():
         frigate.parameter(key).write(plant, value)
-    commands = [np.full(steps, value) for value in (24.0, 1.3, 0.0)]
-    surroundings = [np.sin(half), np.cos(half), np.full(half.shape, 1.1), np.zeros((1, 6))]
+    commands = np.full(steps, 24.0), np.full(steps, 1.3), np.zeros(steps)
+    surroundings = np.sin(half), np.cos(half), np.full(half.shape, 1.1), np.zeros((1, 6))
 
     def kept(*of_signals: Any) -> Any:
         state = np.zeros(1, STATE)
