@@ -7,17 +7,20 @@ printed at z = 0, divided by the product of two poles that are rounding errors, 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import pandas as pd
 
 from shaftline.core.lazy import control
 from shaftline.observers.immersion_invariance import ImmersionInvariance
 from shaftline.plant import Ship, equilibrium, linearise, load_ship
 
 from .. import side_by_side as beside
-from ..cells import HALF_DIGIT, Cell, Kind, Reason, half_digit, number, printed_number
+from ..cells import HALF_DIGIT, Cell, Kind, Reason, Verdict, half_digit, number, printed_number
 from ..pages import fill_template
-from . import figures, observer_transfers, poles, printed_plant
+from . import figures, observer_transfers, poles, printed_plant, rounded_table
 from .poles import poles_zeros_gain, printed_line
 
 PROPAGATED = (
@@ -66,13 +69,56 @@ def gauge_reasons(ship: Ship, point: str) -> dict[tuple[str, str], Reason]:
     return found
 
 
+_BY_TABLE = (
+    "the open-water diagram of the thesis is a table with KT rounded to two decimals and KQ to three, "
+    "at steps of 0.05 in J and 0.1 in P/D (section on the table). "
+)
+_AT_POINTS = (
+    f"{_BY_TABLE}With its differences at the printed omega and v_a, and point A's row of M_m, the "
+    "number follows"
+)
+_AT_MID_RANGE = f"{_BY_TABLE}With its differences at P/D 1.2 the number follows"
+_BY_OBSERVERS = (
+    f"{_BY_TABLE}The observers have KQ and dKQ/dJ of this table at J = "
+    f"{rounded_table.OBSERVER_ADVANCE_RATIO:g}, which the zeros of Table 3-13 at A and D give, at all "
+    "points"
+)
+
+CHOSEN_BY = {
+    (table, name, point)
+    for point in "AC"
+    for table, name in (
+        ("2-6", "pole 1"),
+        ("2-6", "pole 2"),
+        ("2-10", "zero 1"),
+        ("2-9", "gain"),
+        ("2-3", "gain"),
+        ("2-4", "gain"),
+    )
+}
+"""Numbers that chose steps, decimals and offset of the table."""
+
+
+def _explain(cell: Cell, *reasons: Reason | None) -> Cell:
+    """Return the cell with the first reason that explains it, or else with the first one."""
+    tried = [replace(cell, reason=reason) for reason in reasons if reason is not None]
+    explained = [one for one in tried if one.verdict is Verdict.EXPLAINED]
+    return next(iter([*explained, *tried]), cell)
+
+
+def _shift(text: str, ours: float, follows: float) -> Reason | None:
+    return Reason(text, follows - ours) if follows != ours else None
+
+
 def plant_cells(ship: Ship) -> list[Cell]:
     """Return the cells of Tables 2-2 to 2-14."""
     points, cells = beside.published_text("advance_velocity_thesis_working_points"), []
+    table_of_thesis = rounded_table.rounded_table(ship)
     for point in printed_plant.POINTS:
         rack, pitch = (points.loc[point, name] for name in ("fuel_rack_mm", "pitch_ratio"))
         half = half_digit(rack)
-        reasons = {} if point == "A" else gauge_reasons(ship, point)
+        rows = {} if point == "A" else gauge_reasons(ship, point)
+        follows = _of_model(rounded_table.model_at(ship, table_of_thesis, point), poles.TABLES)
         ours, *moved = (
             _of_model(
                 linearise(ship, equilibrium(ship, float(rack) + by, float(pitch))), poles.TABLES
@@ -80,31 +126,39 @@ def plant_cells(ship: Ship) -> list[Cell]:
             for by in (0.0, half, -half)
         )
         for table, (output, _) in poles.TABLES.items():
-            kind = Kind.INPUT if output == "pitch_ratio" else Kind.FREE
             for name, (value, rounding) in printed_line(table, point).numbers.items():
                 if (table, name) not in ours:
                     continue  # a pole that stands in another table
+                kind = Kind.INPUT if output == "pitch_ratio" else Kind.FREE
                 mine = ours[table, name]
                 tolerance = rounding + max(abs(other[table, name] - mine) for other in moved)
-                reason = reasons.get((table, name))
-                cells.append(
-                    number(table, name, point, mine, value, tolerance, PROPAGATED, kind, reason)
-                )
+                if (table, name, point) in CHOSEN_BY:
+                    kind, reasons = Kind.CALIBRATED, []
+                else:
+                    by_table = _shift(_AT_POINTS, mine, follows[table, name])
+                    reasons = [by_table, rows.get((table, name))]
+                cell = number(table, name, point, mine, value, tolerance, PROPAGATED, kind)
+                cells.append(_explain(cell, *reasons))
     return cells
 
 
 def mid_range_cells(ship: Ship) -> list[Cell]:
     """Return the cells of Tables 2-16 to 2-23: the thesis's model at the point that two gains set."""
-    ours, cells = (
-        _of_model(linearise(ship, poles.mid_range_point(ship)), poles.MID_RANGE_TABLES),
-        [],
+    table_of_thesis, cells = rounded_table.rounded_table(ship), []
+    at = rounded_table.mid_range_state(ship, table_of_thesis)
+    by_table = rounded_table.linear_model(ship, at, *table_of_thesis.coefficients(at))
+    ours, follows = (
+        _of_model(model, poles.MID_RANGE_TABLES)
+        for model in (linearise(ship, poles.mid_range_point(ship)), by_table)
     )
     for table in poles.MID_RANGE_TABLES:
         for name, (value, half) in printed_line(table, poles.SOURCES[0]).numbers.items():
             if (mine := ours.get((table, name))) is not None:
                 fitted = table in {"2-18", "2-19"} and name == "gain"
                 kind = Kind.CALIBRATED if fitted else Kind.FREE
-                cells.append(number(table, name, "mid-range", mine, value, half, HALF_DIGIT, kind))
+                cell = number(table, name, "mid-range", mine, value, half, HALF_DIGIT, kind)
+                reason = None if fitted else _shift(_AT_MID_RANGE, mine, follows[table, name])
+                cells.append(_explain(cell, reason))
     return cells
 
 
@@ -149,17 +203,31 @@ def _invariance_cells(ship: Ship) -> Iterator[Cell]:
             basis = "half a unit of the fourth digit"
             for table in ("3-9", "3-10"):
                 yield number(table, "pole 1", where, pole, 0.0, 5e-5, basis, reason=reason)
-        (zero,) = as_printed[0, 0].zeros().real
-        yield printed_number("3-9", "zero 1", point, float(zero), text)
+        ours = float(as_printed[0, 0].zeros().real[0])
+        _, zero = rounded_table.observer_slopes(ship, rounded_table.rounded_table(ship), point)
+        cell = printed_number("3-9", "zero 1", point, ours, text)
+        yield _explain(cell, _shift(_BY_OBSERVERS, ours, zero))
+
+
+_OBSERVERS_CHOSEN_BY = {("3-13", "A"), ("3-13", "D")}
 
 
 def _random_walk_cells(ship: Ship) -> Iterator[Cell]:
     found = observer_transfers.random_walk_transfers(ship)
+    table_of_thesis = rounded_table.rounded_table(ship)
     for line in found[found["zero printed"].notna()].to_dict("records"):
         value = line["zero printed"]
         half = 0.0005 if line["table"] == "3-11" and abs(value) >= 1.0 else 5e-5
-        row = f"zero of {line['transfer']}"
-        yield number(line["table"], row, line["point"], line["zero ours"], value, half, HALF_DIGIT)
+        table, point, ours = line["table"], line["point"], line["zero ours"]
+        row, kind, reason = f"zero of {line['transfer']}", Kind.FREE, None
+        if (table, point) in _OBSERVERS_CHOSEN_BY:
+            kind = Kind.CALIBRATED
+        elif table in {"3-11", "3-13"}:
+            a11, _ = rounded_table.observer_slopes(ship, table_of_thesis, point)
+            zero = 1.0 - 1.0 / (1.0 + a11) if table == "3-11" else a11
+            reason = _shift(_BY_OBSERVERS, ours, zero)
+        cell = number(table, row, point, ours, value, half, HALF_DIGIT, kind)
+        yield _explain(cell, reason)
 
 
 def cells(ship: Ship) -> list[Cell]:
@@ -174,10 +242,78 @@ def cells(ship: Ship) -> list[Cell]:
     return [cell for part in parts for cell in part(ship)]
 
 
+def fitted_coefficients(ship: Ship) -> tuple[pd.DataFrame, float]:
+    """Return KQ, KT and slopes by the fit to the print, by the rounded table and by B5-90.
+
+    Also return the largest deviation of the fit from a printed number, in halves of its last digit.
+    """
+    table_of_thesis, rows, worst = rounded_table.rounded_table(ship), [], 0.0
+    for point in (*printed_plant.POINTS, "mid-range"):
+        fit = rounded_table.fit_coefficients(ship, point)
+        worst = max(worst, fit.worst)
+        if point == "mid-range":
+            at = rounded_table.mid_range_state(ship, table_of_thesis)
+        else:
+            at = rounded_table.printed_point(ship, point)
+        pair = zip(
+            ("KQ", "KT"), (fit.torque, fit.thrust), table_of_thesis.coefficients(at), strict=True
+        )
+        for name, told, rounded in pair:
+            smooth = rounded_table.smooth_coefficient(ship, name.lower(), at)
+            line: dict[str, object] = {"point": point, "J": at.advance_ratio, "coefficient": name}
+            heads = ("value", "slope over J", "slope over P/D")
+            for head, *three in zip(heads, told, rounded, smooth, strict=True):
+                shown = (f"{value:.5f}" for value in three)
+                line |= {head: " / ".join(shown)}
+            rows.append(line)
+    return pd.DataFrame(rows), worst
+
+
+def other_tables(ship: Ship) -> pd.DataFrame:
+    """Return how many predicted numbers of Tables 2-3 to 2-14 other rounded tables meet."""
+    cells = [cell for cell in plant_cells(ship) if cell.kind is Kind.FREE]
+    rows: list[dict[str, object]] = []
+    for decimals, steps, offset in (
+        ((2, 3), (0.05, 0.1), rounded_table.TORQUE_OFFSET),
+        ((2, 3), (0.05, 0.1), 0.0),
+        ((2, 3), (0.1, 0.1), rounded_table.TORQUE_OFFSET),
+        ((2, 3), (0.025, 0.1), rounded_table.TORQUE_OFFSET),
+        ((2, 3), (0.05, 0.2), rounded_table.TORQUE_OFFSET),
+        ((2, 3), (0.05, 0.05), rounded_table.TORQUE_OFFSET),
+        ((2, 4), (0.05, 0.1), rounded_table.TORQUE_OFFSET),
+        ((3, 3), (0.05, 0.1), rounded_table.TORQUE_OFFSET),
+        ((3, 4), (0.05, 0.1), 0.0),
+        ((9, 9), (0.05, 0.1), 0.0),
+    ):
+        table = rounded_table.rounded_table(ship, decimals, steps, offset)
+        line: dict[str, object] = {
+            "decimals of KT": decimals[0] if decimals[0] < 9 else "exact",
+            "decimals of KQ": decimals[1] if decimals[1] < 9 else "exact",
+            "step in J": f"{steps[0]:g}",
+            "step in P/D": f"{steps[1]:g}",
+            "added to KQ": f"{offset:g}",
+        }
+        for head, steady in (
+            ("printed omega and v_a", False),
+            ("steady states of the table", True),
+        ):
+            models = {
+                point: _of_model(
+                    rounded_table.model_at(ship, table, point, steady=steady), poles.TABLES
+                )
+                for point in printed_plant.POINTS
+            }
+            met = sum(c.low <= models[c.column][c.table, c.row] <= c.high for c in cells)
+            line[f"met of {len(cells)} at {head}"] = met
+        rows.append(line)
+    return pd.DataFrame(rows)
+
+
 def _fields(ship: Ship) -> dict[str, Any]:
     """Return the tables and numbers of the page."""
     slopes = printed_plant.slopes(ship)
     torque = slopes[slopes["coefficient"] == "KQ"]
+    fitted, worst = fitted_coefficients(ship)
     linear = observer_transfers.linear_transfers(ship)
     for column in ("zero printed", "gain printed"):
         linear[column] = linear[column].map("{:.4g}".format).replace("nan", "–")
@@ -189,8 +325,11 @@ def _fields(ship: Ship) -> dict[str, Any]:
         for name, values in observer_transfers.PRINTED_GAINS.items()
     ]
     return {
-        "slopes": slopes,
-        "torque": 100.0 * (torque["implied"] / torque["B5-90"] - 1.0).abs().max(),
+        "steepest": torque.set_index("point")["steepest slope of B5-90 at this pitch"],
+        "fitted": fitted,
+        "worst": worst,
+        "others": other_tables(ship),
+        "mid_range_rounded": rounded_table.mid_range_state(ship, rounded_table.rounded_table(ship)),
         "closest": printed_plant.other_propellers(ship).iloc[0],
         "row": printed_plant.repeated_row(ship),
         "linear": linear,

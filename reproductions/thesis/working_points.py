@@ -10,9 +10,9 @@ import pandas as pd
 from shaftline.plant import Ship, equilibrium, load_ship
 
 from .. import side_by_side as beside
-from ..cells import HALF_DIGIT, Cell, Kind, half_digit, printed_number
+from ..cells import HALF_DIGIT, Cell, Kind, Reason, half_digit, printed_number
 from ..side_by_side import published, published_text
-from . import figures
+from . import figures, rounded_table
 from .poles import models, printed_line
 
 TABLE = "advance_velocity_thesis_working_points"
@@ -47,7 +47,35 @@ def _change_by_rack_rounding() -> pd.DataFrame:
     return pd.DataFrame.from_dict(rows, orient="index", columns=COLUMNS)
 
 
-def cells(ours: pd.DataFrame) -> list[Cell]:
+def rounded_points() -> pd.DataFrame:
+    """Return the steady states of :func:`working_points` on the rounded table of the thesis."""
+    frigate = load_ship("frigate")
+    table, rows = rounded_table.rounded_table(frigate), {}
+    for point, pitch, rack in published(TABLE)[INPUTS].itertuples():
+        at = rounded_table.steady_state(frigate, table, float(rack), float(pitch))
+        velocity = at.ship_speed * (1.0 - float(frigate.record()["wake_fraction"]))
+        rows[point] = [pitch, rack, at.shaft_speed, at.ship_speed, velocity, at.brake_torque]
+    return pd.DataFrame.from_dict(rows, orient="index", columns=[*INPUTS, *COLUMNS])
+
+
+_BY_TABLE = (
+    "the open-water diagram of the thesis is a rounded table "
+    "([poles](poles.md#the-open-water-table-of-the-thesis)), on which the steady states have this number"
+)
+
+
+def table_reasons(smooth: pd.DataFrame) -> dict[tuple[str, str], Reason]:
+    """Return the effect of the rounded table on our steady states, as reasons of Table 2-1."""
+    shifts = rounded_points()[COLUMNS] - smooth[COLUMNS]
+    return {
+        (str(row), column): Reason(_BY_TABLE, float(shift))
+        for row, line in shifts.iterrows()
+        for column, shift in line.items()
+        if shift
+    }
+
+
+def cells(ours: pd.DataFrame, reasons: dict[tuple[str, str], Reason] | None = None) -> list[Cell]:
     """Return the cells of Table 2-1 for our steady states, from :func:`working_points`.
 
     The steady states are calibrated: the thesis does not print the number of blades, and five was
@@ -61,13 +89,20 @@ def cells(ours: pd.DataFrame) -> list[Cell]:
             return Kind.INPUT, half_digit(text), HALF_DIGIT
         return Kind.CALIBRATED, half_digit(text) + float(spread.loc[row, column]), propagated
 
-    return beside.compare("2-1", ours, published_text(TABLE), judge)
+    return beside.compare("2-1", ours, published_text(TABLE), judge, reasons)
 
 
 def text_cells(table: pd.DataFrame) -> list[Cell]:
     """Return the cells of the changes of shaft speed that sections 4-1-1 and 4-1-2 print."""
     return [
-        printed_number(f"section 4-1-{i}", line.what, "", line.ours, line.printed)
+        printed_number(
+            f"section 4-1-{i}",
+            line.what,
+            "",
+            line.ours,
+            line.printed,
+            reason=Reason(_BY_TABLE, float(line.rounded) - line.ours),
+        )
         for i, line in enumerate(table.head(2).itertuples(), 1)
     ]
 
@@ -83,22 +118,34 @@ def _gain_of_table_2_12(point: str, frequency: float) -> float:
 
 
 def numbers_of_text(ship: Ship) -> pd.DataFrame:
-    """Return numbers of the thesis's text with ours."""
-    rows = []
+    """Return numbers of the thesis's text with ours, and with those on its rounded table."""
+    rows, table = [], rounded_table.rounded_table(ship)
     for what, before, after, printed in (
         ("rack 20 to 27.5 mm at P/D 1.4: shaft speed [%]", (20.0, 1.4), (27.5, 1.4), "24.62"),
         ("P/D 1.25 to 1.0 at 22 mm: shaft speed [%]", (22.0, 1.25), (22.0, 1.0), "23.23"),
     ):
         speeds = [equilibrium(ship, *point).state.shaft_speed for point in (before, after)]
-        rows.append((what, 100.0 * (speeds[1] / speeds[0] - 1.0), printed))
+        rounded = [
+            rounded_table.steady_state(ship, table, *point).shaft_speed for point in (before, after)
+        ]
+        changes = (100.0 * (pair[1] / pair[0] - 1.0) for pair in (speeds, rounded))
+        rows.append((what, *changes, printed))
     linear = models(ship)
     for frequency in (0.1, 4.0):
         for point in "AD":
             response = abs(complex(linear[point]["shaft_speed", "inflow"](1j * frequency)))
             what = f"inflow to shaft speed at {frequency:g} rad/s, {point} [dB]"
             printed = f"{_gain_of_table_2_12(point, frequency):.1f}"
-            rows.append((what, 20.0 * float(np.log10(response)), printed))
-    return pd.DataFrame(rows, columns=["what", "ours", "printed"])
+            tabled = abs(
+                complex(
+                    rounded_table.model_at(ship, table, point)["shaft_speed", "inflow"](
+                        1j * frequency
+                    )
+                )
+            )
+            decibels = (20.0 * float(np.log10(one)) for one in (response, tabled))
+            rows.append((what, *decibels, printed))
+    return pd.DataFrame(rows, columns=["what", "ours", "rounded", "printed"])
 
 
 def page(tick: beside.Tick) -> beside.Page:
@@ -111,7 +158,22 @@ def page(tick: beside.Tick) -> beside.Page:
     }
     tick()
     template = Path(__file__).with_suffix(".md")
-    made = beside.page_of_table(ours, cells(ours), drawn, 75, template, 3, text=text)
+    printed = published(TABLE)
+    off = pd.DataFrame(
+        {
+            column: [
+                f"{rounded:.5g} ({100.0 * (rounded / float(printed.loc[point, column]) - 1.0):+.2f} %)"
+                if pd.notna(printed.loc[point, column])
+                else f"{rounded:.5g}"
+                for point, rounded in values.items()
+            ]
+            for column, values in rounded_points()[COLUMNS].items()
+        },
+        index=ours.index,
+    )
+    shown = {"text": text, "rounded": off.reset_index(names="")}
+    compared = cells(ours, table_reasons(ours))
+    made = beside.page_of_table(ours, compared, drawn, 75, template, 3, **shown)
     return made._replace(cells=[*made.cells, *text_cells(text)])
 
 
