@@ -13,7 +13,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,7 @@ class Kind(StrEnum):
     INPUT = "input"  # it was given the number
     CALIBRATED = "calibrated"  # a parameter was fitted to the number or to its table
     FREE = "free"  # it predicts the number
+    DERIVED = "derived"  # it follows by arithmetic from other printed numbers, which ours is
 
 
 class Verdict(StrEnum):
@@ -182,6 +183,24 @@ def half_digit(text: str, decimals: int | None = None) -> float:
         raise ValueError(f"{text!r} is no printed number, such as -0.46 or 1.4e13")
     digits = len(found[1] or "") if decimals is None else decimals
     return 0.5 * 10.0 ** (int(found[2] or 0) - digits) * (1.0 + _FILE_ROUNDING)
+
+
+def explain(cell: Cell, *reasons: Reason | None) -> Cell:
+    """Return the cell with the first reason that explains it, or else with the first reason."""
+    tried = [replace(cell, reason=reason) for reason in reasons if reason is not None]
+    explained = [one for one in tried if one.verdict is Verdict.EXPLAINED]
+    return next(iter([*explained, *tried]), cell)
+
+
+def shift_to(text: str, ours: float, follows: float, within: float | None = None) -> Reason | None:
+    """Return the reason that moves our number to ``follows``; None if it does not move it.
+
+    ``within`` is limited to half of the shift.
+    """
+    shift = float(follows - ours)
+    if not shift:
+        return None
+    return Reason(text, shift, None if within is None else min(within, 0.5 * abs(shift)))
 
 
 def counts(cells: Iterable[Cell]) -> pd.DataFrame:

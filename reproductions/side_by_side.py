@@ -127,11 +127,17 @@ def verdicts(study: str, cells: Iterable[Cell]) -> str:
     """Return the Markdown that ends a page: counts, tolerances, reasons and unexplained cells."""
     cells = list(cells)
     bases = Counter(cell.basis for cell in cells)
+    derived = (
+        " *Derived*: the number follows by arithmetic from other printed numbers."
+        if any(cell.kind is Kind.DERIVED for cell in cells)
+        else ""
+    )
     tolerances = "\n".join(f"- {basis} ({_cells(count)})" for basis, count in bases.items())
     return (
         f"## Number of cells met\n\n{markdown(counts(cells).reset_index())}\n\n"
         "*input*: the model was given the number; *calibrated*: a parameter was fitted to the number or "
-        "to its table; *free*: the model predicts the number. Every cell with its interval is in "
+        f"to its table; *free*: the model predicts the number.{derived} "
+        "Every cell with its interval is in "
         f"[cells/{study}.csv](cells/{study}.csv).\n\n"
         f"Tolerances:\n\n{tolerances}\n\n"
         f"## Differences with a calculated reason\n\n{reasons_text(cells)}\n\n"

@@ -29,15 +29,19 @@ def test_inputs_and_calibrated_numbers_are_not_counted_as_predicted() -> None:
         number("1", "e", "", 2.0, 1.0, 0.1, "digit", reason=Reason("slope", -1.0)),
         number("1", "f", "", 2.0, 1.0, 0.1, "digit"),
         number("1", "g", "", 3.0, 1.0, 0.1, "digit"),
+        number("1", "h", "", 1.0, 1.0, 0.1, "digit", Kind.DERIVED),
+        number("1", "i", "", 2.0, 1.0, 0.1, "digit", Kind.DERIVED),
     ]
     assert printed_numbers.count_cells(cells) == {
         "inputs": 1,
         "calibrated, met": "1 of 2",
+        "derived, consistent": "1 of 2",
         "predicted": 4,
         "met": 1,
         "reason calculated": 1,
         "unexplained": 2,
         "met or reason calculated": "50 %",
+        "lower bound": "25 %",
     }
 
 

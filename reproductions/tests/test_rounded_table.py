@@ -24,21 +24,25 @@ def test_entries_around_the_printed_points(frigate: Ship) -> None:
     assert [table.thrust[at[key]] for key in at] == pytest.approx([0.04, 0.09, 0.02, 0.07])
     assert [table.torque[at[key]] for key in at] == pytest.approx([0.009, 0.015, 0.007, 0.013])
     assert table.torque[22:25, -1] == pytest.approx([0.047, 0.042, 0.036])
-    plain = rounded_table.rounded_table(frigate, offset=0.0)
-    assert plain.torque[23, -1] == pytest.approx(0.041)
+    plain = rounded_table.rounded_table(frigate, change=(1.0, 0.0))
+    raised = np.argwhere(np.round(table.torque - plain.torque, 6) == 0.001).tolist()
+    for entry in ([20, 8], [23, 8], [26, 8], [20, 6], [17, 0]):
+        assert entry in raised
 
 
-@pytest.mark.parametrize("offset", [0.000203, 0.000222])
-def test_offsets_that_give_the_slopes_at_a_and_c(frigate: Ship, offset: float) -> None:
-    table = rounded_table.rounded_table(frigate, offset=offset)
+@pytest.mark.parametrize("change", [(1.0, 0.000203), (1.0, 0.000222), (1.009, 0.0)])
+def test_changes_that_give_the_slopes_at_a_and_c(
+    frigate: Ship, change: tuple[float, float]
+) -> None:
+    table = rounded_table.rounded_table(frigate, change=change)
     for point, slope in (("A", -0.04), ("C", -0.112)):
         torque, _ = table.coefficients(rounded_table.printed_point(frigate, point))
         assert torque.by_advance_ratio == pytest.approx(slope, rel=2e-3)
 
 
 @pytest.mark.parametrize(("offset", "point"), [(0.000201, "C"), (0.000225, "A")])
-def test_offsets_beyond_do_not(frigate: Ship, offset: float, point: str) -> None:
-    table = rounded_table.rounded_table(frigate, offset=offset)
+def test_changes_beyond_do_not(frigate: Ship, offset: float, point: str) -> None:
+    table = rounded_table.rounded_table(frigate, change=(1.0, offset))
     right = rounded_table.rounded_table(frigate)
     at = rounded_table.printed_point(frigate, point)
     slopes = [one.coefficients(at)[0].by_advance_ratio for one in (table, right)]

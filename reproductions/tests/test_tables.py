@@ -115,20 +115,6 @@ def test_noise_has_the_asked_ratio() -> None:
     assert not added[:, 4].any()
 
 
-def test_a_coarse_inverse_table_loses_about_what_the_thesis_loses() -> None:
-    """With the nodes at or below the pitch, all six rows of the pitch step come within 4.5 points."""
-    exact, rounded = vaf.table_scores()
-    printed = published("advance_velocity_thesis_vaf").loc[list(vaf.INVERTING_ROWS)]
-    off = (rounded["pitch_step"] - printed["pitch_step"]).abs()
-    assert off.max() < vaf.PITCH_POINTS
-    assert (exact["pitch_step"] - printed["pitch_step"]).drop("luenberger-low").min() > 15.0
-    nearest = vaf.other_tables().set_index("pitch node").loc["nearest", "power-balance"]
-    assert nearest.min() > 15.0
-    assert (
-        rounded.drop(columns="pitch_step") - exact.drop(columns="pitch_step")
-    ).abs().max().max() < 0.5
-
-
 def test_mid_range_point_predicts_what_it_was_not_fitted_to() -> None:
     table = poles.mid_range(load_ship("frigate")).set_index("table")
     for number in ("2-20", "2-21", "2-22", "2-23"):

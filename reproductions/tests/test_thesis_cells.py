@@ -33,15 +33,16 @@ def random(table: pd.DataFrame, generator: np.random.Generator) -> pd.DataFrame:
 
 
 def vaf_cells(ours: pd.DataFrame) -> list[Cell]:
-    exact = pd.DataFrame(100.0, index=list(vaf.INVERTING_ROWS), columns=vaf.COLUMNS)
-    exact.loc["power-balance", "pitch_step"] = 73.73
+    smooth = pd.DataFrame(100.0, index=list(vaf.INVERTING_ROWS), columns=vaf.COLUMNS)
+    smooth.loc["power-balance", "pitch_step"] = 73.73
     rounded = published(VAF).loc[list(vaf.INVERTING_ROWS), vaf.COLUMNS].astype(float)
     spread = pd.Series(0.3, index=list(vaf.ROWS))
-    return vaf.cells(ours, spread, vaf.table_reasons(exact, rounded))
+    return vaf.cells(ours, spread, vaf.table_reasons(smooth, rounded))
 
 
 def sensitivity_cells(ours: pd.DataFrame) -> list[Cell]:
-    return sensitivity.cells(ours)
+    rounded = published(SENSITIVITY).iloc[:, 1:7].astype(float)
+    return sensitivity.cells(ours, sensitivity.table_reasons(1.5 * rounded + 0.3, rounded))
 
 
 def snr_cells(ours: pd.DataFrame) -> list[Cell]:
@@ -50,8 +51,8 @@ def snr_cells(ours: pd.DataFrame) -> list[Cell]:
 
 
 TABLES = {
-    "vaf": (published(VAF).drop(columns=snr.COLUMN), vaf_cells),
-    "sensitivity": (published(SENSITIVITY), sensitivity_cells),
+    "vaf": (published(VAF)[vaf.COLUMNS], vaf_cells),
+    "sensitivity": (published(SENSITIVITY).iloc[:, 1:7], sensitivity_cells),
     "snr": (published(VAF)[[snr.COLUMN]], snr_cells),
     "working-points": (
         published(working_points.TABLE)[working_points.COLUMNS],

@@ -7,7 +7,6 @@ printed at z = 0, divided by the product of two poles that are rounding errors, 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,17 @@ from shaftline.observers.immersion_invariance import ImmersionInvariance
 from shaftline.plant import Ship, equilibrium, linearise, load_ship
 
 from .. import side_by_side as beside
-from ..cells import HALF_DIGIT, Cell, Kind, Reason, Verdict, half_digit, number, printed_number
+from ..cells import (
+    HALF_DIGIT,
+    Cell,
+    Kind,
+    Reason,
+    explain,
+    half_digit,
+    number,
+    printed_number,
+    shift_to,
+)
 from ..pages import fill_template
 from . import figures, observer_transfers, poles, printed_plant, rounded_table
 from .poles import poles_zeros_gain, printed_line
@@ -99,17 +108,6 @@ CHOSEN_BY = {
 """Numbers that chose steps, decimals and offset of the table."""
 
 
-def _explain(cell: Cell, *reasons: Reason | None) -> Cell:
-    """Return the cell with the first reason that explains it, or else with the first one."""
-    tried = [replace(cell, reason=reason) for reason in reasons if reason is not None]
-    explained = [one for one in tried if one.verdict is Verdict.EXPLAINED]
-    return next(iter([*explained, *tried]), cell)
-
-
-def _shift(text: str, ours: float, follows: float) -> Reason | None:
-    return Reason(text, follows - ours) if follows != ours else None
-
-
 def plant_cells(ship: Ship) -> list[Cell]:
     """Return the cells of Tables 2-2 to 2-14."""
     points, cells = beside.published_text("advance_velocity_thesis_working_points"), []
@@ -135,10 +133,10 @@ def plant_cells(ship: Ship) -> list[Cell]:
                 if (table, name, point) in CHOSEN_BY:
                     kind, reasons = Kind.CALIBRATED, []
                 else:
-                    by_table = _shift(_AT_POINTS, mine, follows[table, name])
+                    by_table = shift_to(_AT_POINTS, mine, follows[table, name])
                     reasons = [by_table, rows.get((table, name))]
                 cell = number(table, name, point, mine, value, tolerance, PROPAGATED, kind)
-                cells.append(_explain(cell, *reasons))
+                cells.append(explain(cell, *reasons))
     return cells
 
 
@@ -157,8 +155,8 @@ def mid_range_cells(ship: Ship) -> list[Cell]:
                 fitted = table in {"2-18", "2-19"} and name == "gain"
                 kind = Kind.CALIBRATED if fitted else Kind.FREE
                 cell = number(table, name, "mid-range", mine, value, half, HALF_DIGIT, kind)
-                reason = None if fitted else _shift(_AT_MID_RANGE, mine, follows[table, name])
-                cells.append(_explain(cell, reason))
+                reason = None if fitted else shift_to(_AT_MID_RANGE, mine, follows[table, name])
+                cells.append(explain(cell, reason))
     return cells
 
 
@@ -206,7 +204,7 @@ def _invariance_cells(ship: Ship) -> Iterator[Cell]:
         ours = float(as_printed[0, 0].zeros().real[0])
         _, zero = rounded_table.observer_slopes(ship, rounded_table.rounded_table(ship), point)
         cell = printed_number("3-9", "zero 1", point, ours, text)
-        yield _explain(cell, _shift(_BY_OBSERVERS, ours, zero))
+        yield explain(cell, shift_to(_BY_OBSERVERS, ours, zero))
 
 
 _OBSERVERS_CHOSEN_BY = {("3-13", "A"), ("3-13", "D")}
@@ -225,9 +223,9 @@ def _random_walk_cells(ship: Ship) -> Iterator[Cell]:
         elif table in {"3-11", "3-13"}:
             a11, _ = rounded_table.observer_slopes(ship, table_of_thesis, point)
             zero = 1.0 - 1.0 / (1.0 + a11) if table == "3-11" else a11
-            reason = _shift(_BY_OBSERVERS, ours, zero)
+            reason = shift_to(_BY_OBSERVERS, ours, zero)
         cell = number(table, row, point, ours, value, half, HALF_DIGIT, kind)
-        yield _explain(cell, reason)
+        yield explain(cell, reason)
 
 
 def cells(ship: Ship) -> list[Cell]:
@@ -273,25 +271,25 @@ def other_tables(ship: Ship) -> pd.DataFrame:
     """Return how many predicted numbers of Tables 2-3 to 2-14 other rounded tables meet."""
     cells = [cell for cell in plant_cells(ship) if cell.kind is Kind.FREE]
     rows: list[dict[str, object]] = []
-    for decimals, steps, offset in (
-        ((2, 3), (0.05, 0.1), rounded_table.TORQUE_OFFSET),
-        ((2, 3), (0.05, 0.1), 0.0),
-        ((2, 3), (0.1, 0.1), rounded_table.TORQUE_OFFSET),
-        ((2, 3), (0.025, 0.1), rounded_table.TORQUE_OFFSET),
-        ((2, 3), (0.05, 0.2), rounded_table.TORQUE_OFFSET),
-        ((2, 3), (0.05, 0.05), rounded_table.TORQUE_OFFSET),
-        ((2, 4), (0.05, 0.1), rounded_table.TORQUE_OFFSET),
-        ((3, 3), (0.05, 0.1), rounded_table.TORQUE_OFFSET),
-        ((3, 4), (0.05, 0.1), 0.0),
-        ((9, 9), (0.05, 0.1), 0.0),
+    for decimals, steps, change in (
+        ((2, 3), (0.05, 0.1), rounded_table.TORQUE_CHANGE),
+        ((2, 3), (0.05, 0.1), (1.0, 0.0)),
+        ((2, 3), (0.1, 0.1), rounded_table.TORQUE_CHANGE),
+        ((2, 3), (0.025, 0.1), rounded_table.TORQUE_CHANGE),
+        ((2, 3), (0.05, 0.2), rounded_table.TORQUE_CHANGE),
+        ((2, 3), (0.05, 0.05), rounded_table.TORQUE_CHANGE),
+        ((2, 4), (0.05, 0.1), rounded_table.TORQUE_CHANGE),
+        ((3, 3), (0.05, 0.1), rounded_table.TORQUE_CHANGE),
+        ((3, 4), (0.05, 0.1), (1.0, 0.0)),
+        ((9, 9), (0.05, 0.1), (1.0, 0.0)),
     ):
-        table = rounded_table.rounded_table(ship, decimals, steps, offset)
+        table = rounded_table.rounded_table(ship, decimals, steps, change)
         line: dict[str, object] = {
             "decimals of KT": decimals[0] if decimals[0] < 9 else "exact",
             "decimals of KQ": decimals[1] if decimals[1] < 9 else "exact",
             "step in J": f"{steps[0]:g}",
             "step in P/D": f"{steps[1]:g}",
-            "added to KQ": f"{offset:g}",
+            "KQ before rounding": f"{change[0]:g} KQ + {change[1]:g}",
         }
         for head, steady in (
             ("printed omega and v_a", False),

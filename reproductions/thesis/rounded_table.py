@@ -8,9 +8,11 @@ linearly. At A, J = 0.5635 lies between KT = 0.04 (J 0.55) and 0.02 (J 0.60): th
 -0.02 / 0.05 = -0.4, and KT is 0.04 - 0.4 x 0.0135 = 0.0346, as in the printed steady state. B5-90 has
 0.0334 and -0.485.
 
-The entries are those of B5-90 with 0.0002 added to KQ before it is rounded, which raises three of the
-entries that the printed numbers determine by one unit. Offsets of 0.000202 to 0.000223 give the slopes
-at A and C.
+The entries are those of B5-90, where KQ is 1.0075 KQ + 0.00006 before it is rounded. This raises five of
+the entries that the printed numbers determine by one unit: those at J 1.0, 1.15 and 1.3 for P/D 1.4, at
+J 1.0 for P/D 1.2, and at J 0.85 for P/D 0.6. A factor alone (1.008 to 1.0105) leaves out the last of
+them, an offset alone (0.000202 to 0.000209) the first. About 180 tables with these entries remain;
+the row of the shaft acceleration observer in Table 4-1 chose among them (:mod:`.table_plant`).
 """
 
 from __future__ import annotations
@@ -35,8 +37,8 @@ Row = tuple[list[float], list[float]]
 
 ADVANCE_STEP, PITCH_STEP = 0.05, 0.1
 THRUST_DECIMALS, TORQUE_DECIMALS = 2, 3
-TORQUE_OFFSET = 0.000205
-"""Added to KQ of B5-90 before it is rounded [-]."""
+TORQUE_CHANGE = (1.0075, 6e-5)
+"""Factor on KQ of B5-90 and what is added to it, before it is rounded."""
 LOWEST_PITCH, HIGHEST_PITCH, HIGHEST_ADVANCE_RATIO = 0.6, 1.4, 1.6
 MID_RANGE_PITCH = 1.2
 """P/D of the mid-range point: the ratio of its gains from the rack to v_s and omega is v_s / omega."""
@@ -103,23 +105,27 @@ def rounded_table(
     ship: Ship,
     decimals: tuple[int, int] = (THRUST_DECIMALS, TORQUE_DECIMALS),
     steps: tuple[float, float] = (ADVANCE_STEP, PITCH_STEP),
-    offset: float = TORQUE_OFFSET,
+    change: tuple[float, float] = TORQUE_CHANGE,
 ) -> Table:
     """Return the rounded table of a B-series propeller.
 
-    ``decimals`` are those of KT and KQ, ``steps`` those in J and P/D; ``offset`` is added to KQ.
+    ``decimals`` are those of KT and KQ, ``steps`` those in J and P/D; ``change`` is the factor on KQ
+    and what is added.
     """
     j = steps[0] * np.arange(round(HIGHEST_ADVANCE_RATIO / steps[0]) + 1)
     p = LOWEST_PITCH + steps[1] * np.arange(round((HIGHEST_PITCH - LOWEST_PITCH) / steps[1]) + 1)
     record, found = ship.record(), []
-    for name, digits, more in (("kt", decimals[0], 0.0), ("kq", decimals[1], offset)):
-        exact = [[open_water(record[name], a, b) + more for b in p] for a in j]
+    for name, digits, (factor, more) in (
+        ("kt", decimals[0], (1.0, 0.0)),
+        ("kq", decimals[1], change),
+    ):
+        exact = [[factor * open_water(record[name], a, b) + more for b in p] for a in j]
         found.append(np.round(np.array(exact), digits))
     return Table(found[0], found[1], *steps)
 
 
-class _Numbers(NamedTuple):
-    """Parameters of the ship that stand in eqs. 2-20 and 2-35."""
+class Parameters(NamedTuple):
+    """Parameters of a ship, as factors of eqs. 2-20 and 2-35."""
 
     inflow: float  # 1 - w
     torque: float  # rho D^5 / (4 pi^2)
@@ -135,13 +141,14 @@ class _Numbers(NamedTuple):
     diameter: float
 
 
-def _numbers(ship: Ship) -> _Numbers:
+def parameters(ship: Ship) -> Parameters:
+    """Return the parameters of a ship that stand in eqs. 2-20 and 2-35."""
     record = ship.record()
     gear, diameter = float(record["gear_ratio"]), float(record["diameter"])
     geared = gear * float(record["transmission_efficiency"])
     factor = float(record["density"]) * diameter**4 / (4.0 * math.pi**2)
     pushing = float(record["propellers"]) * (1.0 - float(record["thrust_deduction"]))
-    return _Numbers(
+    return Parameters(
         1.0 - float(record["wake_fraction"]),
         factor * diameter,
         factor * pushing,
@@ -159,7 +166,7 @@ def _numbers(ship: Ship) -> _Numbers:
 
 def steady_state(ship: Ship, table: Table, rack: float, pitch_ratio: float) -> Steady:
     """Return the steady state at a fuel rack [mm] and a pitch; J depends on the pitch alone."""
-    own = _numbers(ship)
+    own = parameters(ship)
     turn = 2.0 * math.pi * own.inflow / own.diameter  # J omega / v_s
 
     def surplus(j: float) -> float:
@@ -182,7 +189,7 @@ def linear_model(
 
     ``gauge`` is the row of M_m, by default :func:`gauge_row` of the state itself.
     """
-    own, lag = _numbers(ship), 1.0 / float(ship.record()["pitch_time_constant"])
+    own, lag = parameters(ship), 1.0 / float(ship.record()["pitch_time_constant"])
     inertia, drag = own.ahead + own.behind, own.resistance * at.ship_speed / own.mass
     q = _over_states(own.torque / inertia, own, at, torque)
     t = _over_states(own.thrust / own.mass, own, at, thrust)
@@ -204,7 +211,7 @@ def linear_model(
 
 def gauge_row(ship: Ship, at: Steady, torque: Coefficient) -> Row:
     """Return the row of M_m (eq. 2-31) at a steady state."""
-    own = _numbers(ship)
+    own = parameters(ship)
     inertia = own.ahead + own.behind
     states = _over_states(own.torque * own.ahead / inertia, own, at, torque)
     inflow = states[2] / own.inflow
@@ -212,7 +219,7 @@ def gauge_row(ship: Ship, at: Steady, torque: Coefficient) -> Row:
     return states, [0.0, own.behind / inertia * own.by_rack, 0.0, inflow]
 
 
-def _over_states(factor: float, own: _Numbers, at: Steady, k: Coefficient) -> list[float]:
+def _over_states(factor: float, own: Parameters, at: Steady, k: Coefficient) -> list[float]:
     """Return the slopes of factor x omega^2 x K over P/D, omega and v_s."""
     by_speed = 2.0 * k.value - at.advance_ratio * k.by_advance_ratio
     by_velocity = k.by_advance_ratio * 2.0 * math.pi * own.inflow / own.diameter
@@ -222,7 +229,7 @@ def _over_states(factor: float, own: _Numbers, at: Steady, k: Coefficient) -> li
 
 def printed_point(ship: Ship, point: str) -> Steady:
     """Return a working point by the printed P/D, omega and v_a, the rounded numbers of Table 2-1."""
-    at, own = published("advance_velocity_thesis_working_points").loc[point], _numbers(ship)
+    at, own = published("advance_velocity_thesis_working_points").loc[point], parameters(ship)
     omega, velocity = float(at["shaft_speed_rad_s"]), float(at["advance_velocity_m_s"])
     j = 2.0 * math.pi * velocity / (omega * own.diameter)
     return Steady(float(at["pitch_ratio"]), omega, velocity / own.inflow, j)
@@ -264,7 +271,7 @@ def observer_slopes(ship: Ship, table: Table, point: str) -> tuple[float, float]
 
     KQ and dKQ/dJ are those at :data:`OBSERVER_ADVANCE_RATIO`, J in -J dKQ/dJ is that of the point.
     """
-    own, at = _numbers(ship), printed_point(ship, point)
+    own, at = parameters(ship), printed_point(ship, point)
     k = table.coefficient(table.torque, OBSERVER_ADVANCE_RATIO, at.pitch_ratio)
     by_speed = _over_states(own.torque, own, at, k)[1]
     return (own.by_speed - by_speed) / (own.ahead + own.behind), -by_speed / own.behind

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,9 @@ from shaftline.plant import Ship, load_ship
 from shaftline.plant.load_cases import CASES
 
 from .. import side_by_side as beside
-from ..cells import HALF_DIGIT, Cell, Kind, half_digit
-from . import figures
-from .vaf import ROWS, wrong_curve_changes
+from ..cells import HALF_DIGIT, Cell, Kind, Reason, explain, half_digit, printed_number, shift_to
+from . import figures, rounded_table, table_plant
+from .vaf import OTHER_POINTS, ROWS
 
 RIGHT = "vaf_inflow_sine_high"
 
@@ -101,31 +102,119 @@ def _table(samples: Any, estimates: dict[tuple[str, str], Any]) -> pd.DataFrame:
 
 
 _CHANGES = "the change is a difference of two scores that are rounded to two digits"
+POINTS = 2.0 * OTHER_POINTS
+"""Distance from the printed change [points] that still counts: that of two scores of Table 4-1."""
+CHOSEN_BY = ("immersion-invariance-moderate", "open_water_minus_10pct")
+"""The change that chose the entry of the table at J 1.0 and P/D 1.4."""
+
+_BY_TABLE = (
+    "plant and observers of the thesis have a rounded open-water table "
+    "([poles](poles.md#the-open-water-table-of-the-thesis)). The change on this table is within "
+    f"{POINTS:g} points of the print"
+)
+_TURNED = f"the print's sign is a misprint (errata page); besides, {_BY_TABLE}"
 
 
-def cells(ours: pd.DataFrame) -> list[Cell]:
-    """Return the cells of Table 5-1 for our changes, from :func:`sensitivity_table`."""
+def table_changes(tick: beside.Tick = lambda: None) -> pd.DataFrame:
+    """Return the changes of VAF [points] on the rounded table, for the columns of wrong parameters."""
+    ship = load_ship("frigate")
+    right = rounded_table.rounded_table(ship)
+    samples, columns = table_plant.simulate_case(ship, right, "inflow_sine_high"), {}
+    for name, (believed, curve) in _beliefs(ship).items():
+        table = rounded_table.rounded_table(believed)
+        found = table_plant.estimates(believed, samples, table, curve)
+        columns[name] = table_plant.scores(samples, found)
+        tick()
+    table_of_scores = pd.DataFrame(columns)
+    return table_of_scores.iloc[:, 1:].sub(table_of_scores[RIGHT], axis=0)
+
+
+def table_reasons(
+    smooth: pd.DataFrame, rounded: pd.DataFrame
+) -> dict[tuple[str, str], tuple[Reason | None, ...]]:
+    """Return the effect of the rounded table on each change, as reasons of Table 5-1.
+
+    ``smooth`` are our changes, ``rounded`` those of :func:`table_changes`. Where the print's sign is
+    a misprint, the change has the other sign.
+    """
+    turned = find_sign_misprints(beside.published("advance_velocity_thesis_sensitivity"))
+    found = {}
+    for row in rounded.index:
+        for column in rounded.columns:
+            if (row, column) == CHOSEN_BY:
+                continue
+            ours, follows = float(smooth.loc[row, column]), float(rounded.loc[row, column])
+            text = _TURNED if (row, column) in turned else _BY_TABLE
+            follows = -follows if (row, column) in turned else follows
+            pair = ours, follows
+            found[row, column] = (shift_to(text, *pair), shift_to(text, *pair, POINTS))
+    return found
+
+
+def cells(
+    ours: pd.DataFrame,
+    reasons: Mapping[tuple[str, str], tuple[Reason | None, ...]] | None = None,
+) -> list[Cell]:
+    """Return the cells of the changes of Table 5-1 for ours, from :func:`sensitivity_table`."""
 
     def judge(row: str, column: str, text: str) -> beside.Judged:
-        half = half_digit(text, 2)
-        if column == RIGHT:
-            return Kind.FREE, half, HALF_DIGIT
-        if column in {"rms", "sd"}:
-            return Kind.FREE, 3.0 * half, f"{HALF_DIGIT}; {_CHANGES}"
-        return Kind.FREE, 2.0 * half, _CHANGES
+        kind = Kind.CALIBRATED if (row, column) == CHOSEN_BY else Kind.FREE
+        return kind, 2.0 * half_digit(text, 2), _CHANGES
 
     theirs = beside.published_text("advance_velocity_thesis_sensitivity")
-    return beside.compare("5-1", ours, theirs, judge)
+    changes = ours.drop(columns=[RIGHT, "rms", "sd"], errors="ignore")
+    found = beside.compare("5-1", changes, theirs, judge)
+    return [explain(cell, *(reasons or {}).get((cell.row, cell.column), ())) for cell in found]
+
+
+def derived_cells() -> list[Cell]:
+    """Return the cells of the first and the last two columns, by arithmetic on printed numbers.
+
+    The score with the right model is that of Table 4-1. RMS and standard deviation are those of the
+    row's changes as printed, and with the sign that the errata turn as a reason.
+    """
+    printed = beside.published("advance_velocity_thesis_sensitivity")
+    texts = beside.published_text("advance_velocity_thesis_sensitivity")
+    scores = beside.published("advance_velocity_thesis_vaf")["inflow_sine_high"]
+    turned, found = dict(find_sign_misprints(printed)), []
+    for row, line in printed.iterrows():
+        changes = line.iloc[1:7].astype(float)
+        right = changes.where(changes.index != turned.get(str(row)), -changes)
+        text = "one sign of the row is a misprint (errata page)"
+        for column, value, follows in (
+            (RIGHT, float(scores[row]), float(scores[row])),
+            ("rms", _rms(changes), _rms(right)),
+            ("sd", float(changes.std()), float(right.std())),
+        ):
+            more = 0.0 if column == RIGHT else half_digit("0.00")
+            basis = (
+                HALF_DIGIT if column == RIGHT else f"{HALF_DIGIT}, and that of the row's changes"
+            )
+            shown = str(texts.loc[str(row), column])
+            cell = printed_number("5-1", str(row), column, value, shown, Kind.DERIVED, more, basis)
+            found.append(explain(cell, shift_to(text, value, follows)))
+    return found
+
+
+def _rms(changes: pd.Series) -> float:
+    return float(changes.pow(2).mean() ** 0.5)
 
 
 def page(tick: beside.Tick) -> beside.Page:
     """Return the page of Table 5-1 and Figures A-23 to A-33."""
     samples, estimates = wrong_estimates(load_ship("frigate"), tick)
-    ours = _table(samples, estimates)
+    ours, rounded = _table(samples, estimates), table_changes(tick)
     drawn = {"beliefs": figures.belief_figure(samples, estimates, list(ROWS))}
-    template, curves = Path(__file__).with_suffix(".md"), wrong_curve_changes()
-    return beside.page_of_table(ours, cells(ours), drawn, 60, template, curves=curves)
+    compared = [*cells(ours, table_reasons(ours, rounded)), *derived_cells()]
+    printed = beside.published("advance_velocity_thesis_sensitivity")
+    both = {
+        column: [f"{v:.2f} ({printed.loc[row, column]:.2f})" for row, v in values.items()]
+        for column, values in rounded.items()
+    }
+    shown = pd.DataFrame(both, index=rounded.index).reset_index(names="")
+    template = Path(__file__).with_suffix(".md")
+    return beside.page_of_table(ours, compared, drawn, 60, template, rounded=shown, points=POINTS)
 
 
 TITLE = "Change of VAF with wrong parameters of the ship, points (thesis, Table 5-1)"
-STUDY = beside.Study(TITLE, page, 7)
+STUDY = beside.Study(TITLE, page, 14)

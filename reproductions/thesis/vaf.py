@@ -1,16 +1,14 @@
 """Compute Table 4-1: the variance accounted for by each observer in each load case.
 
-The thesis inverts KQ by a table that it does not print. The second half of the module shows what a
-coarse table costs: the column of the pitch node at or below the measured pitch, and in this column the
-entry nearest to KQ, without interpolation. Its steps are round numbers, chosen by the printed scores of
-:data:`CHOSEN_BY_ROWS`.
+The thesis simulates on a rounded open-water table (:mod:`.rounded_table`). The scores on this table
+(:mod:`.table_plant`) are reasons of the differences from ours, which have smooth curves.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +23,11 @@ from shaftline.observers.following import variance_accounted_for
 from shaftline.observers.records import Floats
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.load_cases import CASES, PITCH_STEP_DURATION, RACK_STEP_DURATION, LoadCase
-from shaftline.plant.open_water import MAX_ADVANCE_RATIO, open_water
 
 from .. import side_by_side as beside
-from ..cells import HALF_DIGIT, Cell, Kind, Reason, half_digit
+from ..cells import HALF_DIGIT, Cell, Kind, Reason, explain, half_digit, printed_number, shift_to
 from ..side_by_side import published
-from . import figures
+from . import figures, table_plant
 
 INVERTING_ROWS = (
     "luenberger-low",
@@ -118,152 +115,80 @@ CHOSEN_BY = {
 
 
 def cells(
-    ours: pd.DataFrame, spread: pd.Series, reasons: dict[tuple[str, str], Reason] | None = None
+    ours: pd.DataFrame,
+    spread: pd.Series,
+    reasons: Mapping[tuple[str, str], tuple[Reason | None, ...]] | None = None,
 ) -> list[Cell]:
-    """Return the cells of Table 4-1 for our scores, from :func:`whole_table`."""
+    """Return the cells of the scores of Table 4-1 for ours, from :func:`vaf_table`."""
     # 95 % of the differences of one sea's score from the mean of ours
     wide = float(scipy.stats.t.ppf(0.975, SEA_SEEDS - 1)) * math.sqrt(1.0 + 1.0 / SEA_SEEDS)
 
     def judge(row: str, column: str, text: str) -> beside.Judged:
-        kind = Kind.CALIBRATED if (row, column) in CHOSEN_BY else Kind.FREE
+        kind = Kind.CALIBRATED if chosen_by(row, column) else Kind.FREE
         if column == SEA:
             return kind, half_digit(text, 2) + wide * float(spread[row]), IN_SEAS
         return kind, half_digit(text, 2), HALF_DIGIT
 
     theirs = beside.published_text("advance_velocity_thesis_vaf").drop(columns="snr_db_for_95pct")
-    return beside.compare("4-1", ours, theirs, judge, reasons)
+    found = beside.compare("4-1", ours[COLUMNS], theirs, judge)
+    return [explain(cell, *(reasons or {}).get((cell.row, cell.column), ())) for cell in found]
 
 
-PITCH_STEP, ADVANCE_STEP = 0.01, 0.005  # steps of the table in P/D and J [-]
-CHOSEN_BY_ROWS = ("shaft-acceleration", "power-balance")
-"""Rows of Table 4-1 by which the steps and the rule were chosen."""
 PITCH_POINTS, OTHER_POINTS = 4.5, 0.02
 """Distance from the printed score [points] that still counts, in the pitch step and elsewhere."""
 
-_EPSILON = 1e-9
+_BY_TABLE = (
+    "plant and observers of the thesis have a rounded open-water table "
+    "([poles](poles.md#the-open-water-table-of-the-thesis))"
+)
+_BY_INVERSE = (
+    f"{_BY_TABLE}, and the observers that invert KQ a polynomial fit of J, whose degrees the row of the "
+    "shaft acceleration observer chose. The score with both is within {within:g} points of the print"
+)
+_FORWARD = f"{_BY_TABLE}, whose score this is"
 
 
-def node_below(pitch_ratio: float, step: float) -> float:
-    """Return the pitch node at or below a pitch ratio."""
-    return float(np.floor(pitch_ratio / step + _EPSILON) * step)
+def table_reasons(
+    smooth: pd.DataFrame, rounded: pd.DataFrame
+) -> dict[tuple[str, str], tuple[Reason | None, ...]]:
+    """Return the effect of the rounded table on each score, as reasons of Table 4-1.
 
-
-def node_nearest(pitch_ratio: float, step: float) -> float:
-    """Return the pitch node nearest to a pitch ratio."""
-    return float(np.round(pitch_ratio / step) * step)
-
-
-def table_inverse(
-    curve: Floats,
-    coefficient: Floats,
-    pitch_ratio: Floats,
-    pitch_step: float = PITCH_STEP,
-    advance_step: float = ADVANCE_STEP,
-    node: Callable[[float, float], float] = node_below,
-) -> Floats:
-    """Return J [-] by the table, shape (n,), of KQ and P/D [-], shape (n,).
-
-    ``curve`` are the coefficients of KQ, the steps those of the table in P/D and J, and ``node`` is
-    :func:`node_below` or :func:`node_nearest`.
+    ``smooth`` are our scores, ``rounded`` those of :func:`.table_plant.score_table`. A reason without a
+    distance comes first: the score on the table then meets the print's own interval.
     """
-    ratios = np.arange(0.0, MAX_ADVANCE_RATIO, advance_step)
-    nodes = np.array([node(pitch, pitch_step) for pitch in pitch_ratio])
-    found = np.empty(len(coefficient))
-    for one in np.unique(nodes):
-        column = np.array([open_water(curve, j, one) for j in ratios])
-        for i in np.flatnonzero(nodes == one):
-            found[i] = ratios[np.argmin(np.abs(column - coefficient[i]))]
+    found = {}
+    for row, case in itertools.product(rounded.index, rounded.columns):
+        if chosen_by(row, case):
+            continue
+        pair = float(smooth.loc[row, case]), float(rounded.loc[row, case])
+        within = PITCH_POINTS if case == "pitch_step" else OTHER_POINTS
+        inverting = row in INVERTING_ROWS
+        text = _BY_INVERSE.format(within=within) if inverting else _FORWARD
+        near = shift_to(text, *pair, within) if inverting else None
+        found[row, case] = (shift_to(text, *pair), near)
     return found
 
 
-def _score_by_table(
-    ship: Ship, samples: NDArray[Any], estimated: Floats, factor: float = 1.0, **table: Any
-) -> float:
-    """Return the VAF [%] of an estimate whose exact inverse is replaced by the table of factor x KQ."""
-    record, pitch = ship.record(), samples["pitch_ratio"]
-    turns = samples["shaft_speed"] / (2.0 * np.pi) * float(record["diameter"])
-    pairs = zip(estimated / turns, pitch, strict=True)
-    kq = np.array([open_water(record["kq"], j, p) for j, p in pairs])
-    inverse = table_inverse(factor * record["kq"], kq, pitch, **table)
-    return variance_accounted_for(samples["advance_velocity"], inverse * turns)
+def chosen_by(row: str, case: str) -> bool:
+    """Return whether a score chose a length of a record, or the degrees of the inverse."""
+    chosen = CHOSEN_BY | table_plant.CHOSEN_BY
+    return (row, case) in chosen or row == "shaft-acceleration"
 
 
-def table_scores() -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return the VAF [%] by observer and load case, with the exact inverse and with the table.
-
-    The sea is that of seed 0 in both.
-    """
-    frigate = load_ship("frigate")
-    exact, rounded = {}, {}
-    for name in COLUMNS:
-        samples = CASES[name].run(frigate)
-        truth, found = samples["advance_velocity"], _estimates(INVERTING_ROWS, frigate, samples)
-        exact[name] = {row: variance_accounted_for(truth, one) for row, one in found.items()}
-        rounded[name] = {row: _score_by_table(frigate, samples, one) for row, one in found.items()}
-    return pd.DataFrame(exact), pd.DataFrame(rounded)
-
-
-def other_tables() -> pd.DataFrame:
-    """Return the pitch step's VAF [%] of two observers for other tables, one line a table."""
-    frigate = load_ship("frigate")
-    samples, lines = CASES["pitch_step"].run(frigate), []
-    found = _estimates(CHOSEN_BY_ROWS, frigate, samples)
-    nodes = {"at or below": node_below, "nearest": node_nearest}
-    pitches, advances = (0.02, 0.0125, 0.01, 0.005), (0.001, 0.005, 0.01)
-    for name, pitch, advance in itertools.product(nodes, pitches, advances):
-        steps: dict[str, Any] = {"pitch_step": pitch, "advance_step": advance, "node": nodes[name]}
-        line = {"pitch node": name, "step in P/D": pitch, "step in J": advance}
-        scores = {
-            row: _score_by_table(frigate, samples, one, **steps) for row, one in found.items()
-        }
-        lines.append(line | scores)
-    printed = published("advance_velocity_thesis_vaf")["pitch_step"]
-    lines.append(
-        {"pitch node": "the thesis"} | {row: float(printed[row]) for row in CHOSEN_BY_ROWS}
-    )
-    return pd.DataFrame(lines)
-
-
-def wrong_curve_changes() -> pd.DataFrame:
-    """Return the change of VAF [points] of the shaft acceleration observer when its KQ is wrong."""
-    frigate, rows = load_ship("frigate"), []
-    samples = CASES["inflow_sine_high"].run(frigate)
-    truth, steps = samples["advance_velocity"], (1e-4, ADVANCE_STEP)
-    right, low, high = (
-        [_score_by_table(frigate, samples, truth, factor, advance_step=step) for step in steps]
-        for factor in (1.0, 0.9, 1.1)
-    )
-    printed = published("advance_velocity_thesis_sensitivity").loc["shaft-acceleration"]
-    for factor, wrong, column in ((0.9, low, "minus"), (1.1, high, "plus")):
-        fine, coarse = (a - b for a, b in zip(wrong, right, strict=True))
-        rows.append(
-            {
-                "KQ believed / right": factor,
-                "step in J 0.0001": fine,
-                f"step in J {ADVANCE_STEP:g}": coarse,
-                "printed": float(printed[f"open_water_{column}_10pct"]),
-            }
-        )
-    return pd.DataFrame(rows)
-
-
-def table_reasons(exact: pd.DataFrame, rounded: pd.DataFrame) -> dict[tuple[str, str], Reason]:
-    """Return the effect of the table on each score, as reasons of Table 4-1.
-
-    The rows by which the table was chosen have no reason, because the table was fitted to them.
-    """
-    found = {}
-    for row, case in itertools.product(set(INVERTING_ROWS) - set(CHOSEN_BY_ROWS), exact.columns):
-        shift = float(rounded.loc[row, case] - exact.loc[row, case])
-        within = PITCH_POINTS if case == "pitch_step" else OTHER_POINTS
-        text = (
-            f"a table of KQ with steps of {PITCH_STEP:g} in P/D (node at or below) and {ADVANCE_STEP:g} "
-            "in J (nearest entry), read without interpolation, brings our score to within "
-            f"{within:g} points of the print; steps and rule are chosen by the printed scores of two "
-            "rows"
-        )
-        if abs(shift) >= 2.0 * within:
-            found[row, case] = Reason(text, shift, within)
+def derived_cells() -> list[Cell]:
+    """Return the cells of average and standard deviation, by arithmetic on the printed scores."""
+    printed, found = published("advance_velocity_thesis_vaf"), []
+    texts = beside.published_text("advance_velocity_thesis_vaf")
+    for row, values in printed[COLUMNS].iterrows():
+        for column, value in (("average", values.mean()), ("sd", values.std())):
+            text = str(texts.loc[str(row), column])
+            more = half_digit("0.00")  # the scores are rounded as well
+            basis = f"{HALF_DIGIT}, and that of the row's scores"
+            found.append(
+                printed_number(
+                    "4-1", str(row), column, float(value), text, Kind.DERIVED, more, basis
+                )
+            )
     return found
 
 
@@ -289,8 +214,8 @@ def page(tick: beside.Tick) -> beside.Page:
     """Return the page of Table 4-1 and Figures A-1 to A-11."""
     table, spread = vaf_table(tick)
     ours = whole_table(table)
-    exact, rounded = table_scores()
-    compared = cells(ours, spread, table_reasons(exact, rounded))
+    rounded = table_plant.score_table(SEA_SEEDS, COLUMNS, tick)
+    compared = [*cells(ours, spread, table_reasons(table, rounded)), *derived_cells()]
     printed = published("advance_velocity_thesis_vaf")
     both = {
         case: [f"{v:.2f} ({printed.loc[row, case]:.2f})" for row, v in rounded[case].items()]
@@ -309,12 +234,14 @@ def page(tick: beside.Tick) -> beside.Page:
         rows=list(ROWS),
         rack_s=RACK_STEP_DURATION,
         pitch_s=PITCH_STEP_DURATION,
-        pitch_step=PITCH_STEP,
-        advance_step=ADVANCE_STEP,
+        before_s=table_plant.BEFORE_S,
+        after_s=table_plant.AFTER_S,
+        high_sine_s=table_plant.HIGH_SINE_S,
+        ramp_s=table_plant.RAMP_S,
+        points=(PITCH_POINTS, OTHER_POINTS),
         rounded=shown,
-        others=other_tables(),
     )
 
 
 TITLE = "Variance accounted for by each observer, % (thesis, Table 4-1)"
-STUDY = beside.Study(TITLE, page, records() + 1)
+STUDY = beside.Study(TITLE, page, 2 * records() + 1)
