@@ -34,7 +34,7 @@ def test_it_starts_in_its_steady_state(frigate: Ship) -> None:
     samples = table_plant.simulate_case(frigate, table, "rack_step")
     before = round(table_plant.BEFORE_S / table_plant.STEP_S)
     assert np.ptp(samples.shaft_speed[: before - 1]) < 1e-6
-    assert 100.0 * (samples.shaft_speed[-1] / samples.shaft_speed[0] - 1.0) > 20.0
+    assert 100.0 * (samples.shaft_speed[-1] / samples.shaft_speed[0] - 1.0) > 15.0
     # M_m = I_R omega' + M_p, and I_L carries the rest of the engine's torque
     j = 2.0 * np.pi * samples.velocity / (samples.shaft_speed * 4.2)
     last = table.interpolate(table.torque, float(j[-1]), 1.4)

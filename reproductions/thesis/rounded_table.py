@@ -114,13 +114,14 @@ def rounded_table(
     """
     j = steps[0] * np.arange(round(HIGHEST_ADVANCE_RATIO / steps[0]) + 1)
     p = LOWEST_PITCH + steps[1] * np.arange(round((HIGHEST_PITCH - LOWEST_PITCH) / steps[1]) + 1)
-    record, found = ship.record(), []
+    record = ship.record()
+    found: list[Floats] = []
     for name, digits, (factor, more) in (
         ("kt", decimals[0], (1.0, 0.0)),
         ("kq", decimals[1], change),
     ):
         exact = [[factor * open_water(record[name], a, b) + more for b in p] for a in j]
-        found.append(np.round(np.array(exact), digits))
+        found.append(np.asarray(np.round(exact, digits), np.float64))
     return Table(found[0], found[1], *steps)
 
 
@@ -183,11 +184,11 @@ def steady_state(ship: Ship, table: Table, rack: float, pitch_ratio: float) -> S
 
 
 def linear_model(
-    ship: Ship, at: Steady, torque: Coefficient, thrust: Coefficient, gauge: Row | None = None
+    ship: Ship, at: Steady, torque: Coefficient, thrust: Coefficient, meter: Row | None = None
 ) -> control.StateSpace:
     """Return the linear model of eq. 2-35 about a steady state, for given KQ and KT.
 
-    ``gauge`` is the row of M_m, by default :func:`gauge_row` of the state itself.
+    ``meter`` is the row of M_m, by default :func:`meter_row` of the state itself.
     """
     own, lag = parameters(ship), 1.0 / float(ship.record()["pitch_time_constant"])
     inertia, drag = own.ahead + own.behind, own.resistance * at.ship_speed / own.mass
@@ -203,13 +204,13 @@ def linear_model(
         [0.0, own.by_rack / inertia, 0.0, -q[2] / own.inflow],
         [0.0, 0.0, -drag * at.ship_speed, t[2] / own.inflow],
     ]
-    row = gauge or gauge_row(ship, at, torque)
+    row = meter or meter_row(ship, at, torque)
     c, d = np.vstack([np.eye(3), row[0]]), np.vstack([np.zeros((3, 4)), row[1]])
     outputs = ["pitch_ratio", "shaft_speed", "ship_speed", "shaft_torque"]
     return control.ss(a, b, c, d, inputs=list(INPUTS), outputs=outputs)
 
 
-def gauge_row(ship: Ship, at: Steady, torque: Coefficient) -> Row:
+def meter_row(ship: Ship, at: Steady, torque: Coefficient) -> Row:
     """Return the row of M_m (eq. 2-31) at a steady state."""
     own = parameters(ship)
     inertia = own.ahead + own.behind
@@ -250,7 +251,7 @@ def model_at(ship: Ship, table: Table, point: str, *, steady: bool = False) -> c
         steady_point(ship, table, one) if steady else printed_point(ship, one)
         for one in ("A", point)
     )
-    row = gauge_row(ship, first, table.coefficients(first)[0])
+    row = meter_row(ship, first, table.coefficients(first)[0])
     return linear_model(ship, at, *table.coefficients(at), row)
 
 

@@ -138,7 +138,7 @@ def table_reasons(
     a misprint, the change has the other sign.
     """
     turned = find_sign_misprints(beside.published("advance_velocity_thesis_sensitivity"))
-    found = {}
+    found: dict[tuple[str, str], tuple[Reason | None, ...]] = {}
     for row in rounded.index:
         for column in rounded.columns:
             if (row, column) == CHOSEN_BY:

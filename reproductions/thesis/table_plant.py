@@ -113,7 +113,7 @@ def _run(
 def _follow_invariance(
     p: Floats, kq: Floats, steps: Floats, read: Floats, gamma: float, dt: float, out: Floats
 ) -> None:
-    """Integrate eq. 3-13 by Heun's rule in quarter steps, with readings linear between samples."""
+    """Integrate eq. 3-13 by Heun's rule in quarter steps, with measurements linear between samples."""
     scaled, parts = out[0] - gamma * read[0, 0], 4
     for n in range(len(out) - 1):
         for part in range(parts):
@@ -210,7 +210,8 @@ def exact_inverse(table: Table, factor: float = 1.0) -> Inverse:
 
 def _velocity(ship: Ship, invert: Inverse, torque: Floats, omega: Floats, pitch: Floats) -> Floats:
     p = _parameters(ship)
-    return invert(torque / (p[1] * omega**2), pitch) * omega * p[11] / (2.0 * math.pi)
+    ratio = invert(torque / (p[1] * omega**2), pitch)
+    return np.asarray(ratio * omega * float(p[11]) / (2.0 * math.pi))
 
 
 def _shaft_estimate(name: str, ship: Ship, samples: Samples) -> tuple[Floats, Floats]:

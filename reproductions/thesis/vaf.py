@@ -156,7 +156,7 @@ def table_reasons(
     ``smooth`` are our scores, ``rounded`` those of :func:`.table_plant.score_table`. A reason without a
     distance comes first: the score on the table then meets the print's own interval.
     """
-    found = {}
+    found: dict[tuple[str, str], tuple[Reason | None, ...]] = {}
     for row, case in itertools.product(rounded.index, rounded.columns):
         if chosen_by(row, case):
             continue
