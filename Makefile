@@ -82,11 +82,15 @@ $(PREPARED): $(INSTALLED)
 	$(BIN)/shaftline prepare
 	touch $(PREPARED)
 
-# a wheel that contains the machine code of the usual commands, for this version of Python
-wheel: $(PREPARED)
+# a wheel with the machine code of the usual commands, for processors since about 2013 and this Python
+KERNELS = find . -path ./.venv -prune -o -name '*.nb[ic]' -print
+wheel: $(INSTALLED)
+	$(KERNELS) | xargs rm -f $(PREPARED)
+	NUMBA_CPU_NAME=x86-64-v3 NUMBA_CPU_FEATURES= $(BIN)/shaftline prepare
 	$(BIN)/python -m build --wheel --outdir dist \
-	    -C--build-option=--python-tag=cp$$($(BIN)/python -c 'import sys; print("%d%d" % sys.version_info[:2])') \
+	    -C--build-option=--python-tag=$$($(BIN)/python -c 'import sys; print("cp%d%d" % sys.version_info[:2])') \
 	    -C--build-option=--plat-name=$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_platform())')
+	$(KERNELS) | xargs rm -f
 
 clean:
 	rm -rf .venv out build dist *.egg-info

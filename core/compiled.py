@@ -7,12 +7,11 @@ import os
 import stat
 import tempfile
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, ParamSpec, TypeAlias, TypeVar, cast
 
 import numba
-from llvmlite.binding import get_host_cpu_features
 from numba.core.cpu import CPUContext
 from numba.misc.appdirs import AppDirs
 
@@ -52,24 +51,6 @@ def separate_shared_parts(context: Any) -> None:
 separate_shared_parts(CPUContext)
 
 
-PROCESSOR = "x86-64-v3"
-"""Kind of processor for which kernels are compiled where it applies: x86-64 with AVX2 and FMA, as made
-since about 2013. A kernel is then the same, to its last bit, on all of them, and can be copied."""
-
-NEEDED = ("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
-"""Features of :data:`PROCESSOR` beyond those of any x86-64."""
-
-
-def compile_for_all(settings: Any, features: Mapping[str, bool]) -> None:
-    """Set Numba to :data:`PROCESSOR` if a processor with some features is one; the user's choice stays.
-
-    Numba otherwise uses every feature of the processor at hand, and a cached kernel is of no use for
-    another one. ``settings`` is ``numba.config``.
-    """
-    if settings.CPU_NAME is None and all(features.get(name, False) for name in NEEDED):
-        settings.CPU_NAME, settings.CPU_FEATURES = PROCESSOR, ""
-
-
 def _is_writable(folder: Path) -> bool:
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -105,7 +86,6 @@ _settings: Any = numba.config
 if _settings.DISABLE_JIT:  # Kernels use fields of a record as attributes, which needs compilation.
     _settings.DISABLE_JIT = 0
     _warn("NUMBA_DISABLE_JIT is set but ignored, because the equations run only as compiled code")
-compile_for_all(_settings, get_host_cpu_features())
 _appdirs: Any = AppDirs
 if not _settings.CACHE_DIR:  # A setting of the user takes precedence.
     _kept = kernel_folder(

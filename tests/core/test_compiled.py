@@ -7,18 +7,11 @@ import subprocess
 import sys
 from fractions import Fraction
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import pytest
 
-from shaftline.core.compiled import (
-    NEEDED,
-    compile_for_all,
-    compiled,
-    compiled_polynomial,
-    generate_kernel,
-)
+from shaftline.core.compiled import compiled, compiled_polynomial, generate_kernel
 
 
 @compiled
@@ -121,19 +114,3 @@ def test_a_line_is_spelled_out_for_every_field() -> None:
 def test_what_is_spelled_out_belongs_to_its_module() -> None:
     assert (total.__name__, total.__module__) == ("total", __name__)
     assert Path(total.stats.cache_path).name == "__pycache__"
-
-
-@pytest.mark.parametrize(
-    ("chosen", "lacking", "expected"),
-    [
-        (None, "", ("x86-64-v3", "")),  # None as features would add those of the processor at hand
-        (None, "fma", (None, None)),
-        ("znver2", "", ("znver2", None)),
-    ],
-)
-def test_kernels_are_for_every_recent_processor(
-    chosen: str | None, lacking: str, expected: tuple[str | None, str | None]
-) -> None:
-    settings = SimpleNamespace(CPU_NAME=chosen, CPU_FEATURES=None)
-    compile_for_all(settings, {"avx512f": True} | {n: n != lacking for n in NEEDED})
-    assert tuple(vars(settings).values()) == expected

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numba
 import pytest
+from llvmlite.binding import get_host_cpu_features
 
 import shaftline
 from shaftline.core import kernel_cache
@@ -27,7 +28,7 @@ print(triple(2.0), sum(triple.stats.cache_hits.values()))
 """
 
 
-def _run(folder: Path, program: str = "kernel.py") -> tuple[float, int]:
+def _run(folder: Path, program: str = "kernel.py", processor: str = "") -> tuple[float, int]:
     root = Path(shaftline.__file__).resolve().parents[1]
     done = subprocess.run(
         [sys.executable, program],
@@ -35,7 +36,12 @@ def _run(folder: Path, program: str = "kernel.py") -> tuple[float, int]:
         capture_output=True,
         text=True,
         check=False,
-        env={"PYTHONPATH": str(root), "NUMBA_CACHE_DIR": str(folder / "kept"), "PATH": ""},
+        env={
+            "PYTHONPATH": str(root),
+            "NUMBA_CACHE_DIR": str(folder / "kept"),
+            "PATH": "",
+            **({"NUMBA_CPU_NAME": processor, "NUMBA_CPU_FEATURES": ""} if processor else {}),
+        },
     )
     assert done.returncode == 0, done.stderr
     value, hits = done.stdout.split()
@@ -160,3 +166,21 @@ def test_kernels_of_earlier_sources_are_deleted(tmp_path: Path) -> None:
     assert kept == ["kernel.triple", "kernels.triple"]
     assert _run(tmp_path) == (6.0, 1)
     assert _run(tmp_path, "kernels.py") == (6.0, 1)
+
+
+@pytest.mark.skipif(
+    not kernel_cache.runs_portable(get_host_cpu_features()), reason="not of that processor"
+)
+def test_a_portable_kernel_is_run_where_there_is_no_other(tmp_path: Path) -> None:
+    (tmp_path / "kernel.py").write_text(PROGRAM)
+    assert _run(tmp_path, processor="x86-64-v2") == (6.0, 0)
+    assert _run(tmp_path) == (6.0, 0)  # a kernel for another processor is not run
+    (tmp_path / "kernels.py").write_text(PROGRAM)
+    assert _run(tmp_path, "kernels.py", "x86-64-v3") == (6.0, 0)
+    assert _run(tmp_path, "kernels.py") == (6.0, 1)
+
+
+def test_a_portable_kernel_needs_every_feature() -> None:
+    features = dict.fromkeys(kernel_cache.NEEDED, True)
+    assert kernel_cache.runs_portable(features)
+    assert not any(kernel_cache.runs_portable(features | {name: False}) for name in features)
