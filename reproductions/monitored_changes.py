@@ -154,7 +154,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Compute the missing ships, and write the page."""
     folder = "out/monitored-changes"
     parser = make_parser("monitored_changes", __doc__, f"{folder}/page", kept=folder, jobs=None)
-    parser.add_argument("--ships", type=int, default=60, help="number of ships")
+    parser.add_argument("--ships", type=int, default=45, help="number of ships")
     parser.add_argument("--seed", type=int, default=6701, help="seed of the ships")
     options = parser.parse_args(arguments)
     wanted = {cell.name: cell for cell in cells_of(options.seed, options.ships)}
