@@ -9,6 +9,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
 
 from shaftline.core.compiled import compiled, compiled_polynomial, generate_kernel
@@ -32,6 +33,29 @@ def _line(a: float, x: float, b: float) -> float:
 @compiled_polynomial
 def _fused_line(a: float, x: float, b: float) -> float:
     return a * x + b
+
+
+@compiled
+def _add_first(record: Any, more: float) -> float:
+    record.first += more
+    return float(record.first)
+
+
+def test_a_kernel_reads_and_writes_the_memory_of_a_record() -> None:
+    rows = np.zeros(3, np.dtype([("first", np.float64), ("second", np.int64)]))
+    rows["first"] = 1.0, 2.0, 3.0
+    assert _add_first(rows[1], 0.5) == 2.5
+    assert _add_first(rows.view(np.recarray)[2], 0.25) == 3.25
+    assert rows["first"].tolist() == [1.0, 2.5, 3.25]
+    row = rows[0]
+    count = sys.getrefcount(row)
+    for _ in range(100):
+        _add_first(row, 1.0)
+    assert rows["first"][0] == 101.0
+    assert sys.getrefcount(row) == count
+    kept = "\n".join(_add_first.inspect_llvm().values())  # type: ignore[attr-defined]
+    assert "PyObject_GetBuffer" in kept
+    assert "numba_extract_record_data" not in kept
 
 
 ORDER = """
