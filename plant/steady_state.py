@@ -3,16 +3,80 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 
-from .dynamics import evaluate, settle_lags
+from ..core.compiled import Record, compiled_apart, generate_tuple_kernel
+from .dynamics import evaluate, evaluate_apart, settle_lags
 from .ship import Ship
-from .state import TERM_STATES, Inputs, Outputs, State, directional_rate, shift_state
+from .state import (
+    TERM_STATES,
+    Inputs,
+    Outputs,
+    State,
+    directional_rate,
+    inputs_without_sea,
+    shift_state,
+    with_motion,
+)
+
+_MOTION = ("pitch_ratio", "shaft_speed", "ship_speed", "sway_speed")
+
+_motion_state: Callable[[float, float, float, float], State] = generate_tuple_kernel(
+    f"motion_state({', '.join(_MOTION)})",
+    "State",
+    "{field}",
+    [name if name in _MOTION else "0.0" for name in State._fields],
+    globals(),
+)
+
+
+@compiled_apart
+def _at_rest(
+    plant: Record, inputs: Inputs, blade: float, shaft_speed: float, ship_speed: float
+) -> State:
+    """Return the state at a shaft speed and a ship speed with all lag states at rest.
+
+    ``blade`` is the pitch ratio of the blades [-] at the command.
+    """
+    bare = _motion_state(blade, shaft_speed, ship_speed, plant.cross_current)
+    state = settle_lags(plant, bare, inputs)
+    if plant.term_count > 0:
+        # A term on the actuator shifts the blades from the command.
+        rate, _ = evaluate_apart(plant, state, inputs, blade)
+        pitch = blade + plant.pitch_time_constant * rate.pitch_ratio
+        shifted = with_motion(state, pitch, state.shaft_speed, state.ship_speed)
+        state = settle_lags(plant, shifted, inputs)
+    return state
+
+
+@compiled_apart
+def _balances(
+    plant: Record,
+    blade: float,
+    shaft_speed: float,
+    ship_speed: float,
+    drive: float,
+    pitch_ratio: float,
+    inflow: float,
+    resistance_factor: float,
+    outside: tuple[float, ...],
+) -> tuple[float, float, float, float]:
+    """Return the rates of shaft and ship speed, the shaft torque and the resistance of :func:`_at_rest`.
+
+    A solver calls this kernel often. Its arguments are numbers, because the conversion of a state and of
+    inputs takes far longer than the equations.
+    """
+    inputs = inputs_without_sea(
+        drive, pitch_ratio, inflow, 0.0, resistance_factor, 0.0, 0.0, 0.0, outside
+    )
+    state = _at_rest(plant, inputs, blade, shaft_speed, ship_speed)
+    rate, outputs = evaluate_apart(plant, state, inputs, blade)
+    return rate.shaft_speed, rate.ship_speed, outputs.shaft_torque, outputs.resistance
 
 
 class Equilibrium(NamedTuple):
@@ -67,27 +131,19 @@ def equilibrium(
     blade = float(np.clip(pitch_ratio, plant["pitch_ratio_min"], plant["pitch_ratio_max"]))
     blade += float(plant["pitch_actuator_offset"])
 
-    def complete(shaft_speed: float, ship_speed: float) -> State:
-        bare = State(blade, shaft_speed, ship_speed, sway_speed=float(plant["cross_current"]))
-        state = settle_lags(plant, bare, inputs)
-        if plant["term_count"] > 0:
-            # A term on the actuator shifts the blades from the command.
-            rate, _ = evaluate(plant, state, inputs, blade)
-            away = float(plant["pitch_time_constant"]) * rate.pitch_ratio
-            state = settle_lags(plant, state._replace(pitch_ratio=blade + away), inputs)
-        return state
+    acting = (*inputs[:3], inputs.resistance_factor, inputs.outside)
+    inertia, mass = float(plant["inertia_engine_side"]), float(plant["mass"])
 
     def residual(unknown: Any) -> list[float]:
         shaft_speed = float(unknown[0])
         ship_speed = float(unknown[1]) if moving else 0.0
-        rate, outputs = evaluate(plant, complete(shaft_speed, ship_speed), inputs, blade)
-        scale = max(abs(outputs.shaft_torque), 1e-9)
-        shaft = rate.shaft_speed * float(plant["inertia_engine_side"]) / scale
+        shaft_rate, ship_rate, torque, drag = _balances(
+            plant, blade, shaft_speed, ship_speed, *acting
+        )
+        shaft = shaft_rate * inertia / max(abs(torque), 1e-9)
         if not ship.turns_freely:
             shaft = (shaft_speed - float(drive)) / max(abs(drive), 1e-9)
-        if not moving:
-            return [shaft]
-        return [shaft, rate.ship_speed * float(plant["mass"]) / max(outputs.resistance, 1.0)]
+        return [shaft, ship_rate * mass / max(drag, 1.0)] if moving else [shaft]
 
     def is_steady(unknown: Any) -> bool:
         """Return whether each balance holds to 1e-9.
@@ -97,7 +153,8 @@ def equilibrium(
         """
         errors = np.abs(residual(unknown))
         if errors.max() >= 1e-9 and ship.turns_freely:
-            state = complete(float(unknown[0]), float(unknown[1]) if moving else 0.0)
+            ship_speed = float(unknown[1]) if moving else 0.0
+            state = _at_rest(plant, inputs, blade, float(unknown[0]), ship_speed)
             _, outputs = evaluate(plant, state, inputs, blade)
             drive_torque = abs(outputs.brake_torque) * float(plant["gear_ratio"])
             errors[0] /= max(1.0, drive_torque / max(abs(outputs.shaft_torque), 1e-9))
@@ -117,9 +174,9 @@ def equilibrium(
             f"{ship.name}: no steady state with the shaft turning ahead at drive {drive:g} "
             f"{ship.prime_mover.demand.unit} and pitch ratio {pitch_ratio:g}"
         )
-    state = complete(
-        shaft_speed if ship.turns_freely else float(drive), ship_speed if moving else 0.0
-    )
+    if not ship.turns_freely:
+        shaft_speed = float(drive)
+    state = _at_rest(plant, inputs, blade, shaft_speed, ship_speed if moving else 0.0)
     _, outputs = evaluate(plant, state, inputs, blade)
     _check_rest(ship, plant, state, inputs, blade)
     return Equilibrium(state, outputs, inputs)
