@@ -215,7 +215,8 @@ class SteadyReplay(Replay):
     def __init__(self, ship: Ship, table: pd.DataFrame) -> None:
         RecordedInputs.__init__(self, ship, table)
         self.dt, self.per_row = self.interval_s, 1
-        self.drive, self.pitch = self.drive_rows, self.command
+        # Copies, because the kernel would compile again for arrays that cannot be written.
+        self.drive, self.pitch = np.array(self.drive_rows), np.array(self.command)
         self.helm_measured = False
         self.rudder = self.rudder_rows = np.zeros(self.rows)
         self.channels = [column for column in simulated_columns(ship) if column in table]
