@@ -164,7 +164,7 @@ class _Optimum:
         return (found.x, True) if found.success and met else (start, False)
 
 
-@functools.lru_cache(maxsize=16)
+@functools.lru_cache(maxsize=64)
 def combinator_surface(
     ship: Ship,
     torque_share: float = TORQUE_MARGIN,
