@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import pytest
@@ -16,6 +17,8 @@ settings.load_profile("shaftline")
 
 # a worker a core: BLAS threads beside them would only wait for each other, as matrices are small
 threadpool_limits(1, "blas")
+# OpenMP has one thread in torch, which is imported later, and in the processes that tests start.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
 BY_ENVIRONMENTS = tuple(
