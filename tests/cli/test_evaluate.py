@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import json
 import math
-import subprocess
 import sys
 from pathlib import Path
 
@@ -75,30 +74,29 @@ def test_an_evaluation_goes_on_where_it_stopped(shaftline: Command, tmp_path: Pa
     assert len(list((tmp_path / "cells").glob("*.json"))) == 2
 
 
-def test_an_evaluation_is_made_again_where_an_imported_module_has_changed(tmp_path: Path) -> None:
-    (tmp_path / "gains.py").write_text("RACK = -1.0\n")
-    (tmp_path / "mine.py").write_text(
-        "import numpy as np\nfrom gains import RACK\n"
+def test_an_evaluation_is_made_again_where_an_imported_module_has_changed(
+    shaftline: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "law_of_a_test.py").write_text(
+        "import numpy as np\nfrom gains_of_a_test import RACK\n"
         "class Law:\n"
         "    def __init__(self, ship, interval_s): ...\n"
         "    def predict(self, observation, state=None, episode_start=None, deterministic=True):\n"
         "        return np.tile(np.float32([0.0, RACK]), (len(observation), 1)), state\n"
     )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
     burnt = []
     for rack in ("-1.0", "0.5"):
-        (tmp_path / "gains.py").write_text(f"RACK = {rack}\n")
-        command = [sys.executable, "-c", "from shaftline.cli.main import main; main()"]
-        done = subprocess.run(
-            [*command, "evaluate", "--controller", "mine:Law", *map(str, QUICK), "--out", "found"],
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr
-        burnt.append(float(pd.read_csv(tmp_path / "found/table.csv")["fuel_kg_nmi"][0]))
+        (tmp_path / "gains_of_a_test.py").write_text(f"RACK = {rack}\n")
+        for module in ("law_of_a_test", "gains_of_a_test"):
+            sys.modules.pop(module, None)  # as a new process imports them
+        done = shaftline("evaluate", "--controller", "law_of_a_test:Law", *QUICK, "--out", "found")
+        assert done.exit_code == 0, done.output
+        burnt.append(float(pd.read_csv("found/table.csv")["fuel_kg_nmi"][0]))
     assert burnt[0] != burnt[1]
-    assert len(list((tmp_path / "found/cells").glob("*.json"))) == 2
+    assert len(list(Path("found/cells").glob("*.json"))) == 2
 
 
 def test_controllers_that_use_no_estimate_take_one_row(shaftline: Command, tmp_path: Path) -> None:

@@ -20,6 +20,9 @@ from shaftline.cli.machine import add_json_option, to_json
 from .conftest import Command
 from .test_bad_input import nothing_written, refused
 
+ONE_CHANNEL = ("--output", "pitch_ratio")
+"""Option of ``linearise`` that draws one response instead of one for each pair of input and output."""
+
 
 @pytest.mark.parametrize("name", main.COMMANDS)
 def test_every_command_has_it(name: str) -> None:
@@ -32,7 +35,7 @@ def test_no_option_loses_its_help(name: str) -> None:
 
 
 def test_in_a_file(shaftline: Command, tmp_path: Path) -> None:
-    ask = ("linearise", "--drive", 22, "--pitch", 1.4, "--out", tmp_path / "lin")
+    ask = ("linearise", "--drive", 22, "--pitch", 1.4, *ONE_CHANNEL, "--out", tmp_path / "lin")
     result = shaftline(*ask, "--json", tmp_path / "told.json")
     assert result.exit_code == 0, result.output
     assert "modes" in result.output
@@ -44,7 +47,7 @@ def test_in_a_file(shaftline: Command, tmp_path: Path) -> None:
 
 
 def test_on_the_standard_output_stands_nothing_else(tmp_path: Path) -> None:
-    arguments = ["linearise", "--drive", "22", "--out", str(tmp_path), "--json", "-"]
+    arguments = ["linearise", "--drive", "22", *ONE_CHANNEL, "--out", str(tmp_path), "--json", "-"]
     result = CliRunner().invoke(main.app, arguments)
     assert result.exit_code == 0, result.output
     assert set(json.loads(result.stdout)) == {"said", "tables"}
@@ -125,11 +128,11 @@ def test_json_does_not_replace_what_the_command_wrote(
     shaftline: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    line = "linearise --speed 7 --out li --json li/frigate.json"
-    plain = shaftline("linearise", "--speed", "7", "--out", "li")
+    line = ("linearise", "--speed", "7", *ONE_CHANNEL, "--out", "li")
+    plain = shaftline(*line)
     assert plain.exit_code == 0, plain.output
     name = next(p.name for p in Path("li").iterdir() if p.suffix == ".mat")
-    result = shaftline(*line.replace("frigate.json", name).split())
+    result = shaftline(*line, "--json", f"li/{name}")
     assert result.exit_code == 2, result.output
     assert "the command wrote another result to this file" in " ".join(result.output.split())
     assert Path("li", name).read_bytes()[:1] != b"{"

@@ -21,12 +21,15 @@ def test_the_commands_take_the_options_of_the_small_runs(name: str, tmp_path: Pa
 
 
 def test_each_run_is_timed(shaftline: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    runs = {"steady": ("linearise", "--drive", "22"), "light": ("linearise", "--drive", "20")}
+    runs = {
+        "rack": ("simulate", "--case", "rack_step"),
+        "pitch": ("simulate", "--case", "pitch_step"),
+    }
     monkeypatch.setattr(prepare_command, "RUNS", runs)
     result = shaftline("prepare", "--jobs", 1)
     assert result.exit_code == 0, result.output
-    assert "steady: " in result.output
-    assert "light: " in result.output
+    assert "rack: " in result.output
+    assert "pitch: " in result.output
 
 
 def test_a_run_that_fails_is_named_with_its_error(

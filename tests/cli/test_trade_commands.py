@@ -215,7 +215,8 @@ def test_a_ship_from_particulars_is_a_ship_file(files: Path) -> None:
         run("new-ship", "--from-particulars", files / "particulars.toml", "--out", ship).exit_code
         == 0
     )
-    linear = run("linearise", "--ship", ship, "--speed", 9, "--out", files / "linear")
+    point = ("--speed", 9, "--output", "shaft_speed")
+    linear = run("linearise", "--ship", ship, *point, "--out", files / "linear")
     assert linear.exit_code == 0, linear.output
 
 

@@ -186,7 +186,8 @@ def test_from_simulation_to_an_identified_ship_s_loop(
     done(run(*common, "--free", one_key(packaged(ship))))
     found = out / "identified_ship.toml"
     drive = 0.55 * float(load_ship(found).record()["drive_max"])
-    done(run("linearise", "--ship", found, "--drive", drive, "--out", tmp_path / "l"))
+    point = ("--drive", drive, "--output", "shaft_speed,shaft_torque")
+    done(run("linearise", "--ship", found, *point, "--out", tmp_path / "l"))
     speed = float(pd.read_csv(recording)["ship_speed_m_s"].iloc[-1])
     loop = ("loop", "0.001/1,0", "--ship", found, "--speed", speed, "--out", tmp_path / "loop")
     result = run(*loop)

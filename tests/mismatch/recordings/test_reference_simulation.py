@@ -112,8 +112,8 @@ def test_thrust_of_another_order_of_magnitude_is_refused(
 )
 def test_a_motor_that_runs_astern(load: Load, begins: float, change: float, advice: str) -> None:
     ship = load_ship("tito-neri-staircase")
-    top, time = float(ship.record()["drive_max"]), 0.1 * np.arange(600)
-    volts = top * np.where(time < 40.0, -0.5 - 0.4 * (time // 5 % 2 == 0), 0.3)
+    top, time = float(ship.record()["drive_max"]), 0.1 * np.arange(300)
+    volts = top * np.where(time < 20.0, -0.5 - 0.4 * (time // 5 % 2 == 0), 0.3)
     first = {"pitch_ratio": 1.0, "ship_speed_m_s": 0.0}
     first["shaft_speed_rad_s"] = begins * top / float(ship.record()["motor_constant"])
     orders = pd.DataFrame({"time_s": time, "motor_voltage_V": volts} | first)

@@ -94,22 +94,30 @@ def test_numbers_that_explain_are_the_answer() -> None:
     assert plain.sentence.startswith("No physics is missing: ")
 
 
+SHIFTS = [
+    (0.0, "inside its tolerance"),
+    (1.9, "inside its tolerance"),
+    (2.1, "2.1 times its tolerance"),
+    (5.5, "5.5 times its tolerance"),
+    (10.7, "10.7 times its tolerance"),
+]
+
+
+def shifted(shifts: float) -> ParameterChange:
+    return ParameterChange(RESISTANCE, "N", 1.0, 2.0, 0.1, shifts, "tolerance", 1.0)
+
+
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-@pytest.mark.parametrize(
-    ("shifts", "words"),
-    [
-        (0.0, "inside its tolerance"),
-        (1.9, "inside its tolerance"),
-        (2.1, "2.1 times its tolerance"),
-        (5.5, "5.5 times its tolerance"),
-        (10.7, "10.7 times its tolerance"),
-    ],
-)
+@pytest.mark.parametrize(("shifts", "words"), SHIFTS)
 def test_a_number_is_inside_its_tolerance_only_if_it_is(
     shifts: float, words: str, sign: float
 ) -> None:
-    moved = ParameterChange(RESISTANCE, "N", 1.0, 2.0, 0.1, sign * shifts, "tolerance", 1.0)
+    moved = shifted(sign * shifts)
     assert source_words(moved) == words
-    found = diagnosis_of("explained", parameters=[moved])
-    assert words in found.summary()
-    assert words in report_html(found)
+    assert words in diagnosis_of("explained", parameters=[moved]).summary()
+
+
+def test_how_far_each_number_is_from_its_tolerance_stands_on_the_page() -> None:
+    moved = [shifted(sign * shifts) for shifts, _ in SHIFTS for sign in (-1.0, 1.0)]
+    page = report_html(diagnosis_of("explained", parameters=moved))
+    assert [page.count(f">{words}<") for _, words in SHIFTS] == [4, 4, 2, 2, 2]

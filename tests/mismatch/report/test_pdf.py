@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from typing import Any
 
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from shaftline.mismatch import Diagnosis
 from shaftline.mismatch.report import pdf
 from shaftline.mismatch.report.figures import HEIGHT, panel, text_width
 from shaftline.mismatch.report.first_page import first_page
@@ -30,18 +32,27 @@ from .test_service import fouled
 LONG = "hull.resistance_coefficient_N_s2_m2"
 
 
-@pytest.fixture
-def documents(monkeypatch: pytest.MonkeyPatch) -> list[Document]:
-    """The documents that are made."""
-    made: list[Document] = []
+def made(diagnosis: Diagnosis) -> tuple[bytes, Document]:
+    """Return the file of a report and its document."""
+    documents: list[Document] = []
 
     class Kept(Document):
         def __init__(self, title: str) -> None:
             super().__init__(title)
-            made.append(self)
+            documents.append(self)
 
-    monkeypatch.setattr(pdf, "Document", Kept)
-    return made
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pdf, "Document", Kept)
+        content = report_pdf(diagnosis)
+    (document,) = documents
+    return content, document
+
+
+@functools.cache
+def long_report(verdict: str) -> tuple[bytes, Document]:
+    """Return the report of a diagnosis with long texts."""
+    long = [f"{LONG} {'and a long remark that needs several lines ' * 8}"] * 12
+    return made(diagnosis_of(verdict, warnings=long))
 
 
 def words_of(page: Any) -> str:
@@ -59,11 +70,10 @@ def boxes(page: Any) -> list[tuple[str, float, float, float, float]]:
     return found
 
 
-def test_the_first_page_and_the_technical_part(documents: list[Document]) -> None:
+def test_the_first_page_and_the_technical_part() -> None:
     diagnosis = fouled()
-    content = report_pdf(diagnosis)
+    content, document = made(diagnosis)
     assert content.startswith(b"%PDF-")
-    (document,) = documents
     assert len(re.findall(rb"/Type /Page\b", content)) == len(document.pages)
     first, second, *_ = map(words_of, document.pages)
     page = first_page(diagnosis)
@@ -80,10 +90,8 @@ def test_the_first_page_and_the_technical_part(documents: list[Document]) -> Non
 
 
 @pytest.mark.parametrize("verdict", ["explained", "unexplained", "nothing-missing"])
-def test_every_text_is_inside_its_page(documents: list[Document], verdict: str) -> None:
-    long = [f"{LONG} {'and a long remark that needs several lines ' * 8}"] * 12
-    report_pdf(diagnosis_of(verdict, warnings=long))
-    for page in documents[0].pages:
+def test_every_text_is_inside_its_page(verdict: str) -> None:
+    for page in long_report(verdict)[1].pages:
         for words, left, top, right, bottom in boxes(page):
             assert left >= MARGIN - 0.02, words
             assert right <= PAGE_WIDTH - MARGIN + 0.05, words
@@ -94,9 +102,9 @@ def test_every_text_is_inside_its_page(documents: list[Document], verdict: str) 
 
 
 def test_equal_diagnoses_give_equal_files() -> None:
-    assert report_pdf(diagnosis_of("nothing-missing")) == report_pdf(
-        diagnosis_of("nothing-missing")
-    )
+    content, _ = long_report("nothing-missing")
+    long_report.cache_clear()
+    assert long_report("nothing-missing")[0] == content
 
 
 def test_text_is_wrapped_at_spaces_and_long_names_at_underscores() -> None:
