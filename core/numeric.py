@@ -11,22 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .compiled import Real, compiled, compiled_polynomial
+from .lanes import where
 
 
 @compiled
 def clip(value: Real, low: Real, high: Real) -> Real:
     """Return ``value`` limited to [low, high] by its real part."""
-    if value.real < low.real:
-        return low
-    if value.real > high.real:
-        return high
-    return value
+    return where(value.real < low.real, low, where(value.real > high.real, high, value))
 
 
 @compiled
 def modulus(value: Real) -> Real:
     """Return ``value`` or its negative, so that the real part is not negative."""
-    return value if value.real >= 0.0 else -value
+    return where(value.real >= 0.0, value, -value)
 
 
 @compiled
@@ -92,4 +89,4 @@ def sine_cosine(angle: Real) -> tuple[Real, Real]:
     quarter = quadrant - 4.0 * np.floor(quadrant * 0.25)
     odd = quarter - 2.0 * np.floor(quarter * 0.5)
     half = 1.0 - 2.0 * np.floor(quarter * 0.5)
-    return half * (s if odd == 0.0 else c), half * (c if odd == 0.0 else -s)
+    return half * where(odd == 0.0, s, c), half * where(odd == 0.0, c, -s)

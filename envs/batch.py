@@ -313,8 +313,18 @@ class Batch:
             self.base.follow(self.signals)
 
     def _step(self, action: Singles, first: int, last: int) -> None:
+        environments = self.environments
         diverged = control_interval(
-            self.environments, self.commons, self.gains, action, self.steps, self.dt, first, last
+            environments,
+            environments["plant"],
+            environments["state"],
+            self.commons,
+            self.gains,
+            action,
+            self.steps,
+            self.dt,
+            first,
+            last,
         )
         if diverged >= 0:
             raise ValueError(

@@ -17,11 +17,13 @@ from numpy.typing import NDArray
 from ..baselines.controller import decode
 from ..baselines.governor import govern, limit_rack
 from ..core.compiled import Record, compiled, generate_kernel
+from ..core.lanes import LANES
 from ..observers.records import Floats
 from ..plant.cavitation import effective_attack, outside_bucket
 from ..plant.rudder import rudder_angle
-from ..plant.state import STATE, get_state
-from ..plant.stepping import Disturbance, observe, step
+from ..plant.state import STATE, Outputs, State, get_state
+from ..plant.stepping import Disturbance, observe
+from ..plant.together import begin_lane, complete_lane, gather, make_group, respond
 from . import sensing
 from .records import LIMITED_RACK, SHAFT_SPEED
 from .rewards import MEAN_S, Instant, add_terms, clear_terms, reward_of, total_fuel_flow
@@ -168,9 +170,155 @@ def state_sum(state):
 """Return the sum of all states, which is finite only if every state is finite."""
 
 
+CELL = np.dtype(
+    [
+        ("rudder", np.float64),  # command [rad]
+        ("laid", np.float64),  # rudder angle at the start of the step [rad]
+        ("drive", np.float64),  # command to the engine [mm]
+        (
+            "half_step",
+            np.complex128,
+        ),  # phasor by which the slow fluctuation turns in half a step [-]
+        ("start", np.complex128),  # phasor of the slow fluctuation at the start of the step [-]
+        ("middle", np.complex128),  # in its middle
+        ("end", np.complex128),  # at its end
+    ]
+)
+"""Numbers of an environment within a control interval."""
+
+
+@compiled
+def _begin_interval(
+    env: Record,
+    cell: Record,
+    common: Record,
+    action: NDArray[np.float32],
+    steps: int,
+    dt: float,
+) -> None:
+    """Begin a control interval of one environment."""
+    episode = env.episode
+    cell.laid = rudder_angle(env.plant, env.state.rudder_angle, episode.rudder_command)
+    clear_terms(env.terms)
+    cell.rudder = episode.rudder_command = _set_commands(env, common, action, steps * dt)
+    cell.drive = episode.rack_command
+    # The phasor is advanced by half steps; after n steps its error is below n times 1e-15.
+    cell.end = _unit_phasor(resistance_angle(episode, episode.elapsed * steps * dt))
+    cell.half_step = _unit_phasor(0.5 * dt * episode.resistance_frequency)
+
+
+@compiled
+def _before_step(env: Record, cell: Record, common: Record, gains: Floats) -> None:
+    """Set the engine command of a plant step, and advance the slow fluctuation."""
+    plant, episode = env.plant, env.episode
+    if common.second == SHAFT_SPEED:
+        proportional, integral_gain = _gains_at(gains, episode.measured_shaft_speed)
+        cell.drive, episode.integral = govern(
+            plant,
+            episode.shaft_speed_command,
+            episode.measured_shaft_speed,
+            episode.integral,
+            proportional,
+            integral_gain,
+        )
+    elif common.second == LIMITED_RACK:
+        cell.drive = limit_rack(
+            plant, episode.rack_command, episode.measured_shaft_speed, common.limiter_slope
+        )
+    cell.start = cell.end
+    cell.middle = cell.start * cell.half_step
+    cell.end = cell.start * cell.half_step * cell.half_step
+
+
+@compiled
+def _after_step(
+    env: Record,
+    cell: Record,
+    common: Record,
+    before: State,
+    pitch_before: float,
+    log: float,
+    outputs: Outputs,
+    time: float,
+    share: float,
+    dt: float,
+) -> None:
+    """Add the reward terms of a plant step, and measure.
+
+    Args:
+        env: ENVIRONMENT record after the step.
+        cell: CELL record.
+        common: COMMON record.
+        before: state at the start of the step.
+        pitch_before: P/D of the blades in the step before [-].
+        log: measurement of the speed log at the start of the step [m/s].
+        outputs: outputs at the start of the step.
+        time: start of the step, since reset [s].
+        share: share of the step in the interval [-].
+        dt: time step [s].
+    """
+    plant, memory, episode = env.plant, env.memory, env.episode
+    shaft_speed = before.shaft_speed
+    which = sensing.order_index(episode, time)
+    order = float(episode.orders[which])
+    laid_before = cell.laid
+    cell.laid = rudder_angle(plant, env.state.rudder_angle, cell.rudder)
+    attack = effective_attack(plant, outputs.advance_velocity, shaft_speed, outputs.pitch_ratio)
+    outside = outside_bucket(plant, attack, shaft_speed, outputs.submergence)
+    fading = dt / MEAN_S
+    episode.mean_speed += fading * (before.ship_speed - episode.mean_speed)
+    episode.mean_torque += fading * (outputs.shaft_torque - episode.mean_torque)
+    episode.mean_brake_torque += fading * (outputs.brake_torque - episode.mean_brake_torque)
+    episode.mean_attack += fading * (attack - episode.mean_attack)
+    fuel = total_fuel_flow(plant, shaft_speed, outputs.brake_torque)
+    now = Instant(
+        order=order,
+        ship_speed=before.ship_speed,
+        shaft_speed=shaft_speed,
+        rack=memory.rack,
+        drive=cell.drive,
+        drive_before=episode.drive,
+        mean_torque=episode.mean_torque,
+        mean_brake_torque=episode.mean_brake_torque,
+        attack=attack,
+        mean_attack=episode.mean_attack,
+        outside_bucket=outside,
+        pitch_before=pitch_before,
+        mean_speed=episode.mean_speed,
+        reference_fuel=episode.reference_fuel[which],
+        reference_power=episode.reference_power[which],
+        heading_error=sensing.wrap_angle(before.heading - episode.heading_orders[which]),
+        track_error=before.cross_track - episode.track_orders[which],
+        rudder_turn=cell.laid - laid_before,
+        dt=dt,
+    )
+    add_terms(env.terms, plant, outputs, now, share, fuel)
+    episode.drive = cell.drive
+    sensing.fill_truth(env, before, outputs, attack, outside, fuel, laid_before)
+    sensing.measure(
+        env, common.noise, outputs.shaft_acceleration, outputs.advance_velocity, log, order
+    )
+    if plant.turns != 0:
+        sensing.measure_course(env, common.noise, before, laid_before, time)
+
+
+@compiled
+def _end_interval(env: Record, common: Record, interval_s: float) -> None:
+    """Compute the reward of a control interval, and whether the episode ends."""
+    episode = env.episode
+    if common.preview != 0:
+        sensing.fill_preview(env, common.noise, (episode.elapsed + 1) * interval_s)
+    sensing.fill_learner_signals(env, interval_s, False)
+    env.ended = _why_ended(env.plant, env.state.shaft_speed)
+    env.reward = reward_of(common.goals, env.terms) if env.ended == RUNNING else 0.0
+    episode.elapsed += 1
+
+
 @compiled
 def control_interval(
     environments: Any,
+    plants: Any,
+    states: Any,
     commons: Any,
     gains: Floats,
     action: NDArray[np.float32],
@@ -185,6 +333,8 @@ def control_interval(
 
     Args:
         environments: ENVIRONMENT array of shape (n,).
+        plants: their PLANT records, in the same memory.
+        states: their STATE records, in the same memory.
         commons: COMMON array of shape (1,).
         gains: governor gains with the rows shaft speed, k_p and k_i, shape (3, m).
         action: actions in [-1, 1], shape (n, 2) or (n, 3): pitch, drive (fuel rack or shaft speed
@@ -196,98 +346,61 @@ def control_interval(
         first: first environment.
         last: one past the last environment.
     """
-    share = 1.0 / steps
-    interval_s = steps * dt
-    common = commons[0]
+    common, group, cells = commons[0], make_group(), np.zeros(LANES, CELL)
     diverged = -1
-    for i in range(first, last):
-        env = environments[i]
-        plant, state, memory, episode = env.plant, env.state, env.memory, env.episode
-        terms = env.terms
-        laid = rudder_angle(plant, state.rudder_angle, episode.rudder_command)
-        clear_terms(terms)
-        rudder = _set_commands(env, common, action[i], interval_s)
-        episode.rudder_command = rudder
-        pitch, drive = episode.pitch_command, episode.rack_command
-        # The phasor is advanced by half steps; after n steps its error is below n times 1e-15.
-        phasor = _unit_phasor(resistance_angle(episode, episode.elapsed * steps * dt))
-        half_step = _unit_phasor(0.5 * dt * episode.resistance_frequency)
-        end = _disturbance_at(episode, phasor)
+    for begin in range(first, last, LANES):
+        count = gather(group, plants, states, begin, last)
+        for lane in range(count):
+            i = begin + lane
+            _begin_interval(environments[i], cells[lane], common, action[i], steps, dt)
         for k in range(steps):
-            time = (episode.elapsed * steps + k) * dt
-            which = sensing.order_index(episode, time)
-            order = float(episode.orders[which])
-            if common.second == SHAFT_SPEED:
-                proportional, integral_gain = _gains_at(gains, episode.measured_shaft_speed)
-                drive, episode.integral = govern(
-                    plant,
-                    episode.shaft_speed_command,
-                    episode.measured_shaft_speed,
-                    episode.integral,
-                    proportional,
-                    integral_gain,
+            for lane in range(count):
+                env, cell = environments[begin + lane], cells[lane]
+                _before_step(env, cell, common, gains)
+                begin_lane(
+                    group,
+                    lane,
+                    env.plant,
+                    env.state,
+                    env.memory,
+                    env.sea,
+                    cell.drive,
+                    env.episode.pitch_command,
+                    cell.rudder,
+                    _disturbance_at(env.episode, cell.start),
+                    _disturbance_at(env.episode, cell.middle),
+                    _disturbance_at(env.episode, cell.end),
+                    dt,
                 )
-            elif common.second == LIMITED_RACK:
-                drive = limit_rack(
-                    plant, episode.rack_command, episode.measured_shaft_speed, common.limiter_slope
+            respond(group, plants, dt)
+            for lane in range(count):
+                env, cell = environments[begin + lane], cells[lane]
+                before, log = get_state(env.state), env.memory.speed_log
+                pitch_before = env.memory.blade_pitch
+                outputs = complete_lane(
+                    group,
+                    lane,
+                    env.plant,
+                    env.state,
+                    env.memory,
+                    env.sea,
+                    cell.drive,
+                    env.episode.pitch_command,
+                    cell.rudder,
+                    _disturbance_at(env.episode, cell.start),
+                    _disturbance_at(env.episode, cell.middle),
+                    _disturbance_at(env.episode, cell.end),
+                    dt,
                 )
-            before, log = get_state(state), memory.speed_log
-            pitch_before = memory.blade_pitch
-            shaft_speed = before.shaft_speed
-            start, middle = end, _disturbance_at(episode, phasor * half_step)
-            phasor = phasor * half_step * half_step
-            end = _disturbance_at(episode, phasor)
-            outputs = step(
-                plant, state, memory, env.sea, drive, pitch, rudder, start, middle, end, dt
-            )
-            laid_before, laid = laid, rudder_angle(plant, state.rudder_angle, rudder)
-            attack = effective_attack(
-                plant, outputs.advance_velocity, shaft_speed, outputs.pitch_ratio
-            )
-            outside = outside_bucket(plant, attack, shaft_speed, outputs.submergence)
-            fading = dt / MEAN_S
-            episode.mean_speed += fading * (before.ship_speed - episode.mean_speed)
-            episode.mean_torque += fading * (outputs.shaft_torque - episode.mean_torque)
-            episode.mean_brake_torque += fading * (outputs.brake_torque - episode.mean_brake_torque)
-            episode.mean_attack += fading * (attack - episode.mean_attack)
-            fuel = total_fuel_flow(plant, shaft_speed, outputs.brake_torque)
-            now = Instant(
-                order=order,
-                ship_speed=before.ship_speed,
-                shaft_speed=shaft_speed,
-                rack=memory.rack,
-                drive=drive,
-                drive_before=episode.drive,
-                mean_torque=episode.mean_torque,
-                mean_brake_torque=episode.mean_brake_torque,
-                attack=attack,
-                mean_attack=episode.mean_attack,
-                outside_bucket=outside,
-                pitch_before=pitch_before,
-                mean_speed=episode.mean_speed,
-                reference_fuel=episode.reference_fuel[which],
-                reference_power=episode.reference_power[which],
-                heading_error=sensing.wrap_angle(before.heading - episode.heading_orders[which]),
-                track_error=before.cross_track - episode.track_orders[which],
-                rudder_turn=laid - laid_before,
-                dt=dt,
-            )
-            add_terms(terms, plant, outputs, now, share, fuel)
-            episode.drive = drive
-            sensing.fill_truth(env, before, outputs, attack, outside, fuel, laid_before)
-            sensing.measure(
-                env, common.noise, outputs.shaft_acceleration, outputs.advance_velocity, log, order
-            )
-            if plant.turns != 0:
-                sensing.measure_course(env, common.noise, before, laid_before, time)
-        if common.preview != 0:
-            sensing.fill_preview(env, common.noise, (episode.elapsed + 1) * interval_s)
-        sensing.fill_learner_signals(env, interval_s, False)
-        env.ended = _why_ended(plant, state.shaft_speed)
-        env.reward = reward_of(common.goals, terms) if env.ended == RUNNING else 0.0
-        episode.elapsed += 1
-        if diverged < 0 and not math.isfinite(state_sum(state)):
-            diverged = i
+                time = (env.episode.elapsed * steps + k) * dt
+                _after_step(
+                    env, cell, common, before, pitch_before, log, outputs, time, 1.0 / steps, dt
+                )
+        for lane in range(count):
+            env = environments[begin + lane]
+            _end_interval(env, common, steps * dt)
+            if diverged < 0 and not math.isfinite(state_sum(env.state)):
+                diverged = begin + lane
     return diverged
 
 

@@ -8,6 +8,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from ..core.compiled import Real, Record, compiled
+from ..core.lanes import where
 from ..core.numeric import clip
 from .keys import INF, Section, effect, parameter
 from .validity import Validity
@@ -66,11 +67,9 @@ def blade_pitch(plant: Record, actuator_pitch: Real, blade_before: float) -> Rea
     if plant.pitch_backlash == 0.0:
         return actuator_pitch
     half = 0.5 * plant.pitch_backlash
-    if blade_before < actuator_pitch.real - half.real:
-        return actuator_pitch - half
-    if blade_before > actuator_pitch.real + half.real:
-        return actuator_pitch + half
-    return blade_before
+    low, high = actuator_pitch - half, actuator_pitch + half
+    pushed = where(blade_before > high.real, high, blade_before)
+    return where(blade_before < low.real, low, pushed)
 
 
 class RackTravel(NamedTuple):

@@ -11,6 +11,7 @@ import math
 from typing import NamedTuple
 
 from ..core.compiled import Real, Record, compiled, compiled_apart
+from ..core.lanes import one_by_one
 from .actuators import blade_pitch, pitch_rate
 from .drives import DriveOutput, DriveStates, drive_output, electric_power, holding_torque
 from .expressions import InputSignals, LoadSignals, sum_input_terms, sum_load_terms
@@ -50,6 +51,20 @@ from .ventilation import can_ventilate, relative_submergence, suction_head, vent
 from .wind import wind_resistance
 
 
+class Parts(NamedTuple):
+    """Parts of the equations that a ship has; where they are constant, the compiler omits the others."""
+
+    turns: bool  # sway, yaw and rudder
+    rolls: bool
+    has_terms: bool
+
+
+@compiled
+def parts_of(plant: Record) -> Parts:
+    """Return the parts of a ship's equations."""
+    return Parts(plant.turns != 0, plant.rolls != 0, plant.term_count > 0)
+
+
 class Loads(NamedTuple):
     """Torques and forces on shaft and hull at one instant, and the rates of the lag states."""
 
@@ -85,12 +100,12 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
 
     ``blade`` is the pitch ratio of the blades [-].
     """
-    return _loads(plant, state, inputs, blade, plant.rolls != 0)
+    return _loads(plant, state, inputs, blade, parts_of(plant))
 
 
 @compiled
-def _loads(plant: Record, state: State, inputs: Inputs, blade: Real, rolls: bool) -> Loads:
-    """Return the loads; ``rolls`` is whether the ship has roll.
+def _loads(plant: Record, state: State, inputs: Inputs, blade: Real, parts: Parts) -> Loads:
+    """Return the loads of a ship with some parts.
 
     Constant divisors are written as reciprocals so that one division serves all stages of a step.
     """
@@ -98,11 +113,11 @@ def _loads(plant: Record, state: State, inputs: Inputs, blade: Real, rolls: bool
     if plant.speed_held != 0:
         omega = inputs.drive
     speed, across = water_speed(plant, state.ship_speed), 0.0
-    if plant.turns != 0:
+    if parts.turns:
         speed, across = through_water(plant, state.ship_speed, state.sway_speed, state.heading)
     kinematic = wake_inflow(plant, speed)
     reference = speed
-    if plant.turns != 0:
+    if parts.turns:
         reference = reference_speed(plant, speed, across, state.yaw_rate)
         kinematic = kinematic * drift_inflow(plant, reference, across, state.yaw_rate)
     kinematic = kinematic + inputs.inflow
@@ -113,7 +128,7 @@ def _loads(plant: Record, state: State, inputs: Inputs, blade: Real, rolls: bool
     demand = inputs.drive
     states = (state.term_1, state.term_2, state.term_3)
     rudder = 0.0
-    if plant.turns != 0:
+    if parts.turns:
         rudder = rudder_angle(plant, state.rudder_angle, inputs.rudder_command)
     input_signals = InputSignals(
         omega,
@@ -130,7 +145,7 @@ def _loads(plant: Record, state: State, inputs: Inputs, blade: Real, rolls: bool
         rudder,
         state.shaft_angle,
     )
-    if plant.term_early > 0:
+    if parts.has_terms and plant.term_early > 0:
         before = sum_input_terms(plant, input_signals, states, inputs.outside)
         kinematic = kinematic + before.inflow_velocity
         demand = demand + before.drive
@@ -163,17 +178,17 @@ def _loads(plant: Record, state: State, inputs: Inputs, blade: Real, rolls: bool
         )
     thrust = load.thrust
     surge_force = side_force = yaw_moment = rudder_force = 0.0
-    if plant.turns != 0:
+    if parts.turns:
         surge_force, side_force, yaw_moment = hull_forces(plant, reference, across, state.yaw_rate)
         x, y, n, rudder_force = rudder_forces(
             plant, rudder, kinematic, thrust, across, state.yaw_rate
         )
         surge_force, side_force, yaw_moment = surge_force + x, side_force + y, yaw_moment + n
-    if rolls:
+    if parts.rolls:
         y, n = heeled_hull_forces(plant, reference, state.roll_angle)
         side_force, yaw_moment = side_force + y, yaw_moment + n
     added_pitch_rate = term_rate_1 = term_rate_2 = term_rate_3 = 0.0
-    if plant.term_count > 0:
+    if parts.has_terms:
         load_signals = LoadSignals(
             thrust,
             propeller_torque,
@@ -218,7 +233,7 @@ def evaluate(
     The state is real or complex; ``blade_before`` is the blades' pitch ratio after the previous step
     [-], for the backlash.
     """
-    return _evaluate(plant, state, inputs, blade_before, plant.rolls != 0)
+    return _evaluate(plant, state, inputs, blade_before, parts_of(plant))
 
 
 @compiled
@@ -226,15 +241,24 @@ def evaluate_without_roll(
     plant: Record, state: State, inputs: Inputs, blade_before: float
 ) -> tuple[State, Outputs]:
     """Return what :func:`evaluate` returns, for a ship without roll, whose steps so lose no time."""
-    return _evaluate(plant, state, inputs, blade_before, False)
+    parts = Parts(plant.turns != 0, False, plant.term_count > 0)
+    return _evaluate(plant, state, inputs, blade_before, parts)
+
+
+@compiled
+def evaluate_straight(
+    plant: Record, state: State, inputs: Inputs, blade_before: Real
+) -> tuple[State, Outputs]:
+    """Return what :func:`evaluate` returns, for ships that keep their course and have no terms."""
+    return _evaluate(plant, state, inputs, blade_before, Parts(False, False, False))
 
 
 @compiled
 def _evaluate(
-    plant: Record, state: State, inputs: Inputs, blade_before: float, rolls: bool
+    plant: Record, state: State, inputs: Inputs, blade_before: float, parts: Parts
 ) -> tuple[State, Outputs]:
     blade = blade_pitch(plant, state.pitch_ratio, blade_before)
-    acting = _loads(plant, state, inputs, blade, rolls)
+    acting = _loads(plant, state, inputs, blade, parts)
     acceleration = inputs.drive_rate
     if plant.speed_held == 0:  # eq. 2-1
         acceleration = (acting.drive_torque - acting.load_torque) * (1.0 / shaft_inertia(plant))
@@ -244,7 +268,7 @@ def _evaluate(
     track_rate, cross_rate = state.ship_speed, 0.0
     sway_acceleration = yaw_acceleration = turning_rate = helm_rate = 0.0
     rolling_rate = rolling_acceleration = 0.0
-    if plant.turns != 0:
+    if parts.turns:
         track_rate, cross_rate = over_ground(state)
         turning_rate = state.yaw_rate
         ship_acceleration, sway_acceleration, yaw_acceleration = planar_acceleration(
@@ -259,7 +283,7 @@ def _evaluate(
         )
         if plant.rudder_lag.real > 0.0:
             helm_rate = rudder_rate(plant, inputs.rudder_command, state.rudder_angle)
-    if rolls:
+    if parts.rolls:
         rolling_rate = state.roll_rate
         lateral = sway_acceleration + state.yaw_rate * state.ship_speed  # over ground
         rolling_acceleration = roll_acceleration(
@@ -275,7 +299,7 @@ def _evaluate(
         )
     torque = shaft_meter_torque(plant, acting.drive_torque, acting.load_torque, acceleration)
     blade_rate = pitch_rate(plant, inputs.pitch_command, state.pitch_ratio)
-    if plant.term_count > 0:
+    if parts.has_terms:
         blade_rate = blade_rate + acting.added_pitch_rate
     air_rate = 0.0
     if can_ventilate(plant):
@@ -322,6 +346,7 @@ def _evaluate(
     )
 
 
+@one_by_one
 @compiled_apart
 def evaluate_apart(
     plant: Record, state: State, inputs: Inputs, blade_before: float

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple, NoReturn, TypeAlias
 import numpy as np
 
 from ..core.compiled import Real, Record, compiled, compiled_apart
+from ..core.lanes import one_by_one
 from ..core.numeric import piecewise_linear
 
 MAX_TERMS, MAX_PROGRAMS, MAX_OPERATIONS, MAX_CONSTANTS, MAX_DEPTH = 6, 12, 64, 24, 24
@@ -105,6 +106,7 @@ def external_at(signals: Any, row: int) -> tuple[float, ...]:
     )
 
 
+@one_by_one
 @compiled_apart
 def sum_input_terms(
     plant: Record, inputs: InputSignals, states: tuple[Real, ...], outside: tuple[float, ...]
@@ -121,6 +123,7 @@ def sum_input_terms(
     return InputTermSums(drive, inflow_velocity)
 
 
+@one_by_one
 @compiled_apart
 def sum_load_terms(
     plant: Record,

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ..core.compiled import Real, Record, compiled
+from ..core.lanes import everywhere, where
 from ..core.numeric import clip
 from .keys import INF, Section, effect, parameter, quantity, require
 from .surroundings import GRAVITY
@@ -105,7 +106,7 @@ def resistance(plant: Record, speed_through_water: Real, resistance_factor: Real
     The speed through the water is in m/s; ``resistance_factor`` is the disturbance d_c1, 1 in calm
     water.
     """
-    sign = 1.0 if speed_through_water.real >= 0.0 else -1.0
+    sign = where(speed_through_water.real >= 0.0, 1.0, -1.0)
     factor = resistance_factor * (1.0 + plant.hull_fouling)
     if plant.resistance_exponent != 2.0:
         size = sign * speed_through_water / plant.resistance_reference_speed
@@ -131,7 +132,7 @@ def wave_resistance(plant: Record, head_sea: Real, speed_through_water: Real) ->
     without headway is not modelled.
     """
     force = plant.density * GRAVITY * plant.wave_drag_length * head_sea
-    if speed_through_water.real >= WAVE_HEADWAY:
+    if everywhere(speed_through_water.real >= WAVE_HEADWAY):
         return force
     r = clip(speed_through_water / WAVE_HEADWAY, 0.0, 1.0)
     return force * r * r * (3.0 - 2.0 * r)

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
 from ..core.compiled import Real, Record, compiled, compiled_apart, compiled_polynomial
+from ..core.lanes import where
 from ..core.numeric import clip, newton_step, start_between
 from .keys import Section
 
@@ -112,8 +113,7 @@ def open_water_slope(curve: NDArray[np.float64], advance_ratio: Real, pitch_rati
 def advance_ratio(advance_velocity: Real, shaft_speed: Real, diameter: float) -> Real:
     """Return J = 2 pi v_a / (omega D) [-] (thesis eq. 2-7), finite at standstill."""
     revolutions = shaft_speed * REVOLUTIONS_PER_RADIAN
-    if abs(revolutions.real) < MIN_REVOLUTIONS:
-        revolutions = MIN_REVOLUTIONS
+    revolutions = where(abs(revolutions.real) < MIN_REVOLUTIONS, MIN_REVOLUTIONS, revolutions)
     return advance_velocity / (revolutions * diameter)
 
 

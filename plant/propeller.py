@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from ..core.compiled import Real, Record, compiled, compiled_apart
-from ..core.numeric import clip, newton_step, start_between
+from ..core.lanes import one_by_one, where
+from ..core.numeric import clip, modulus, newton_step, start_between
 from .four_quadrant import (
     PITCH_NODES,
     TABLE_SHAPE,
@@ -121,11 +122,23 @@ VALIDITY = (
 """Ranges of the open-water curves. The range of P/D is that of Oosterveld & van Oossanen (1975)."""
 
 
+@one_by_one
+@compiled
+def _tabled_thrust(plant: Record, advance_ratio: Real, pitch_ratio: Real) -> Real:
+    return table_curve(plant, plant.table_kt, advance_ratio, pitch_ratio)[0]
+
+
+@one_by_one
+@compiled
+def _tabled_torque(plant: Record, advance_ratio: Real, pitch_ratio: Real) -> Real:
+    return table_curve(plant, plant.table_kq, advance_ratio, pitch_ratio)[0]
+
+
 @compiled
 def thrust_coefficient(plant: Record, advance_ratio: Real, pitch_ratio: Real) -> Real:
     """Return KT [-] at advance ratio J and pitch ratio P/D, for rotation ahead."""
     if plant.propeller_model == TABLE:
-        value = table_curve(plant, plant.table_kt, advance_ratio, pitch_ratio)[0]
+        value = _tabled_thrust(plant, advance_ratio, pitch_ratio)
     else:
         value = open_water(plant.kt, advance_ratio, pitch_ratio)
     return value
@@ -135,7 +148,7 @@ def thrust_coefficient(plant: Record, advance_ratio: Real, pitch_ratio: Real) ->
 def torque_coefficient(plant: Record, advance_ratio: Real, pitch_ratio: Real) -> Real:
     """Return KQ [-] at advance ratio J and pitch ratio P/D, for rotation ahead."""
     if plant.propeller_model == TABLE:
-        value = table_curve(plant, plant.table_kq, advance_ratio, pitch_ratio)[0]
+        value = _tabled_torque(plant, advance_ratio, pitch_ratio)
     else:
         value = open_water(plant.kq, advance_ratio, pitch_ratio)
     return value
@@ -151,6 +164,7 @@ def torque_coefficient_slope(plant: Record, advance_ratio: Real, pitch_ratio: Re
     return slope
 
 
+@one_by_one
 @compiled
 def _in_any_quadrant(
     plant: Record, velocity_per_diameter: Real, revolutions: Real, pitch_ratio: Real
@@ -494,7 +508,7 @@ def propeller_load(
     (P/D) (c Z / D) Delta C_D and Delta KQ = 0.25 (c Z / D) Delta C_D.
     """
     n = shaft_speed * REVOLUTIONS_PER_RADIAN
-    n2 = n * n if n.real >= 0.0 else -n * n
+    n2 = n * modulus(n)
     if plant.propeller_model == FOUR_QUADRANT:
         velocity = advance_velocity / plant.diameter
         kt_n2, kq_n2 = _in_any_quadrant(plant, velocity, n, pitch_ratio)
@@ -507,15 +521,14 @@ def propeller_load(
         drag = plant.propeller_roughness * plant.blade_solidity * n2
         kt_n2 = kt_n2 - 0.3 * pitch_ratio * drag
         kq_n2 = kq_n2 + 0.25 * drag
-    along = kt_n2 if n.real >= 0.0 else -kt_n2
+    along = where(n.real >= 0.0, kt_n2, -kt_n2)
     deep_kt = along / (n * n + MIN_REVOLUTIONS * MIN_REVOLUTIONS)
     if plant.cavitation_breakdown != 0.0:
         loss = cavitation_loss(plant, n, submergence)
         kt_n2 = kt_n2 * (1.0 - loss)
         kq_n2 = kq_n2 * (1.0 - loss * plant.cavitation_torque_share)
-    if n.real < 0.0:
-        kt_n2 = kt_n2 * plant.astern_load_fraction
-        kq_n2 = kq_n2 * plant.astern_load_fraction
+    share = where(n.real < 0.0, plant.astern_load_fraction, 1.0)
+    kt_n2, kq_n2 = kt_n2 * share, kq_n2 * share
     relative = relative_submergence(plant, submergence)
     if can_ventilate(plant):
         lost = lost_suction(plant, relative, suction_head(plant, deep_kt, shaft_speed))

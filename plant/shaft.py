@@ -7,6 +7,8 @@ import math
 import numpy as np
 
 from ..core.compiled import Real, Record, compiled
+from ..core.lanes import everywhere, where
+from ..core.numeric import modulus
 from .keys import Section, effect, parameter
 
 FREE = "turns_freely"
@@ -76,10 +78,10 @@ def friction_torque(plant: Record, coulomb: Real, viscous: Real, shaft_speed: Re
     inertia = shaft_inertia(plant)
     if inertia.real * sticks.real < coulomb.real * plant.time_step.real and plant.speed_held == 0:
         sticks = coulomb * plant.time_step / inertia
-    if abs(shaft_speed.real) > 20.0 * sticks.real:
-        direction = math.copysign(1.0, shaft_speed.real)
-    else:
-        direction = np.tanh(shaft_speed / sticks)
+    slides = abs(shaft_speed.real) > 20.0 * sticks.real
+    direction = math.copysign(1.0, shaft_speed.real)
+    if not everywhere(slides):
+        direction = where(slides, direction, np.tanh(shaft_speed / sticks))
     return coulomb * direction + viscous * shaft_speed
 
 
@@ -88,7 +90,7 @@ def quadratic_drag(plant: Record, shaft_speed: Real) -> Real:
     """Return the torque c omega |omega| [N m] behind the torque meter that opposes the rotation."""
     if plant.quadratic_drag == 0.0:
         return 0.0
-    sign = 1.0 if shaft_speed.real >= 0.0 else -1.0
+    sign = where(shaft_speed.real >= 0.0, 1.0, -1.0)
     return sign * plant.quadratic_drag * shaft_speed * shaft_speed
 
 
@@ -109,15 +111,14 @@ def load_friction(plant: Record, load: Real, shaft_speed: Real) -> Real:
     2410.08650): ``load_friction |load|`` against the rotation, with the torque [N m] behind the torque
     meter without inertia.
     """
-    size = load if load.real >= 0.0 else -load
-    return friction_torque(plant, plant.load_friction * size, 0.0, shaft_speed)
+    return friction_torque(plant, plant.load_friction * modulus(load), 0.0, shaft_speed)
 
 
 @compiled
 def directional_value(size: Real, asymmetry: Real, shaft_speed: Real) -> Real:
     """Return (1 + asymmetry) times a value for rotation ahead, (1 - asymmetry) times it astern."""
     if asymmetry != 0.0:
-        size = size * (1.0 + asymmetry if shaft_speed.real >= 0.0 else 1.0 - asymmetry)
+        size = size * where(shaft_speed.real >= 0.0, 1.0 + asymmetry, 1.0 - asymmetry)
     return size
 
 

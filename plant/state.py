@@ -6,12 +6,14 @@ initial state and the linear model follow from the declaration.
 
 from __future__ import annotations
 
+import collections
 from collections.abc import Callable, Iterable
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import numpy as np
 
 from ..core.compiled import Real, Record, compiled, generate_kernel, generate_tuple_kernel
+from ..core.lanes import of_kind  # noqa: F401, for a generated kernel
 from .expressions import NO_SIGNALS
 from .ventilation import can_ventilate
 
@@ -95,6 +97,7 @@ def without_lags(plant: Any) -> Any:
 STATE = np.dtype([(name, np.float64) for name in State._fields], align=True)
 
 _MOTION = ("pitch_ratio", "shaft_speed", "ship_speed")
+_STRAIGHT = State._fields[: State._fields.index("sway_speed")]
 
 
 def _state_kernel(signature: str, entry: str, fields: Iterable[str] = State._fields) -> Any:
@@ -114,6 +117,36 @@ with_motion: Callable[[State, Real, Real, Real], State] = _state_kernel(
     [name if name in _MOTION else f"state.{name}" for name in State._fields],
 )
 """Return a state with other values of pitch ratio, shaft speed and ship speed."""
+
+Straight = collections.namedtuple("Straight", _STRAIGHT)
+"""States of a ship that keeps its course and has no terms."""
+
+straight_part: Callable[[State], Straight] = generate_tuple_kernel(
+    "straight_part(state)", "Straight", "state.{field}", _STRAIGHT, globals()
+)
+"""Return the part of a state that such a ship changes."""
+
+whole_state: Callable[[Straight], State] = _state_kernel(
+    "whole_state(part)",
+    "{field}",
+    [
+        f"part.{name}" if name in _STRAIGHT else "of_kind(0.0, part.pitch_ratio)"
+        for name in State._fields
+    ],
+)
+"""Return the state of such a ship, in which the other states are 0."""
+
+set_straight: Callable[[Record, Straight], None] = generate_kernel(
+    "def set_straight(record, part):\n    record.{field} = part.{field}", _STRAIGHT, globals()
+)
+"""Write the part into a STATE record."""
+
+is_straight: Callable[[Record], bool] = generate_kernel(
+    "def is_straight(record):\n    return (True\n    and record.{field} == 0.0\n    )",
+    [name for name in State._fields if name not in _STRAIGHT],
+    globals(),
+)
+"""Return whether the other states in a STATE record are 0."""
 
 shift_state: Callable[[State, State, Real], State] = _state_kernel(
     "shift_state(state, rate, h)", "state.{field} + h * rate.{field}"

@@ -6,13 +6,15 @@ Also the check of a simulation for divergence.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.compiled import Record, compiled, compiled_apart
-from .dynamics import evaluate, evaluate_apart, evaluate_without_roll
+from ..core.compiled import Real, Record, compiled, compiled_apart, generate_tuple_kernel
+from ..core.lanes import several_by
+from .dynamics import evaluate, evaluate_apart, evaluate_straight, evaluate_without_roll
 from .expressions import NO_SIGNALS
 from .hull import episode_factor
 from .memory import begin_step, end_step, read_instruments, settle_memory
@@ -115,8 +117,16 @@ def runge_kutta(
 
 
 @compiled
+def _straight_derivative(
+    plant: Record, state: State, inputs: Inputs, blade_before: Real, rolls: bool
+) -> tuple[State, Outputs]:
+    return evaluate_straight(plant, state, inputs, blade_before)
+
+
+@several_by(_straight_derivative)
+@compiled
 def _derivative(
-    plant: Record, state: State, inputs: Inputs, blade_before: float, rolls: bool
+    plant: Record, state: State, inputs: Inputs, blade_before: Real, rolls: bool
 ) -> tuple[State, Outputs]:
     """Return derivative and outputs; ``rolls`` is constant, so that the compiler keeps one branch."""
     if rolls:
@@ -131,7 +141,7 @@ def _runge_kutta(
     k1: State,
     middle: Inputs,
     end: Inputs,
-    blade_before: float,
+    blade_before: Real,
     dt: float,
     rolls: bool,
 ) -> State:
@@ -144,34 +154,99 @@ def _runge_kutta(
     return shift_state(following, k4, dt / 6.0)
 
 
+_later: Callable[[Inputs, Inputs, bool], Inputs] = generate_tuple_kernel(
+    "later(middle, end, ends)",
+    "Inputs",
+    "end.{field} if ends else middle.{field}",
+    Inputs._fields,
+    globals(),
+)
+
+
+class Begun(NamedTuple):
+    """A step before the ship responds: its state, the inputs at three instants and the blades' pitch."""
+
+    now: State
+    first: Inputs  # at the start of the step
+    second: Inputs  # at its middle
+    third: Inputs  # at its end
+    blade: Real  # pitch ratio of the blades after the previous step [-]
+
+
 @compiled
-def _advance(
-    plant: Record,
-    now: State,
-    first: Inputs,
-    second: Inputs,
-    third: Inputs,
-    blade: float,
-    dt: float,
-    rolls: bool,
-) -> tuple[Outputs, State]:
+def _advance(plant: Record, begun: Begun, dt: float, rolls: bool) -> tuple[Outputs, State]:
     """Return the outputs at the start of a step, and the state at its end."""
-    rate, outputs = _derivative(plant, now, first, blade, rolls)
-    return outputs, _runge_kutta(plant, now, rate, second, third, blade, dt, rolls)
+    rate, outputs = _derivative(plant, begun.now, begun.first, begun.blade, rolls)
+    return outputs, _runge_kutta(
+        plant, begun.now, rate, begun.second, begun.third, begun.blade, dt, rolls
+    )
 
 
 @compiled_apart
-def _advance_with_roll(
-    plant: Record,
-    now: State,
-    first: Inputs,
-    second: Inputs,
-    third: Inputs,
-    blade: float,
-    dt: float,
-) -> tuple[Outputs, State]:
+def _advance_with_roll(plant: Record, begun: Begun, dt: float) -> tuple[Outputs, State]:
     """Return what :func:`_advance` returns, for a ship with roll."""
-    return _advance(plant, now, first, second, third, blade, dt, True)
+    return _advance(plant, begun, dt, True)
+
+
+@compiled
+def _advance_together(plant: Record, begun: Begun, dt: float) -> tuple[Outputs, State]:
+    """Return what :func:`_advance` returns, for several ships.
+
+    The last three stages are a loop, because the processor keeps no more machine code at hand.
+    """
+    now = begun.now
+    rate, outputs = evaluate_straight(plant, now, begun.first, begun.blade)
+    following = shift_state(now, rate, dt / 6.0)
+    for stage in range(1, 4):
+        moved = shift_state(now, rate, dt if stage == 3 else 0.5 * dt)
+        inputs = _later(begun.second, begun.third, stage == 3)
+        rate, _ = evaluate_straight(plant, moved, inputs, begun.blade)
+        following = shift_state(following, rate, dt / 6.0 if stage == 3 else dt / 3.0)
+    return outputs, following
+
+
+@several_by(_advance_together)
+@compiled_apart
+def advance_straight(plant: Record, begun: Begun, dt: float) -> tuple[Outputs, State]:
+    """Return outputs and state of :func:`step`, for one or several ships on a straight course."""
+    return _advance(plant, begun, dt, False)
+
+
+@compiled
+def begin(
+    plant: Record,
+    state: Record,
+    memory: Record,
+    sea: Record,
+    drive: float,
+    pitch_command: float,
+    rudder_command: float,
+    start: Disturbance,
+    middle: Disturbance,
+    end: Disturbance,
+    dt: float,
+) -> Begun:
+    """Begin a step with the arguments of :func:`step`; memory and sea are changed in place."""
+    now = get_state(state)
+    delivered = begin_step(plant, memory, drive, dt)
+    time = memory.cursor * dt
+    episode = episode_factor(plant, time, dt)
+    if sea.present != 0 and memory.cursor % SYNC_STEPS == 0:
+        synchronise(sea, time, now, 0.5 * dt)
+    begins, middles, speed_rate = memory.rack_start, memory.rack_middle, 0.0
+    if plant.speed_held != 0:
+        begins = now.shaft_speed
+        middles = 0.5 * (begins + delivered)
+        speed_rate = (delivered - begins) / dt
+    pitch, rudder, half = pitch_command, rudder_command, time + 0.5 * dt
+    first = _inputs(begins, pitch, rudder, sea, start, episode, time, speed_rate)
+    if sea.present != 0:
+        pass_half_step(sea)
+    second = _inputs(middles, pitch, rudder, sea, middle, episode, half, speed_rate)
+    if sea.present != 0:
+        pass_half_step(sea)
+    third = _inputs(delivered, pitch, rudder, sea, end, episode, time + dt, speed_rate)
+    return Begun(now, first, second, third, memory.blade_pitch)
 
 
 @compiled
@@ -199,34 +274,17 @@ def step(
         The outputs at the start of the step under the new commands; the memory holds the measurements at
         that instant.
     """
-    now = get_state(state)
-    delivered = begin_step(plant, memory, drive, dt)
-    time = memory.cursor * dt
-    episode = episode_factor(plant, time, dt)
-    if sea.present != 0 and memory.cursor % SYNC_STEPS == 0:
-        synchronise(sea, time, now, 0.5 * dt)
-    begins, middles, speed_rate = memory.rack_start, memory.rack_middle, 0.0
-    if plant.speed_held != 0:
-        begins = now.shaft_speed
-        middles = 0.5 * (begins + delivered)
-        speed_rate = (delivered - begins) / dt
-    pitch, rudder, half = pitch_command, rudder_command, time + 0.5 * dt
-    first = _inputs(begins, pitch, rudder, sea, start, episode, time, speed_rate)
-    if sea.present != 0:
-        pass_half_step(sea)
-    second = _inputs(middles, pitch, rudder, sea, middle, episode, half, speed_rate)
-    if sea.present != 0:
-        pass_half_step(sea)
-    third = _inputs(delivered, pitch, rudder, sea, end, episode, time + dt, speed_rate)
-    blade = memory.blade_pitch
+    begun = begin(
+        plant, state, memory, sea, drive, pitch_command, rudder_command, start, middle, end, dt
+    )
     if plant.rolls != 0:
-        outputs, following = _advance_with_roll(plant, now, first, second, third, blade, dt)
+        outputs, following = _advance_with_roll(plant, begun, dt)
     else:
-        outputs, following = _advance(plant, now, first, second, third, blade, dt, False)
-    read_instruments(plant, memory, now.shaft_speed, outputs, dt)
+        outputs, following = _advance(plant, begun, dt, False)
+    read_instruments(plant, memory, begun.now.shaft_speed, outputs, dt)
     set_state(state, following)
     if plant.speed_held != 0:
-        state.shaft_speed = delivered
+        state.shaft_speed = memory.rack
     end_step(plant, memory, following.ship_speed, dt)
     return outputs
 

@@ -53,6 +53,7 @@ import math
 from typing import Any
 
 from ..core.compiled import Real, Record, compiled
+from ..core.lanes import everywhere, where
 from .keys import Section, effect, parameter
 from .open_water import REVOLUTIONS_PER_RADIAN
 from .surroundings import GRAVITY
@@ -73,11 +74,8 @@ _STEEPNESS = 8.0 / 7.0
 @compiled
 def _smooth_step(v: Real) -> Real:
     """Return S(v): 0 up to v = 0, 1 from v = 1 on, with three continuous derivatives."""
-    if v.real <= 0.0:
-        return 0.0 * v
-    if v.real >= 1.0:
-        return 1.0 + 0.0 * v
-    return v * v * v * v * (35.0 + v * (-84.0 + v * (70.0 - 20.0 * v)))
+    rising = v * v * v * v * (35.0 + v * (-84.0 + v * (70.0 - 20.0 * v)))
+    return where(v.real <= 0.0, 0.0 * v, where(v.real >= 1.0, 1.0 + 0.0 * v, rising))
 
 
 def _reach() -> float:
@@ -133,13 +131,10 @@ def _rounded(x: Real, width: float) -> Real:
 
     It is the integral of the smooth step: four continuous derivatives, and exact outside the corner.
     """
-    if x.real >= width:
-        return x
-    if x.real <= -width:
-        return 0.0 * x
     t = 0.5 * (x / width + 1.0)
     t2 = t * t
-    return width * (t2 * t2 * t * (14.0 + t * (-28.0 + t * (20.0 - 5.0 * t))))
+    corner = width * (t2 * t2 * t * (14.0 + t * (-28.0 + t * (20.0 - 5.0 * t))))
+    return where(x.real >= width, x, where(x.real <= -width, 0.0 * x, corner))
 
 
 @compiled
@@ -167,18 +162,21 @@ def lost_suction(plant: Record, relative: Real, suction: Real) -> Real:
     area = plant.ventilation_static_head * plant.expanded_area_ratio
     head = area * _rounded(relative, HEAD_ROUNDING)
     wanted = SUCTION_SHARE * suction
-    if wanted.real * (1.0 + LOSS_ROUNDING) <= head.real:
+    covered = wanted.real * (1.0 + LOSS_ROUNDING) <= head.real
+    if everywhere(covered):
         return 0.0 * relative
-    return _rounded(1.0 - head / wanted, LOSS_ROUNDING)
+    return where(covered, 0.0 * relative, _rounded(1.0 - head / wanted, LOSS_ROUNDING))
 
 
 @compiled
 def surface_factor(relative: Real) -> Real:
     """Return beta [-] at h/R: thrust near the surface / thrust in deep water, without ventilation."""
     near = _rounded(1.0 - 0.769 * relative, HEAD_ROUNDING)
-    if near.real <= 0.0:
+    deep = near.real <= 0.0
+    if everywhere(deep):
         return 1.0 + 0.0 * relative
-    return _rounded(1.0 - 0.675 * near**1.258, BETA_ROUNDING)
+    left = _rounded(1.0 - 0.675 * near**1.258, BETA_ROUNDING)
+    return where(deep, 1.0 + 0.0 * relative, left)
 
 
 @compiled

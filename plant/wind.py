@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ..core.compiled import Real, Record, compiled
+from ..core.lanes import one_by_one
 from ..core.numeric import modulus, sine_cosine
 from .keys import Section, quantity
 
@@ -166,6 +167,7 @@ class Superstructure(Section):
             record["wind_coefficients"] = [self.wind_coefficient(angle) for angle in angles]
 
 
+@one_by_one
 @compiled
 def wind_resistance(
     plant: Record,

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from shaftline.core.compiled import compiled
 from shaftline.core.files import write_text
+from shaftline.core.lanes import LANES
 from shaftline.envs import FrigateEnv, FrigateVectorEnv, SteeringVectorEnv
 from shaftline.observers import get_observer
 from shaftline.observers.records import ESTIMATE, OBSERVER, Measurement
@@ -29,7 +30,8 @@ from shaftline.plant.dynamics import evaluate
 from shaftline.plant.memory import MEMORY
 from shaftline.plant.record import PLANT
 from shaftline.plant.state import STATE, Inputs, State
-from shaftline.plant.stepping import UNDISTURBED, prepare, step
+from shaftline.plant.stepping import UNDISTURBED, prepare
+from shaftline.plant.together import begin_lane, complete_lane, gather, make_group, respond
 from shaftline.plant.waves import SEA, wave_field
 
 from .pages import fill_template
@@ -62,32 +64,55 @@ def simulate_batch(
         steps: number of steps.
         dt: time step [s].
     """
-    for i in range(len(plants)):
+    group, calm = make_group(), UNDISTURBED
+    for first in range(0, len(plants), LANES):
+        count = gather(group, plants, states, first, len(plants))
         for _ in range(steps):
-            state = states[i]
-            shaft_speed = state.shaft_speed
-            outputs = step(
-                plants[i],
-                state,
-                memories[i],
-                seas[i],
-                drive[i],
-                pitch_command[i],
-                0.0,
-                UNDISTURBED,
-                UNDISTURBED,
-                UNDISTURBED,
-                dt,
-            )
-            if len(observers) > 0:
-                reading = Measurement(
-                    shaft_speed,
-                    memories[i].shaft_torque,
-                    memories[i].pitch_ratio,
-                    outputs.shaft_acceleration,
-                    outputs.advance_velocity,
+            for lane in range(count):
+                i = first + lane
+                begin_lane(
+                    group,
+                    lane,
+                    plants[i],
+                    states[i],
+                    memories[i],
+                    seas[i],
+                    drive[i],
+                    pitch_command[i],
+                    0.0,
+                    calm,
+                    calm,
+                    calm,
+                    dt,
                 )
-                update(observers[i], estimates[i], reading)
+            respond(group, plants, dt)
+            for lane in range(count):
+                i = first + lane
+                shaft_speed = states[i].shaft_speed
+                outputs = complete_lane(
+                    group,
+                    lane,
+                    plants[i],
+                    states[i],
+                    memories[i],
+                    seas[i],
+                    drive[i],
+                    pitch_command[i],
+                    0.0,
+                    calm,
+                    calm,
+                    calm,
+                    dt,
+                )
+                if len(observers) > 0:
+                    reading = Measurement(
+                        shaft_speed,
+                        memories[i].shaft_torque,
+                        memories[i].pitch_ratio,
+                        outputs.shaft_acceleration,
+                        outputs.advance_velocity,
+                    )
+                    update(observers[i], estimates[i], reading)
 
 
 BATCH, STEPS, REPEATS = 256, 100, 15

@@ -191,6 +191,8 @@ class Clairvoyant:
         pitch = rows["state"]["pitch_ratio"] + self._lag * given[:, 0]
         control_interval(
             rows,
+            rows["plant"],
+            rows["state"],
             beside.commons,
             beside.gains,
             actions(self._plant, pitch, given[:, 1]),

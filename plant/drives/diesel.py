@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ...core.compiled import Real, Record, compiled
+from ...core.lanes import where
 from ...core.numeric import clip, modulus
 from ..keys import INF, effect, parameter, quantity, require
 from ..signals import Signal
@@ -192,8 +193,7 @@ def torque_limit(plant: Record, engine_speed: Real) -> Real:
     half = 0.5 * plant.torque_limit_idle
     if fall.real * plant.torque_limit_slope.real > half.real:
         fall = half / plant.torque_limit_slope
-    if above_idle.real < -fall.real:
-        above_idle = -fall
+    above_idle = where(above_idle.real < -fall.real, -fall, above_idle)
     return clip(
         plant.torque_limit_idle + plant.torque_limit_slope * above_idle,
         -plant.torque_limit,
@@ -206,9 +206,7 @@ def _limited_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
     """Return the torque [N m] of the rack map below the torque limit, as if all fuel ignited."""
     torque = rack_torque(plant, engine_speed, fuel_rack)
     limit = torque_limit(plant, engine_speed)
-    if torque.real > limit.real:
-        return limit
-    return torque
+    return where(torque.real > limit.real, limit, torque)
 
 
 @compiled
@@ -227,10 +225,8 @@ def _ceiling(lag: float, limit: float, rise: float, followed: Real, torque: Real
     """
     if lag.real > 0.0:
         highest = limit + rise * followed
-        if highest.real < 0.0:
-            highest = 0.0 * highest
-        if torque.real > highest.real:
-            return highest
+        highest = where(highest.real < 0.0, 0.0 * highest, highest)
+        torque = where(torque.real > highest.real, highest, torque)
     return torque
 
 

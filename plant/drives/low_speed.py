@@ -25,6 +25,7 @@ acts if the rack is open and fades as the fuel ignites, by 1 - h(|omega_e|).
 from __future__ import annotations
 
 from ...core.compiled import Real, Record, compiled
+from ...core.lanes import everywhere, where
 from ...core.numeric import clip, modulus
 from ..shaft import shaft_inertia
 
@@ -52,7 +53,7 @@ def sticking_speed(plant: Record, at_rest: Real) -> Real:
         return speed
     slope = 1.5 * at_rest * plant.gear_ratio * plant.gear_ratio * plant.transmission_efficiency
     least = -slope * plant.time_step / shaft_inertia(plant)
-    return least if least.real > speed.real else speed
+    return where(least.real > speed.real, least, speed)
 
 
 @compiled
@@ -63,9 +64,8 @@ def friction_torque(plant: Record, engine_speed: Real, no_fuel: Real) -> Real:
     0.
     """
     r = modulus(engine_speed) / sticking_speed(plant, no_fuel)
-    if r.real < 1.0:
-        no_fuel = no_fuel * (0.5 * r * (3.0 - r * r))
-    return no_fuel if engine_speed.real >= 0.0 else -no_fuel
+    no_fuel = where(r.real < 1.0, no_fuel * (0.5 * r * (3.0 - r * r)), no_fuel)
+    return where(engine_speed.real >= 0.0, no_fuel, -no_fuel)
 
 
 @compiled
@@ -87,13 +87,12 @@ def low_speed_torque(
     a positive value (a rack with another zero) means no friction. Starting air acts at a rack [mm] above
     0.
     """
-    if engine_speed.real >= FULL_FIRING_SHARE * plant.engine_speed_min.real:
+    runs = engine_speed.real >= FULL_FIRING_SHARE * plant.engine_speed_min.real
+    if everywhere(runs):
         return torque
-    if no_fuel.real > 0.0:
-        no_fuel = 0.0 * no_fuel
+    no_fuel = where(no_fuel.real > 0.0, 0.0 * no_fuel, no_fuel)
     firing = firing_share(plant, engine_speed)
     found = friction_torque(plant, engine_speed, no_fuel) + (torque - no_fuel) * firing
-    if fuel_rack.real > 0.0:
-        unfired = 1.0 - firing_share(plant, modulus(engine_speed))
-        found = found + plant.starting_air_torque * unfired
-    return found
+    unfired = 1.0 - firing_share(plant, modulus(engine_speed))
+    found = found + where(fuel_rack.real > 0.0, plant.starting_air_torque * unfired, 0.0)
+    return where(runs, torque, found)
