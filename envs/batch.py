@@ -36,6 +36,7 @@ from .tasks import controller_for, get_task
 _BYTES_EACH = 1e5  # memory of one environment with its sea, measured
 _FIELDS: Any = records.ENVIRONMENT.fields
 _SIGNALS: tuple[str, ...] = records.OBSERVATION.names or ()
+_DOUBLE = np.dtype(np.float64)
 _SECOND = {
     "fuel-rack": records.DIRECT_RACK,
     "limited-rack": records.LIMITED_RACK,
@@ -98,6 +99,10 @@ Arrays = namedtuple(
 
 class Batch:
     """Environments 0 to n - 1 with one task; with ``steered`` the rudder is an action.
+
+    Views of the results share the memory of the batch, with a row for each environment: ``signals`` (all
+    signals of :data:`OBSERVATION` in physical units), ``terms``, ``truths``, ``rewards``, ``ended``, and
+    ``elapsed``, the number of control intervals since the last reset.
 
     Raises:
         ValueError: a name does not exist, a value is out of range, or task or ship do not match
@@ -165,12 +170,36 @@ class Batch:
         self.common["second"] = _SECOND[self.command]
         self.common["limiter_slope"] = limiter_slope(self.ship.record(), LIMITER_RESPONSE_S)
 
+        self._lay_views()
+
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore a batch in another process."""
         self.__dict__.update(state)
+        self._lay_views()  # A copied view does not share the memory of the batch.
         # The address of a user's observer differs between processes.
         observer = get_observer(self.settings.observer, self.settings.tuning)
         self.environments["observer"]["address"] = observer.address
+
+    def _lay_views(self) -> None:
+        """Create the views of the results, which take longer to create than to read."""
+        self.signals = self._matrix("observation", np.dtype(np.float32))
+        self.terms = self._matrix("terms")
+        self.truths = self._matrix("truth")
+        self.rewards = self._matrix("reward")[:, 0]
+        self.ended = self._matrix("ended", np.dtype(np.int64))[:, 0]
+        self.elapsed = self.environments["episode"]["elapsed"]
+
+    def _matrix(self, name: str, kind: np.dtype[Any] = _DOUBLE) -> NDArray[Any]:
+        """Return a record of each environment, with values of one kind, as a row: shape (n, k)."""
+        # A field of a record array is not contiguous, so this array is a strided view of the memory.
+        form, offset, *_ = _FIELDS[name]
+        return np.ndarray(
+            (self.n, form.itemsize // kind.itemsize),
+            kind,
+            self.environments.view(np.uint8),
+            offset,
+            (records.ENVIRONMENT.itemsize, kind.itemsize),
+        )
 
     @property
     def common(self) -> Any:
@@ -211,29 +240,11 @@ class Batch:
         """Number of values of an action."""
         return 3 if self.steered else 2
 
-    @property
-    def signals(self) -> Singles:
-        """All signals of :data:`OBSERVATION` in physical units, shape (n, k), without a copy."""
-        # A field of a record array is not contiguous, so this array is a strided view of the memory.
-        offset = _FIELDS["observation"][1]
-        return np.ndarray(
-            (self.n, len(_SIGNALS)),
-            np.float32,
-            self.environments.view(np.uint8),
-            offset,
-            (records.ENVIRONMENT.itemsize, 4),
-        )
-
     def observation(self, which: Ints | None = None) -> Singles:
         """Return observations, shape (k, o), in the form of the settings; all of them by default."""
         which = self._everyone if which is None else which
         bound = NORMALISED_BOUND if self.settings.normalised else np.inf
         return _observe(self.signals, which, self._columns, *self._scale, bound)
-
-    @property
-    def elapsed(self) -> Ints:
-        """Number of control intervals since the last reset, shape (n,)."""
-        return np.asarray(self.environments["episode"]["elapsed"])
 
     def begin(self, options: Mapping[str, Any] | None) -> StartDistribution:
         """Return the distribution from which episodes start under the options of a reset, if any."""

@@ -199,6 +199,7 @@ class FrigateEnv(gymnasium.Env[Singles, Singles]):
         self.batch = Batch(1, Settings.of(self.defaults | settings), self.steered)
         self.observation_space: Any = batch_observation_space(self.batch)
         self.action_space: Any = action_space(self.batch.actions)
+        self._shape = (self.batch.actions,)
         self.render_mode, self._dashboards = render_mode, _dashboards(self.batch, render_mode)
         self._needs_reset = True
 
@@ -241,27 +242,26 @@ class FrigateEnv(gymnasium.Env[Singles, Singles]):
         if self._needs_reset:
             raise ResetNeeded("no episode is running, or it has ended: call reset() before step()")
         batch = self.batch
-        batch.step(check_action(action, (batch.actions,))[None])
-        env = self.batch.environments[0]
-        ended = int(env["ended"])
+        batch.step(check_action(action, self._shape)[None])
+        ended = batch.ended.item(0)
         terminated = ended != RUNNING
         limit = batch.settings.max_episode_steps
         if self.spec is not None:  # The environment of gymnasium.make has a time limit of its own.
             limit = None
-        truncated = limit is not None and bool(batch.elapsed[0] >= limit)
+        truncated = limit is not None and batch.elapsed.item(0) >= limit
         info = self._info()
         if terminated:
             info["ended"] = ENDINGS[ended]
         for dashboard in self._dashboards:
             dashboard.record()
         self._needs_reset = terminated or truncated
-        return batch.observation()[0], float(env["reward"]), terminated, truncated, info
+        return batch.observation()[0], batch.rewards.item(0), terminated, truncated, info
 
     def _info(self) -> dict[str, Any]:
         """Return the true state and the reward terms; after a reset the terms are zero."""
-        env = self.batch.environments[0]
-        info: dict[str, Any] = dict(zip(TRUTHS, env["truth"].tolist(), strict=True))
-        info["reward_terms"] = dict(zip(TERMS, env["terms"].tolist(), strict=True))
+        (truth,), (terms,) = self.batch.truths.tolist(), self.batch.terms.tolist()
+        info: dict[str, Any] = dict(zip(TRUTHS, truth, strict=True))
+        info["reward_terms"] = dict(zip(TERMS, terms, strict=True))
         return info
 
     def render(self) -> Any:

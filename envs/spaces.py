@@ -15,6 +15,7 @@ from ..core.compiled import compiled
 from ..plant.signals import get_signal
 from .batch import Batch
 
+_SINGLE = np.dtype(np.float32)
 _FAR = 1e9  # bound of a signal without a physical bound [rad, m]
 
 
@@ -70,9 +71,10 @@ def check_action(action: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
         >>> check_action([0.5, -3.0], (2,)).tolist()
         [0.5, -1.0]
     """
-    if type(action) is np.ndarray and action.dtype == np.float32 and action.shape == shape:
+    if type(action) is np.ndarray and action.dtype is _SINGLE and action.shape == shape:
         ready = np.empty(shape, np.float32)
-        if _clip(action.reshape(-1), ready.reshape(-1)):
+        one = len(shape) == 1
+        if _clip(action, ready) if one else _clip(action.reshape(-1), ready.reshape(-1)):
             return ready
     try:
         array = np.array(action)
