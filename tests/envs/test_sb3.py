@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import pickle
 import warnings
+from collections.abc import Callable
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -158,3 +162,72 @@ def test_attributes_and_methods_are_the_vector_environments() -> None:
     envs.vector.close = lambda **_: closed.append(True)  # type: ignore[method-assign]
     envs.close()
     assert closed == [True]
+
+
+USES: dict[str, Callable[[Any], Any]] = {
+    "key": lambda info: info["thrust"],
+    "get": lambda info: [info.get(name, 7) for name in ("thrust", "reward_terms", "episode")],
+    "contains": lambda info: ["thrust" in info, "episode" in info],
+    "length": len,
+    "keys": list,
+    "names": lambda info: list(info.keys()),
+    "values": lambda info: list(info.values()),
+    "items": lambda info: list(info.items()),
+    "reversed": lambda info: list(reversed(info)),
+    "text": str,
+    "copy": lambda info: info.copy(),
+    "dictionary": dict,
+    "unpacked": lambda info: {**info, "k": 1},
+    "argument": lambda info: dict(**info),
+    "union": lambda info: info | {"k": 1},
+    "union from the right": lambda info: {"k": 1} | info,
+    "update of another": lambda info: [other := {"k": 1}, other.update(info)],
+    "equal": lambda info: info == {"k": 1},
+    "not equal": lambda info: info != {"k": 1},
+    "set": lambda info: [info.__setitem__("thrust", 1.0), info.__setitem__("k", 2), dict(info)],
+    "update": lambda info: [info.update(thrust=1.0, k=2), dict(info)],
+    "union in place": lambda info: [info.__ior__({"thrust": 1.0}), dict(info)],
+    "delete": lambda info: [info.__delitem__("thrust"), dict(info)],
+    "pop": lambda info: [info.pop("thrust"), info.pop("k", 3), dict(info)],
+    "last item": lambda info: [info.popitem(), dict(info)],
+    "default": lambda info: [info.setdefault("thrust", 1.0), info.setdefault("k", 1), dict(info)],
+    "clear": lambda info: [info.clear(), dict(info)],
+    "json": json.dumps,
+    "pickle": lambda info: pickle.loads(pickle.dumps(info)),
+    "deep copy": deepcopy,
+}
+
+
+@pytest.mark.parametrize("use", USES.values(), ids=USES)
+def test_an_info_is_a_dictionary_in_every_use(use: Callable[[Any], Any]) -> None:
+    """The infos are filled at their first use, which may be any of these."""
+    envs = Sb3Frigates(2)
+    envs.seed(1)
+    envs.reset()
+    infos = envs.step(np.zeros((2, 2), np.float32))[3]
+    truth, terms = envs.vector.batch.truths[1].tolist(), envs.vector.batch.terms[1].tolist()
+    plain: dict[str, Any] = dict(zip(TRUTHS, truth, strict=True))
+    plain["reward_terms"] = dict(zip(TERMS, terms, strict=True))
+    envs.step(np.ones((2, 2), np.float32))  # An info holds the values of its own step.
+    assert str(use(infos[1])) == str(use(plain))
+
+
+def test_infos_are_compared_by_their_content() -> None:
+    envs = Sb3Frigates(2)
+    found = []
+    for _ in range(2):
+        envs.seed(3)
+        envs.reset()
+        found.append(envs.reset_infos)
+    assert found[0][0] == found[1][0]
+    assert found[0][1] != found[1][0]
+
+
+def test_a_key_that_an_info_does_not_have_is_refused() -> None:
+    envs = Sb3Frigates(1)
+    envs.reset()
+    (info,) = envs.reset_infos
+    for _ in range(2):
+        with pytest.raises(KeyError, match="episode"):
+            info["episode"]
+        assert info["thrust"] > 0.0
