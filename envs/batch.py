@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections import namedtuple
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -34,6 +34,7 @@ from .settings import SeaRange, Settings, check_randomise, noise_record, read_se
 from .tasks import controller_for, get_task
 
 _BYTES_EACH = 1e5  # memory of one environment with its sea, measured
+_STARTS_EACH = 8  # episodes that a thread starts at least; a thread takes as long to wake up
 _FIELDS: Any = records.ENVIRONMENT.fields
 _SIGNALS: tuple[str, ...] = records.OBSERVATION.names or ()
 _DOUBLE = np.dtype(np.float64)
@@ -68,6 +69,17 @@ def add_drift_force(ship: Ship) -> Ship:
 
 Singles = NDArray[np.float32]
 Ints = NDArray[np.int64]
+
+
+def _divide(
+    work: Callable[[int, int], None], count: int, pool: ThreadPoolExecutor | None, parts: int
+) -> None:
+    """Call ``work(first, last)`` for all of ``count`` items, in parts by the threads of a pool."""
+    if pool is None or parts < 2:
+        work(0, count)
+    else:
+        bounds = np.linspace(0, count, parts + 1).astype(int).tolist()
+        list(pool.map(work, bounds[:-1], bounds[1:]))
 
 
 @compiled
@@ -271,9 +283,17 @@ class Batch:
         return StartDistribution(starts.episode_ranges(begin, self.task), starts.sea_bounds(seas))
 
     def reset(
-        self, which: Ints, rngs: Sequence[np.random.Generator], beginning: StartDistribution
+        self,
+        which: Ints,
+        rngs: Sequence[np.random.Generator],
+        beginning: StartDistribution,
+        pool: ThreadPoolExecutor | None = None,
+        shares: int = 1,
     ) -> None:
-        """Start new episodes in k environments; each generator draws everything of one episode."""
+        """Start new episodes in k environments; each generator draws everything of one episode.
+
+        The threads of a pool share the work.
+        """
         varied = len(self._varied)
         draws = starts.DRAWS_STEERED if self.steered else starts.DRAWS
         uniform = np.empty((len(which), draws + varied))
@@ -284,17 +304,22 @@ class Batch:
             factors = 1.0 - width + 2.0 * width * factor
             self.arrays.plants[number.field][place] = number.value * factors
         raw = self.environments.view(np.uint8).reshape(self.n, records.ENVIRONMENT.itemsize)
-        starts.start_episodes(
-            self.environments,
-            raw,
-            which,
-            np.ascontiguousarray(uniform[:, :draws]),
-            beginning.ranges,
-            beginning.seas,
-            self._tables,
-            self.ship.propeller.depth_m,
-            self.dt,
-        )
+        drawn = np.ascontiguousarray(uniform[:, :draws])
+
+        def start(first: int, last: int) -> None:
+            starts.start_episodes(
+                self.environments,
+                raw,
+                which[first:last],
+                drawn[first:last],
+                beginning.ranges,
+                beginning.seas,
+                self._tables,
+                self.ship.propeller.depth_m,
+                self.dt,
+            )
+
+        _divide(start, len(which), pool, min(shares, len(which) // _STARTS_EACH))
 
     def observe(self, which: Ints) -> None:
         """Fill the observations of environments that were just reset."""
@@ -315,11 +340,7 @@ class Batch:
         if self.profile is not None:
             follow = self.environments, *self.profile, self.interval_s, self._tables
             starts.follow_profile(*follow)
-        if pool is None:
-            self._step(action, 0, self.n)
-        else:
-            bounds = np.linspace(0, self.n, min(shares, self.n) + 1).astype(int)
-            list(pool.map(self._step, [action] * (len(bounds) - 1), bounds[:-1], bounds[1:]))
+        _divide(functools.partial(self._step, action), self.n, pool, min(shares, self.n))
         if self.base is not None:
             self.base.follow(self.signals)
 

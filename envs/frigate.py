@@ -390,7 +390,8 @@ class FrigateVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
 
     def _start(self, which: Ints) -> None:
         """Start episodes in some sub-environments."""
-        self.batch.reset(which, [self._rngs[i] for i in which], self._begin)
+        rngs = [self._rngs[i] for i in which.tolist()]
+        self.batch.reset(which, rngs, self._begin, self._threads(), self._shares)
         for dashboard in self._dashboards:
             if dashboard.which in which:
                 dashboard.clear()
@@ -411,14 +412,14 @@ class FrigateVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             raise ResetNeeded(
                 f"the episodes of sub-environments {waiting.tolist()} have ended: reset them first"
             )
-        batch, arrays = self.batch, self.batch.arrays
+        batch = self.batch
         # Waiting environments are stepped too; the start of their episode overwrites it.
         actions = check_action(actions, (self.num_envs, batch.actions))
         batch.step(actions, self._threads(), self._shares)
-        terminated = arrays.ended != RUNNING
+        terminated = batch.ended != RUNNING
         limit = batch.settings.max_episode_steps
         truncated = batch.elapsed >= (np.inf if limit is None else limit)
-        reward = arrays.rewards.copy()
+        reward = batch.rewards.copy()
         if len(waiting):
             self._start(waiting)
             terminated[waiting] = truncated[waiting] = False
@@ -454,16 +455,17 @@ class FrigateVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         ``terminated`` masks the engines that stalled or tripped in this step, ``present`` the
         sub-environments to which the columns apply.
         """
-        arrays = self.batch.arrays
+        batch = self.batch
 
-        def columns(records: Any, names: tuple[str, ...]) -> dict[str, Any]:
+        def columns(rows: NDArray[np.float64], names: tuple[str, ...]) -> dict[str, Any]:
+            # One copy of all columns is much faster than a copy of each.
             masks = {"_" + name: present for name in names}
-            return {name: records[name].copy() for name in names} | masks
+            return dict(zip(names, rows.T.copy(), strict=True)) | masks
 
-        info = columns(arrays.truths, TRUTHS)
-        info |= {"reward_terms": columns(arrays.terms, TERMS), "_reward_terms": present}
+        info = columns(batch.truths, TRUTHS)
+        info |= {"reward_terms": columns(batch.terms, TERMS), "_reward_terms": present}
         if terminated.any():
-            info["ended"] = np.array(ENDINGS, dtype=object)[arrays.ended]
+            info["ended"] = np.array(ENDINGS, dtype=object)[batch.ended]
             info["_ended"] = terminated
         return info
 
