@@ -33,7 +33,6 @@ def _refuse_import_by_accident() -> None:
     here = _Path(__file__).parent
     if not (here / "pyproject.toml").is_file():
         return  # an installed package
-    from importlib.metadata import PackageNotFoundError, distribution
     from os import environ, pathsep
 
     above = here.parent.resolve()
@@ -43,6 +42,8 @@ def _refuse_import_by_accident() -> None:
     beside = bool(_sys.path) and _Path(_sys.path[0]).resolve() == above
     if not beside or above in chosen:
         return
+    from importlib.metadata import PackageNotFoundError, distribution  # takes time to import
+
     try:
         note = distribution("shaftline").read_text("direct_url.json") or ""
     except PackageNotFoundError:

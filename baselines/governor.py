@@ -17,7 +17,7 @@ import numpy as np
 from ..core.compiled import Record, compiled
 from ..observers.records import Floats
 from ..plant.drives.diesel import rack_of_torque, torque_limit
-from ..plant.linear import linearise
+from ..plant.linear import matrices
 from ..plant.shaft import shaft_inertia
 from ..plant.ship import Ship
 from ..plant.ship_files import load_ship
@@ -168,10 +168,10 @@ def tune(
             point = equilibrium(prompt, rack, pitch_ratio)
         except ValueError:
             continue  # above the torque limit at this speed and pitch
-        model = linearise(prompt, point)
-        row = list(model.state_labels).index("shaft_speed")
-        a = float(model.A[row, row])
-        b = float(model.B[row, list(model.input_labels).index("drive")])
+        states, inputs, model = matrices(prompt, point)
+        row = states.index("shaft_speed")
+        a = float(model.a[row, row])
+        b = float(model.b[row, inputs.index("drive")])
         if b <= 0.0:
             continue  # at the torque limit the rack has no effect
         p = math.exp(a * interval_s)

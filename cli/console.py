@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich import box
-from rich import progress as rich_progress
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -26,6 +25,7 @@ from .machine import captured_output
 
 if TYPE_CHECKING:
     import pandas as pd
+    from rich.progress import Progress, ProgressColumn
 
     from ..envs import Task
     from ..plant import Ship
@@ -125,10 +125,11 @@ def _line(text: str) -> None:
 
 
 @contextmanager
-def announce_loading(patience_s: float = 0.4) -> Iterator[None]:
-    """Show that libraries are loading if that takes longer than ``patience_s`` [s]."""
-    shown = errors.status("loading") if errors.is_terminal else None
-    late = threading.Timer(patience_s, shown.start if shown else lambda: _line("loading"))
+def announce_loading(what: str = "", patience_s: float = 0.1) -> Iterator[None]:
+    """Show that libraries, or those that ``what`` names, load for longer than ``patience_s`` [s]."""
+    text = f"loading {what}".rstrip()
+    shown = errors.status(text) if errors.is_terminal else None
+    late = threading.Timer(patience_s, shown.start if shown else lambda: _line(text))
     late.daemon = True
     late.start()
     try:
@@ -148,7 +149,9 @@ def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
         _line(f"{label}, {total} in total")
         yield lambda: log.at(next(done), total)
         return
-    with _bar(rich_progress.MofNCompleteColumn()) as bar:
+    from rich.progress import MofNCompleteColumn
+
+    with _bar(MofNCompleteColumn()) as bar:
         task, done = bar.add_task(label, total=total, left=""), itertools.count(1)
         left = TimeLeft(time.monotonic())
 
@@ -160,7 +163,9 @@ def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
         yield tick
 
 
-def _bar(*more: rich_progress.ProgressColumn) -> rich_progress.Progress:
+def _bar(*more: ProgressColumn) -> Progress:
+    from rich import progress as rich_progress  # most first lines need none of it
+
     label, bar = rich_progress.TextColumn("{task.description}"), rich_progress.BarColumn()
     left = rich_progress.TextColumn("{task.fields[left]}")
     columns = (label, bar, *more, rich_progress.TimeElapsedColumn(), left)

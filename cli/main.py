@@ -12,8 +12,9 @@ import io
 import os
 import sys
 from contextlib import nullcontext
-from importlib import import_module
+from importlib import import_module, util
 from pathlib import Path
+from types import ModuleType
 from typing import Annotated, Any
 
 import typer
@@ -29,6 +30,8 @@ COMMANDS = (
     "monitor", "plan-trial", "trial", "performance", "validate", "challenge", "list", "prepare",
 )  # fmt: skip
 """Sub-commands in the order of ``--help``; ``new-ship`` is ``new_ship`` in ``new_ship_command.py``."""
+
+_LazyModule: Any = util._LazyModule  # type: ignore[attr-defined]
 
 HERE = Path(__file__).parent
 FUNCTION_NAMES = {
@@ -62,6 +65,27 @@ def command_summary(name: str) -> str:
     raise LookupError(f"{name}: no function {_function(name)} in its file")
 
 
+class _Deferred(_LazyModule):  # type: ignore[misc,valid-type]
+    """Module that is loaded at its first use.
+
+    An import statement asks only for the specification of a module. Python's own lazy module takes that
+    for a use, so that ``import pandas`` would load it.
+    """
+
+    def __getattribute__(self, name: str) -> Any:
+        if name == "__spec__":
+            return ModuleType.__getattribute__(self, name)
+        return super().__getattribute__(name)
+
+
+def defer(name: str) -> None:
+    """Let import statements of a library create a module that is loaded at its first use."""
+    from ..core.lazy import lazy_import
+
+    if name not in sys.modules:
+        lazy_import(name).__class__ = _Deferred
+
+
 class LazyCommand(TyperCommand):
     """Sub-command whose file is imported when it is called."""
 
@@ -78,9 +102,7 @@ class LazyCommand(TyperCommand):
 
     def itself(self) -> Any:
         """Import the command and return it."""
-        from ..core.lazy import lazy_import
-
-        lazy_import("pandas")  # Importing it takes time, and --help does not need it.
+        defer("pandas")  # Importing it takes time, and neither --help nor the first line needs it.
         assert self.name is not None
         module = import_module(f".{_stem(self.name)}_command", __package__)
         alone = typer.Typer(rich_markup_mode="markdown", pretty_exceptions_enable=False)

@@ -16,6 +16,7 @@ from ..envs.settings import LONGEST_S
 from ..observers import get_observer
 from . import STOPPED
 from .console import (
+    announce_loading,
     check_folder,
     print_table,
     report_errors,
@@ -152,7 +153,7 @@ def train(
         vessel = get_task(task).load_ship(ship)
         if observer is not None:
             get_observer(observer)
-        with require_extra("train", "training"):
+        with require_extra("train", "training"), announce_loading("torch"):
             from ..agents.learning import training
             from ..agents.learning.recipe import read_recipe
         given = {"observer": observer, "sensor_noise": sensor_noise}

@@ -12,7 +12,15 @@ import typer
 from .. import display
 from ..envs import get_task
 from . import train_command as training
-from .console import check_folder, print_table, report_errors, require_extra, say, stages
+from .console import (
+    announce_loading,
+    check_folder,
+    print_table,
+    report_errors,
+    require_extra,
+    say,
+    stages,
+)
 
 _SHOWN = 8  # best trials in the table
 
@@ -75,7 +83,7 @@ def tune_recipe(
     """
     with report_errors():
         get_task(task).load_ship(ship)
-        with require_extra("train", "a search"):
+        with require_extra("train", "a search"), announce_loading("torch"):
             from ..agents.learning.recipe import read_recipe
             from ..agents.learning.recipe_search import search_recipe
         plan = read_recipe(algorithm, task, recipe, **training.sizes(timesteps, envs, plans))

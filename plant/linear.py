@@ -58,6 +58,23 @@ def linearise(
     >>> sorted(round(float(pole.real), 3) for pole in model.poles())  # [1/s]
     [-0.99, -0.5, -0.023]
     """
+    states, by, model = matrices(ship, point, outputs)
+    return control.ss(
+        model.a,
+        model.b,
+        model.c,
+        model.d,
+        states=states,
+        inputs=by,
+        outputs=list(outputs),
+        name=ship.name.replace(".", " "),  # python-control allows no dot in a name
+    )
+
+
+def matrices(
+    ship: Ship, point: Equilibrium, outputs: tuple[str, ...] = ()
+) -> tuple[list[str], list[str], Tangent]:
+    """Return states, inputs and matrices of :func:`linearise`, without the import of python-control."""
     plant = ship.record()
     states = active_states(plant)
     by = STEERED_INPUTS if ship.turns else INPUTS
@@ -68,16 +85,7 @@ def linearise(
             f"{ship.name}: there is no linear model, because derivatives exceed {_STEEPEST:g}; check "
             "whether a mass, an inertia or a time constant of the ship file is many orders too small"
         )
-    return control.ss(
-        model.a,
-        model.b,
-        model.c,
-        model.d,
-        states=states,
-        inputs=list(by),
-        outputs=list(outputs),
-        name=ship.name.replace(".", " "),  # python-control allows no dot in a name
-    )
+    return states, list(by), model
 
 
 class Tangent(NamedTuple):

@@ -12,14 +12,14 @@ neighbours. Outside the table they are constant.
 
 from __future__ import annotations
 
+import csv
 import functools
 import itertools
 import math
 from importlib import resources
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 import scipy
 from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
@@ -43,10 +43,23 @@ REVOLUTIONS_PER_RADIAN = 0.5 / math.pi
 MIN_REVOLUTIONS = 1e-3  # 1/s; keeps J finite at standstill, where thrust and torque vanish
 
 
+class _PolynomialTerm(NamedTuple):
+    """Term of a B-series polynomial: a coefficient and the powers of its factors."""
+
+    curve: str
+    coefficient: float
+    j: int
+    pitch_ratio: int
+    expanded_area_ratio: int
+    blades: int
+
+
 @functools.cache
-def _polynomials() -> pd.DataFrame:
+def _polynomials() -> list[_PolynomialTerm]:
+    # Without pandas, because every ship needs this table and the import of pandas takes long.
     with resources.files("shaftline.plant").joinpath("data/b_series_polynomials.csv").open() as f:
-        return pd.read_csv(f)
+        _, *rows = csv.reader(f)
+    return [_PolynomialTerm(curve, float(c), *map(int, powers)) for curve, c, *powers in rows]
 
 
 @functools.lru_cache(maxsize=64)
@@ -62,11 +75,11 @@ def b_series(curve: str, expanded_area_ratio: float, blades: int) -> NDArray[np.
     0.226
     """
     matrix = np.zeros(CURVE_SHAPE)
-    terms = _polynomials()
-    for term in terms[terms["curve"] == curve].itertuples():
-        area = expanded_area_ratio**term.expanded_area_ratio_power
-        value = term.coefficient * area * blades**term.blades_power
-        matrix[PITCH_POWERS.index(term.pitch_ratio_power), term.j_power] += value
+    for term in _polynomials():
+        if term.curve == curve:
+            area = expanded_area_ratio**term.expanded_area_ratio
+            value = term.coefficient * area * blades**term.blades
+            matrix[PITCH_POWERS.index(term.pitch_ratio), term.j] += value
     matrix.flags.writeable = False
     return matrix
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import ModuleType
 
 import pytest
 from typer.testing import CliRunner
@@ -33,6 +34,39 @@ def test_what_is_slow_is_imported_when_it_is_used(module: str) -> None:
     code = f"import sys, shaftline.{module}\nprint(sorted({slow} & set(sys.modules)))"
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert told.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    "work",
+    [
+        "import shaftline.cli.train_command, shaftline.cli.simulate_command",
+        "import shaftline.cli.evaluate_command, shaftline.cli.manoeuvre_command",
+        "from shaftline.envs import FrigateEnv\nFrigateEnv().reset(seed=0)",
+    ],
+)
+def test_neither_a_command_nor_an_environment_begins_with_tables_or_linear_models(
+    work: str,
+) -> None:
+    slow = {"pandas.core.frame", "control.statesp", "matplotlib.figure", "scipy.signal", "torch"}
+    code = (
+        "import sys\nfrom shaftline.cli import main\nmain.defer('pandas')\n"
+        f"{work}\nprint(sorted({slow} & set(sys.modules)))"
+    )
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == "[]"
+
+
+def test_a_deferred_library_is_loaded_at_its_first_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(sys.modules, "colorsys", raising=False)
+    main.defer("colorsys")
+    import colorsys
+
+    assert "hls_to_rgb" not in ModuleType.__getattribute__(colorsys, "__dict__")
+    assert colorsys.hls_to_rgb(0.0, 0.5, 0.0) == (0.5, 0.5, 0.5)
+    assert type(colorsys) is ModuleType
+    main.defer("colorsys")  # A loaded library stays.
+    assert sys.modules["colorsys"] is colorsys
+    assert type(colorsys) is ModuleType
 
 
 @pytest.mark.parametrize(("arguments", "spoken"), [(["--help"], False), ([], True)])

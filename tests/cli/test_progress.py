@@ -127,6 +127,9 @@ def test_loading_is_announced_where_it_lasts(capfd: pytest.CaptureFixture[str]) 
     with announce_loading(patience_s=0.0):
         time.sleep(0.2)
     assert capfd.readouterr().err == "loading\n"
+    with announce_loading("torch", patience_s=0.0):
+        time.sleep(0.2)
+    assert capfd.readouterr().err == "loading torch\n"
 
 
 @pytest.mark.parametrize("width", [48, 60, 200])
