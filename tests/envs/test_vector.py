@@ -14,11 +14,12 @@ from gymnasium.wrappers import RecordEpisodeStatistics, RecordVideo
 
 import shaftline.envs
 from shaftline.envs import TERMS, FrigateEnv, FrigateVectorEnv
-from shaftline.envs.records import TRUTHS
+from shaftline.envs.records import ENVIRONMENT, TRUTHS
 
 from .plans import SHORT, actions
 
 NAME = "shaftline.envs:shaftline/Frigate-v0"
+PAGE = Path(__file__).parents[2] / "docs" / "environment.md"
 
 
 def test_infos_of_the_vector_environment_are_columns_with_masks() -> None:
@@ -190,3 +191,17 @@ def test_a_video_can_be_recorded(tmp_path: Path) -> None:
     env.close()
     (video,) = (tmp_path / "videos").glob("*.mp4")
     assert video.stat().st_size > 1000
+
+
+def test_the_page_states_the_memory_of_the_records() -> None:
+    page = " ".join(PAGE.read_text(encoding="utf-8").split())
+    size = {name: ENVIRONMENT[name].itemsize for name in ENVIRONMENT.names or ()}
+    each = ENVIRONMENT.itemsize
+    assert f"takes {each / 1e3:.0f} kB of memory, 1024 of them {1024 * each / 1e6:.0f} MB" in page
+    assert f"{size['observer'] / 1e3:.0f} kB hold the observer" in page
+    assert f"{size['plant'] / 1e3:.0f} kB the ship" in page
+    assert f"{size['memory'] / 1e3:.0f} kB actuators and instruments" in page
+    assert f"{size['sea'] / 1e3:.0f} kB the sea" in page
+    rest = each - sum(size[name] for name in ("observer", "plant", "memory", "sea"))
+    assert f"{rest / 1e3:.0f} kB the episode" in page
+    assert FrigateVectorEnv(3).batch.environments.nbytes == 3 * each
