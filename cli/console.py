@@ -191,7 +191,7 @@ def stages(label: str) -> Iterator[Callable[[str, int, int], None]]:
 
 
 MOST_SEEDS = 10_000
-"""Largest number of episodes of one cell: they are simulated together, with 100 kB for each."""
+"""Largest number of episodes of one cell: they are simulated together, with 80 kB for each."""
 
 _LONGEST = 1000  # half of the longest line of an error message
 _LARGE = 1e9  # smallest number that a table shows with an exponent

@@ -33,7 +33,7 @@ from .rewards import goals_record
 from .settings import SeaRange, Settings, check_randomise, noise_record, read_seas
 from .tasks import controller_for, get_task
 
-_BYTES_EACH = 1e5  # memory of one environment with its sea, measured
+_BYTES_EACH = 8e4  # memory of one environment with its sea, measured
 _STARTS_EACH = 8  # episodes that a thread starts at least; a thread takes as long to wake up
 _FIELDS: Any = records.ENVIRONMENT.fields
 _SIGNALS: tuple[str, ...] = records.OBSERVATION.names or ()

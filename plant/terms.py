@@ -239,8 +239,8 @@ RECORD_FIELDS = (
     ("term_owner", np.int64, (MAX_PROGRAMS,)),
     ("term_length", np.int64, (MAX_PROGRAMS,)),
     ("term_depth", np.int64, (MAX_PROGRAMS,)),
-    ("term_code", np.int64, (MAX_PROGRAMS, MAX_OPERATIONS)),
-    ("term_index", np.int64, (MAX_PROGRAMS, MAX_OPERATIONS)),
+    ("term_code", np.int16, (MAX_PROGRAMS, MAX_OPERATIONS)),
+    ("term_index", np.int16, (MAX_PROGRAMS, MAX_OPERATIONS)),
     ("term_constants", np.float64, (MAX_TERMS, MAX_CONSTANTS)),
 )
 """Fields of the ship record for terms."""

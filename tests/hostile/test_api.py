@@ -31,7 +31,7 @@ from shaftline.plant import (
 
 
 def test_more_environments_than_memory_are_refused_at_once() -> None:
-    with pytest.raises(SizeError, match="1e\\+09 environments at once: at most 8e\\+04"):
+    with pytest.raises(SizeError, match="1e\\+09 environments at once: at most 1e\\+05"):
         FrigateVectorEnv(10**9)
 
 
