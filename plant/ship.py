@@ -84,7 +84,7 @@ def validate_tables(model: type[Model], tree: dict[str, Any], source: str) -> Mo
 def _error_line(model: type[BaseModel], item: dict[str, Any]) -> str:
     """Return a pydantic error as a sentence with key, unit, given value and allowed range."""
     tags = {type_tag(kind) for kind in union_members(model.model_fields["prime_mover"].annotation)}
-    path = [str(part) for part in item["loc"] if part not in tags]
+    path = [str(part) for k, part in enumerate(item["loc"]) if k == 0 or part not in tags]
     key = ".".join(path) or "ship"
     allowed, kind = "", item["type"]
     for section in _kinds(model, path[0]) if path else ():  # Two sections may have the same key.

@@ -226,6 +226,7 @@ def test_a_coefficient_that_stands_in_a_table_has_its_derivative_too() -> None:
     ("key", "why"),
     [
         ("hull.nonsense", "frigate: hull.nonsense is not a known key"),
+        ("diesel.lag_s", "frigate: diesel is not a known key"),  # the kind, not the section
         ("prime_mover.armature_resistance_ohm", "belongs to another type of prime_mover"),
         ("hull.propellers", "hull.propellers has no field of its own"),
         ("propeller.expanded_area_ratio", "the equations use tables computed from it"),
