@@ -23,7 +23,7 @@ from ..plant.cavitation import effective_attack, outside_bucket
 from ..plant.rudder import rudder_angle
 from ..plant.state import STATE, Outputs, State, get_state
 from ..plant.stepping import Disturbance, observe
-from ..plant.together import begin_lane, complete_lane, gather, make_group, respond
+from ..plant.together import GROUP, begin_lane, complete_lane, gather, respond
 from . import sensing
 from .records import LIMITED_RACK, SHAFT_SPEED
 from .rewards import MEAN_S, Instant, add_terms, clear_terms, reward_of, total_fuel_flow
@@ -346,7 +346,7 @@ def control_interval(
         first: first environment.
         last: one past the last environment.
     """
-    common, group, cells = commons[0], make_group(), np.zeros(LANES, CELL)
+    common, group, cells = commons[0], np.zeros(1, GROUP)[0], np.zeros(LANES, CELL)
     diverged = -1
     for begin in range(first, last, LANES):
         count = gather(group, plants, states, begin, last)

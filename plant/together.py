@@ -7,7 +7,7 @@ with different equations, and ships that do not agree on a branch respond one af
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,44 +47,31 @@ _WAVES = (((0.0,) * 3,) * 3, (0.0,) * 4)
 _RESPONSE = (Outputs(*(0.0 for _ in Outputs._fields)), _STRAIGHT)
 
 
-_PLANTS, _BEGUN_BOX, _WAVES_BOX = block_shape(PLANT), box_shape(_BEGUN), box_shape(_WAVES)
-_RESPONSE_BOX = box_shape(_RESPONSE)
-
-
-class Group(NamedTuple):
-    """Working memory for a group of ships."""
-
-    status: NDArray[np.int64]  # shape (1,)
-    plants: NDArray[np.float64]  # block of the ship records
-    begun: NDArray[np.float64]  # box of what a step needs in calm water
-    waves: NDArray[np.float64]  # box of what it needs in addition at sea
-    response: NDArray[np.float64]  # box of outputs and following states
-
-
-@compiled
-def make_group() -> Group:
-    """Return working memory."""
-    return Group(
-        np.zeros(1, np.int64),
-        np.empty(_PLANTS),
-        np.empty(_BEGUN_BOX),
-        np.zeros(_WAVES_BOX),
-        np.empty(_RESPONSE_BOX),
-    )
+GROUP = np.dtype(
+    [
+        ("status", np.int64),
+        ("plants", np.float64, block_shape(PLANT)),  # block of the ship records
+        ("begun", np.float64, box_shape(_BEGUN)),  # what a step needs in calm water
+        ("waves", np.float64, box_shape(_WAVES)),  # what it needs in addition at sea
+        ("response", np.float64, box_shape(_RESPONSE)),  # outputs and following states
+    ],
+    align=True,
+)
+"""Working memory for a group of ships. A record, because kernels count the uses of an array."""
 
 
 @compiled
-def gather(group: Group, plants: Any, states: Any, first: int, last: int) -> int:
+def gather(group: Record, plants: Any, states: Any, first: int, last: int) -> int:
     """Form a group of a batch, from the index ``first`` on, and return the number of its ships.
 
     Args:
-        group: working memory.
+        group: GROUP record.
         plants: PLANT array of the batch.
         states: STATE array of the batch.
         first: first ship of the group.
         last: one past the last ship of the batch.
     """
-    group.status[0] = _ALONE
+    group.status = _ALONE
     if first + LANES > last:
         return last - first
     one = plants[first]
@@ -95,7 +82,7 @@ def gather(group: Group, plants: Any, states: Any, first: int, last: int) -> int
         fill_block(group.plants, plants, first)
         group.waves[:] = 0.0
         if are_alike(group.plants, plants):
-            group.status[0] = _TOGETHER
+            group.status = _TOGETHER
     return LANES
 
 
@@ -138,7 +125,7 @@ def _begun(numbers: Any, waves: Any) -> Begun:
 
 @compiled
 def begin_lane(
-    group: Group,
+    group: Record,
     lane: int,
     plant: Record,
     state: Record,
@@ -156,7 +143,7 @@ def begin_lane(
 
     The state is not changed before :func:`complete_lane`, which must have the same arguments.
     """
-    if group.status[0] == _ALONE:
+    if group.status == _ALONE:
         return
     begun = begin(
         plant, state, memory, sea, drive, pitch_command, rudder_command, start, middle, end, dt
@@ -172,26 +159,26 @@ def begin_lane(
 
 
 @compiled
-def respond(group: Group, plants: Any, dt: float) -> None:
+def respond(group: Record, plants: Any, dt: float) -> None:
     """Compute the step of all ships of a group at once, if they agree on all branches.
 
     ``plants`` is the PLANT array from which they were gathered.
     """
-    if group.status[0] == _ALONE:
+    if group.status == _ALONE:
         return
-    group.status[0] = _TOGETHER
+    group.status = _TOGETHER
     try:
         begun = _begun(take_lanes(group.begun, _BEGUN), take_lanes(group.waves, _WAVES))
         outputs, following = advance_straight(ships_of(group.plants, plants), begun, dt)
         put_lanes(group.response, (outputs, straight_part(following)))
-        group.status[0] = _RESPONDED
+        group.status = _RESPONDED
     except Exception:  # kernels know no other kind; here it is a DisagreementError
         pass
 
 
 @compiled
 def complete_lane(
-    group: Group,
+    group: Record,
     lane: int,
     plant: Record,
     state: Record,
@@ -206,11 +193,11 @@ def complete_lane(
     dt: float,
 ) -> Outputs:
     """Complete a step of one ship of a group, and return the outputs at the start of the step."""
-    if group.status[0] == _ALONE:
+    if group.status == _ALONE:
         return step(
             plant, state, memory, sea, drive, pitch_command, rudder_command, start, middle, end, dt
         )
-    if group.status[0] == _RESPONDED:
+    if group.status == _RESPONDED:
         outputs, part = take_lane(group.response, lane, _RESPONSE)
     else:
         numbers = take_lane(group.begun, lane, _BEGUN)

@@ -31,7 +31,7 @@ from shaftline.plant.memory import MEMORY
 from shaftline.plant.record import PLANT
 from shaftline.plant.state import STATE, Inputs, State
 from shaftline.plant.stepping import UNDISTURBED, prepare
-from shaftline.plant.together import begin_lane, complete_lane, gather, make_group, respond
+from shaftline.plant.together import GROUP, begin_lane, complete_lane, gather, respond
 from shaftline.plant.waves import SEA, wave_field
 
 from .pages import fill_template
@@ -64,7 +64,7 @@ def simulate_batch(
         steps: number of steps.
         dt: time step [s].
     """
-    group, calm = make_group(), UNDISTURBED
+    group, calm = np.zeros(1, GROUP)[0], UNDISTURBED
     for first in range(0, len(plants), LANES):
         count = gather(group, plants, states, first, len(plants))
         for _ in range(steps):
@@ -201,6 +201,22 @@ def _vector_rate(many: FrigateVectorEnv) -> float:
     return rate
 
 
+def _random_rate(many: FrigateVectorEnv, count: int = 120) -> float:
+    """Return the rate under random actions over their whole range, with the ends of episodes."""
+    rng = np.random.default_rng(0)
+    shape = (count, many.num_envs, many.batch.actions)
+    actions = rng.uniform(-1.0, 1.0, shape).astype(np.float32)
+    many.reset(seed=0)
+
+    def work() -> None:
+        for action in actions:
+            many.step(action)
+
+    rate = best_rate(work, count * many.num_envs, 3)
+    many.close()
+    return rate
+
+
 def _tensor_rates() -> list[tuple[str, float]]:
     """Return the rates at which observations become torch tensors."""
     try:
@@ -263,6 +279,10 @@ def measure() -> list[tuple[str, float]]:
             _single_rate(FrigateEnv(), lambda: action, 500),
         ),
         (f"environment Frigate-v0, {on_all}", _vector_rate(FrigateVectorEnv(MANY))),
+        (
+            f"environment Frigate-v0, {on_all}, random actions and ends of episodes",
+            _random_rate(FrigateVectorEnv(MANY)),
+        ),
         (
             f"environment Frigate-v0, rough-sea, {on_all}",
             _vector_rate(FrigateVectorEnv(MANY, task="rough-sea")),

@@ -14,7 +14,7 @@ from shaftline.plant.record import PLANT
 from shaftline.plant.ship import Ship
 from shaftline.plant.state import STATE
 from shaftline.plant.stepping import Disturbance, prepare, step
-from shaftline.plant.together import begin_lane, complete_lane, gather, make_group, respond
+from shaftline.plant.together import GROUP, begin_lane, complete_lane, gather, respond
 from shaftline.plant.waves import SEA
 
 STEPS = 120
@@ -32,7 +32,7 @@ def together(
     plants: Any, states: Any, memories: Any, seas: Any, commands: Any, dt: float, kept: Any
 ) -> int:
     """Step a batch; return how many steps of groups were computed at once."""
-    group, at_once = make_group(), 0
+    group, at_once = np.zeros(1, GROUP)[0], 0
     for first in range(0, len(plants), LANES):
         count = gather(group, plants, states, first, len(plants))
         for k in range(commands.shape[0]):
@@ -44,7 +44,7 @@ def together(
                     commands[k, 1, i], 0.0, a, b, c, dt,
                 )  # fmt: skip
             respond(group, plants, dt)
-            at_once += group.status[0] == RESPONDED
+            at_once += group.status == RESPONDED
             for lane in range(count):
                 i = first + lane
                 a, b, c = _disturbed(k, i), _disturbed(k + 0.5, i), _disturbed(k + 1.0, i)
