@@ -2,7 +2,7 @@
 
 The step of a ship file resolves the waves that pass the propeller, about 0.05 s. A log with a row every
 second has no waves in it, and a diagnosis simulates it some thousand times. A Runge-Kutta step of half a
-row is then as exact as the short one, and several times faster.
+row, or of a whole one, is then as exact as the short one, and several times faster.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from ...plant.columns import TIME
 from ...plant.ship import Ship, ShipError
 from .joint_replay import JointReplay
 
-STEPS_PER_ROW = (2, 3, 4, 5, 8, 10, 16, 20, 32, 64, 128)
-"""Numbers of steps between two rows that are tried. A delay or a time constant of half a row remains
-resolved."""
+STEPS_PER_ROW = (1, 2, 3, 4, 5, 8, 10, 16, 20, 32, 64, 128)
+"""Numbers of steps between two rows that are tried. A delay below a row is interpolated, and a time
+constant below the step refuses it. A finding of less than a step is searched again with a shorter one."""
 
 INEXACT = 0.01
 """Largest rms change of a simulated channel by the longer step, as a multiple of the channel's noise. It

@@ -59,8 +59,25 @@ def test_a_row_every_second_is_simulated_in_two_steps(ship: Ship, log: pd.DataFr
         assert 0.0 < change <= INEXACT * own.noise_rms[name]
 
 
-def test_ten_rows_a_second_keep_the_step_of_the_file(ship: Ship) -> None:
-    assert with_longest_time_step(ship, [slow_log(ship, 0.1, 400)]) is ship
+def test_ten_rows_a_second_are_simulated_in_one_step_each(ship: Ship) -> None:
+    log = slow_log(ship, 0.1, 1200)
+    slower = with_longest_time_step(ship, [log])
+    assert slower.time_step_s == pytest.approx(0.1)
+    own, other = JointReplay(ship, log), JointReplay(slower, log, start_over_s=2.0)
+    exact, values = (r.simulate_channels(r.ship.record()) for r in (own, other))
+    for name in exact:
+        change = np.sqrt(np.mean((values[name] - exact[name]) ** 2))
+        assert 0.0 < change <= 1e-4 * own.noise_rms[name]
+
+
+def test_as_many_rows_a_second_as_steps_keep_the_step_of_the_file(ship: Ship) -> None:
+    assert with_longest_time_step(ship, [slow_log(ship, ship.time_step_s, 400)]) is ship
+
+
+def test_one_step_a_row_is_not_taken_where_it_changes_a_channel(ship: Ship) -> None:
+    stiff = ship.with_values({"pitch_actuator.time_constant_s": 0.2})
+    found = with_longest_time_step(stiff, [slow_log(stiff, 0.2, 1200)])
+    assert found.time_step_s == pytest.approx(0.1)
 
 
 def test_a_time_constant_of_the_ship_limits_the_step(ship: Ship, log: pd.DataFrame) -> None:
