@@ -268,7 +268,7 @@ def _add_fit(
     """
     replay, interval = balances.replay, balances.replay.interval_s
     rows = np.concatenate([np.arange(a, b) for a, b in held or replay.segments])
-    after = replay.simulated(replay.simulate(bare.identified.record()))
+    after = replay.simulate_channels(bare.identified.record())
     _refuse_diverged(bare, after)
     return replace(
         bare,

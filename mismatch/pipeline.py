@@ -478,7 +478,7 @@ def _report(
     uncorrected = bool(findings) and corrected == ship
     warnings = correction.uncorrected_remarks(worse) if uncorrected else []
     # A record refers to signals by position, so the simulations need all signals of the replay.
-    before, after = (replay.simulated(replay.simulate(s.record())) for s in (ship, corrected))
+    before, after = (replay.simulate_channels(s.record()) for s in (ship, corrected))
     changes = parameters.changes(fit, corrected)
     undecidable = is_undecidable(replay.excited, together.limits)
     biased, refuted = any(c.is_biased for c in changes), uncorrected and evidence.judge.covers(fit)

@@ -8,6 +8,7 @@ have no effect.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -262,12 +263,12 @@ class SteadyReplay(Replay):
         )
         return samples
 
-    def simulate_channels(
-        self, plant: Any, start: tuple[float, ...] | None = None
+    def simulate_signals(
+        self, plant: Any, signals: Sequence[str], start: tuple[float, ...] | None = None
     ) -> dict[str, NDArray[np.float64]]:
-        """Return the measured channels of the equilibria, each of shape (rows,)."""
+        """Return some signals of the equilibria by name, each of shape (rows,)."""
         samples = self.simulate(plant, start)
-        return {c: samples[MEASURED[c]].copy() for c in self.channels}
+        return {name: samples[name].copy() for name in signals}
 
 
 def simulate_steady(ship: Ship, recording: pd.DataFrame) -> pd.DataFrame:

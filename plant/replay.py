@@ -231,8 +231,19 @@ class Replay(RecordedInputs):
         self, plant: Any, start: tuple[float, ...] | None = None
     ) -> dict[str, NDArray[np.float64]]:
         """Return the measured channels that :meth:`simulate` gives in calm water, each (rows,)."""
-        kept = self._simulate(plant, start, None, [MEASURED[c] for c in self.channels])
-        return {c: column.copy() for c, column in zip(self.channels, kept.T, strict=True)}
+        signals = [MEASURED[c] for c in self.channels]
+        kept = self.simulate_signals(plant, signals, start)
+        return {c: kept[signal] for c, signal in zip(self.channels, signals, strict=True)}
+
+    def simulate_signals(
+        self, plant: Any, signals: Sequence[str], start: tuple[float, ...] | None = None
+    ) -> dict[str, NDArray[np.float64]]:
+        """Return some signals of :meth:`simulate` in calm water by name, each of shape (rows,).
+
+        All signals of a long recording would take ten times the memory of the measured ones.
+        """
+        kept = self._simulate(plant, start, None, signals)
+        return {name: column.copy() for name, column in zip(signals, kept.T, strict=True)}
 
     def _simulate(
         self, plant: Any, start: tuple[float, ...] | None, sea: Any, signals: Sequence[str]

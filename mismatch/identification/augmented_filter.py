@@ -270,7 +270,7 @@ def _simulated_with(replay: JointReplay, key: str, change: float) -> dict[str, A
     """Return the simulated channels by column after a change of a parameter, in the key's unit."""
     number, record = parameter_slope(replay.ship, key), replay.ship.record()
     as_words(record)[number.words] += change * number.slopes
-    return replay.simulated(replay.simulate(record))
+    return replay.simulate_channels(record)
 
 
 def _likeliest_process_noise(runs: FilterRuns, tick: Tick) -> dict[str, float]:

@@ -310,7 +310,7 @@ class MovableParameters:
             return plain
         replay = self.fitter.balances.replay
         before, after = (
-            fit_percents(replay.recorded, replay.simulated(replay.simulate(ship.record())), rows)
+            fit_percents(replay.recorded, replay.simulate_channels(ship.record()), rows)
             for ship in (plain, other)
         )
         worse = any(after[channel] < before[channel] - WORSE for channel in before)

@@ -92,12 +92,12 @@ def best_shapes(fitter: Fitter, fit: Fit) -> list[Shape]:
 def signals_of(fitter: Fitter, fit: Fit) -> dict[str, tuple[Floats, str]]:
     """Return the simulated signals that a missing quantity may depend on, with their units."""
     replay = fitter.balances.replay
-    samples = replay.simulate(fitter.trial_ship.record(fit.effects))
     units = {"shaft_speed": "rad/s", "ship_speed": "m/s", "pitch_ratio": ""}
     units["drive"] = replay.ship.prime_mover.demand.unit
     if replay.ship.turns:
         units |= {"sway_speed": "m/s", "yaw_rate": "rad/s", "rudder_angle": "rad"}
-    signals = {name: (np.ascontiguousarray(samples[name]), unit) for name, unit in units.items()}
+    samples = replay.simulate_signals(fitter.trial_ship.record(fit.effects), [*units])
+    signals = {name: (samples[name], unit) for name, unit in units.items()}
     if len(replay.runs) == 1:  # several recordings have no common time
         signals["time"] = (replay.time_s, "s")
     return signals

@@ -17,6 +17,7 @@ import numpy as np
 import scipy
 
 from ...plant.expressions import InputSignals
+from ...plant.simulation import ALL_SIGNALS
 from ...plant.terms import PLACES, TERM_SIGNALS
 from ..simulate.balances import Balances
 from ..simulate.joint_replay import Floats
@@ -126,9 +127,8 @@ class Screen:
     def values(self, effects: tuple[SizedEffect, ...]) -> Values:
         """Simulate the ship with effects, and return the signals that an expression may use by name."""
         replay = self.fitter.balances.replay
-        samples = replay.simulate(self.fitter.trial_ship.record(effects))
-        names = [name for name in TERM_SIGNALS if name in samples.dtype.names]
-        values = {name: np.ascontiguousarray(samples[name]) for name in names}
+        names = [name for name in TERM_SIGNALS if name in ALL_SIGNALS]
+        values = replay.simulate_signals(self.fitter.trial_ship.record(effects), names)
         values["pitch_command"] = replay.command
         values["pitch_rate"] = np.gradient(values["pitch_ratio"], replay.interval_s)
         return values | replay.outside

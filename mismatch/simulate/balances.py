@@ -45,6 +45,7 @@ from ...core.compiled import Record, compiled
 from ...plant.columns import (
     ELECTRIC_POWER,
     HEADING,
+    MEASURED,
     RUDDER,
     SHAFT_ANGLE,
     SHAFT_POWER,
@@ -77,6 +78,15 @@ TURNING = tuple(
 
 LARGEST_STEP = 0.05
 """Largest change of a parameter, as a share of it, by which its influence is computed."""
+
+SIGNALS = (
+    "pitch_ratio", "shaft_speed", "ship_speed", "thrust", "propeller_torque", "brake_torque",
+    "resistance", "motor_current", "rudder_angle",
+)  # fmt: skip
+"""Signals of the nominal simulation that are kept, beside the measured channels."""
+
+TURNING_SIGNALS = ("sway_speed", "yaw_rate", "heading", "roll_angle")
+"""Further signals that are kept for a ship that turns."""
 
 RATES = ("surge_rate", "sway_rate", "yaw_rate_rate")
 
@@ -120,6 +130,8 @@ class Balances:
         units: unit of each residual.
         torque_column: column from which the shaft torque is taken; empty if there is none.
         nominal: channels of the nominal simulation.
+        nominal_samples: signals of the nominal simulation by name: :data:`SIGNALS`, and
+            :data:`TURNING_SIGNALS` for a ship that turns.
     """
 
     def __init__(self, replay: JointReplay) -> None:
@@ -153,13 +165,14 @@ class Balances:
         ]
         self.names = [name for name, _, measured in rows if measured]
         self.units = [unit for _, unit, measured in rows if measured]
-        nominal = replay.simulate(self.plant)
-        self.nominal = replay.simulated(nominal)
+        measured = {MEASURED[c]: c for c in replay.channels}
+        kept = [*SIGNALS, *(TURNING_SIGNALS if replay.ship.turns else ())]
+        nominal = replay.simulate_signals(self.plant, [*dict.fromkeys([*kept, *measured])])
+        self.nominal = {c: nominal[signal] for signal, c in measured.items()}
         self._refuse_runaway()
-        self.nominal_samples = nominal
+        self.nominal_samples: Mapping[str, Floats] = {name: nominal[name] for name in kept}
         # The nominal simulation replaces a pitch or a ship speed that is not measured.
-        self._pitch = np.ascontiguousarray(nominal["pitch_ratio"])
-        self._speed = np.ascontiguousarray(nominal["ship_speed"])
+        self._pitch, self._speed = nominal["pitch_ratio"], nominal["ship_speed"]
 
     def _torque_column_of(self, turning: bool, held: bool) -> str:
         """Return the column that gives the shaft torque; empty if there is none.

@@ -19,6 +19,7 @@ import functools
 import itertools
 import math
 import os
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeAlias, TypeVar
@@ -138,7 +139,7 @@ class JointReplay:
 
     def _averaged(self, parts: list[Floats]) -> Floats:
         """Average a signal of each run, (rows,) or (rows, signals), and concatenate the results."""
-        return np.concatenate([blocks(part, self.every) for part in parts])
+        return _joined([blocks(part, self.every) for part in parts])
 
     def _column(self, name: str) -> Floats:
         """Return a column of all recordings, averaged."""
@@ -159,6 +160,14 @@ class JointReplay:
         plain = self._averaged([part.view(np.float64).reshape(-1, width) for part in parts])
         return np.ascontiguousarray(plain).view(SAMPLE).ravel()
 
+    def simulate_signals(self, plant: Any, signals: Sequence[str]) -> dict[str, Floats]:
+        """Simulate all recordings and return some signals by name, each of shape (rows,).
+
+        The values are those of :meth:`simulate`, without the memory for the other signals.
+        """
+        parts = [self.signals_of_run(run, plant, signals, run.start) for run in self.runs]
+        return {name: self._averaged([part[name] for part in parts]) for name in signals}
+
     def simulate_channels(
         self,
         plant: Any,
@@ -171,7 +180,7 @@ class JointReplay:
         """
         shifts = each or [shift] * len(self.runs)
         parts = [self.simulate_run_channels(k, plant, own) for k, own in enumerate(shifts)]
-        return {c: np.concatenate([part[c] for part in parts]) for c in self.channels}
+        return {c: _joined([part[c] for part in parts]) for c in self.channels}
 
     def simulate_run_channels(
         self, which: int, plant: Any, shift: tuple[float, ...] = NO_SHIFT
@@ -218,6 +227,12 @@ class JointReplay:
     ) -> dict[str, Floats]:
         """Return the measured channels of :meth:`simulate_run`, each of shape (its rows,)."""
         return run.simulate_channels(plant, start)
+
+    def signals_of_run(
+        self, run: Replay, plant: Any, signals: Sequence[str], start: tuple[float, ...]
+    ) -> dict[str, Floats]:
+        """Return some signals of :meth:`simulate_run` by name, each of shape (its rows,)."""
+        return run.simulate_signals(plant, signals, start)
 
     @functools.cached_property
     def recorded(self) -> dict[str, Floats]:
@@ -275,6 +290,11 @@ def _finest(column: str, values: Floats) -> float:
     return RESOLUTION * float(np.abs(sized).max())
 
 
+def _joined(parts: list[Floats]) -> Floats:
+    """Return the concatenated parts; the part itself, not copied, if there is one only."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
 def blocks(rows: Floats, every: int) -> Floats:
     """Return the means over groups of rows, shape (n, ...); incomplete groups at the end are dropped."""
     if every == 1:
@@ -288,12 +308,16 @@ def map_threaded(work: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
     """Yield the results of ``map(work, items)`` in order, computed on :data:`THREADS` threads.
 
     Compiled kernels release the interpreter lock. At most twice as many items as there are threads are
-    in progress at a time.
+    in progress at a time. Work that is itself on such a thread is done there: it would wait for threads
+    that all wait for their own work.
 
     Example:
         >>> list(map_threaded(abs, [-1, 2, -3]))
         [1, 2, 3]
     """
+    if getattr(_thread, "is_of_pool", False):
+        yield from map(work, items)
+        return
     pool, waiting = _pool(os.getpid()), iter(items)
     running = [pool.submit(work, item) for item in itertools.islice(waiting, 2 * THREADS)]
     while running:
@@ -304,7 +328,15 @@ def map_threaded(work: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
 @functools.cache
 def _pool(_process: int) -> ThreadPoolExecutor:
     """Return the thread pool of a process; a forked process does not have the threads of its parent."""
-    return ThreadPoolExecutor(THREADS)
+    return ThreadPoolExecutor(THREADS, initializer=_mark_thread)
+
+
+_thread = threading.local()
+
+
+def _mark_thread() -> None:
+    """Mark the present thread as one of the pool."""
+    _thread.is_of_pool = True
 
 
 class LinearReplay(JointReplay):
@@ -362,6 +394,13 @@ class LinearReplay(JointReplay):
     ) -> dict[str, Floats]:
         """Return the measured channels of the linear model, each of shape (its rows,)."""
         return self.simulated(self.simulate_run(run, plant, start))
+
+    def signals_of_run(
+        self, run: Replay, plant: Any, signals: Sequence[str], start: tuple[float, ...]
+    ) -> dict[str, Floats]:
+        """Return some signals of the linear model by name, each of shape (its rows,)."""
+        samples = self.simulate_run(run, plant, start)
+        return {name: samples[name].copy() for name in signals}
 
 
 def _means(run: Replay) -> tuple[float, float, float]:

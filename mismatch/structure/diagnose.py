@@ -503,7 +503,7 @@ def _skews(model: Model, problem: OutputError) -> list[str]:
 
 def plain_error_remarks(problem: OutputError, best: Ranked, corrected: Ship) -> list[str]:
     """Return a remark on larger held-out errors of the corrected ship simulated from its file alone."""
-    simulated = problem.replay.simulated(problem.replay.simulate(corrected.record()))
+    simulated = problem.replay.simulate_channels(corrected.record())
     residual = problem.measured - np.array([simulated[c] for c in problem.names])
     errors = problem.likelihood.rms(residual[:, problem.held_rows])
     if np.all(errors <= NOTABLE * best.held):

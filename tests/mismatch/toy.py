@@ -5,6 +5,7 @@ What a search, a fit or a judgement makes of it can be worked out by hand.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -118,6 +119,10 @@ class Toy:
         }
         samples = {name: np.zeros(ROWS) + value for name, value in level.items()}
         return samples | dict(zip(self.names, rows, strict=True))
+
+    def simulate_signals(self, plant: Any, signals: Sequence[str]) -> dict[str, Array]:
+        samples = self.simulate(plant)
+        return {name: samples[name] for name in signals}
 
     def simulated(self, samples: dict[str, Array]) -> dict[str, Array]:
         return {name: samples[name] for name in self.names}

@@ -25,6 +25,16 @@ def test_no_more_is_taken_than_is_under_way() -> None:
     assert len(taken) <= 2 * THREADS
 
 
+def test_work_inside_of_other_work_needs_no_further_thread() -> None:
+    def outer(x: int) -> list[int]:
+        return list(map_threaded(lambda y: x * y, range(5)))
+
+    count = 4 * THREADS
+    assert list(map_threaded(outer, range(count))) == [
+        [x * y for y in range(5)] for x in range(count)
+    ]
+
+
 def test_as_many_work_at_a_time_as_there_are_threads() -> None:
     meeting = threading.Barrier(THREADS, timeout=10.0)
     assert len(list(map_threaded(lambda _: meeting.wait(), range(THREADS)))) == THREADS

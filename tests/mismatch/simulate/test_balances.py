@@ -298,8 +298,9 @@ def test_a_ship_that_runs_away_is_refused_by_name(bench: Ship) -> None:
         recorded={},
         controllable=False,
         time_s=TIME,
-        simulate=lambda plant: None,
-        simulated=lambda samples: {"shaft_speed_rad_s": np.where(TIME < 2.0, SPEED, np.nan)},
+        simulate_signals=lambda plant, names: dict.fromkeys(
+            names, np.where(TIME < 2.0, SPEED, np.nan)
+        ),
     )
     with pytest.raises(
         ValueError, match="bench: the simulated shaft_speed_rad_s is not finite from 2 s on"

@@ -247,3 +247,13 @@ def test_the_last_digits_of_a_simulation_are_no_steps() -> None:
     rounded = table.assign(shaft_torque_N_m=1e6 * np.round(torque, 7))
     assert estimate_noise(rounded["shaft_torque_N_m"].to_numpy(), 0.1).quantisation > 0.0
     assert JointReplay(quick_frigate(), rounded).quantisation == {}
+
+
+@pytest.mark.parametrize("every", [1, 3])
+def test_some_signals_have_the_values_of_the_whole_simulation(frigate: Ship, every: int) -> None:
+    replay = JointReplay(frigate, FIRST, SECOND, every=every)
+    samples = replay.simulate(frigate.record())
+    found = replay.simulate_signals(frigate.record(), ["resistance", "thrust"])
+    assert list(found) == ["resistance", "thrust"]
+    for name, values in found.items():
+        np.testing.assert_allclose(values, samples[name], rtol=1e-13)

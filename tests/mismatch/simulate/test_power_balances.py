@@ -73,7 +73,7 @@ def test_a_free_shaft_has_two_balances_by_its_power() -> None:
     tug = load_ship("tito-neri-sine")
     volts = 5.0 + np.sin(TIME)
     nominal = balances_of(tug, motor_voltage_V=volts, shaft_speed_rad_s=20.0 + np.sin(TIME))
-    samples = nominal.nominal_samples
+    samples = nominal.replay.simulate(nominal.plant)
     found = balances_of(
         tug,
         motor_voltage_V=volts,
@@ -93,7 +93,7 @@ def test_a_power_alone_is_a_balance_of_its_own(column: str, name: str) -> None:
     signal = column.removesuffix("_W")
     volts = 5.0 + np.sin(TIME)
     plain = balances_of(tug, motor_voltage_V=volts, **{column: TIME})
-    power = np.array(plain.nominal_samples[signal]) + 2.0
+    power = np.array(plain.replay.simulate(plain.plant)[signal]) + 2.0
     found = balances_of(tug, motor_voltage_V=volts, **{column: power})
     assert (found.names, found.units) == ([name], ["W"])
     (lacking,) = found.residuals_against(found.nominal)
