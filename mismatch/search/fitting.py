@@ -13,8 +13,9 @@ from __future__ import annotations
 
 import itertools
 import math
+import threading
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -36,8 +37,9 @@ from .catalogue import SizedEffect
 from .spectra import Bands, Complex, Likelihood, Marginal, band_products, is_divergent
 from .trial_ship import JointSearch, TrialShip
 
-REMEMBERED, REMEMBERED_BYTES = 64, 64e6
-"""Largest number of simulations in the cache of a fitter and its memory [B]; at least four are kept."""
+REMEMBERED, LEAST_REMEMBERED, REMEMBERED_BYTES = 64, 16, 32e6
+"""Largest number of simulations in the cache of a fitter, smallest number, and their memory [B] between
+the two. The simulations of a candidate effect are needed again while it is screened."""
 
 MISTIMED = 2.0 / math.sqrt(12.0)
 """Standard deviation of the time of a command step between two rows, uniform over the interval, in units
@@ -79,6 +81,10 @@ class Fit:
     tolerances: Floats  # fitted deviation of each nominal parameter, in standard deviations
     weight: Complex  # inverse covariance of the residual by band, shape (bands, balances, balances)
 
+    def without_difference(self) -> Fit:
+        """Return the fit with an empty difference, which takes nearly all of its memory."""
+        return replace(self, difference=np.empty((len(self.difference), 0), np.complex128))
+
 
 class Fitter:
     """Evaluation and fit of effects on one set of recordings.
@@ -110,7 +116,9 @@ class Fitter:
         replay = balances.replay
         self.measured = bands.transform(balances.residuals(replay.measured))
         self._cache: dict[bytes, Complex] = {}
-        self._capacity = int(np.clip(REMEMBERED_BYTES / self.measured.nbytes, 4, REMEMBERED))
+        fitting = REMEMBERED_BYTES / self.measured.nbytes
+        self._capacity = int(np.clip(fitting, LEAST_REMEMBERED, REMEMBERED))
+        self._lock = threading.Lock()
         self.moves = tuple(tolerance_perturbations(replay, scale, free, LARGEST_STEP))
         self._doubt = doubt
         self.nuisance = np.array(self.regressors(self._transformed))
@@ -174,16 +182,23 @@ class Fitter:
     def predict(self, record: Any) -> Complex:
         """Return the transformed balance residuals of a simulation, from a cache if possible."""
         key = record.tobytes()
-        if key not in self._cache:
-            self._remember(key, self._predict(record))
-        return self._cache[key]
+        with self._lock:
+            if key in self._cache:  # The last used prediction is the last to be dropped.
+                self._cache[key] = self._cache.pop(key)
+                return self._cache[key]
+        prediction = self._predict(record)
+        self._remember(key, prediction)
+        return prediction
 
     def predict_effects(self, effects: tuple[SizedEffect, ...]) -> Complex:
         """Return the prediction of effects, as :meth:`predict`."""
         return self.predict(self.trial_ship.record(effects))
 
     def simulate_ahead(self, models: Iterable[tuple[SizedEffect, ...]]) -> None:
-        """Simulate models that will be evaluated next on several threads, as many as the cache holds."""
+        """Simulate models that will be evaluated next on several threads.
+
+        There are at most half as many as the cache holds.
+        """
         records = map(self.trial_ship.record, models)
         pending = {key: r for r in records if (key := r.tobytes()) not in self._cache}
         chosen = dict(itertools.islice(pending.items(), self._capacity // 2))
@@ -192,13 +207,15 @@ class Fitter:
             self._remember(key, prediction)
 
     def _predict(self, record: Any) -> Complex:
-        self.simulations += 1
+        with self._lock:
+            self.simulations += 1
         return self._transformed(self.balances.replay.simulate_channels(record))
 
     def _remember(self, key: bytes, prediction: Complex) -> None:
-        if len(self._cache) >= self._capacity:
-            self._cache.pop(next(iter(self._cache)))
-        self._cache[key] = prediction
+        with self._lock:
+            if key not in self._cache and len(self._cache) >= self._capacity:
+                self._cache.pop(next(iter(self._cache)))
+            self._cache[key] = prediction
 
     def evaluate(self, effects: tuple[SizedEffect, ...]) -> Fit:
         """Return the fit of effects at their values, with free nominal parameters."""
@@ -273,8 +290,7 @@ class Fitter:
         Their shares have a standard normal prior, and the nominal parameters are free too.
         """
         start = np.concatenate([np.zeros(len(columns)), fit.tolerances])
-        regressors = np.concatenate([columns, self.nuisance])
-        return Likelihood(self.bands, regressors)(fit.difference, start)
+        return self.likelihood.with_columns(columns)(fit.difference, start)
 
     def residual(self, fit: Fit) -> Complex:
         """Return the residual of a model with fitted nominal parameters, (balances, frequencies)."""

@@ -8,13 +8,14 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 import scipy
 
 from ..estimate import Tick
+from ..simulate.joint_replay import map_threaded
 from .catalogue import Effect, SizedEffect, Window
 from .fitting import Fit, Fitter
 from .spectra import SMALL_SAMPLE, Complex, Likelihood, chance_gain
@@ -67,7 +68,7 @@ class Candidate:
     """Effect that was tried in addition to a model."""
 
     effect: Effect
-    fit: Fit  # model with this effect as the last one
+    fit: Fit  # model with this effect as the last one; without difference unless it was refined
     gain: float  # gain in 2 log L
 
     @property
@@ -117,28 +118,30 @@ class Selector:
         """Return the effects at their best probes in addition to a model, best first.
 
         Without effects in the model all candidates are simulated; else those with a sufficient linear
-        prediction of their gain.
+        prediction of their gain. They are tried on several threads; their fits have no difference.
         """
         if any(effect.windowed for effect in self.effects):
             self.windows = find_episodes(self.fitter, base)
         predicted = self._predicted_gains(base) if base.effects else {}
         pending = [e for e in self.effects if not base.effects or e.label in predicted]
-        candidates = []
-        for done, effect in enumerate(pending):
-            self.tick(stage, done, len(pending))
-            trials = self.fitter.trial_ship.trials(effect, self.windows)
-            self.fitter.simulate_ahead((*base.effects, trial) for trial in trials)
+
+        def best_trial(effect: Effect) -> Candidate | None:
             effects = ((*base.effects, trial) for trial in self._trials(base, effect))
             best = max(map(self.fitter.evaluate, effects), key=_score, default=None)
             if not base.effects:
                 self._alone(effect)  # The simulations that it needs are still in the cache.
             if best is None or not math.isfinite(best.score):
-                continue
+                return None
             least = predicted.get(effect.label, 0.0) - INDISTINGUISHABLE
             if base.effects and best.score - base.score < least:
                 best = self.fitter.polish(best)  # The other effects must be refitted first.
-            candidates.append(Candidate(effect, best, best.score - base.score))
-        self.tick(stage, len(pending), len(pending))
+            return Candidate(effect, best.without_difference(), best.score - base.score)
+
+        self.tick(stage, 0, len(pending))
+        candidates = []
+        for done, candidate in enumerate(map_threaded(best_trial, pending), 1):
+            self.tick(stage, done, len(pending))
+            candidates += [] if candidate is None else [candidate]
         return sorted(candidates, key=self._merit, reverse=True)
 
     def _alone(self, effect: Effect) -> list[Complex]:
@@ -193,17 +196,21 @@ class Selector:
 
     def refine(self, base: Fit, candidates: list[Candidate]) -> list[Candidate]:
         """Return the best candidates of a screen with fitted values, best first."""
-        refined = []
         if base.effects:
             limits = [LEAST_PROMISE * self.threshold(c.effect) for c in candidates]
             candidates = [c for c, least in zip(candidates, limits, strict=True) if c.gain > least]
-        for candidate in self._to_refine(candidates):
-            fit = self.fitter.refine_effect(candidate.fit, len(candidate.fit.effects) - 1)
+
+        def refined(candidate: Candidate) -> Candidate | None:
+            fit = self.fitter.evaluate(candidate.fit.effects)
+            fit = self.fitter.refine_effect(fit, len(fit.effects) - 1)
             if len(candidate.effect.parameters) > 1:
                 fit = self.fitter.polish(fit)
-            if not self.fitter.increases_residual(fit):
-                refined.append(Candidate(candidate.effect, fit, fit.score - base.score))
-        return sorted(refined, key=self._merit, reverse=True)
+            if self.fitter.increases_residual(fit):
+                return None
+            return Candidate(candidate.effect, fit, fit.score - base.score)
+
+        found = map_threaded(refined, self._to_refine(candidates))
+        return sorted((c for c in found if c is not None), key=self._merit, reverse=True)
 
     def search(self) -> Selection:
         """Add effects up to the largest number, and drop superfluous effects after each step."""
@@ -216,7 +223,8 @@ class Selector:
             if round_ == 0:
                 names = {c.effect.label for c in refined}
                 rest = [c for c in screened if c.effect.label not in names]
-                ranking = tuple(sorted([*refined, *rest], key=lambda c: -c.gain))
+                ranked = sorted([*refined, *rest], key=lambda c: -c.gain)
+                ranking = tuple(replace(c, fit=c.fit.without_difference()) for c in ranked)
             if not refined or self._merit(refined[0]) <= 0.0:
                 break
             rivals[refined[0].effect.label] = tuple(refined[1:])
@@ -253,7 +261,7 @@ def likelihood_with_free_effects(fitter: Fitter, fit: Fit) -> Likelihood:
     """Return a likelihood in which the values of the effects of a model are free too, linearised."""
     values = [abs(v) for sized in fit.effects for v in sized.values]
     own = FREE * np.reshape(values, (-1, 1, 1)) * fitter.sensitivities(fit)[1]
-    return Likelihood(fitter.bands, np.concatenate([own, fitter.nuisance]))
+    return fitter.likelihood.with_columns(own)
 
 
 def find_episodes(fitter: Fitter, fit: Fit) -> list[Window]:
@@ -269,13 +277,14 @@ def find_episodes(fitter: Fitter, fit: Fit) -> list[Window]:
     if "hull" not in names or len(replay.segments) > 1:
         return []
     edges = np.linspace(0, replay.rows, PIECES + 1).astype(int)
-    columns, resistance = [], balances.nominal_samples["resistance"]
-    for a, b in itertools.pairwise(edges):
-        piece = np.zeros((len(names), replay.rows))
-        piece[names.index("hull"), a:b] = resistance[a:b]
-        columns.append(bands.transform(piece))
-    columns.append(fit.difference)
-    information = fitter.likelihood.information(fit.weight, np.array(columns))
+    resistance = balances.nominal_samples["resistance"]
+    columns = np.zeros((PIECES + 1, *fit.difference.shape), np.complex128)
+    for column, (a, b) in zip(columns, itertools.pairwise(edges), strict=False):
+        piece = np.zeros(replay.rows)
+        piece[a:b] = resistance[a:b]
+        column[names.index("hull")] = bands.transform(piece)
+    columns[-1] = fit.difference
+    information = fitter.likelihood.information(fit.weight, columns)
     count = len(columns)
     across, regressors = information[:count, count:], information[count:, count:]
     own = information[:count, :count] - across @ np.linalg.solve(regressors, across.T)

@@ -22,6 +22,7 @@ friction law. These errors would bias the choice of effects, and more so with fa
 
 from __future__ import annotations
 
+import copy
 import itertools
 import math
 from collections.abc import Iterable
@@ -158,12 +159,33 @@ class Likelihood:
         k, m, f = regressors.shape
         self.shape = (k, m)
         self._flat = regressors.reshape(k * m, f)
-        count = len(bands.edges) - 1
-        products = band_products(bands, self._flat, self._flat).reshape(count, k, m, k, m)
-        # Rows are pairs (l, k) of regressors; columns are bands and pairs (q, p) of balances.
-        in_order = np.ascontiguousarray(products.transpose(1, 3, 0, 2, 4))
-        self._pairs = in_order.reshape(k * k, -1).view(np.float64)
+        products = band_products(bands, self._flat, self._flat).reshape(-1, k, m, k, m)
+        self._pairs = _in_order(products)
         self._counts = np.add.reduceat(bands.weights, bands.edges[:-1])
+
+    def with_columns(self, columns: Complex) -> Likelihood:
+        """Return a likelihood with further regressors, (c, m, frequencies), before the present ones."""
+        other, (k, m) = copy.copy(self), self.shape
+        other.shape = (len(columns) + k, m)
+        other._flat = np.concatenate([columns.reshape(-1, self._flat.shape[1]), self._flat])
+        other._pairs = _in_order(self._products(columns))
+        return other
+
+    def _products(self, columns: Complex) -> Complex:
+        """Return the sums of products of columns and regressors, shape (bands, c + k, m, c + k, m).
+
+        Those of the regressors with each other are known.
+        """
+        c, (k, m), bands = len(columns), self.shape, len(self._counts)
+        flat = columns.reshape(c * m, self._flat.shape[1])
+        crossed = band_products(self.bands, flat, self._flat).reshape(bands, c, m, k, m)
+        products = np.empty((bands, c + k, m, c + k, m), np.complex128)
+        products[:, :c, :, :c] = band_products(self.bands, flat, flat).reshape(bands, c, m, c, m)
+        products[:, :c, :, c:] = crossed
+        products[:, c:, :, :c] = np.conj(crossed.transpose(0, 3, 4, 1, 2))
+        known = self._pairs.view(np.complex128).reshape(k, k, bands, m, m)
+        products[:, c:, :, c:] = known.transpose(2, 0, 3, 1, 4)
+        return products
 
     def __call__(
         self, residual: Complex, start: Floats | None = None, tolerance: float = 0.05
@@ -215,10 +237,17 @@ class Likelihood:
 
     def information_by_band(self, weight: Complex, columns: Complex) -> Floats:
         """Return the information of each band without the prior, shape (bands, c + k, c + k)."""
-        c, (k, m) = len(columns), self.shape
-        flat = np.concatenate([columns.reshape(c * m, self._flat.shape[1]), self._flat])
-        products = band_products(self.bands, flat, flat).reshape(-1, c + k, m, c + k, m)
+        products = self._products(columns)
         return np.asarray(2.0 * np.einsum("bpq,blqkp->bkl", weight, products).real)
+
+
+def _in_order(products: Complex) -> Floats:
+    """Return sums of products (bands, k, m, k, m) in the order of :class:`Sums`.
+
+    Rows are pairs (l, k) of regressors; columns are bands and pairs (q, p) of balances.
+    """
+    in_order = np.ascontiguousarray(products.transpose(1, 3, 0, 2, 4))
+    return in_order.reshape(products.shape[1] ** 2, -1).view(np.float64)
 
 
 @dataclass(frozen=True)
@@ -320,10 +349,10 @@ def band_products(bands: Bands, left: Complex, right: Complex) -> Complex:
     The shape is (bands, p, q).
     """
     # The shorter left factor is conjugated, so that the long right factor is not copied.
-    conjugate = np.conj(left * bands.weights)
     sums = np.empty((len(bands.edges) - 1, len(left), len(right)), np.complex128)
     for band, (first, end) in enumerate(itertools.pairwise(bands.edges)):
-        np.matmul(conjugate[:, first:end], right[:, first:end].T, out=sums[band])
+        conjugate = np.conj(left[:, first:end] * bands.weights[first:end])
+        np.matmul(conjugate, right[:, first:end].T, out=sums[band])
     return np.conj(sums, out=sums)
 
 

@@ -88,6 +88,9 @@ SIGNALS = (
 TURNING_SIGNALS = ("sway_speed", "yaw_rate", "heading", "roll_angle")
 """Further signals that are kept for a ship that turns."""
 
+BLOCK_ROWS = 8192
+"""Rows for which the loads of the model are computed at a time, so that their records fit into a cache."""
+
 RATES = ("surge_rate", "sway_rate", "yaw_rate_rate")
 
 LOADS = np.dtype(
@@ -200,17 +203,8 @@ class Balances:
         """Return the residual of each balance for measured or simulated channels, (balances, rows)."""
         replay, plant, dt = self.replay, self.plant, self.replay.rate_interval_s
         omega = self._shaft_speed(channels)
-        acting = np.zeros(replay.rows, LOADS)
         states = self._states(channels, omega)
-        _loads_at(
-            self._prompt,
-            replay.drive_rows,
-            states,
-            self._rudder(channels),
-            replay.inflow_rows,
-            replay.elevation_rows,
-            acting,
-        )
+        acting = self._loads(states, self._rudder(channels))
         acceleration, speed = time_derivative(omega, dt), states["ship_speed"]
         meter, share = self._meter_torque(channels, omega)
         planar = self._planar_forces(states, acting) if self.turning else {}
@@ -257,11 +251,37 @@ class Balances:
         below = omega**2 + slow**2
         return power * omega / below, omega**2 / below
 
-    def _states(self, channels: Channels, omega: Floats) -> Any:
-        """Return the measured states, or nominal ones for channels that are missing, (rows,) STATE."""
-        states = np.zeros(self.replay.rows, STATE)
+    def _loads(self, states: Channels, rudder: Floats) -> Channels:
+        """Return the loads of the model by name, each of shape (rows,).
+
+        Records of all rows would take far more memory than the loads, so they hold a block of rows.
+        """
+        replay = self.replay
+        names = [name for name in LOADS.names or () if self.turning or name not in RATES]
+        found = {name: np.empty(replay.rows) for name in names}
+        block = min(BLOCK_ROWS, replay.rows)
+        records, loads_of_block = np.zeros(block, STATE), np.zeros(block, LOADS)
+        for a in range(0, replay.rows, block):
+            b = min(a + block, replay.rows)
+            for name, values in states.items():
+                records[name][: b - a] = values[a:b]
+            _loads_at(
+                self._prompt,
+                replay.drive_rows[a:b],
+                records[: b - a],
+                rudder[a:b],
+                replay.inflow_rows[a:b],
+                replay.elevation_rows[a:b],
+                loads_of_block[: b - a],
+            )
+            for name, values in found.items():
+                values[a:b] = loads_of_block[name][: b - a]
+        return found
+
+    def _states(self, channels: Channels, omega: Floats) -> Channels:
+        """Return the measured states by name, or nominal ones for channels that are missing."""
         offset = float(self.plant["pitch_sensor_offset"])
-        states["pitch_ratio"] = channels.get("pitch_ratio", self._pitch) - offset
+        states = {"pitch_ratio": channels.get("pitch_ratio", self._pitch) - offset}
         states["ship_speed"] = self._speed
         if SHIP_SPEED in channels:
             states["ship_speed"] = channels[SHIP_SPEED] / float(self.plant["speed_log_gain"])

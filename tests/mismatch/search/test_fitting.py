@@ -122,6 +122,10 @@ def test_simulations_are_remembered() -> None:
     assert fit.simulations == before + 71
     fit.evaluate((rub(10.0),))  # forgotten by now
     assert fit.simulations == before + 72
+    for value in range(70):
+        fit.evaluate((rub(120.0 + value),))
+        fit.evaluate((rub(10.0),))  # used again and again, and so never forgotten
+    assert fit.simulations == before + 142
 
 
 def test_refining_finds_the_best_size() -> None:

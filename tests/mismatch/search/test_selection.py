@@ -12,6 +12,7 @@ from scipy.stats import chi2
 
 from shaftline.mismatch import Effect
 from shaftline.mismatch.search.catalogue import SizedEffect
+from shaftline.mismatch.search.fitting import Fit
 from shaftline.mismatch.search.selection import (
     CALIBRATION,
     REFINED,
@@ -88,19 +89,23 @@ class Scores:
         """Nothing is simulated here."""
 
     def evaluate(self, effects: tuple[SizedEffect, ...]) -> Any:
-        return SimpleNamespace(
-            effects=effects, score=self.score(effects), weight=None, difference=None
-        )
+        return fit_of(effects, self.score(effects))
 
     def refine_effect(self, fit: Any, which: int) -> Any:
         self.refined_labels.append(fit.effects[which].effect.label)
         better = fit.score + self.refining
-        return SimpleNamespace(effects=fit.effects, score=better, weight=None, difference=None)
+        return fit_of(fit.effects, better)
 
     def refine_effects(self, fit: Any, evaluations: int = 90) -> Any:
         self.jointly.append(tuple(p.effect.label for p in fit.effects))
         self.evaluations.append(evaluations)
         return fit
+
+
+def fit_of(effects: tuple[SizedEffect, ...], score: float) -> Fit:
+    """Return a fit with a difference of one balance at one frequency."""
+    nothing = np.zeros((1, 1), np.complex128)
+    return Fit(effects, score, nothing, np.zeros(0), nothing)
 
 
 @pytest.fixture(autouse=True)
@@ -353,3 +358,14 @@ def test_a_calibration_makes_the_p_values_of_null_cases_uniform() -> None:
     assert found(0.2 - 1e-9) == pytest.approx(found(0.2), rel=1e-6)
     values = [found(bound) for bound in (1e-9, 1e-3, 0.1, 0.3, 0.9)]
     assert values == sorted(values)
+
+
+def test_the_candidates_of_a_screen_do_not_hold_their_differences() -> None:
+    scores = Scores({LAG.label: 300.0, BEND.label: 200.0})
+    search = selector(scores, LAG, BEND)
+    screened = search.screen(scores.null, "screening")
+    assert len(screened) == 2
+    assert all(candidate.fit.difference.size == 0 for candidate in screened)
+    refined = search.refine(scores.null, screened)
+    assert refined
+    assert all(candidate.fit.difference.size == 1 for candidate in refined)

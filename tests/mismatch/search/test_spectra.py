@@ -239,3 +239,18 @@ def test_the_information_is_the_gram_with_the_prior(weighted: tuple[Bands, Any, 
 
 def test_chance_is_a_rare_likelihood_ratio_widened() -> None:
     assert chance_gain(5, 8, 1e-3) == pytest.approx(1.5 * chi2.isf(1e-3 / 8, 5))
+
+
+def test_further_regressors_are_those_of_a_likelihood_with_all(
+    weighted: tuple[Bands, Any, Any],
+) -> None:
+    bands, own, weight = weighted
+    further, residual = noise(bands, 11, 3, 2), noise(bands, 12, 2)
+    both, part = Likelihood(bands, np.concatenate([further, own])), Likelihood(bands, own)
+    found, expected = part.with_columns(further)(residual), both(residual)
+    assert found.score == pytest.approx(expected.score, rel=1e-12)
+    np.testing.assert_allclose(found.shares, expected.shares, rtol=1e-9)
+    np.testing.assert_allclose(found.weight, expected.weight, rtol=1e-9)
+    prior = np.diag([1.0, 1.0, 1.0, 0.0, 0.0])  # of the columns, which have none of their own
+    information = both.information(weight, further[:0]) - prior
+    np.testing.assert_allclose(part.information(weight, further), information, atol=1e-9)

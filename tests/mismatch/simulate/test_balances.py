@@ -290,6 +290,16 @@ def test_rates_are_central_differences() -> None:
     )
 
 
+def test_loads_do_not_depend_on_the_rows_computed_at_a_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    balances = Balances(JointReplay(load_ship("frigate"), frigate_voyage(seconds=20.0)))
+    measured = balances.replay.measured
+    whole = balances.residuals(measured)
+    monkeypatch.setattr("shaftline.mismatch.simulate.balances.BLOCK_ROWS", 7)
+    np.testing.assert_array_equal(balances.residuals(measured), whole)
+
+
 def test_a_ship_that_runs_away_is_refused_by_name(bench: Ship) -> None:
     recording = table()
     away: Any = SimpleNamespace(
