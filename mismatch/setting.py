@@ -100,7 +100,7 @@ class Settings:
             balances = Balances(replayed(every=every, steady=together.steady))
         first = _hold_out(balances, together.held_out, tolerance, highest)
         self.tried = [first]
-        self._gain, self._settled, self._tolerance = 0.0, False, tolerance
+        self._gain, self._tolerance = 0.0, tolerance
         if not together.steady and 0.5 * replay.interval_s * highest > ALIKE:
             drawn = Balances(replayed(line=True, every=every))
             bands = bands_of(drawn, first.segments, highest)
@@ -128,13 +128,15 @@ class Settings:
         """Exchange the settings if the other one is likelier with effects; return whether it is.
 
         Both are compared with the effects that a search has chosen and with the first effect alone,
-        because a later effect such as a delay may only compensate for a wrong interpolation.
+        because a later effect such as a delay may only compensate for a wrong interpolation. The less
+        likely one is dropped, because its regressors take much memory.
         """
-        if len(self.tried) < 2 or self._settled or not selection.fit.effects:
-            return False
-        self._settled = True
-        now, other = (_worth(setting.fitter, selection) for setting in self.tried)
-        return self._exchange(now, other, 0.0)
+        exchanged = False
+        if len(self.tried) > 1 and selection.fit.effects:
+            now, other = (_worth(setting.fitter, selection) for setting in self.tried)
+            exchanged = self._exchange(now, other, 0.0)
+        del self.tried[1:]
+        return exchanged
 
     def _exchange(self, now: float, other: float, margin: float) -> bool:
         exchanged = other - now > margin

@@ -229,6 +229,7 @@ class Selector:
                 break
             rivals[refined[0].effect.label] = tuple(refined[1:])
             base = self._drop_superfluous(self.fitter.refine_effects(refined[0].fit))
+        self._changes.clear()  # They are needed by screens only.
         effects = [sized.effect for sized in base.effects]
         gains = tuple(base.score - self._without(base, i).score for i in range(len(effects)))
         thresholds = tuple(map(self.threshold, effects))

@@ -89,7 +89,7 @@ TURNING_SIGNALS = ("sway_speed", "yaw_rate", "heading", "roll_angle")
 """Further signals that are kept for a ship that turns."""
 
 BLOCK_ROWS = 8192
-"""Rows for which the loads of the model are computed at a time, so that their records fit into a cache."""
+"""Rows for which the loads of the model are computed at a time: their records fit into a cache."""
 
 RATES = ("surge_rate", "sway_rate", "yaw_rate_rate")
 

@@ -18,8 +18,9 @@ from ...plant.ship import Ship, ShipError
 from .joint_replay import JointReplay
 
 STEPS_PER_ROW = (1, 2, 3, 4, 5, 8, 10, 16, 20, 32, 64, 128)
-"""Numbers of steps between two rows that are tried. A delay below a row is interpolated, and a time
-constant below the step refuses it. A finding of less than a step is searched again with a shorter one."""
+"""Numbers of steps between two rows that are tried. A delay below a step is interpolated, and a time
+constant below a step refuses it. Where a finding is shorter than a step, the search is repeated with a
+shorter one."""
 
 INEXACT = 0.01
 """Largest rms change of a simulated channel by the longer step, as a multiple of the channel's noise. It

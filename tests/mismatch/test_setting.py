@@ -11,6 +11,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from shaftline.mismatch import Diagnosis, diagnose
 from shaftline.mismatch.recordings.joint import load_jointly
+from shaftline.mismatch.search.selection import Selection
 from shaftline.mismatch.setting import Settings
 from shaftline.plant import Ship
 from shaftline.plant.replay import simulate_recording
@@ -76,7 +77,13 @@ def test_rows_far_apart_in_a_period_are_tried_both_ways(servo: Ship) -> None:
         table = rubbing(servo).iloc[::every].reset_index(drop=True)
         return Settings(quick(servo), load_jointly(servo, [table]), [], 1.0)
 
-    assert len(settings(20).tried) == 2
+    both = settings(20)
+    assert len(both.tried) == 2
+    likelier = both.tried[0]
+    nothing = Selection(likelier.fitter.null, (), (), (), ())
+    assert not both.exchange(nothing)
+    assert both.tried == [likelier]  # the other one is not needed any more
+    assert not both.exchange(nothing)
 
 
 def test_a_slow_log_does_not_make_delays_of_when_its_demands_moved() -> None:
