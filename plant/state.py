@@ -118,7 +118,7 @@ with_motion: Callable[[State, Real, Real, Real], State] = _state_kernel(
 )
 """Return a state with other values of pitch ratio, shaft speed and ship speed."""
 
-Straight = collections.namedtuple("Straight", _STRAIGHT)
+Straight = collections.namedtuple("Straight", _STRAIGHT)  # type: ignore[misc]
 """States of a ship that keeps its course and has no terms."""
 
 straight_part: Callable[[State], Straight] = generate_tuple_kernel(

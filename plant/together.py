@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.compiled import Real, Record, compiled
 from ..core.lanes import (
@@ -209,4 +208,4 @@ def complete_lane(
     if plant.speed_held != 0:
         state.shaft_speed = memory.rack
     end_step(plant, memory, part.ship_speed, dt)
-    return outputs
+    return outputs  # type: ignore[no-any-return]

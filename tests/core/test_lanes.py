@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from shaftline.core.compiled import compiled
 from shaftline.core.lanes import (
     LANES,
@@ -147,7 +148,8 @@ def test_everywhere_is_the_truth_of_all_ships() -> None:
     assert _covers(given)
     given[2, 0] = -1.0
     assert not _covers(given)
-    assert everywhere(True) and not everywhere(False)
+    assert everywhere(True)
+    assert not everywhere(False)
 
 
 @compiled
@@ -205,4 +207,6 @@ def test_boxes_keep_the_numbers_of_each_ship_apart() -> None:
 def test_functions_of_one_ship_are_called_from_python_too() -> None:
     ship = ships()[1]
     assert looked_up(ship, -50.0) == (ship["table"][0] - 50.0, 0.0)
-    assert where(False, 1.0, 2.0) == 2.0 and of_kind(3.0, 1.0) == 3.0 and once(4.0) == 4.0
+    assert where(False, 1.0, 2.0) == 2.0
+    assert of_kind(3.0, 1.0) == 3.0
+    assert once(4.0) == 4.0

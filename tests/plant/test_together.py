@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from shaftline.core.compiled import compiled
 from shaftline.core.lanes import LANES
 from shaftline.plant import equilibrium, get_sea, load_ship, realise
@@ -81,13 +82,14 @@ def compare(
     memories, seas = np.zeros(n, MEMORY), np.zeros(n, SEA)
     commands = np.empty((STEPS, 2, n))
     calm = Disturbance(0.0, 0.0, 1.0)
+    waves = None if sea is None else get_sea(sea)
     for i, ship in enumerate(ships):
         plants[i] = ship.record()
         most, pitch = float(plants[i]["drive_max"]), float(plants[i]["pitch_ratio_max"])
         states[i] = tuple(equilibrium(ship, 0.6 * most, 0.9 * pitch).state)
         states[i]["heading"] = heading_rad
-        if sea is not None:
-            seas[i] = realise(get_sea(sea), ship.propeller.depth_m, seed=i)
+        if waves is not None:
+            seas[i] = realise(waves, ship.propeller.depth_m, seed=i)
         prepare(plants[i], states[i], memories[i], seas[i], 0.6 * most, calm, dt)
         commands[:, 0, i] = np.repeat(rng.uniform(low, 1.0, STEPS // 20), 20) * most
         commands[:, 1, i] = np.repeat(rng.uniform(0.5, 1.1, STEPS // 20), 20) * pitch
