@@ -61,7 +61,7 @@ GROUP = np.dtype(
 
 @compiled
 def gather(group: Record, plants: Any, states: Any, first: int, last: int) -> int:
-    """Form a group of a batch, from the index ``first`` on, and return the number of its ships.
+    """Form a group of a batch, from the index ``first`` on, and return how many ships it has.
 
     Args:
         group: GROUP record.

@@ -70,7 +70,7 @@ class _Box:
         self._columns = cgutils.unpack_tuple(builder, box.shape, 2)[1]
 
     def place(self, lane: Any, number: int) -> Any:
-        """Return a pointer to a number of a ship."""
+        """Return a pointer to a value of a ship."""
         builder, wide = self._builder, self._columns.type
         lane = ir.Constant(wide, lane) if isinstance(lane, int) else lane
         row = builder.mul(lane, self._columns)
