@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.compiled import Real, Record, compiled, compiled_apart, generate_tuple_kernel
-from ..core.lanes import several_by
 from .dynamics import evaluate, evaluate_apart, evaluate_straight, evaluate_without_roll
 from .expressions import NO_SIGNALS
 from .hull import episode_factor
@@ -117,14 +116,6 @@ def runge_kutta(
 
 
 @compiled
-def _straight_derivative(
-    plant: Record, state: State, inputs: Inputs, blade_before: Real, rolls: bool
-) -> tuple[State, Outputs]:
-    return evaluate_straight(plant, state, inputs, blade_before)
-
-
-@several_by(_straight_derivative)
-@compiled
 def _derivative(
     plant: Record, state: State, inputs: Inputs, blade_before: Real, rolls: bool
 ) -> tuple[State, Outputs]:
@@ -188,28 +179,27 @@ def _advance_with_roll(plant: Record, begun: Begun, dt: float) -> tuple[Outputs,
     return _advance(plant, begun, dt, True)
 
 
+@compiled_apart
+def advance_straight(plant: Record, begun: Begun, dt: float) -> tuple[Outputs, State]:
+    """Return outputs and state of :func:`step`, for a ship on a straight course."""
+    return _advance(plant, begun, dt, False)
+
+
 @compiled
-def _advance_together(plant: Record, begun: Begun, dt: float) -> tuple[Outputs, State]:
-    """Return what :func:`_advance` returns, for several ships.
+def advance_together(ships: Any, begun: Begun, dt: float) -> tuple[Outputs, State]:
+    """Return what :func:`advance_straight` returns, for several ships at once.
 
     The last three stages are a loop, because the processor keeps no more machine code at hand.
     """
     now = begun.now
-    rate, outputs = evaluate_straight(plant, now, begun.first, begun.blade)
+    rate, outputs = evaluate_straight(ships, now, begun.first, begun.blade)
     following = shift_state(now, rate, dt / 6.0)
     for stage in range(1, 4):
         moved = shift_state(now, rate, dt if stage == 3 else 0.5 * dt)
         inputs = _later(begun.second, begun.third, stage == 3)
-        rate, _ = evaluate_straight(plant, moved, inputs, begun.blade)
+        rate, _ = evaluate_straight(ships, moved, inputs, begun.blade)
         following = shift_state(following, rate, dt / 6.0 if stage == 3 else dt / 3.0)
     return outputs, following
-
-
-@several_by(_advance_together)
-@compiled_apart
-def advance_straight(plant: Record, begun: Begun, dt: float) -> tuple[Outputs, State]:
-    """Return outputs and state of :func:`step`, for one or several ships on a straight course."""
-    return _advance(plant, begun, dt, False)
 
 
 @compiled

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..core.compiled import Real, Record, compiled
+from ..core.compiled import Real, Record, compiled, compiled_apart
 from ..core.lanes import (
     LANES,
     are_alike,
@@ -36,7 +36,7 @@ from .state import (
     straight_part,
     whole_state,
 )
-from .stepping import Begun, Disturbance, advance_straight, begin, step
+from .stepping import Begun, Disturbance, advance_straight, advance_together, begin, step
 
 _ALONE, _TOGETHER, _RESPONDED = 0, 1, 2  # status of a group
 
@@ -157,7 +157,7 @@ def begin_lane(
         put_lane(group.waves, lane, (waves, of_sea))
 
 
-@compiled
+@compiled_apart
 def respond(group: Record, plants: Any, dt: float) -> None:
     """Compute the step of all ships of a group at once, if they agree on all branches.
 
@@ -168,7 +168,7 @@ def respond(group: Record, plants: Any, dt: float) -> None:
     group.status = _TOGETHER
     try:
         begun = _begun(take_lanes(group.begun, _BEGUN), take_lanes(group.waves, _WAVES))
-        outputs, following = advance_straight(ships_of(group.plants, plants), begun, dt)
+        outputs, following = advance_together(ships_of(group.plants, plants), begun, dt)
         put_lanes(group.response, (outputs, straight_part(following)))
         group.status = _RESPONDED
     except Exception:  # kernels know no other kind; here it is a DisagreementError

@@ -11,7 +11,7 @@ itself.
 """
 
 from .boxes import box_shape, put_lane, put_lanes, take_lane, take_lanes
-from .kernels import one_by_one, several_by
+from .kernels import one_by_one
 from .numbers import LANES, DisagreementError, everywhere, of_kind, where
 from .records import are_alike, block_shape, fill_block, ships_of
 
@@ -27,7 +27,6 @@ __all__ = [
     "one_by_one",
     "put_lane",
     "put_lanes",
-    "several_by",
     "ships_of",
     "take_lane",
     "take_lanes",

@@ -68,39 +68,23 @@ def one_by_one(kernel: Callable[P, R]) -> Callable[P, R]:
 
     For kernels whose way through the code depends on the ship: searches, tables, programs of terms.
     """
-    names = list(inspect.signature(cast("Any", kernel).py_func).parameters)
-    calls = (
-        f"kernel({', '.join(f'_of_lane({name}, {lane})' for name in names)})"
-        for lane in range(LANES)
-    )
-    scope = {"kernel": kernel, "_of_lane": _of_lane, "_joined": _joined}
-    return _with_choice(kernel, f"_joined(({', '.join(calls)}))", scope)
-
-
-def several_by(other: Callable[P, R]) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Let another kernel with the same arguments compute several ships at once."""
-
-    def decorate(kernel: Callable[P, R]) -> Callable[P, R]:
-        names = ", ".join(inspect.signature(cast("Any", kernel).py_func).parameters)
-        return _with_choice(kernel, f"other({names})", {"kernel": kernel, "other": other})
-
-    return decorate
-
-
-def _with_choice(kernel: Callable[P, R], of_several: str, scope: dict[str, Any]) -> Callable[P, R]:
-    """Return a function that calls a kernel for one ship and an expression for several."""
     function = cast("Any", kernel).py_func
-    names = ", ".join(inspect.signature(function).parameters)
+    names = list(inspect.signature(function).parameters)
 
     @functools.wraps(function)
     def single(*values: P.args, **more: P.kwargs) -> R:
         return kernel(*values, **more)
 
-    several = eval(f"lambda {names}: {of_several}", scope)
-    one = eval(f"lambda {names}: kernel({names})", scope)
+    calls = (
+        f"kernel({', '.join(f'_of_lane({name}, {lane})' for name in names)})"
+        for lane in range(LANES)
+    )
+    scope = {"kernel": kernel, "_of_lane": _of_lane, "_joined": _joined}
+    several = eval(f"lambda {', '.join(names)}: _joined(({', '.join(calls)}))", scope)
 
     def choose(*kinds: Any) -> Any:
         return several if any(map(_holds_lanes, kinds)) else one
 
+    one = eval(f"lambda {', '.join(names)}: kernel({', '.join(names)})", scope)
     inlined_overload(single, choose)
     return single
