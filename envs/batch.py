@@ -23,6 +23,7 @@ from ..plant import Ship
 from ..plant.helm import require_steering
 from ..plant.ship import refuse_wind
 from ..plant.terms import Term
+from ..plant.together import GROUP
 from . import records, starts
 from .kernel import control_interval, first_observation
 from .options import ResetOptions
@@ -351,6 +352,7 @@ class Batch:
             environments["plant"],
             environments["state"],
             self.commons,
+            np.zeros(1, GROUP)[0],
             self.gains,
             action,
             self.steps,

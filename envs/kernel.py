@@ -23,7 +23,7 @@ from ..plant.cavitation import effective_attack, outside_bucket
 from ..plant.rudder import rudder_angle
 from ..plant.state import STATE, Outputs, State, get_state
 from ..plant.stepping import Disturbance, observe
-from ..plant.together import GROUP, begin_lane, complete_lane, gather, respond
+from ..plant.together import begin_lane, complete_lane, gather, respond
 from . import sensing
 from .records import LIMITED_RACK, SHAFT_SPEED
 from .rewards import MEAN_S, Instant, add_terms, clear_terms, reward_of, total_fuel_flow
@@ -320,6 +320,7 @@ def control_interval(
     plants: Any,
     states: Any,
     commons: Any,
+    group: Record,
     gains: Floats,
     action: NDArray[np.float32],
     steps: int,
@@ -336,6 +337,7 @@ def control_interval(
         plants: their PLANT records, in the same memory.
         states: their STATE records, in the same memory.
         commons: COMMON array of shape (1,).
+        group: GROUP record, working memory that no other thread uses.
         gains: governor gains with the rows shaft speed, k_p and k_i, shape (3, m).
         action: actions in [-1, 1], shape (n, 2) or (n, 3): pitch, drive (fuel rack or shaft speed
             set-point, see COMMON) and rudder, each over its range on the ship. Where actions are
@@ -346,7 +348,7 @@ def control_interval(
         first: first environment.
         last: one past the last environment.
     """
-    common, group, cells = commons[0], np.zeros(1, GROUP)[0], np.zeros(LANES, CELL)
+    common, cells = commons[0], np.zeros(LANES, CELL)
     diverged = -1
     for begin in range(first, last, LANES):
         count = gather(group, plants, states, begin, last)

@@ -56,7 +56,11 @@ GROUP = np.dtype(
     ],
     align=True,
 )
-"""Working memory for a group of ships. A record, because kernels count the uses of an array."""
+"""Working memory for a group of ships.
+
+It is a record, because kernels count the uses of an array. Who calls a kernel allocates it: a record
+does not keep the array alive to which it belongs.
+"""
 
 
 @compiled

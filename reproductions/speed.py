@@ -18,7 +18,7 @@ import pandas as pd
 import scipy
 from numpy.typing import NDArray
 
-from shaftline.core.compiled import compiled
+from shaftline.core.compiled import Record, compiled
 from shaftline.core.files import write_text
 from shaftline.core.lanes import LANES
 from shaftline.envs import FrigateEnv, FrigateVectorEnv, SteeringVectorEnv
@@ -45,6 +45,7 @@ def simulate_batch(
     seas: Any,
     observers: Any,
     estimates: Any,
+    group: Record,
     drive: NDArray[np.float64],
     pitch_command: NDArray[np.float64],
     steps: int,
@@ -59,12 +60,13 @@ def simulate_batch(
         seas: SEA array of shape (n,).
         observers: OBSERVER array of shape (n,), or (0,) for none.
         estimates: ESTIMATE array of the same shape.
+        group: GROUP record, working memory.
         drive: command of each prime mover [mm | V | N m], shape (n,).
         pitch_command: commanded P/D [-], shape (n,).
         steps: number of steps.
         dt: time step [s].
     """
-    group, calm = np.zeros(1, GROUP)[0], UNDISTURBED
+    calm = UNDISTURBED
     for first in range(0, len(plants), LANES):
         count = gather(group, plants, states, first, len(plants))
         for _ in range(steps):
@@ -116,6 +118,7 @@ def simulate_batch(
 
 
 BATCH, STEPS, REPEATS = 256, 100, 15
+PASSES = 3  # through the whole table, because a shared machine is slow for seconds
 MANY = 1024
 
 
@@ -149,7 +152,8 @@ def _plant_rate(
     observers = np.zeros(ships if observer else 0, OBSERVER)
     if observer:
         observers[:] = get_observer(observer).discretise(frigate, dt)
-    batch = plants, states, memories, seas, observers, np.zeros(len(observers), ESTIMATE)
+    estimates = np.zeros(len(observers), ESTIMATE)
+    batch = plants, states, memories, seas, observers, estimates, np.zeros(1, GROUP)[0]
     commands = np.full(ships, 22.0), np.full(ships, 1.3)
     return best_rate(lambda: simulate_batch(*batch, *commands, steps, dt), ships * steps, repeats)
 
@@ -298,7 +302,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--out", type=Path, help="Markdown file for the table")
     out = parser.parse_args().out
-    frame = pd.DataFrame(measure(), columns=["program", "rate"])
+    passes = [dict(measure()) for _ in range(PASSES)]
+    best = {label: max(rates[label] for rates in passes) for label in passes[0]}
+    frame = pd.DataFrame(best.items(), columns=["program", "rate"])
     shares = frame["rate"] / frame["rate"].iloc[-1]
     frame["steps/s"] = frame.pop("rate").map("{:,.0f}".format)
     frame["per CartPole step"] = shares.map("{:.1f}".format)

@@ -34,6 +34,7 @@ from ...envs.records import EPISODE, MAX_ORDERS
 from ...envs.settings import CLASSIC, Settings
 from ...plant.memory import MEMORY
 from ...plant.state import STATE, active_states
+from ...plant.together import GROUP
 from ...plant.waves import SEA
 
 _FAST = 1.3
@@ -194,6 +195,7 @@ class Clairvoyant:
             rows["plant"],
             rows["state"],
             beside.commons,
+            np.zeros(1, GROUP)[0],
             beside.gains,
             actions(self._plant, pitch, given[:, 1]),
             beside.steps,

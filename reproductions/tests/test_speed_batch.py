@@ -14,6 +14,7 @@ from shaftline.plant.memory import MEMORY
 from shaftline.plant.record import PLANT
 from shaftline.plant.state import STATE
 from shaftline.plant.stepping import UNDISTURBED, prepare
+from shaftline.plant.together import GROUP
 from shaftline.plant.waves import SEA, SYNC_STEPS, calm_sea
 
 BUSY = {
@@ -71,6 +72,7 @@ class Batch:
                 self.seas,
                 np.zeros(0, OBSERVER),
                 np.zeros(0, ESTIMATE),
+                np.zeros(1, GROUP)[0],
                 np.full(n, drive),
                 np.full(n, pitch),
                 SYNC_STEPS,

@@ -12,6 +12,7 @@ from shaftline.plant.memory import MEMORY
 from shaftline.plant.record import PLANT
 from shaftline.plant.state import STATE
 from shaftline.plant.stepping import UNDISTURBED, prepare
+from shaftline.plant.together import GROUP
 from shaftline.plant.waves import SEA, SYNC_STEPS
 
 BLOCKS = 40
@@ -50,6 +51,7 @@ def test_batch_equals_simulation_and_following(
             seas,
             observers,
             estimates,
+            np.zeros(1, GROUP)[0],
             drive,
             pitch,
             SYNC_STEPS,

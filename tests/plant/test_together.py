@@ -30,10 +30,17 @@ def _disturbed(k: float, i: int) -> Disturbance:
 
 @compiled
 def together(
-    plants: Any, states: Any, memories: Any, seas: Any, commands: Any, dt: float, kept: Any
+    plants: Any,
+    states: Any,
+    memories: Any,
+    seas: Any,
+    commands: Any,
+    dt: float,
+    kept: Any,
+    group: Any,
 ) -> int:
     """Step a batch; return how many steps of groups were computed at once."""
-    group, at_once = np.zeros(1, GROUP)[0], 0
+    at_once = 0
     for first in range(0, len(plants), LANES):
         count = gather(group, plants, states, first, len(plants))
         for k in range(commands.shape[0]):
@@ -95,7 +102,7 @@ def compare(
         commands[:, 1, i] = np.repeat(rng.uniform(0.5, 1.1, STEPS // 20), 20) * pitch
     other = states.copy(), memories.copy(), seas.copy()
     kept, alone = np.zeros((STEPS, n, 4)), np.zeros((STEPS, n, 4))
-    at_once = together(plants, states, memories, seas, commands, dt, kept)
+    at_once = together(plants, states, memories, seas, commands, dt, kept, np.zeros(1, GROUP)[0])
     apart(plants, *other, commands, dt, alone)
     assert np.array_equal(kept, alone)
     for found, single in zip((states, memories, seas), other, strict=True):
