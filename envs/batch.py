@@ -194,13 +194,14 @@ class Batch:
         self.environments["observer"]["address"] = observer.address
 
     def _lay_views(self) -> None:
-        """Create the views of the results, which take longer to create than to read."""
+        """Create the views of the records, which take longer to create than to read."""
         self.signals = self._matrix("observation", np.dtype(np.float32))
         self.terms = self._matrix("terms")
         self.truths = self._matrix("truth")
         self.rewards = self._matrix("reward")[:, 0]
         self.ended = self._matrix("ended", np.dtype(np.int64))[:, 0]
         self.elapsed = self.environments["episode"]["elapsed"]
+        self._plants, self._states = self.environments["plant"], self.environments["state"]
 
     def _matrix(self, name: str, kind: np.dtype[Any] = _DOUBLE) -> NDArray[Any]:
         """Return a record of each environment, with values of one kind, as a row: shape (n, k)."""
@@ -346,11 +347,10 @@ class Batch:
             self.base.follow(self.signals)
 
     def _step(self, action: Singles, first: int, last: int) -> None:
-        environments = self.environments
         diverged = control_interval(
-            environments,
-            environments["plant"],
-            environments["state"],
+            self.environments,
+            self._plants,
+            self._states,
             self.commons,
             np.zeros(1, GROUP)[0],
             self.gains,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 from llvmlite import ir as llvm
 from numba.core import cgutils as _cgutils
@@ -16,9 +16,6 @@ from numba.extending import intrinsic as _intrinsic
 from numba.extending import lower_getattr as _lower_getattr
 from numba.extending import overload as _overload
 from numba.np import numpy_support
-
-T = TypeVar("T")
-Decorator = Callable[[T], T]
 
 _datamodels: Any = _datamodel
 _conversions: Any = _typeconv
