@@ -28,7 +28,7 @@ main()
     ("name", "command", "rest"),
     [
         ("typer", "list", []),
-        ("rich.progress", "list", []),
+        ("rich.table", "list", []),
         ("shaftline.cli.simulate_command", "simulate", ["--help"]),
         ("numba", "simulate", ["--case", "rack_step", "--out", "o.csv"]),
         ("shaftline.plant.dynamics", "diagnose", ["--example"]),
