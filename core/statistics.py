@@ -1,8 +1,12 @@
-"""Covariances and intervals of estimates."""
+"""Covariances and intervals of estimates, and probabilities.
+
+The distributions are those of scipy.special, because scipy.stats takes half a second to load.
+"""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import scipy
@@ -21,7 +25,26 @@ def half_95(freedom: float) -> float:
     """
     if math.isinf(freedom):
         return HALF_95
-    return float(scipy.stats.t.ppf(0.975, max(freedom, 1.0)))
+    return float(scipy.special.stdtrit(max(freedom, 1.0), 0.975))
+
+
+def chi_squared_limit(chance: float, freedom: Any) -> Any:
+    """Return the value that a chi-squared number of some degrees of freedom exceeds with a probability.
+
+    >>> round(float(chi_squared_limit(0.05, 1)), 3)
+    3.841
+    """
+    return scipy.special.chdtri(freedom, chance)
+
+
+def log_chance_above(value: float, freedom: float) -> float:
+    """Return the logarithm of the probability that a chi-squared number exceeds a value.
+
+    >>> round(log_chance_above(3.841, 1.0) - math.log(0.05), 4)
+    0.0003
+    """
+    chance = float(scipy.special.chdtrc(freedom, value))
+    return math.log(chance) if chance > 0.0 else -math.inf
 
 
 def covariance_of(information: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -471,7 +471,7 @@ class Ship(Section):
     def has_key(self, dotted: str) -> bool:
         """Return whether a dotted key names a parameter of this ship."""
         try:
-            self.parameter(dotted)
+            self._locate(dotted)
         except ShipError:
             return False
         return True
@@ -483,9 +483,19 @@ class Ship(Section):
             ShipError: unknown key, a key without a single value in the ship record, or a parameter
                 without effect on this ship.
         """
+        found = self._locate(dotted)
         section, _, key = dotted.partition(".")
         if section == "term":
-            return self._term_parameter(dotted, *key.partition(".")[::2])
+            own = self.term[found.place[0]]
+            name = key.partition(".")[2]
+            return found._replace(info=resolved_term_range(self, own, name, found.info))
+        return found._replace(info=resolved_range(self, dotted, found.value, found.info))
+
+    def _locate(self, dotted: str) -> ShipParameter:
+        """Return a parameter with its plain range, which ignores the time step."""
+        section, _, key = dotted.partition(".")
+        if section == "term":
+            return self._locate_in_term(dotted, *key.partition(".")[::2])
         table = getattr(self, section, None) if section in type(self).model_fields else None
         fields = type(table).model_fields if isinstance(table, Section) else {}
         if table is None or key not in fields:
@@ -497,16 +507,14 @@ class Ship(Section):
         location = place_of(fields[key])
         if location is None:
             raise ShipError(f"{self.name}: {dotted} has no field of its own in the ship record")
-        value, info = float(getattr(table, key)), info_of(fields[key])
-        return ShipParameter(dotted, value, resolved_range(self, dotted, value, info), *location)
+        return ShipParameter(dotted, float(getattr(table, key)), info_of(fields[key]), *location)
 
-    def _term_parameter(self, dotted: str, term: str, name: str) -> ShipParameter:
+    def _locate_in_term(self, dotted: str, term: str, name: str) -> ShipParameter:
         for slot, own in enumerate(self.term):
             if own.id == term and name in own.parameters:
                 declared = own.parameters[name]
                 place = (slot, list(own.parameters).index(name))
                 info = KeyInfo(declared.unit, declared.low, declared.high, None)
-                info = resolved_term_range(self, own, name, info)
                 return ShipParameter(dotted, declared.value, info, "term_constants", place)
         known = ", ".join(f"term.{own.id}.{key}" for own in self.term for key in own.parameters)
         raise ShipError(f"{self.name}: {dotted} is not a known key; known: {known or 'no term'}")

@@ -245,7 +245,7 @@ class Evidence:
         """
         if self.models == 1:
             return float(-np.linalg.slogdet(self.covariance())[1])
-        wrong = scipy.stats.norm.logcdf(-0.5 * np.sqrt(self.pairs()))
+        wrong = scipy.special.log_ndtr(-0.5 * np.sqrt(self.pairs()))
         return float(-scipy.special.logsumexp(wrong))
 
 

@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import scipy
 from numpy.typing import NDArray
 
 from ...core.rows import true_runs
@@ -166,8 +165,7 @@ def pitch_columns_swapped(table: pd.DataFrame, interval_s: float, ship: Ship) ->
     share = -math.expm1(-interval_s / ship.pitch_actuator.time_constant_s)
 
     def lagged(values: NDArray[Any]) -> NDArray[Any]:
-        start = [(1.0 - share) * values[0]]
-        return np.asarray(scipy.signal.lfilter([share], [1.0, share - 1.0], values, zi=start)[0])
+        return pd.Series(values).ewm(alpha=share, adjust=False).mean().to_numpy()
 
     # Both misfits pass the same filter, so that measurement noise favours neither direction.
     forward = np.std(lagged(lagged(command) - measured))

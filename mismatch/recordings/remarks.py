@@ -213,10 +213,12 @@ def _peak(a: Array, b: Array, reach: int) -> tuple[float, float, float] | None:
     size = float(np.sqrt((a @ a) * (b @ b)))
     if not size > 0.0:
         return None
-    full = scipy.signal.correlate(a, b, mode="full", method="fft") / size
-    middle = len(b) - 1
-    reach = min(reach, middle - 1)
-    some = full[middle - reach : middle + reach + 1]
+    reach = min(reach, len(b) - 2)
+    # Zeros beyond the end keep the last rows apart from the first.
+    length = scipy.fft.next_fast_len(max(len(a), len(b)) + reach, real=True)
+    spectrum = np.fft.rfft(a, length) * np.conj(np.fft.rfft(b, length))
+    full = np.fft.irfft(spectrum, length) / size
+    some = np.concatenate([full[length - reach :], full[: reach + 1]])
     inner = np.arange(1, len(some) - 1)
     tops = inner[(some[inner] >= some[inner - 1]) & (some[inner] > some[inner + 1])]
     if not len(tops) or some[tops].max() <= 0.0:

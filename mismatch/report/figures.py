@@ -14,8 +14,8 @@ from html import escape
 from typing import Any, Protocol
 
 import matplotlib
+import matplotlib.mlab
 import numpy as np
-import scipy
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
@@ -91,7 +91,9 @@ def panel(
     above, below = 0.3, 0.46
     width, inner = (WIDTH - left - 0.2) / WIDTH, (height - above - below) / height
     axes = figure.add_axes((left / WIDTH, below / height, width, inner))
-    axes.set_title(title, fontsize=_NORMAL, loc="left", color=MEASURED, fontweight="bold", pad=5)
+    axes.set_title(
+        title, fontsize=_NORMAL, loc="left", color=MEASURED, fontweight="bold", pad=5, y=1.0
+    )  # with y given, matplotlib need not measure all labels
     axes.set_xlabel(x, fontsize=_NORMAL, labelpad=2)
     axes.set_ylabel(y, fontsize=_NORMAL, labelpad=3)
     axes.tick_params(labelsize=_SMALL, length=3)
@@ -439,7 +441,9 @@ def spectrum_panels(diagnosis: Outcome) -> list[Figure]:
 
 def smooth_spectrum(values: Array, rate: float, length: int) -> tuple[Array, Array]:
     """Return the one-sided power density, averaged over 24 bands in each decade."""
-    frequency, power = scipy.signal.welch(values, rate, nperseg=max(8, length), detrend=False)
+    rows = min(max(8, length), len(values))
+    hann = np.hanning(rows + 1)[:-1]
+    power, frequency = matplotlib.mlab.psd(values, rows, rate, window=hann, noverlap=rows // 2)
     frequency, power = frequency[1:], power[1:]
     band = np.floor(24.0 * np.log10(frequency / frequency[0]) + 1e-9).astype(int)
     _, which = np.unique(band, return_inverse=True)

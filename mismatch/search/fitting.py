@@ -22,7 +22,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ...core.statistics import covariance_of
+from ...core.statistics import chi_squared_limit, covariance_of
 from ...plant.ship import Ship
 from ..estimate import Estimate
 from ..simulate.balances import (
@@ -440,7 +440,7 @@ class Whiteness:
         """Power ratio from which a band is significant, shape (bands,)."""
         bands = self.fitter.bands
         freedom = 2.0 * np.add.reduceat(bands.weights, bands.edges[:-1])
-        return np.asarray(EXCESS * scipy.stats.chi2.isf(CHANCE, freedom) / freedom)
+        return np.asarray(EXCESS * chi_squared_limit(CHANCE, freedom) / freedom)
 
     def coloured_balances(self, fit: Fit) -> list[str]:
         """Return the names of the balances whose residual exceeds the noise."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
+from ...core.statistics import log_chance_above
 from ..estimate import Tick
 from ..simulate.joint_replay import map_threaded
 from .catalogue import Effect, SizedEffect, Window
@@ -336,7 +336,7 @@ def chance_bound(effect: Effect, gain: float, threshold: float) -> float:
     """
     values = len(effect.parameters) + 2 * effect.windowed
     reached, limit = (
-        scipy.stats.chi2.logsf(max(g, 0.0) / SMALL_SAMPLE, values) for g in (gain, threshold)
+        log_chance_above(max(g, 0.0) / SMALL_SAMPLE, values) for g in (gain, threshold)
     )
     return float(min(1.0, RISK * math.exp(min(reached - limit, 100.0))))
 

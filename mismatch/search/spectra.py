@@ -30,10 +30,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from ...core.compiled import compiled_apart
+from ...core.statistics import chi_squared_limit
 from ...plant.columns import HEADING, SHAFT_ANGLE, YAW_RATE
 from ..simulate.balances import Balances, Channels, time_derivative, tolerance_records
 from ..simulate.joint_replay import NO_SHIFT, Floats, JointReplay, map_threaded
@@ -277,7 +277,7 @@ def chance_gain(freedom: int, tried: int, risk: float) -> float:
         tried: number of trials.
         risk: probability that at least one trial exceeds the gain.
     """
-    return SMALL_SAMPLE * float(scipy.stats.chi2.isf(risk / tried, freedom))
+    return SMALL_SAMPLE * float(chi_squared_limit(risk / tried, freedom))
 
 
 @dataclass(frozen=True)
