@@ -23,14 +23,12 @@ from ..plant.expressions import external_at
 from ..plant.hull import episode_factor
 from ..plant.memory import (
     begin_step,
-    end_step,
     measured_current_of,
     measured_pitch_of,
     measured_ship_speed_of,
     measured_speed_of,
     measured_thrust_of,
     measured_torque_of,
-    read_instruments,
 )
 from ..plant.rudder import rudder_angle
 from ..plant.state import (
@@ -42,7 +40,7 @@ from ..plant.state import (
     set_state,
     shift_state,
 )
-from ..plant.stepping import runge_kutta
+from ..plant.stepping import complete, runge_kutta
 from .adaptive_noise import AdaptiveNoise, adapt, correct_slopes, propagate_slopes
 from .augmented import correct, propagate
 from .records import Floats
@@ -325,12 +323,8 @@ def _predict(
     propagate(p, f, len(model.slots) + 1, model.process, dt, work)
     if adaptive.gain > 0.0:
         propagate_slopes(adaptive, f, len(model.slots) + 1, model.process, dt, work)
-    read_instruments(plant, memory, now.shaft_speed, outputs, dt)
-    following = runge_kutta(plant, now, rate, middle, end, blade, dt)
-    set_state(model.state[0], following)
-    if plant.speed_held != 0:
-        model.state[0].shaft_speed = memory.rack
-    end_step(plant, memory, following.ship_speed, dt)
+    set_state(model.state[0], runge_kutta(plant, now, rate, middle, end, blade, dt))
+    complete(plant, model.state[0], memory, now.shaft_speed, outputs, dt)
     for i in range(len(model.slots)):
         z[i] = model.state_words[model.slots[i]]
     z[len(model.slots)] = u * fades * fades

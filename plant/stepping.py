@@ -166,7 +166,6 @@ class Begun(NamedTuple):
 
 @compiled
 def _advance(plant: Record, begun: Begun, dt: float, rolls: bool) -> tuple[Outputs, State]:
-    """Return the outputs at the start of a step, and the state at its end."""
     rate, outputs = _derivative(plant, begun.now, begun.first, begun.blade, rolls)
     return outputs, _runge_kutta(
         plant, begun.now, rate, begun.second, begun.third, begun.blade, dt, rolls
@@ -179,15 +178,23 @@ def _advance_with_roll(plant: Record, begun: Begun, dt: float) -> tuple[Outputs,
     return _advance(plant, begun, dt, True)
 
 
-@compiled_apart
-def advance_straight(plant: Record, begun: Begun, dt: float) -> tuple[Outputs, State]:
-    """Return outputs and state of :func:`step`, for a ship on a straight course."""
+@compiled
+def advance(plant: Record, begun: Begun, dt: float) -> tuple[Outputs, State]:
+    """Return the outputs at the start of a step, and the state at its end."""
+    if plant.rolls != 0:
+        return _advance_with_roll(plant, begun, dt)
     return _advance(plant, begun, dt, False)
+
+
+@compiled_apart
+def advance_apart(plant: Record, begun: Begun, dt: float) -> tuple[Outputs, State]:
+    """Return what :func:`advance` returns, for kernels that would compile long with it."""
+    return advance(plant, begun, dt)
 
 
 @compiled
 def advance_together(ships: Any, begun: Begun, dt: float) -> tuple[Outputs, State]:
-    """Return what :func:`advance_straight` returns, for several ships at once.
+    """Return what :func:`advance` returns, for several ships at once on a straight course.
 
     The last three stages are a loop, because the processor keeps no more machine code at hand.
     """
@@ -240,6 +247,26 @@ def begin(
 
 
 @compiled
+def complete(
+    plant: Record, state: Record, memory: Record, shaft_speed: float, outputs: Outputs, dt: float
+) -> None:
+    """Complete a step: read the instruments, and advance the memory.
+
+    Args:
+        plant: ship record.
+        state: STATE record at the end of the step.
+        memory: MEMORY record.
+        shaft_speed: at the start of the step [rad/s].
+        outputs: at the start of the step.
+        dt: time step [s].
+    """
+    read_instruments(plant, memory, shaft_speed, outputs, dt)
+    if plant.speed_held != 0:
+        state.shaft_speed = memory.rack
+    end_step(plant, memory, state.ship_speed, dt)
+
+
+@compiled
 def step(
     plant: Record,
     state: Record,
@@ -267,15 +294,9 @@ def step(
     begun = begin(
         plant, state, memory, sea, drive, pitch_command, rudder_command, start, middle, end, dt
     )
-    if plant.rolls != 0:
-        outputs, following = _advance_with_roll(plant, begun, dt)
-    else:
-        outputs, following = _advance(plant, begun, dt, False)
-    read_instruments(plant, memory, begun.now.shaft_speed, outputs, dt)
+    outputs, following = advance(plant, begun, dt)
     set_state(state, following)
-    if plant.speed_held != 0:
-        state.shaft_speed = memory.rack
-    end_step(plant, memory, following.ship_speed, dt)
+    complete(plant, state, memory, begun.now.shaft_speed, outputs, dt)
     return outputs
 
 

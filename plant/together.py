@@ -25,18 +25,18 @@ from ..core.lanes import (
     take_lanes,
 )
 from .expressions import NO_SIGNALS
-from .memory import end_step, read_instruments
 from .record import PLANT
 from .state import (
     Inputs,
     Outputs,
     Straight,
     is_straight,
+    set_state,
     set_straight,
     straight_part,
     whole_state,
 )
-from .stepping import Begun, Disturbance, advance_straight, advance_together, begin, step
+from .stepping import Begun, Disturbance, advance_apart, advance_together, begin, complete
 
 _ALONE, _TOGETHER, _RESPONDED = 0, 1, 2  # status of a group
 
@@ -196,20 +196,29 @@ def complete_lane(
     dt: float,
 ) -> Outputs:
     """Complete a step of one ship of a group, and return the outputs at the start of the step."""
-    if group.status == _ALONE:
-        return step(
-            plant, state, memory, sea, drive, pitch_command, rudder_command, start, middle, end, dt
-        )
+    shaft_speed = state.shaft_speed
     if group.status == _RESPONDED:
         outputs, part = take_lane(group.response, lane, _RESPONSE)
+        set_straight(state, part)
     else:
-        numbers = take_lane(group.begun, lane, _BEGUN)
-        begun = _begun(numbers, take_lane(group.waves, lane, _WAVES))
-        outputs, following = advance_straight(plant, begun, dt)
-        part = straight_part(following)
-    read_instruments(plant, memory, state.shaft_speed, outputs, dt)
-    set_straight(state, part)
-    if plant.speed_held != 0:
-        state.shaft_speed = memory.rack
-    end_step(plant, memory, part.ship_speed, dt)
+        if group.status == _ALONE:
+            begun = begin(
+                plant,
+                state,
+                memory,
+                sea,
+                drive,
+                pitch_command,
+                rudder_command,
+                start,
+                middle,
+                end,
+                dt,
+            )
+        else:
+            numbers = take_lane(group.begun, lane, _BEGUN)
+            begun = _begun(numbers, take_lane(group.waves, lane, _WAVES))
+        outputs, following = advance_apart(plant, begun, dt)
+        set_state(state, following)
+    complete(plant, state, memory, shaft_speed, outputs, dt)
     return outputs  # type: ignore[no-any-return]
