@@ -12,14 +12,17 @@ from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
 from ..core.files import check_size
+from ..core.lanes import LANES
 from .emissions import co2_rate, nox_rate
 from .expressions import external_at
 from .memory import MEMORY
+from .record import PLANT
 from .rudder import rudder_angle
 from .ship import Ship, refuse_sea
 from .signals import SAMPLE
 from .state import STATE, Outputs, State, get_state
 from .stepping import Disturbance, observe, prepare, refuse_divergence, step
+from .together import GROUP, begin_lane, complete_lane, gather, respond
 from .validity import warn_of_departures
 from .waves import calm_sea
 
@@ -78,6 +81,48 @@ def write_sample(
 
 
 @compiled
+def _disturbance(
+    inflow: float,
+    elevation: NDArray[np.float64],
+    resistance_factor: NDArray[np.float64],
+    signals: NDArray[np.float64],
+    k: int,
+) -> Disturbance:
+    """Return the disturbance at a half step, with an inflow at that instant."""
+    return Disturbance(inflow, elevation[k], resistance_factor[k], external_at(signals, k))
+
+
+@compiled
+def _sample_at_end(
+    plant: Record,
+    state: Record,
+    memory: Record,
+    sea: Record,
+    sample: Record,
+    time: float,
+    drive: float,
+    pitch_command: float,
+    rudder_command: float,
+    disturbance: Disturbance,
+    dt: float,
+) -> None:
+    """Fill a SAMPLE record with the commands of the last step and the state and outputs at its end."""
+    outputs = observe(plant, state, memory, sea, pitch_command, rudder_command, disturbance, dt)
+    write_sample(
+        plant,
+        sample,
+        time,
+        drive,
+        pitch_command,
+        rudder_command,
+        get_state(state),
+        memory,
+        memory.speed_log,
+        outputs,
+    )
+
+
+@compiled
 def trajectory(
     plant: Record,
     state: Record,
@@ -108,8 +153,8 @@ def trajectory(
     Each sample is written to ``sample``, a SAMPLE array of shape (1,). ``values``, shape (signals,), is
     the same memory, of which ``columns`` are kept every few steps: shape (n // every + 1, columns).
     """
-    steps = len(drive)
-    begin = Disturbance(inflow[0], elevation[0], resistance_factor[0], external_at(signals, 0))
+    steps, around = len(drive), (elevation, resistance_factor, signals)
+    begin = _disturbance(inflow[0], *around, 0)
     prepare(plant, state, memory, sea, drive[0], begin, dt)
     for k in range(steps):
         a, b, c = 2 * k, 2 * k + 1, 2 * k + 2
@@ -123,9 +168,9 @@ def trajectory(
             drive[k],
             pitch_command[k],
             rudder_command[k],
-            Disturbance(inflow[a], elevation[a], resistance_factor[a], external_at(signals, a)),
-            Disturbance(inflow[b], elevation[b], resistance_factor[b], external_at(signals, b)),
-            Disturbance(inflow[c], elevation[c], resistance_factor[c], external_at(signals, c)),
+            _disturbance(inflow[a], *around, a),
+            _disturbance(inflow[b], *around, b),
+            _disturbance(inflow[c], *around, c),
             dt,
         )
         if k % every:
@@ -146,27 +191,109 @@ def trajectory(
             kept[k // every, j] = values[column]
     if steps % every:
         return
-    last = steps - 1
-    finish = Disturbance(
-        inflow[-1], elevation[-1], resistance_factor[-1], external_at(signals, 2 * steps)
-    )
-    outputs = observe(
-        plant, state, memory, sea, pitch_command[last], rudder_command[last], finish, dt
-    )
-    write_sample(
-        plant,
-        sample[0],
-        steps * dt,
-        drive[last],
-        pitch_command[last],
-        rudder_command[last],
-        get_state(state),
-        memory,
-        memory.speed_log,
-        outputs,
-    )
+    last, time = steps - 1, steps * dt
+    commands = drive[last], pitch_command[last], rudder_command[last]
+    finish = _disturbance(inflow[2 * steps], *around, 2 * steps)
+    _sample_at_end(plant, state, memory, sea, sample[0], time, *commands, finish, dt)
     for j, column in enumerate(columns):
         kept[steps // every, j] = values[column]
+
+
+@compiled
+def trajectories(
+    plants: Any,
+    states: Any,
+    memories: Any,
+    sea: Record,
+    group: Record,
+    drive: NDArray[np.float64],
+    pitch_command: NDArray[np.float64],
+    rudder_command: NDArray[np.float64],
+    inflow: NDArray[np.float64],
+    elevation: NDArray[np.float64],
+    resistance_factor: NDArray[np.float64],
+    signals: NDArray[np.float64],
+    dt: float,
+    every: int,
+    sample: Any,
+    values: NDArray[np.float64],
+    columns: NDArray[np.int64],
+    kept: NDArray[np.float64],
+) -> None:
+    """Simulate a group of ship records in calm water: :func:`trajectory` for each of them.
+
+    PLANT, STATE and MEMORY arrays have shape (ships,), and ``kept`` has shape (ships, columns,
+    n // every + 1). u_x has shape (ships, 2 n + 1), or one row that is equal for all. ``group`` is a
+    GROUP record, working memory.
+    """
+    steps, ships, around = len(drive), len(plants), (elevation, resistance_factor, signals)
+    own = 1 if len(inflow) > 1 else 0  # step from the row of one ship to that of the next
+    for i in range(ships):
+        begin = _disturbance(inflow[own * i, 0], *around, 0)
+        prepare(plants[i], states[i], memories[i], sea, drive[0], begin, dt)
+    gather(group, plants, states, 0, ships)
+    for k in range(steps):
+        a, b, c = 2 * k, 2 * k + 1, 2 * k + 2
+        for i in range(ships):
+            begin_lane(
+                group,
+                i,
+                plants[i],
+                states[i],
+                memories[i],
+                sea,
+                drive[k],
+                pitch_command[k],
+                rudder_command[k],
+                _disturbance(inflow[own * i, a], *around, a),
+                _disturbance(inflow[own * i, b], *around, b),
+                _disturbance(inflow[own * i, c], *around, c),
+                dt,
+            )
+        respond(group, plants, dt)
+        for i in range(ships):
+            now, log = get_state(states[i]), memories[i].speed_log
+            outputs = complete_lane(
+                group,
+                i,
+                plants[i],
+                states[i],
+                memories[i],
+                sea,
+                drive[k],
+                pitch_command[k],
+                rudder_command[k],
+                _disturbance(inflow[own * i, a], *around, a),
+                _disturbance(inflow[own * i, b], *around, b),
+                _disturbance(inflow[own * i, c], *around, c),
+                dt,
+            )
+            if k % every:
+                continue
+            write_sample(
+                plants[i],
+                sample[0],
+                k * dt,
+                drive[k],
+                pitch_command[k],
+                rudder_command[k],
+                now,
+                memories[i],
+                log,
+                outputs,
+            )
+            for j, column in enumerate(columns):
+                kept[i, j, k // every] = values[column]
+    if steps % every:
+        return
+    last, time = steps - 1, steps * dt
+    commands = drive[last], pitch_command[last], rudder_command[last]
+    for i in range(ships):
+        finish = _disturbance(inflow[own * i, 2 * steps], *around, 2 * steps)
+        ship = plants[i], states[i], memories[i], sea
+        _sample_at_end(*ship, sample[0], time, *commands, finish, dt)
+        for j, column in enumerate(columns):
+            kept[i, j, steps // every] = values[column]
 
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -201,23 +328,113 @@ def simulate_record(
     Returns:
         Shape (n // every + 1, signals).
     """
-    sample = np.zeros(1, SAMPLE)
+    memory, waves = np.zeros(1, MEMORY)[0], calm_sea() if sea is None else sea
     kept = np.empty((len(commands[0]) // every + 1, len(signals)))
-    trajectory(
-        plant,
-        state,
-        np.zeros(1, MEMORY)[0],
-        calm_sea() if sea is None else sea,
-        *commands,
-        *surroundings,
-        dt,
-        every,
-        sample,
-        sample.view(np.float64),
-        np.array([ALL_SIGNALS.index(name) for name in signals], dtype=np.int64),
-        kept,
-    )
+    told = _sample_for(signals)
+    trajectory(plant, state, memory, waves, *commands, *surroundings, dt, every, *told, kept)
     return kept
+
+
+def simulate_records(
+    plants: Sequence[Any],
+    states: Sequence[Any],
+    inflows: Sequence[Floats],
+    commands: tuple[Floats, Floats, Floats],
+    surroundings: tuple[Floats, Floats, Floats],
+    dt: float,
+    every: int = 1,
+    signals: Sequence[str] = ALL_SIGNALS,
+) -> list[NDArray[np.float64]]:
+    """Simulate several ship records with the same commands in calm water, and keep some signals.
+
+    The records of a group of :func:`alike_groups` are simulated at once, others one after the other. The
+    result for each ship is that of :func:`simulate_record`, equal to the bit.
+
+    Args:
+        plants: ship record of each ship.
+        states: STATE record of the initial state of each ship.
+        inflows: u_x [m/s] of each ship, as for one ship.
+        commands: as for one ship.
+        surroundings: as for one ship, but without u_x.
+        dt: time step [s].
+        every: number of steps from one kept sample to the next.
+        signals: names of the kept signals.
+
+    Returns:
+        For each ship, shape (n // every + 1, signals).
+    """
+    results: dict[int, NDArray[np.float64]] = {}
+    for ships in alike_groups(plants):
+        if len(ships) == 1:
+            (i,) = ships
+            state, around = states[i].copy(), (inflows[i], *surroundings)
+            results[i] = simulate_record(
+                plants[i], state, None, commands, around, dt, every, signals
+            )
+            continue
+        lanes = [ships[min(lane, len(ships) - 1)] for lane in range(LANES)]
+        records, first = np.empty(LANES, PLANT), np.empty(LANES, STATE)
+        for lane, i in enumerate(lanes):
+            records[lane], first[lane] = plants[i], states[i]
+        rows = [inflows[i] for i in lanes]
+        kept = np.empty((LANES, len(signals), len(commands[0]) // every + 1))
+        trajectories(
+            records,
+            first,
+            np.zeros(LANES, MEMORY),
+            calm_sea(),
+            np.zeros(1, GROUP)[0],
+            *commands,
+            rows[0][None] if all(row is rows[0] for row in rows) else np.array(rows),
+            *surroundings,
+            dt,
+            every,
+            *_sample_for(signals),
+            kept,
+        )
+        results |= zip(ships, kept.transpose(0, 2, 1), strict=False)
+    return [results[i] for i in range(len(plants))]
+
+
+def _sample_for(signals: Sequence[str]) -> tuple[Any, Floats, NDArray[np.int64]]:
+    """Return a sample, the same memory as numbers, and the columns of some signals there."""
+    sample = np.zeros(1, SAMPLE)
+    columns = np.array([ALL_SIGNALS.index(name) for name in signals], dtype=np.int64)
+    return sample, sample.view(np.float64), columns
+
+
+_WORDS = {
+    kind: [offset // 8 for of, offset, *_ in (PLANT.fields or {}).values() if of == kind]
+    for kind in (np.float64, np.int64)
+}
+"""Places of the single parameters and of the switches in a ship record, in words."""
+
+LEAST_TOGETHER = 3
+"""Number of ships from which a group takes less time at once than one after the other."""
+
+
+def alike_groups(plants: Sequence[Any]) -> list[list[int]]:
+    """Divide ship records into groups that can be simulated at once, by their indices.
+
+    The records of a group have equal switches, and parameters of equal signs, so that they seldom
+    disagree on a branch. Groups of :data:`LEAST_TOGETHER` to ``LANES`` ships are in the order of their
+    first ships. Any other ship is a group of its own.
+    """
+    if len(plants) == 1:
+        return [[0]]
+    kinds: dict[Any, list[int]] = {}
+    for i, plant in enumerate(plants):
+        words = np.frombuffer(plant.tobytes(), np.float64)
+        alone = plant["turns"] or plant["rolls"] or plant["term_count"]
+        signs = np.sign(words[_WORDS[np.float64]]).tobytes()
+        switches = words.view(np.int64)[_WORDS[np.int64]].tobytes()
+        kinds.setdefault(i if alone else (signs, switches), []).append(i)
+    groups = []
+    for alike in kinds.values():
+        for first in range(0, len(alike), LANES):
+            group = alike[first : first + LANES]
+            groups += [group] if len(group) >= LEAST_TOGETHER else [[i] for i in group]
+    return sorted(groups)
 
 
 @dataclass(frozen=True)
