@@ -263,12 +263,15 @@ class SteadyReplay(Replay):
         )
         return samples
 
-    def simulate_signals(
-        self, plant: Any, signals: Sequence[str], start: tuple[float, ...] | None = None
-    ) -> dict[str, NDArray[np.float64]]:
-        """Return some signals of the equilibria by name, each of shape (rows,)."""
-        samples = self.simulate(plant, start)
-        return {name: samples[name].copy() for name in signals}
+    def signals_of_ships(
+        self, plants: Sequence[Any], signals: Sequence[str], starts: Sequence[tuple[float, ...]]
+    ) -> list[dict[str, NDArray[np.float64]]]:
+        """Return some signals of the equilibria of each ship record by name, each of shape (rows,)."""
+        ships = []
+        for plant, start in zip(plants, starts, strict=True):
+            samples = self.simulate(plant, start)
+            ships.append({name: samples[name].copy() for name in signals})
+        return ships
 
 
 def simulate_steady(ship: Ship, recording: pd.DataFrame) -> pd.DataFrame:

@@ -31,7 +31,7 @@ from .expressions import external_at
 from .recording import WATER, RecordedInputs, RecordingError
 from .ship import Ship, refuse_sea
 from .signals import SAMPLE
-from .simulation import ALL_SIGNALS, simulate_record
+from .simulation import simulate_record, simulate_records
 from .state import STATE, Inputs, State
 from .steady_state import equilibrium
 from .stepping import refuse_divergence
@@ -225,15 +225,34 @@ class Replay(RecordedInputs):
                 Further values are added to :data:`PLANAR_STATES`.
             sea: SEA record, or None for calm water.
         """
-        return self._simulate(plant, start, sea, ALL_SIGNALS).view(SAMPLE).ravel()
+        plant, state, inflow = self._prepared(plant, start)
+        kept = simulate_record(
+            plant,
+            state,
+            None if sea is None else sea.copy(),
+            (self.drive, self.pitch, self.rudder),
+            (inflow, self.elevation, self.resistance_factor, self.signals),
+            self.dt,
+            self.per_row,
+        )
+        return kept.view(SAMPLE).ravel()
 
     def simulate_channels(
         self, plant: Any, start: tuple[float, ...] | None = None
     ) -> dict[str, NDArray[np.float64]]:
         """Return the measured channels that :meth:`simulate` gives in calm water, each (rows,)."""
+        return self.channels_of_ships([plant], [self.start if start is None else start])[0]
+
+    def channels_of_ships(
+        self, plants: Sequence[Any], starts: Sequence[tuple[float, ...]]
+    ) -> list[dict[str, NDArray[np.float64]]]:
+        """Return the result of :meth:`simulate_channels` for each of several ship records.
+
+        The records of a group of :func:`.simulation.alike_groups` are simulated at once.
+        """
         signals = [MEASURED[c] for c in self.channels]
-        kept = self.simulate_signals(plant, signals, start)
-        return {c: kept[signal] for c, signal in zip(self.channels, signals, strict=True)}
+        ships = self.signals_of_ships(plants, signals, starts)
+        return [{c: kept[MEASURED[c]] for c in self.channels} for kept in ships]
 
     def simulate_signals(
         self, plant: Any, signals: Sequence[str], start: tuple[float, ...] | None = None
@@ -242,28 +261,39 @@ class Replay(RecordedInputs):
 
         All signals of a long recording would take ten times the memory of the measured ones.
         """
-        kept = self._simulate(plant, start, None, signals)
-        return {name: column.copy() for name, column in zip(signals, kept.T, strict=True)}
+        return self.signals_of_ships([plant], signals, [self.start if start is None else start])[0]
 
-    def _simulate(
-        self, plant: Any, start: tuple[float, ...] | None, sea: Any, signals: Sequence[str]
-    ) -> NDArray[np.float64]:
-        """Return some signals at the recording's rows, shape (rows, signals)."""
+    def signals_of_ships(
+        self, plants: Sequence[Any], signals: Sequence[str], starts: Sequence[tuple[float, ...]]
+    ) -> list[dict[str, NDArray[np.float64]]]:
+        """Return the result of :meth:`simulate_signals` for each of several ship records."""
+        ships = [self._prepared(*ship) for ship in zip(plants, starts, strict=True)]
+        records, states, inflows = zip(*ships, strict=True)
+        simulated = simulate_records(
+            records,
+            states,
+            inflows,
+            (self.drive, self.pitch, self.rudder),
+            (self.elevation, self.resistance_factor, self.signals),
+            self.dt,
+            self.per_row,
+            signals,
+        )
+        return [
+            {s: np.ascontiguousarray(column) for s, column in zip(signals, kept.T, strict=True)}
+            for kept in simulated
+        ]
+
+    def _prepared(
+        self, plant: Any, start: tuple[float, ...] | None
+    ) -> tuple[Any, Any, NDArray[np.float64]]:
+        """Return ship record, initial state (STATE record) and inflow [m/s] of a simulation."""
         inflow = self.inflow(plant)
         if self.helm_measured:
             plant = plant.copy()
             plant["rudder_lag"] = 0.0
         first = settle_lags(plant, self.first_state(start, plant), self.first_inputs(inflow))
-        return simulate_record(
-            plant,
-            np.array([tuple(first)], STATE)[0],
-            None if sea is None else sea.copy(),
-            (self.drive, self.pitch, self.rudder),
-            (inflow, self.elevation, self.resistance_factor, self.signals),
-            self.dt,
-            self.per_row,
-            signals,
-        )
+        return plant, np.array([tuple(first)], STATE)[0], inflow
 
 
 def simulate_recording(

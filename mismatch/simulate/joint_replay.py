@@ -182,12 +182,30 @@ class JointReplay:
         parts = [self.simulate_run_channels(k, plant, own) for k, own in enumerate(shifts)]
         return {c: _joined([part[c] for part in parts]) for c in self.channels}
 
+    def simulate_ships(
+        self, plants: Sequence[Any], shifts: Sequence[tuple[float, ...]] = ()
+    ) -> list[dict[str, Floats]]:
+        """Simulate all recordings with several ship records; return the measured channels of each.
+
+        The shift of each is as in :meth:`simulate`. The result for a record is that of
+        :meth:`simulate_channels`; records of one of :func:`.simulation.alike_groups` are simulated at
+        once.
+        """
+        parts = []
+        for run in self.runs:
+            starts = [_shifted(run, shift) for shift in shifts or [NO_SHIFT] * len(plants)]
+            parts.append(self.channels_of_ships(run, plants, starts))
+        return [
+            {c: _joined([blocks(run[c], self.every) for run in runs]) for c in self.channels}
+            for runs in zip(*parts, strict=True)
+        ]
+
     def simulate_run_channels(
         self, which: int, plant: Any, shift: tuple[float, ...] = NO_SHIFT
     ) -> dict[str, Floats]:
         """Simulate the recording of an index and return its channels, each of shape (its rows,)."""
         run = self.runs[which]
-        channels = self.channels_of_run(run, plant, _shifted(run, shift))
+        (channels,) = self.channels_of_ships(run, [plant], [_shifted(run, shift)])
         return {c: blocks(values, self.every) for c, values in channels.items()}
 
     def with_held_commands(self) -> Iterator[JointReplay]:
@@ -222,11 +240,11 @@ class JointReplay:
         """
         return run.simulate(plant, start)
 
-    def channels_of_run(
-        self, run: Replay, plant: Any, start: tuple[float, ...]
-    ) -> dict[str, Floats]:
-        """Return the measured channels of :meth:`simulate_run`, each of shape (its rows,)."""
-        return run.simulate_channels(plant, start)
+    def channels_of_ships(
+        self, run: Replay, plants: Sequence[Any], starts: Sequence[tuple[float, ...]]
+    ) -> list[dict[str, Floats]]:
+        """Return the measured channels of :meth:`simulate_run` for each ship, of shape (its rows,)."""
+        return run.channels_of_ships(plants, starts)
 
     def signals_of_run(
         self, run: Replay, plant: Any, signals: Sequence[str], start: tuple[float, ...]
@@ -304,12 +322,14 @@ def blocks(rows: Floats, every: int) -> Floats:
     return np.asarray(cut.reshape(count, every, *cut.shape[1:]).mean(axis=1))
 
 
-def map_threaded(work: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
+def map_threaded(
+    work: Callable[[T], R], items: Iterable[T], most: int = 2 * THREADS
+) -> Iterator[R]:
     """Yield the results of ``map(work, items)`` in order, computed on :data:`THREADS` threads.
 
-    Compiled kernels release the interpreter lock. At most twice as many items as there are threads are
-    in progress at a time. Work that is itself on such a thread is done there: it would wait for threads
-    that all wait for their own work.
+    Compiled kernels release the interpreter lock. At most ``most`` items are in progress at a time. Work
+    that is itself on such a thread is done there: it would wait for threads that all wait for their own
+    work.
 
     Example:
         >>> list(map_threaded(abs, [-1, 2, -3]))
@@ -319,7 +339,7 @@ def map_threaded(work: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
         yield from map(work, items)
         return
     pool, waiting = _pool(os.getpid()), iter(items)
-    running = [pool.submit(work, item) for item in itertools.islice(waiting, 2 * THREADS)]
+    running = [pool.submit(work, item) for item in itertools.islice(waiting, most)]
     while running:
         yield running.pop(0).result()
         running += [pool.submit(work, item) for item in itertools.islice(waiting, 1)]
@@ -389,11 +409,12 @@ class LinearReplay(JointReplay):
             samples[own] = samples[signal] = column
         return samples
 
-    def channels_of_run(
-        self, run: Replay, plant: Any, start: tuple[float, ...]
-    ) -> dict[str, Floats]:
-        """Return the measured channels of the linear model, each of shape (its rows,)."""
-        return self.simulated(self.simulate_run(run, plant, start))
+    def channels_of_ships(
+        self, run: Replay, plants: Sequence[Any], starts: Sequence[tuple[float, ...]]
+    ) -> list[dict[str, Floats]]:
+        """Return the measured channels of the linear model for each ship, of shape (its rows,)."""
+        ships = zip(plants, starts, strict=True)
+        return [self.simulated(self.simulate_run(run, *ship)) for ship in ships]
 
     def signals_of_run(
         self, run: Replay, plant: Any, signals: Sequence[str], start: tuple[float, ...]

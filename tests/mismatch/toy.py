@@ -130,6 +130,9 @@ class Toy:
     def simulate_channels(self, plant: Any, shift: Any = (0.0, 0.0, 0.0)) -> dict[str, Array]:
         return self.simulated(self.simulate(plant, shift))
 
+    def simulate_ships(self, plants: Sequence[Any], shifts: Any = ()) -> list[dict[str, Array]]:
+        return list(map(self.simulate_channels, plants))
+
     def residuals(self, channels: dict[str, Array]) -> Array:
         return np.array([channels[name] for name in self.names])
 

@@ -23,8 +23,12 @@ from shaftline.plant.columns import input_columns
 from shaftline.plant.recording import RecordingError
 from shaftline.plant.replay import Replay, simulate_recording
 from shaftline.plant.seas import Sea
+from shaftline.plant.simulation import alike_groups
 from shaftline.plant.waves import wave_field
 
+from .terms import with_term
+
+FRICTION = "transmission.coulomb_friction_engine_side_N_m"
 MEASURED = ["pitch_ratio", "shaft_speed_rad_s", "shaft_torque_N_m", "ship_speed_m_s"]
 LAGS = {"prime_mover.lag_s": 1.5, "propeller.inflow_lag_s": 2.0}
 
@@ -344,6 +348,62 @@ def test_every_way_of_replaying_gives_the_same(frigate: Ship, interval: float) -
         np.testing.assert_allclose(
             found[column], direct[ANSWERS[column]], rtol=1e-9, err_msg=column
         )
+
+
+def ships_of_every_kind(ship: Ship) -> list[Any]:
+    """Return records of eight ships that are alike, and of others among them that are not."""
+    mass = ship.hull.mass_kg
+    alike = [ship.with_values({"hull.mass_kg": mass * (1.0 + 0.02 * i)}) for i in range(8)]
+    rubbing = ship.with_values({FRICTION: 2e3})
+    with_a_term = with_term(ship, "-1e4", "thrust")
+    return [s.record() for s in (*alike[:3], with_a_term, *alike[3:5], rubbing, *alike[5:])]
+
+
+def test_ships_are_grouped_that_can_be_simulated_at_once(frigate: Ship) -> None:
+    records = ships_of_every_kind(frigate)
+    assert alike_groups(records) == [[0, 1, 2, 4], [3], [5, 7, 8, 9], [6]]
+    assert alike_groups(records[:3]) == [[0, 1, 2]]
+    assert alike_groups(records[:2]) == [[0], [1]]  # which two at once would not make faster
+    assert alike_groups(records[:1]) == [[0]]
+    assert alike_groups([]) == []
+
+
+@pytest.mark.parametrize("interval", [0.05, 0.1])
+@pytest.mark.parametrize("water", [{}, {"inflow_velocity_m_s": 7.0}], ids=["wake", "measured"])
+@pytest.mark.parametrize("count", [3, 4, 10])
+def test_several_ships_are_simulated_with_the_bits_of_each_alone(
+    frigate: Ship, count: int, water: dict[str, float], interval: float
+) -> None:
+    # The measured inflow gives another disturbance for each wake.
+    records = ships_of_every_kind(frigate.with_values({"prime_mover.lag_s": 0.5}))[-count:]
+    for i, record in enumerate(records):
+        record["wake_fraction"] = 0.05 + 0.01 * i
+    rows = 201
+    rack = 20.0 + 4.0 * np.sin(0.05 * np.arange(rows))
+    replay = Replay(frigate, plain(rows, interval, **MEASURED_START | water, fuel_rack_mm=rack))
+    starts = [tuple(0.01 * i + x for x in replay.start) for i in range(count)]
+    found = replay.channels_of_ships(records, starts)
+    for record, start, channels in zip(records, starts, found, strict=True):
+        alone = replay.simulate_channels(record, start)
+        samples = replay.simulate(record, start)
+        assert list(channels) == replay.channels
+        for column, values in channels.items():
+            assert np.array_equal(values, alone[column])
+            assert np.array_equal(values, samples[ANSWERS[column]])
+    speeds = {float(channels["shaft_speed_rad_s"][-1]) for channels in found}
+    assert len(speeds) == count
+
+
+def test_a_group_that_disagrees_has_the_bits_of_each_alone(frigate: Ship) -> None:
+    replay = Replay(frigate, plain(201, **MEASURED_START, fuel_rack_mm=0.0))  # the engines stall
+    records = [frigate.with_values({"propeller.depth_m": 3.0 + 0.2 * i}).record() for i in range(4)]
+    starts = [(1.2, 2.0 + i, 8.0) for i in range(4)]
+    assert len(alike_groups(records)) == 1
+    for record, start, channels in zip(
+        records, starts, replay.channels_of_ships(records, starts), strict=True
+    ):
+        alone = replay.simulate_channels(record, start)
+        assert all(np.array_equal(values, alone[c]) for c, values in channels.items())
 
 
 def test_a_sea_is_added_and_left_as_it_was(frigate: Ship) -> None:

@@ -7,7 +7,12 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch.recordings.noise import estimate_noise
-from shaftline.mismatch.simulate.joint_replay import SEPARATE_STEPS, JointReplay
+from shaftline.mismatch.simulate.joint_replay import (
+    NO_SHIFT,
+    SEPARATE_STEPS,
+    JointReplay,
+    LinearReplay,
+)
 from shaftline.plant import Ship
 from shaftline.plant.replay import Replay
 
@@ -247,6 +252,24 @@ def test_the_last_digits_of_a_simulation_are_no_steps() -> None:
     rounded = table.assign(shaft_torque_N_m=1e6 * np.round(torque, 7))
     assert estimate_noise(rounded["shaft_torque_N_m"].to_numpy(), 0.1).quantisation > 0.0
     assert JointReplay(quick_frigate(), rounded).quantisation == {}
+
+
+@pytest.mark.parametrize("every", [1, 3])
+@pytest.mark.parametrize("way", ["nonlinear", "steady", "linear"])
+def test_several_ships_have_the_channels_of_each_alone(frigate: Ship, every: int, way: str) -> None:
+    kind = LinearReplay if way == "linear" else JointReplay
+    replay = kind(frigate, FIRST, SECOND, every=every, steady=way == "steady")
+    records = [frigate.record() for _ in range(5)]
+    for i, record in enumerate(records):
+        record["mass"] *= 1.0 + 0.1 * i
+        record["resistance_coefficient"] *= 1.0 + 0.02 * i
+    shifts = [(0.0, 0.1 * i, 0.05 * i) for i in range(5)]
+    for given in (shifts, []):
+        found = replay.simulate_ships(records, given)
+        for record, shift, channels in zip(records, given or [NO_SHIFT] * 5, found, strict=True):
+            alone = replay.simulate_channels(record, shift)
+            assert list(channels) == list(alone) == replay.channels
+            assert all(np.array_equal(values, alone[c]) for c, values in channels.items())
 
 
 @pytest.mark.parametrize("every", [1, 3])
