@@ -26,7 +26,7 @@ from ...plant.ship import Ship
 from ...plant.steady_state import Equilibrium
 from ..judge.held_out import Segments, bands_of
 from ..search.fitting import Fitter
-from ..search.spectra import Likelihood, informative_frequencies
+from ..search.spectra import Likelihood, informative_frequency
 from ..simulate.balances import Balances
 from .drive_train import DriveTrain, WorkingPoint, drive_train, from_poles, keys_of
 from .free_parameters import Free, UnidentifiableError, distinguishable, doubtful, refuse_indistinct
@@ -95,13 +95,10 @@ def parameters_hertz(
     It is infinite for a parameter without influence. ``segments`` are those of the fitted data.
     """
     replay = balances.replay
-
-    def channels(there: Sequence[float]) -> Any:
-        return replay.simulate_channels(free.record(there))
-
     steps = np.diag([1e-3 * abs(value) or 1e-3 for value in values])
-    moved = (channels(list(np.asarray(values) + step)) for step in steps)
-    return max(informative_frequencies(replay, channels(values), moved, segments))
+    records = [free.record(list(np.asarray(values) + step)) for step in steps]
+    here, *moved = replay.simulate_ships([free.record(values), *records])
+    return max(map(informative_frequency(replay, here, segments), moved))
 
 
 @dataclass(frozen=True)

@@ -67,12 +67,12 @@ class OutputError:
 
         They show whether only a ratio of two parameters is identifiable.
         """
-        here = self.fitter.predict(self.free.record(values))
-        found = []
-        for i, value in enumerate(values):
-            moved = [*values]
-            moved[i] += 1e-5 * value
-            column = self.fitter.predict(self.free.record(moved)) - here
+        moved = (np.asarray(values) + step for step in np.diag(1e-5 * np.asarray(values)))
+        records = [self.free.record(list(there)) for there in (values, *moved)]
+        predictions = self.fitter.predictions(records)
+        here, found = next(predictions), []
+        for i, (value, prediction) in enumerate(zip(values, predictions, strict=True)):
+            column = prediction - here
             if np.isfinite(column).all() and column.any():
                 found.append(column / (1e-5 * value))
             else:  # the parameter is 0 or has no influence over so small a step

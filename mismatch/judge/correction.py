@@ -85,6 +85,7 @@ def _vary_edge(fit: Fit, which: int, edge: int, fitter: Fitter, held: Segments) 
     sized, interval = fit.effects[which], fitter.balances.replay.interval_s
     if sized.window is None:
         return
+    models = []
     for a, b in held:
         if a * interval < sized.window[edge] < b * interval:
             for time in interval * np.linspace(a, b, EDGES):
@@ -92,7 +93,8 @@ def _vary_edge(fit: Fit, which: int, edge: int, fitter: Fitter, held: Segments) 
                 window = (float(time), end) if edge == 0 else (begin, float(time))
                 if window[0] < window[1]:
                     shifted = replace(sized, window=window)
-                    yield fitter.evaluate(shifted.replace_in(fit.effects, which))
+                    models.append(shifted.replace_in(fit.effects, which))
+    yield from fitter.evaluate_models(models)
 
 
 def drop_unconfirmed(

@@ -494,20 +494,24 @@ def detectable_effects(
     returns the threshold of an effect in 2 log L.
     """
     trial_ship, detectable = fitter.trial_ship, []
-    base = fitter.predict(trial_ship.record(fit.effects))
+    probes = []
     for effect in effects:
-        parameter = effect.parameters[0]
-        neutral = trial_ship.neutral(parameter)
         probe = next(trial_ship.smallest_trials(effect, []), None)
-        if probe is None or effect.windowed or not np.isfinite(neutral):
-            continue
-        change = fitter.predict(trial_ship.record((*fit.effects, probe))) - base
+        finite = np.isfinite(trial_ship.neutral(effect.parameters[0]))
+        if probe is not None and not effect.windowed and finite:
+            probes.append(probe)
+    models = [fit.effects, *((*fit.effects, probe) for probe in probes)]
+    predictions = fitter.predictions(list(map(trial_ship.record, models)))
+    base = next(predictions)
+    for probe, prediction in zip(probes, predictions, strict=True):
+        parameter = probe.effect.parameters[0]
+        neutral, change = trial_ship.neutral(parameter), prediction - base
         if not np.isfinite(change).all():  # The simulation diverges.
             continue
         information = fitter.likelihood.information(fit.weight, change[None])
         variance = float(covariance_of(information)[0, 0])
         if variance > 0.0 and information[0, 0] > 1e-9:
-            side = (probe.values[0] - neutral) * math.sqrt(threshold(effect) * variance)
+            side = (probe.values[0] - neutral) * math.sqrt(threshold(probe.effect) * variance)
             plausible, bounds = (
                 trial_ship.plausible_range(parameter),
                 trial_ship.range_of(parameter),

@@ -14,7 +14,8 @@ from __future__ import annotations
 import itertools
 import math
 import threading
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -24,15 +25,15 @@ from numpy.typing import NDArray
 
 from ...core.statistics import chi_squared_limit, covariance_of
 from ...plant.ship import Ship
+from ...plant.simulation import alike_groups
 from ..estimate import Estimate
 from ..simulate.balances import (
     LARGEST_STEP,
     Balances,
     Channels,
-    Perturbation,
     tolerance_perturbations,
 )
-from ..simulate.joint_replay import Floats, map_threaded
+from ..simulate.joint_replay import THREADS, Floats, map_threaded
 from .catalogue import SizedEffect
 from .spectra import Bands, Complex, Likelihood, Marginal, band_products, is_divergent
 from .trial_ship import JointSearch, TrialShip
@@ -137,11 +138,17 @@ class Fitter:
         replay, plain = self.balances.replay, self.trial_ship.nominal
         nominal = transformed(replay.simulate_channels(plain))
 
-        def change(move: Perturbation) -> Complex:
-            channels = replay.simulate_channels(move.record, move.start)
-            return (transformed(channels) - nominal) / move.share
+        def changes_of(group: Sequence[int]) -> list[Complex]:
+            moves = [self.moves[i] for i in group]
+            ships = replay.simulate_ships([m.record for m in moves], [m.start for m in moves])
+            pairs = zip(moves, ships, strict=True)
+            return [(transformed(channels) - nominal) / move.share for move, channels in pairs]
 
-        changes = list(map_threaded(change, self.moves))
+        groups = alike_groups([move.record for move in self.moves])
+        found: dict[int, Complex] = {}
+        for group, own in zip(groups, map_threaded(changes_of, groups, THREADS), strict=True):
+            found |= dict(zip(group, own, strict=True))
+        changes = [found[i] for i in range(len(self.moves))]
         for other in replay.with_held_commands() if self._doubt else ():
             changes.append(MISTIMED * (transformed(other.simulate_channels(plain)) - nominal))
         return changes
@@ -160,35 +167,61 @@ class Fitter:
         Returns:
             Shapes (balances, frequencies) and (values, balances, frequencies).
         """
-        replay, record = self.balances.replay, self.trial_ship.record
-
-        def predict(plant: Any) -> Complex:
-            if transformed is None:
-                return self.predict(plant)
-            return transformed(replay.simulate_channels(plant))
-
-        here = predict(record(fit.effects))
-        columns: list[Complex] = []
+        own_steps: list[float] = []
+        models = [fit.effects]
         for i, sized in enumerate(fit.effects):
             for j, value in enumerate(sized.values):
-                step = 1e-2 * abs(value) + 1e-9 if steps is None else steps[len(columns)]
+                step = 1e-2 * abs(value) + 1e-9 if steps is None else steps[len(own_steps)]
                 values = [*sized.values]
                 values[j] += step
-                trial = sized.with_values(values).replace_in(fit.effects, i)
-                change = predict(record(trial)) - here
-                columns.append(change / step if np.isfinite(change).all() else np.zeros_like(here))
+                own_steps.append(step)
+                models.append(sized.with_values(values).replace_in(fit.effects, i))
+        records = list(map(self.trial_ship.record, models))
+        if transformed is None:
+            predictions = self.predictions(records)
+        else:
+            predictions = map(transformed, self.balances.replay.simulate_ships(records))
+        here = next(predictions)
+        columns: list[Complex] = []
+        for step, prediction in zip(own_steps, predictions, strict=True):
+            change = prediction - here
+            columns.append(change / step if np.isfinite(change).all() else np.zeros_like(here))
         return here, np.array(columns, np.complex128).reshape(-1, *here.shape)
 
     def predict(self, record: Any) -> Complex:
         """Return the transformed balance residuals of a simulation, from a cache if possible."""
-        key = record.tobytes()
+        found = self._recall(key := record.tobytes())
+        return self._predict([record])[key] if found is None else found
+
+    def predictions(self, records: Sequence[Any]) -> Iterator[Complex]:
+        """Yield the prediction of each record, as :meth:`predict`; records that are alike at once.
+
+        Groups of records are simulated on several threads.
+        """
+        keys = [record.tobytes() for record in records]
+        ready = {key: found for key in keys if (found := self._recall(key)) is not None}
+        pending = {k: r for k, r in zip(keys, records, strict=True) if k not in ready}
+        new, uses = list(pending), Counter(keys)
+        groups = [[new[i] for i in group] for group in alike_groups(list(pending.values()))]
+        simulated = map_threaded(
+            lambda group: self._predict([pending[k] for k in group]), groups, THREADS
+        )
+        for key in keys:
+            while key not in ready:
+                ready |= next(simulated)
+            prediction = ready[key]
+            uses[key] -= 1
+            if uses[key] == 0:  # The predictions of a long recording take much memory.
+                del ready[key]
+            yield prediction
+
+    def _recall(self, key: bytes) -> Complex | None:
+        """Return a prediction from the cache, or None; the last used one is the last to be dropped."""
         with self._lock:
-            if key in self._cache:  # The last used prediction is the last to be dropped.
-                self._cache[key] = self._cache.pop(key)
-                return self._cache[key]
-        prediction = self._predict(record)
-        self._remember(key, prediction)
-        return prediction
+            if key not in self._cache:
+                return None
+            self._cache[key] = self._cache.pop(key)
+            return self._cache[key]
 
     def predict_effects(self, effects: tuple[SizedEffect, ...]) -> Complex:
         """Return the prediction of effects, as :meth:`predict`."""
@@ -200,16 +233,21 @@ class Fitter:
         There are at most half as many as the cache holds.
         """
         records = map(self.trial_ship.record, models)
-        pending = {key: r for r in records if (key := r.tobytes()) not in self._cache}
-        chosen = dict(itertools.islice(pending.items(), self._capacity // 2))
-        predictions = map_threaded(self._predict, chosen.values())
-        for key, prediction in zip(chosen, predictions, strict=True):
-            self._remember(key, prediction)
+        pending = (record for record in records if record.tobytes() not in self._cache)
+        for _ in self.predictions(list(itertools.islice(pending, self._capacity // 2))):
+            pass
 
-    def _predict(self, record: Any) -> Complex:
+    def _predict(self, records: Sequence[Any]) -> dict[bytes, Complex]:
+        """Simulate different records, and return and remember the prediction of each by its bytes."""
         with self._lock:
-            self.simulations += 1
-        return self._transformed(self.balances.replay.simulate_channels(record))
+            self.simulations += len(records)
+        found = {}
+        ships = self.balances.replay.simulate_ships(records)
+        for record, channels in zip(records, ships, strict=True):
+            key, prediction = record.tobytes(), self._transformed(channels)
+            found[key] = prediction
+            self._remember(key, prediction)
+        return found
 
     def _remember(self, key: bytes, prediction: Complex) -> None:
         with self._lock:
@@ -221,9 +259,20 @@ class Fitter:
         """Return the fit of effects at their values, with free nominal parameters."""
         return self.evaluate_record(self.trial_ship.record(effects), effects)
 
+    def evaluate_models(self, models: Iterable[tuple[SizedEffect, ...]]) -> Iterator[Fit]:
+        """Yield the fit of each of several models, as :meth:`evaluate`; alike ones at once."""
+        models = list(models)
+        predictions = self.predictions(list(map(self.trial_ship.record, models)))
+        for effects, prediction in zip(models, predictions, strict=True):
+            yield self._fit(prediction, effects)
+
     def evaluate_record(self, record: Any, effects: tuple[SizedEffect, ...] = ()) -> Fit:
         """Return the fit of a ship record, which may have effects, with free nominal parameters."""
-        difference = self.measured - self.predict(record)
+        return self._fit(self.predict(record), effects)
+
+    def _fit(self, prediction: Complex, effects: tuple[SizedEffect, ...]) -> Fit:
+        """Return the fit of effects with a prediction."""
+        difference = self.measured - prediction
         if is_divergent(difference):
             empty = np.zeros(len(self.nuisance))
             return Fit(effects, -math.inf, difference, empty, self.null.weight)
@@ -325,6 +374,7 @@ class Fitter:
             )
         else:
             simplex = np.vstack([start, start + spread * np.eye(len(start))])
+            self.simulate_ahead(map(search.effects_at, simplex))
             scipy.optimize.minimize(
                 loss,
                 start,

@@ -355,10 +355,11 @@ class FormulaSearch:
     def _step(self, effect: Effect, sizes: Any, fit: Fit) -> tuple[Any, Fit] | None:
         """Make a Gauss-Newton step that increases the score; return None if no step does."""
         fitter = self.fitter
-        here = fitter.predict_effects(fit.effects)
         steps = STEP * np.where(sizes == 0.0, 1.0, sizes)
         trials = [self._with(effect, sizes + row) for row in np.diag(steps)]
-        changes = [fitter.predict_effects(trial) - here for trial in trials]
+        records = map(fitter.trial_ship.record, (fit.effects, *trials))
+        here, *others = fitter.predictions(list(records))
+        changes = [prediction - here for prediction in others]
         columns = np.array([c / step for c, step in zip(changes, steps, strict=True)])
         if not np.isfinite(columns).all():
             return None
@@ -388,11 +389,12 @@ class FormulaSearch:
     def _changes(self) -> list[Channels]:
         """Change of the channels by one standard deviation of each nominal parameter."""
         fitter, replay = self.fitter, self.fitter.balances.replay
-        nominal, changes = replay.simulate_channels(fitter.trial_ship.nominal), []
-        for move in fitter.moves:
-            channels = replay.simulate_channels(move.record, move.start)
-            changes.append({c: (channels[c] - x) / move.share for c, x in nominal.items()})
-        return changes
+        nominal, moves = replay.simulate_channels(fitter.trial_ship.nominal), fitter.moves
+        ships = replay.simulate_ships([m.record for m in moves], [m.start for m in moves])
+        return [
+            {c: (channels[c] - x) / move.share for c, x in nominal.items()}
+            for move, channels in zip(moves, ships, strict=True)
+        ]
 
     @functools.cached_property
     def trials(self) -> list[Trial]:

@@ -126,8 +126,11 @@ class Selector:
         pending = [e for e in self.effects if not base.effects or e.label in predicted]
 
         def best_trial(effect: Effect) -> Candidate | None:
-            effects = ((*base.effects, trial) for trial in self._trials(base, effect))
-            best = max(map(self.fitter.evaluate, effects), key=_score, default=None)
+            # The scaled trials are computed from the simulations of the probes.
+            parts = self.fitter.trial_ship.trials(effect, self.windows), self._scaled(base, effect)
+            models = (((*base.effects, trial) for trial in trials) for trials in parts)
+            fits = itertools.chain.from_iterable(map(self.fitter.evaluate_models, models))
+            best = max(fits, key=_score, default=None)
             if not base.effects:
                 self._alone(effect)  # The simulations that it needs are still in the cache.
             if best is None or not math.isfinite(best.score):
@@ -147,10 +150,12 @@ class Selector:
     def _alone(self, effect: Effect) -> list[Complex]:
         """Return the changes by the smallest probes of an effect without other effects, transformed."""
         if effect.label not in self._changes or effect.windowed:
-            predict, trial_ship = self.fitter.predict, self.fitter.trial_ship
-            nothing = predict(trial_ship.nominal)
+            trial_ship = self.fitter.trial_ship
             trials = trial_ship.smallest_trials(effect, self.windows)
-            changes = [predict(trial_ship.record((trial,))) - nothing for trial in trials]
+            records = [trial_ship.record((trial,)) for trial in trials]
+            predictions = self.fitter.predictions([trial_ship.nominal, *records])
+            nothing = next(predictions)
+            changes = [prediction - nothing for prediction in predictions]
             self._changes[effect.label] = [
                 c.astype(np.complex64) for c in changes if np.isfinite(c).all()
             ]
@@ -183,11 +188,9 @@ class Selector:
                 forms.setdefault(candidate.effect.kind, []).append(candidate)
         return [c for own in [*forms.values()][:REFINED] for c in own[:FORMS]]
 
-    def _trials(self, base: Fit, effect: Effect) -> Iterator[SizedEffect]:
-        """Yield an effect at its probes and at the sizes that a linear extrapolation gives."""
-        trial_ship = self.fitter.trial_ship
-        yield from trial_ship.trials(effect, self.windows)
-        for small in trial_ship.smallest_trials(effect, self.windows):
+    def _scaled(self, base: Fit, effect: Effect) -> Iterator[SizedEffect]:
+        """Yield an effect at the sizes that a linear extrapolation from its probes gives."""
+        for small in self.fitter.trial_ship.smallest_trials(effect, self.windows):
             if (scaled := self.fitter.scale_effect(base, small)) is not None:
                 yield scaled
 

@@ -25,7 +25,7 @@ from __future__ import annotations
 import copy
 import itertools
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 from ...core.compiled import compiled_apart
 from ...core.statistics import chi_squared_limit
 from ...plant.columns import HEADING, SHAFT_ANGLE, YAW_RATE
+from ...plant.simulation import alike_groups
 from ..simulate.balances import Balances, Channels, time_derivative, tolerance_records
 from ..simulate.joint_replay import NO_SHIFT, Floats, JointReplay, map_threaded
 from .catalogue import Effect
@@ -88,19 +89,26 @@ def highest_informative_frequency(
     replay, trial_ship = balances.replay, TrialShip(balances)
     trials = (next(trial_ship.smallest_trials(effect, []), None) for effect in effects)
     records = [(trial_ship.record((trial,)), NO_SHIFT) for trial in trials if trial]
-    changes = (*records, *tolerance_records(replay))
-    moved = map_threaded(lambda change: replay.simulate_channels(*change), changes)
-    frequencies = informative_frequencies(replay, balances.nominal, moved, segments)
-    return max(filter(math.isfinite, frequencies), default=math.inf)
+    plants, shifts = zip(*records, *tolerance_records(replay), strict=True)
+    frequency_of = informative_frequency(replay, balances.nominal, segments)
+
+    def frequencies(group: Sequence[int]) -> list[float]:
+        ships = replay.simulate_ships([plants[i] for i in group], [shifts[i] for i in group])
+        return list(map(frequency_of, ships))
+
+    found = itertools.chain.from_iterable(map_threaded(frequencies, alike_groups(plants)))
+    return max(filter(math.isfinite, found), default=math.inf)
 
 
-def informative_frequencies(
-    replay: JointReplay, here: Channels, moved: Iterable[Channels], segments: Segments
-) -> list[float]:
-    """Return the highest informative frequency [Hz] of each change; infinite without an effect.
+def informative_frequency(
+    replay: JointReplay, here: Channels, segments: Segments
+) -> Callable[[Channels], float]:
+    """Return a function that returns the highest informative frequency [Hz] of a change.
 
-    The information up to a frequency is the squared change of the simulated channels (rows,), divided by
-    the variance of their white noise and summed up to this frequency. An angle counts by its derivative.
+    The function has the channels (rows,) of another simulation than ``here`` as argument, and returns
+    infinity if they do not differ. The information up to a frequency is the squared change of the
+    channels, divided by the variance of their white noise and summed up to this frequency. An angle
+    counts by its derivative.
     """
     noise, columns = replay.noise_rms, [c for c in replay.channels if replay.noise_rms[c] > 0.0]
     if YAW_RATE in replay.channels and HEADING in columns:
@@ -110,8 +118,9 @@ def informative_frequencies(
     order = np.argsort(frequency)
     rising = frequency[order]
     least = float(rising[: LEAST_FREQUENCIES + 1][-1])
-    frequencies = []
-    for there in moved:
+    windows = [(slice(a, b), cosine_taper(b - a)) for a, b in segments]
+
+    def frequency_of(there: Channels) -> float:
         information = np.zeros(len(frequency))
         for column in columns:
             shift = there[column] - here[column]
@@ -119,13 +128,15 @@ def informative_frequencies(
                 shift = time_derivative(shift, replay.interval_s)
             if np.isfinite(shift).all():
                 scaled = shift / noise[column]
-                parts = [np.fft.rfft(scaled[a:b] * cosine_taper(b - a)) for a, b in segments]
+                parts = [np.fft.rfft(scaled[rows] * taper) for rows, taper in windows]
                 information += np.abs(np.concatenate(parts)) ** 2
         information = np.cumsum(information[order])
+        if not information[-1] > 0.0:
+            return math.inf
         last = np.searchsorted(information, INFORMATION_SHARE * information[-1])
-        informative = information[-1] > 0.0
-        frequencies.append(max(least, float(rising[last])) if informative else math.inf)
-    return frequencies
+        return max(least, float(rising[last]))
+
+    return frequency_of
 
 
 def rows_per_average(interval_s: float, highest_Hz: float) -> int:

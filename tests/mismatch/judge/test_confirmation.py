@@ -51,6 +51,9 @@ class Fitter:
         score = -(self.lost if small == {LAG.id} else 100.0 * len(small))
         return SimpleNamespace(effects=effects, refitted=False, score=score)
 
+    def evaluate_models(self, models: Any) -> Any:
+        return map(self.evaluate, models)
+
     def refine_effects(self, fit: Any) -> Any:
         return SimpleNamespace(effects=fit.effects, refitted=True)
 

@@ -209,13 +209,13 @@ def test_sizes_are_told_beside_what_was_found() -> None:
 def test_a_size_is_worked_out_at_the_probe_nearest_to_none() -> None:
     fit = fitter({})
     tried: list[float] = []
-    predicted = fit.predict
+    predicted = fit.predictions
 
-    def spied(record: Any) -> Any:
-        tried.append(fit.trial_ship.ship.parameter(FOULING).read(record))
-        return predicted(record)
+    def spied(records: Any) -> Any:
+        tried.extend(map(fit.trial_ship.ship.parameter(FOULING).read, records))
+        return predicted(records)
 
-    fit.predict = spied  # type: ignore[method-assign]
+    fit.predictions = spied  # type: ignore[method-assign]
     detectable_effects(fit, lambda effect: 16.0, fit.null, [HULL_FOULING])
     assert tried == [0.0, 0.03]
 
@@ -230,12 +230,13 @@ def test_an_effect_without_room_for_a_probe_has_no_size() -> None:
 
 def test_an_effect_whose_probe_diverges_has_no_size() -> None:
     fit = fitter({})
-    predicted = fit.predict
+    predicted = fit.predictions
 
-    def diverging(record: Any) -> Any:
-        fouled = fit.trial_ship.ship.parameter(FOULING).read(record) != 0.0
-        return predicted(record) * (np.nan if fouled else 1.0)
+    def diverging(records: Any) -> Any:
+        fouled = map(fit.trial_ship.ship.parameter(FOULING).read, records)
+        for prediction, value in zip(predicted(records), fouled, strict=True):
+            yield prediction * (np.nan if value != 0.0 else 1.0)
 
-    fit.predict = diverging  # type: ignore[method-assign]
+    fit.predictions = diverging  # type: ignore[method-assign]
     (one,) = detectable_effects(fit, lambda effect: 16.0, fit.null, [HULL_FOULING, ENGINE_FRICTION])
     assert one.effect == ENGINE_FRICTION

@@ -110,6 +110,29 @@ def test_a_simulation_that_runs_away_is_no_candidate() -> None:
     assert fit.scale_effect(fit.null, away) is None
 
 
+def test_predictions_are_those_of_single_records_and_each_is_simulated_once() -> None:
+    fit = fitter({})
+    sizes = (10.0, 20.0, 10.0, 30.0, 40.0, 0.0, 50.0)
+    records = [fit.trial_ship.record((rub(size),)) for size in sizes]
+    before = fit.simulations
+    found = list(fit.predictions(records))
+    assert fit.simulations == before + 5  # the nominal ship was simulated before
+    for record, prediction in zip(records, found, strict=True):
+        assert prediction is fit.predict(record)
+    other = fitter({})
+    for record, prediction in zip(records, found, strict=True):
+        assert np.array_equal(prediction, other.predict(record))
+    assert fit.simulations == before + 5
+
+
+def test_models_are_evaluated_in_order_as_by_themselves() -> None:
+    fit, other = fitter({FRICTION: 5000.0}), fitter({FRICTION: 5000.0})
+    models = [(rub(1e3),), (), (rub(2e3), foul(0.1)), (foul(0.1),), (rub(3e3),), (rub(4e3),)]
+    for found, effects in zip(fit.evaluate_models(models), models, strict=True):
+        assert found.effects == effects
+        assert found.score == other.evaluate(effects).score
+
+
 def test_simulations_are_remembered() -> None:
     fit = fitter({})
     before = fit.simulations

@@ -85,11 +85,18 @@ class Scores:
         """A single number: the score."""
         return np.array([complex(self.score(effects))])
 
+    def predictions(self, records: Any) -> Any:
+        """A single number of each: the score."""
+        return map(self.predict, records)
+
     def simulate_ahead(self, records: Any) -> None:
         """Nothing is simulated here."""
 
     def evaluate(self, effects: tuple[SizedEffect, ...]) -> Any:
         return fit_of(effects, self.score(effects))
+
+    def evaluate_models(self, models: Any) -> Any:
+        return map(self.evaluate, models)
 
     def refine_effect(self, fit: Any, which: int) -> Any:
         self.refined_labels.append(fit.effects[which].effect.label)
