@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from collections import namedtuple
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from ..baselines.governor import limiter_slope, tune
 from ..baselines.helmsman import STEERED
 from ..core.compiled import compiled
 from ..core.files import check_size
+from ..core.lanes import LANES
 from ..observers import get_observer
 from ..observers.records import Floats
 from ..plant import Ship
@@ -36,6 +38,7 @@ from .tasks import controller_for, get_task
 
 _BYTES_EACH = 8e4  # memory of one environment with its sea, measured
 _STARTS_EACH = 8  # episodes that a thread starts at least; a thread takes as long to wake up
+_STEPS_EACH = 16  # environments that a thread steps at least, for the same reason
 _FIELDS: Any = records.ENVIRONMENT.fields
 _SIGNALS: tuple[str, ...] = records.OBSERVATION.names or ()
 _DOUBLE = np.dtype(np.float64)
@@ -72,15 +75,42 @@ Singles = NDArray[np.float32]
 Ints = NDArray[np.int64]
 
 
+R = TypeVar("R")
+
+
+@functools.lru_cache(maxsize=128)
+def _parts(count: int, parts: int) -> list[tuple[int, int]]:
+    """Return first items and ends of some parts, which have whole groups of ships.
+
+    >>> _parts(11, 2)
+    [(0, 4), (4, 11)]
+    """
+    groups = -(-count // LANES)
+    bounds = [min(LANES * (groups * k // parts), count) for k in range(parts + 1)]
+    return list(itertools.pairwise(bounds))
+
+
 def _divide(
-    work: Callable[[int, int], None], count: int, pool: ThreadPoolExecutor | None, parts: int
-) -> None:
-    """Call ``work(first, last)`` for all of ``count`` items, in parts by the threads of a pool."""
+    work: Callable[[int, int], R], count: int, pool: ThreadPoolExecutor | None, parts: int
+) -> list[R]:
+    """Return the results of ``work(first, last)`` for all of ``count`` items, in several parts.
+
+    This thread and those of a pool share the parts. All parts have ended when an error is raised, so no
+    thread goes on with the items.
+    """
     if pool is None or parts < 2:
-        work(0, count)
-    else:
-        bounds = np.linspace(0, count, parts + 1).astype(int).tolist()
-        list(pool.map(work, bounds[:-1], bounds[1:]))
+        return [work(0, count)]
+    own, *others = _parts(count, parts)
+    found: dict[tuple[int, int], R] = {}
+    futures = {part: pool.submit(work, *part) for part in others}
+    try:
+        found[own] = work(*own)
+        for part in reversed(others):
+            if futures[part].cancel():  # no thread has begun with it
+                found[part] = work(*part)
+    finally:
+        wait([future for future in futures.values() if not future.cancelled()])
+    return [found[part] if part in found else futures[part].result() for part in (own, *others)]
 
 
 @compiled
@@ -342,12 +372,20 @@ class Batch:
         if self.profile is not None:
             follow = self.environments, *self.profile, self.interval_s, self._tables
             starts.follow_profile(*follow)
-        _divide(functools.partial(self._step, action), self.n, pool, min(shares, self.n))
+        step = functools.partial(self._step, action)
+        found = _divide(step, self.n, pool, min(shares, self.n // _STEPS_EACH))
+        if diverged := [i for i in found if i >= 0]:
+            raise ValueError(
+                f"{self.ship.name}: the simulation of environment {diverged[0]} diverges: its state is "
+                "not finite. A parameter or a term of the ship is too fast for the time step of "
+                f"{self.dt:g} s. Use a smaller integration.time_step_s or a slower parameter"
+            )
         if self.base is not None:
             self.base.follow(self.signals)
 
-    def _step(self, action: Singles, first: int, last: int) -> None:
-        diverged = control_interval(
+    def _step(self, action: Singles, first: int, last: int) -> int:
+        """Simulate some environments, and return the index of one that diverges, or -1."""
+        diverged: int = control_interval(
             self.environments,
             self._plants,
             self._states,
@@ -360,9 +398,4 @@ class Batch:
             first,
             last,
         )
-        if diverged >= 0:
-            raise ValueError(
-                f"{self.ship.name}: the simulation of environment {diverged} diverges: its state is "
-                "not finite. A parameter or a term of the ship is too fast for the time step of "
-                f"{self.dt:g} s. Use a smaller integration.time_step_s or a slower parameter"
-            )
+        return diverged

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import gymnasium
 import numpy as np
-from gymnasium.error import ResetNeeded
+from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
@@ -338,9 +338,9 @@ class FrigateVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         self._ended = np.zeros(num_envs, dtype=bool)  # ended and not yet reset
 
     def _threads(self) -> ThreadPoolExecutor | None:
-        """Return the threads of this process; a forked process needs new ones."""
+        """Return the threads that help this one; a forked process needs new ones."""
         if self._workers > 1 and (self._pool is None or self._pool_process != os.getpid()):
-            self._pool, self._pool_process = ThreadPoolExecutor(self._workers), os.getpid()
+            self._pool, self._pool_process = ThreadPoolExecutor(self._workers - 1), os.getpid()
         return self._pool
 
     def __getstate__(self) -> dict[str, Any]:
@@ -375,6 +375,11 @@ class FrigateVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             )
         begin = self.batch.begin(options)
         if seed is not None or not self._rngs:
+            if not isinstance(seed, list | int | np.integer | None):
+                raise TypeError(
+                    f"seed = {seed!r}: must be a whole number, or a list with one or None for each "
+                    "environment"
+                )
             if not isinstance(seed, list):
                 seed = [None if seed is None else seed + i for i in range(self.num_envs)]
             if len(seed) != self.num_envs:
@@ -403,8 +408,11 @@ class FrigateVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
 
         Raises:
             ResetNeeded: no episode is running, or one has ended and was not reset.
+            ClosedEnvironmentError: the environments are closed.
             ValueError: actions of another shape, or not finite.
         """
+        if self.closed:
+            raise ClosedEnvironmentError("the environments are closed: create new ones")
         if not self._rngs:
             raise ResetNeeded("no episode is running: call reset() before step()")
         waiting = np.flatnonzero(self._ended)

@@ -26,7 +26,8 @@ class Sb3Frigates(VecEnv):
         num_envs: number of environments.
         steered: whether the rudder is an action.
         render_mode: None or ``rgb_array``, for :meth:`get_images` and ``render``.
-        options: keywords of :class:`shaftline.envs.FrigateVectorEnv`.
+        options: keywords of :class:`shaftline.envs.FrigateVectorEnv`, without ``autoreset_mode``:
+            stable-baselines3 expects the next episode in the step that ends one.
     """
 
     def __init__(
@@ -37,6 +38,11 @@ class Sb3Frigates(VecEnv):
         render_mode: str | None = None,
         **options: Any,
     ) -> None:
+        if "autoreset_mode" in options:
+            raise TypeError(
+                "autoreset_mode: stable-baselines3 expects the next episode in the step that ends one, "
+                "so it cannot be chosen"
+            )
         kind = environment_classes(steered).vector
         self.vector = vector = kind(num_envs, render_mode=render_mode, **options)
         self.render_mode = render_mode

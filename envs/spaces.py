@@ -86,8 +86,9 @@ def check_action(action: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
     if array.shape != shape:
         raise ValueError(f"action has shape {array.shape}; expected is shape {shape}")
     if not np.isfinite(array).all():
+        wrong = np.argwhere(~np.isfinite(array))[0].tolist()
         raise ValueError(
-            f"action {array.tolist()} contains a value that is not finite; expected is -1 to 1"
+            f"action{wrong} = {array[tuple(wrong)]}: must be finite; expected is -1 to 1"
         )
     # Clip in double precision: 1e300 is finite, but not in single precision.
     return np.asarray(np.clip(array, -1.0, 1.0), np.float32)

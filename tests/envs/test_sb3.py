@@ -231,3 +231,8 @@ def test_a_key_that_an_info_does_not_have_is_refused() -> None:
         with pytest.raises(KeyError, match="episode"):
             info["episode"]
         assert info["thrust"] > 0.0
+
+
+def test_an_autoreset_that_the_algorithms_do_not_know_is_refused() -> None:
+    with pytest.raises(TypeError, match="autoreset_mode: stable-baselines3 expects"):
+        Sb3Frigates(2, autoreset_mode="NextStep")

@@ -41,8 +41,8 @@ def test_actions_beyond_the_box_are_clipped() -> None:
 @pytest.mark.parametrize(
     ("bad", "words"),
     [
-        ([np.nan, 0.0], "not finite"),
-        ([0.0, np.inf], "not finite"),
+        ([np.nan, 0.0], "must be finite"),
+        ([0.0, np.inf], "must be finite"),
         ([0.0], r"action has shape \(1,\); expected is shape \(2,\)"),
         ("ahead", r"action 'ahead': must be finite numbers of shape \(2,\)"),
         ([10**400, 0], r"must be finite numbers of shape \(2,\)"),

@@ -157,10 +157,10 @@ def test_a_picture_is_drawn_where_it_is_asked_for() -> None:
 
 
 def test_closing_ends_the_threads() -> None:
-    env = FrigateVectorEnv(4, threads=2, **SHORT)
-    env.reset(seed=0)
+    env = FrigateVectorEnv(64, threads=2, **SHORT)
     before = threading.active_count()
-    env.step(np.zeros((4, 2)))
+    env.reset(seed=0)
+    env.step(np.zeros((64, 2)))
     assert threading.active_count() > before
     env.close()
     assert threading.active_count() <= before
@@ -205,3 +205,26 @@ def test_the_page_states_the_memory_of_the_records() -> None:
     rest = each - sum(size[name] for name in ("observer", "plant", "memory", "sea"))
     assert f"{rest / 1e3:.0f} kB the episode" in page
     assert FrigateVectorEnv(3).batch.environments.nbytes == 3 * each
+
+
+@pytest.mark.parametrize("seed", ["a", (1, 2), 1.5])
+def test_a_seed_of_another_type_is_refused(seed: Any) -> None:
+    with pytest.raises(TypeError, match=r"seed = .*: must be a whole number, or a list"):
+        FrigateVectorEnv(2, **SHORT).reset(seed=seed)
+
+
+def test_closed_environments_are_not_stepped() -> None:
+    env = FrigateVectorEnv(2, **SHORT)
+    env.reset(seed=1)
+    env.close()
+    with pytest.raises(gymnasium.error.ClosedEnvironmentError, match="create new ones"):
+        env.step(np.zeros((2, 2)))
+
+
+def test_an_action_that_is_not_finite_is_named_by_its_place() -> None:
+    env = FrigateVectorEnv(40, **SHORT)
+    env.reset(seed=1)
+    action = np.zeros((40, 2))
+    action[17, 1] = np.nan
+    with pytest.raises(ValueError, match=r"^action\[17, 1\] = nan: must be finite"):
+        env.step(action)
