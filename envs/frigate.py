@@ -276,7 +276,8 @@ class FrigateVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
 
     Args:
         num_envs: number of sub-environments.
-        threads: number of threads that step them; one for each core by default.
+        threads: largest number of threads that step them, at least 16 each; one for each core by
+            default.
         autoreset_mode: when the next episode starts after one has ended: an ``AutoresetMode`` of
             Gymnasium or its value. ``SameStep``: in the same step; ``final_obs`` and ``final_info`` hold
             the end of the last episode. ``NextStep``: in the next step, which ignores its action;
