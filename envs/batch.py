@@ -187,7 +187,9 @@ class Batch:
         self.n = n
         self._everyone = np.arange(n)
         observer = get_observer(settings.observer, settings.tuning).discretise(self.ship, self.dt)
-        self.environments = np.zeros(n, records.ENVIRONMENT)
+        # At least two records: a field of a single one counts as contiguous, a type of its own for
+        # which the kernels would be compiled once more.
+        self._memory = np.zeros(max(n, 2), records.ENVIRONMENT)
         self.environments["plant"] = (add_drift_force(self.ship) if steered else self.ship).record()
         self.environments["observer"] = observer
         self.base: BaseController | None = None
@@ -231,7 +233,7 @@ class Batch:
         self.rewards = self._matrix("reward")[:, 0]
         self.ended = self._matrix("ended", np.dtype(np.int64))[:, 0]
         self.elapsed = self.environments["episode"]["elapsed"]
-        self._plants, self._states = self.environments["plant"], self.environments["state"]
+        self._plants, self._states = self._memory["plant"], self._memory["state"]
 
     def _matrix(self, name: str, kind: np.dtype[Any] = _DOUBLE) -> NDArray[Any]:
         """Return a record of each environment, with values of one kind, as a row: shape (n, k)."""
@@ -244,6 +246,11 @@ class Batch:
             offset,
             (records.ENVIRONMENT.itemsize, kind.itemsize),
         )
+
+    @property
+    def environments(self) -> NDArray[Any]:
+        """Records of the batch, an ENVIRONMENT array of shape (n,)."""
+        return self._memory[: self.n]
 
     @property
     def common(self) -> Any:
