@@ -165,7 +165,7 @@ def pitch_columns_swapped(table: pd.DataFrame, interval_s: float, ship: Ship) ->
     share = -math.expm1(-interval_s / ship.pitch_actuator.time_constant_s)
 
     def lagged(values: NDArray[Any]) -> NDArray[Any]:
-        return pd.Series(values).ewm(alpha=share, adjust=False).mean().to_numpy()
+        return np.asarray(pd.Series(values).ewm(alpha=share, adjust=False).mean())
 
     # Both misfits pass the same filter, so that measurement noise favours neither direction.
     forward = np.std(lagged(lagged(command) - measured))

@@ -442,9 +442,9 @@ def spectrum_panels(diagnosis: Outcome) -> list[Figure]:
 def smooth_spectrum(values: Array, rate: float, length: int) -> tuple[Array, Array]:
     """Return the one-sided power density, averaged over 24 bands in each decade."""
     rows = min(max(8, length), len(values))
-    hann = np.hanning(rows + 1)[:-1]
-    power, frequency = matplotlib.mlab.psd(values, rows, rate, window=hann, noverlap=rows // 2)
-    frequency, power = frequency[1:], power[1:]
+    hann, psd = np.hanning(rows + 1)[:-1], matplotlib.mlab.psd
+    found = psd(values, rows, rate, window=hann, noverlap=rows // 2)  # type: ignore[arg-type]
+    power, frequency = (np.asarray(values, np.float64)[1:] for values in found)
     band = np.floor(24.0 * np.log10(frequency / frequency[0]) + 1e-9).astype(int)
     _, which = np.unique(band, return_inverse=True)
     count = np.bincount(which)
