@@ -330,8 +330,8 @@ def simulate_record(
     """
     memory, waves = np.zeros(1, MEMORY)[0], calm_sea() if sea is None else sea
     kept = np.empty((len(commands[0]) // every + 1, len(signals)))
-    told = _sample_for(signals)
-    trajectory(plant, state, memory, waves, *commands, *surroundings, dt, every, *told, kept)
+    sample = _sample_for(signals)
+    trajectory(plant, state, memory, waves, *commands, *surroundings, dt, every, *sample, kept)
     return kept
 
 
