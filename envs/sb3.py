@@ -28,6 +28,9 @@ class Sb3Frigates(VecEnv):
         render_mode: None or ``rgb_array``, for :meth:`get_images` and ``render``.
         options: keywords of :class:`shaftline.envs.FrigateVectorEnv`, without ``autoreset_mode``:
             stable-baselines3 expects the next episode in the step that ends one.
+
+    Raises:
+        TypeError: unknown keyword, or an ``autoreset_mode``.
     """
 
     def __init__(
