@@ -190,8 +190,8 @@ class Batch:
         # At least two records: a field of a single one counts as contiguous, a type of its own for
         # which the kernels would be compiled once more.
         self._memory = np.zeros(max(n, 2), records.ENVIRONMENT)
-        self.environments["plant"] = (add_drift_force(self.ship) if steered else self.ship).record()
-        self.environments["observer"] = observer
+        self._memory["plant"] = (add_drift_force(self.ship) if steered else self.ship).record()
+        self._memory["observer"] = observer
         self.base: BaseController | None = None
         if settings.base_controller is not None:
             name, interval_s = settings.base_controller, self.interval_s
@@ -227,6 +227,7 @@ class Batch:
 
     def _lay_views(self) -> None:
         """Create the views of the records, which take longer to create than to read."""
+        self.environments = self._memory[: self.n]
         self.signals = self._matrix("observation", np.dtype(np.float32))
         self.terms = self._matrix("terms")
         self.truths = self._matrix("truth")
@@ -246,11 +247,6 @@ class Batch:
             offset,
             (records.ENVIRONMENT.itemsize, kind.itemsize),
         )
-
-    @property
-    def environments(self) -> NDArray[Any]:
-        """Records of the batch, an ENVIRONMENT array of shape (n,)."""
-        return self._memory[: self.n]
 
     @property
     def common(self) -> Any:
@@ -381,9 +377,10 @@ class Batch:
             starts.follow_profile(*follow)
         step = functools.partial(self._step, action)
         found = _divide(step, self.n, pool, min(shares, self.n // _STEPS_EACH))
-        if diverged := [i for i in found if i >= 0]:
+        if max(found) >= 0:
+            diverged = min(i for i in found if i >= 0)
             raise ValueError(
-                f"{self.ship.name}: the simulation of environment {diverged[0]} diverges: its state is "
+                f"{self.ship.name}: the simulation of environment {diverged} diverges: its state is "
                 "not finite. A parameter or a term of the ship is too fast for the time step of "
                 f"{self.dt:g} s. Use a smaller integration.time_step_s or a slower parameter"
             )

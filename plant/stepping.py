@@ -188,7 +188,7 @@ def advance(plant: Record, begun: Begun, dt: float) -> tuple[Outputs, State]:
 
 @compiled_apart
 def advance_apart(plant: Record, begun: Begun, dt: float) -> tuple[Outputs, State]:
-    """Return what :func:`advance` returns, for kernels that would compile long with it."""
+    """Return what :func:`advance` returns; compiled faster, for what seldom happens."""
     return advance(plant, begun, dt)
 
 

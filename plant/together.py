@@ -36,7 +36,15 @@ from .state import (
     straight_part,
     whole_state,
 )
-from .stepping import Begun, Disturbance, advance_apart, advance_together, begin, complete
+from .stepping import (
+    Begun,
+    Disturbance,
+    advance,
+    advance_apart,
+    advance_together,
+    begin,
+    complete,
+)
 
 _ALONE, _TOGETHER, _RESPONDED = 0, 1, 2  # status of a group
 
@@ -215,10 +223,11 @@ def complete_lane(
                 end,
                 dt,
             )
+            outputs, following = advance(plant, begun, dt)
         else:
             numbers = take_lane(group.begun, lane, _BEGUN)
             begun = _begun(numbers, take_lane(group.waves, lane, _WAVES))
-        outputs, following = advance_apart(plant, begun, dt)
+            outputs, following = advance_apart(plant, begun, dt)
         set_state(state, following)
     complete(plant, state, memory, shaft_speed, outputs, dt)
     return outputs  # type: ignore[no-any-return]
