@@ -10,7 +10,7 @@ run: $(PREPARED)
 	$(BIN)/shaftline tour --out out/tour
 
 test: $(PREPARED)
-	@echo "About 11,600 tests in twenty minutes on two cores."
+	@echo "About 11,700 tests in twenty-five minutes on two cores."
 	$(BIN)/python -m pytest -n auto --dist worksteal -m "not slow"
 
 test-slow: $(PREPARED)
