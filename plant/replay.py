@@ -268,11 +268,8 @@ class Replay(RecordedInputs):
     ) -> list[dict[str, NDArray[np.float64]]]:
         """Return the result of :meth:`simulate_signals` for each of several ship records."""
         ships = [self._prepared(*ship) for ship in zip(plants, starts, strict=True)]
-        records, states, inflows = zip(*ships, strict=True)
         simulated = simulate_records(
-            records,
-            states,
-            inflows,
+            ships,
             (self.drive, self.pitch, self.rudder),
             (self.elevation, self.resistance_factor, self.signals),
             self.dt,

@@ -336,9 +336,7 @@ def simulate_record(
 
 
 def simulate_records(
-    plants: Sequence[Any],
-    states: Sequence[Any],
-    inflows: Sequence[Floats],
+    ships: Sequence[tuple[Any, Any, Floats]],
     commands: tuple[Floats, Floats, Floats],
     surroundings: tuple[Floats, Floats, Floats],
     dt: float,
@@ -351,9 +349,8 @@ def simulate_records(
     result for each ship is that of :func:`simulate_record`, equal to the bit.
 
     Args:
-        plants: ship record of each ship.
-        states: STATE record of the initial state of each ship.
-        inflows: u_x [m/s] of each ship, as for one ship.
+        ships: of each ship its record, the STATE record of its initial state, and u_x [m/s] as for one
+            ship.
         commands: as for one ship.
         surroundings: as for one ship, but without u_x.
         dt: time step [s].
@@ -364,23 +361,23 @@ def simulate_records(
         For each ship, shape (n // every + 1, signals).
     """
     results: dict[int, NDArray[np.float64]] = {}
-    for ships in alike_groups(plants):
-        if len(ships) == 1:
-            (i,) = ships
-            state, around = states[i].copy(), (inflows[i], *surroundings)
+    for group in alike_groups([plant for plant, _, _ in ships]):
+        if len(group) == 1:
+            (i,) = group
+            plant, state, inflow = ships[i]
+            around = inflow, *surroundings
             results[i] = simulate_record(
-                plants[i], state, None, commands, around, dt, every, signals
+                plant, state.copy(), None, commands, around, dt, every, signals
             )
             continue
-        lanes = [ships[min(lane, len(ships) - 1)] for lane in range(LANES)]
-        records, first = np.empty(LANES, PLANT), np.empty(LANES, STATE)
-        for lane, i in enumerate(lanes):
-            records[lane], first[lane] = plants[i], states[i]
-        rows = [inflows[i] for i in lanes]
+        plants, states, rows = np.empty(LANES, PLANT), np.empty(LANES, STATE), []
+        for lane in range(LANES):
+            plants[lane], states[lane], inflow = ships[group[min(lane, len(group) - 1)]]
+            rows.append(inflow)
         kept = np.empty((LANES, len(signals), len(commands[0]) // every + 1))
         trajectories(
-            records,
-            first,
+            plants,
+            states,
             np.zeros(LANES, MEMORY),
             calm_sea(),
             np.zeros(1, GROUP)[0],
@@ -392,8 +389,8 @@ def simulate_records(
             *_sample_for(signals),
             kept,
         )
-        results |= zip(ships, kept.transpose(0, 2, 1), strict=False)
-    return [results[i] for i in range(len(plants))]
+        results |= zip(group, kept.transpose(0, 2, 1), strict=False)
+    return [results[i] for i in range(len(ships))]
 
 
 def _sample_for(signals: Sequence[str]) -> tuple[Any, Floats, NDArray[np.int64]]:

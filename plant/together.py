@@ -39,11 +39,11 @@ from .state import (
 from .stepping import (
     Begun,
     Disturbance,
-    advance,
     advance_apart,
     advance_together,
     begin,
     complete,
+    step,
 )
 
 _ALONE, _TOGETHER, _RESPONDED = 0, 1, 2  # status of a group
@@ -204,30 +204,18 @@ def complete_lane(
     dt: float,
 ) -> Outputs:
     """Complete a step of one ship of a group, and return the outputs at the start of the step."""
+    if group.status == _ALONE:
+        return step(
+            plant, state, memory, sea, drive, pitch_command, rudder_command, start, middle, end, dt
+        )
     shaft_speed = state.shaft_speed
     if group.status == _RESPONDED:
         outputs, part = take_lane(group.response, lane, _RESPONSE)
         set_straight(state, part)
     else:
-        if group.status == _ALONE:
-            begun = begin(
-                plant,
-                state,
-                memory,
-                sea,
-                drive,
-                pitch_command,
-                rudder_command,
-                start,
-                middle,
-                end,
-                dt,
-            )
-            outputs, following = advance(plant, begun, dt)
-        else:
-            numbers = take_lane(group.begun, lane, _BEGUN)
-            begun = _begun(numbers, take_lane(group.waves, lane, _WAVES))
-            outputs, following = advance_apart(plant, begun, dt)
+        numbers = take_lane(group.begun, lane, _BEGUN)
+        begun = _begun(numbers, take_lane(group.waves, lane, _WAVES))
+        outputs, following = advance_apart(plant, begun, dt)
         set_state(state, following)
     complete(plant, state, memory, shaft_speed, outputs, dt)
     return outputs  # type: ignore[no-any-return]

@@ -88,15 +88,16 @@ def highest_informative_frequency(
     """
     replay, trial_ship = balances.replay, TrialShip(balances)
     trials = (next(trial_ship.smallest_trials(effect, []), None) for effect in effects)
-    records = [(trial_ship.record((trial,)), NO_SHIFT) for trial in trials if trial]
-    plants, shifts = zip(*records, *tolerance_records(replay), strict=True)
+    probes = ((trial_ship.record((trial,)), NO_SHIFT) for trial in trials if trial)
+    changes = [*probes, *tolerance_records(replay)]
     frequency_of = informative_frequency(replay, balances.nominal, segments)
 
     def frequencies(group: Sequence[int]) -> list[float]:
-        ships = replay.simulate_ships([plants[i] for i in group], [shifts[i] for i in group])
+        ships = replay.simulate_ships(*zip(*(changes[i] for i in group), strict=True))
         return list(map(frequency_of, ships))
 
-    found = itertools.chain.from_iterable(map_threaded(frequencies, alike_groups(plants)))
+    groups = alike_groups([plant for plant, _ in changes])
+    found = itertools.chain.from_iterable(map_threaded(frequencies, groups))
     return max(filter(math.isfinite, found), default=math.inf)
 
 

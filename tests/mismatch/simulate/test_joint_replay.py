@@ -280,3 +280,7 @@ def test_some_signals_have_the_values_of_the_whole_simulation(frigate: Ship, eve
     assert list(found) == ["resistance", "thrust"]
     for name, values in found.items():
         np.testing.assert_allclose(values, samples[name], rtol=1e-13)
+
+
+def test_no_ships_have_no_channels(both: JointReplay) -> None:
+    assert both.simulate_ships([]) == []
