@@ -94,6 +94,9 @@ the ship file lacks there must not appear as a change."""
 FINER = 4.0
 """Ratio of the time step to the next shorter one that is tried where an effect acts faster."""
 
+JUDGE = "judging on the held-out data"
+"""Stage of the progress, in two steps: the verdict, then the findings and the corrected ship."""
+
 ANOTHER_PERIOD = "calibrate on another period than is diagnosed"
 
 
@@ -221,15 +224,16 @@ def _find_cause(
     start: Start, together: JointRecordings, effects: list[Effect], options: Options, tick: Tick
 ) -> tuple[Diagnosis, Setting]:
     """Locate the mismatch, search its cause, judge it, and report it; stages 3 to 8."""
-    settings = _hold_out_and_locate(start, together, effects, options)
+    settings = _hold_out_and_locate(start, together, effects, options, tick)
     selection, selector = _search(settings, effects, options, tick)
     warnings = [*together.warnings, *settings.remarks()]
     together = replace(together, warnings=warnings)
-    tick("judging on the held-out data", 0, 1)
+    tick(JUDGE, 0, 2)
     evidence = _Evidence.of(settings.best, start)
     conclusion = _judge(selection, evidence)
+    tick(JUDGE, 1, 2)
     diagnosis = _report(conclusion, evidence, selector, together)
-    tick("judging on the held-out data", 1, 1)
+    tick(JUDGE, 2, 2)
     if options.quick or start.free:
         return diagnosis, settings.best
     limits = options.tolerance, options.most_effects, start.calibrated
@@ -313,13 +317,13 @@ def candidates(start: Start, together: JointRecordings, options: Options) -> lis
 
 
 def _hold_out_and_locate(
-    start: Start, together: JointRecordings, effects: list[Effect], options: Options
+    start: Start, together: JointRecordings, effects: list[Effect], options: Options, tick: Tick
 ) -> Settings:
     """Hold data out and form the residuals of the balances, linearised at the free parameters."""
     ship, alone = start.ship, [effect for effect in effects if not effect.together]
     over_s = START_STEPS * start.file.time_step_s
     for _ in range(MOST_LINEARISATIONS):
-        settings = Settings(ship, together, alone, options.tolerance, over_s)
+        settings = Settings(ship, together, alone, options.tolerance, over_s, tick)
         if not start.free:
             break
         nearer = MovableParameters(start, settings.best.fitter).relinearised_ship()

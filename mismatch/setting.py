@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ..plant.ship import Ship
+from .estimate import Tick, ignore_progress
 from .judge.held_out import Segments, bands_of, split_held_out
 from .recordings.joint import JointRecordings
 from .search.catalogue import Effect
@@ -19,7 +20,7 @@ from .search.fitting import Fitter, Whiteness
 from .search.selection import INDISTINGUISHABLE, Selection
 from .search.spectra import highest_informative_frequency, rows_per_average
 from .simulate.balances import Balances
-from .simulate.joint_replay import JointReplay
+from .simulate.joint_replay import JointReplay, map_threaded
 
 ALIKE = 0.005
 """Share of a period at the highest frequency. Where half a sampling interval is shorter, held and
@@ -28,6 +29,9 @@ linearly interpolated commands are equivalent."""
 DOUBTED = 0.05
 """Share of a period at the highest frequency. Where half a sampling interval is longer, the time at
 which a linearly interpolated command moved between two rows is uncertain."""
+
+LOCATE = "locating the mismatch"
+"""Stage of the progress, in three steps: frequency range, held commands, commands on lines."""
 
 LINES = (
     "the commands are interpolated linearly between rows, which fits better than held commands: "
@@ -80,6 +84,7 @@ class Settings:
         effects: candidate effects.
         tolerance: factor on the tolerances of the ship's parameters [-].
         start_over_s: duration over which the first state is averaged [s]; see :class:`.JointReplay`.
+        tick: progress callback ``tick(stage, done, total)``.
     """
 
     def __init__(
@@ -89,16 +94,20 @@ class Settings:
         effects: list[Effect],
         tolerance: float,
         start_over_s: float | None = None,
+        tick: Tick = ignore_progress,
     ) -> None:
+        tick(LOCATE, 0, 3)
         replayed = functools.partial(JointReplay, ship, *together.tables, start_over_s=start_over_s)
         balances = Balances(replayed(steady=together.steady))
         replay = balances.replay
         part = split_held_out(replay, together.held_out)[0][0]
         highest = highest_informative_frequency(balances, effects, part)
+        tick(LOCATE, 1, 3)
         every = rows_per_average(replay.interval_s, highest)
         if every > 1:
             balances = Balances(replayed(every=every, steady=together.steady))
         first = _hold_out(balances, together.held_out, tolerance, highest)
+        tick(LOCATE, 2, 3)
         self.tried = [first]
         self._gain, self._tolerance = 0.0, tolerance
         if not together.steady and 0.5 * replay.interval_s * highest > ALIKE:
@@ -108,6 +117,7 @@ class Settings:
             # Commands of a controller are held, so lines must be clearly likelier.
             now, other = (setting.fitter.null.score for setting in self.tried)
             self._exchange(now, other, INDISTINGUISHABLE)
+        tick(LOCATE, 3, 3)
 
     @functools.cached_property
     def _doubted(self) -> Setting:
@@ -133,7 +143,8 @@ class Settings:
         """
         exchanged = False
         if len(self.tried) > 1 and selection.fit.effects:
-            now, other = (_worth(setting.fitter, selection) for setting in self.tried)
+            fitters = [setting.fitter for setting in self.tried]
+            now, other = map_threaded(lambda fitter: _worth(fitter, selection), fitters)
             exchanged = self._exchange(now, other, 0.0)
         del self.tried[1:]
         return exchanged
@@ -154,7 +165,7 @@ class Settings:
 def _worth(fitter: Fitter, selection: Selection) -> float:
     """Return the score of the chosen effects, or of the first one alone, less their thresholds."""
     effects, thresholds = selection.fit.effects, selection.thresholds
-    first = fitter.refine_effect(fitter.evaluate(effects[:1]), 0)
+    first = fitter.polish(fitter.evaluate(effects[:1]))
     return max(first.score - thresholds[0], fitter.evaluate(effects).score - sum(thresholds))
 
 

@@ -6,6 +6,7 @@ tolerances. A parameter whose bias explains a difference as well as an effect is
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -22,6 +23,7 @@ from ..recordings.steady_rows import drive_by_shaft_speed
 from ..search.catalogue import SizedEffect
 from ..search.fitting import Fit, Fitter
 from ..search.selection import INDISTINGUISHABLE, Selection
+from ..simulate.joint_replay import map_threaded
 from .free_parameters import Free, doubtful, number_of
 
 Array = NDArray[np.float64]
@@ -374,9 +376,10 @@ def find_biased_parameters(fitter: Fitter, selection: Selection) -> list[BiasedP
         rest = fit.effects[:index] + fit.effects[index + 1 :]
         base = fitter.evaluate(rest)
         best: BiasedParameter | None = None
-        for key in keys:
-            least = HOPELESS * (fit.score - base.score)
-            value, score = _fit_parameter(fitter, base, rest, key, least)
+        fit_one = functools.partial(
+            _fit_parameter, fitter, base, rest, HOPELESS * (fit.score - base.score)
+        )
+        for key, (value, score) in zip(keys, map_threaded(fit_one, keys), strict=True):
             brought = gain - (fit.score - score)
             near = fit.score - score < INDISTINGUISHABLE
             if near and (best is None or brought > best.gain):
@@ -387,7 +390,7 @@ def find_biased_parameters(fitter: Fitter, selection: Selection) -> list[BiasedP
 
 
 def _fit_parameter(
-    fitter: Fitter, base: Fit, rest: tuple[SizedEffect, ...], key: str, least: float
+    fitter: Fitter, base: Fit, rest: tuple[SizedEffect, ...], least: float, key: str
 ) -> tuple[float, float]:
     """Return the best value of a parameter together with some effects, and its score."""
     host = fitter.trial_ship.with_terms(rest)
