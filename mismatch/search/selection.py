@@ -231,9 +231,7 @@ class Selector:
             if not refined or self._merit(refined[0]) <= 0.0:
                 break
             rivals[refined[0].effect.label] = tuple(refined[1:])
-            # A single effect has just been searched over its whole range.
-            refit = self.fitter.refine_effects if base.effects else self.fitter.polish
-            base = self._drop_superfluous(refit(refined[0].fit))
+            base = self._drop_superfluous(self.fitter.refine_effects(refined[0].fit))
         self._changes.clear()  # They are needed by screens only.
         effects = [sized.effect for sized in base.effects]
         gains = tuple(base.score - self._without(base, i).score for i in range(len(effects)))

@@ -276,7 +276,7 @@ def test_effects_are_added_while_they_pass_and_three_at_most() -> None:
     found = selector(scores, CURRENT, DERATING, FOULING, LAG).search()
     assert [p.effect for p in found.fit.effects] == [LAG, FOULING, DERATING]
     assert found.gains == pytest.approx((400.0, 300.0, 200.0))
-    assert scores.jointly[0] == (LAG.label, FOULING.label)  # one alone has been searched already
+    assert scores.jointly[:2] == [(LAG.label,), (LAG.label, FOULING.label)]
     assert len(found.thresholds) == len(found.rivals) == 3
 
 
