@@ -20,6 +20,9 @@ from .search.formulas import Formula
 from .search.selection import Candidate
 from .simulate.joint_replay import Floats
 
+MOST_BLOCKS = 3000
+"""Largest number of blocks over which residuals are averaged."""
+
 
 @dataclass(frozen=True, repr=False)
 class Outcome:
@@ -101,8 +104,13 @@ class Outcome:
 
     @property
     def rows_of_a_block(self) -> int:
-        """Number of rows over which residuals are averaged: 5 s, less in a short recording."""
-        return max(1, round(min(5.0, float(self.time_s[-1]) / 60.0) / self.interval_s))
+        """Number of rows over which residuals are averaged: 5 s; less in a short recording.
+
+        In a recording of more than a few hours it is more, so that a figure has at most
+        :data:`MOST_BLOCKS` blocks.
+        """
+        rows = round(min(5.0, float(self.time_s[-1]) / 60.0) / self.interval_s)
+        return max(1, rows, math.ceil(len(self.time_s) / MOST_BLOCKS))
 
 
 def block_statistics(values: Floats, size: int, take: Callable[..., Any] = np.mean) -> Floats:

@@ -150,6 +150,7 @@ def test_derivative_to_every_number_of_a_file(name: str) -> None:
         expected -= {"manoeuvring.propeller_position_m"} if name != "kvlcc2" else set()
         expected -= {"manoeuvring.draught_m"} if name != "kvlcc2" else set()
         expected |= {f"rudder.{key}" for key in ("area_m2", "position_m", "yaw_lever_m")}
+    assert expected <= felt, expected - felt
     if name == "rich":
         assert set(RICH) - {"pitch_actuator.rate_limit_per_s"} <= felt
 

@@ -34,9 +34,15 @@ def test_an_equation_that_cannot_be_set_is_told_in_plain_text() -> None:
 
 @pytest.mark.parametrize(
     ("duration_s", "interval_s", "rows"),
-    [(1200.0, 0.1, 50), (240.0, 0.2, 20), (1200.0, 30.0, 1)],  # 240 s: a sixtieth
+    [
+        (1200.0, 0.1, 50),
+        (240.0, 0.2, 20),  # a sixtieth of the recording
+        (1200.0, 30.0, 1),
+        (14400.0, 0.1, 50),
+        (86400.0, 0.1, 289),  # 3000 blocks for 864001 rows
+    ],
 )
-def test_blocks_are_five_seconds_or_less_in_a_short_recording(
+def test_blocks_are_five_seconds_less_in_a_short_recording_and_more_in_a_long_one(
     duration_s: float, interval_s: float, rows: int
 ) -> None:
     time = interval_s * np.arange(round(duration_s / interval_s) + 1)
