@@ -22,7 +22,7 @@ from ..observers.records import Floats
 from ..plant.cavitation import effective_attack, outside_bucket
 from ..plant.rudder import rudder_angle
 from ..plant.state import STATE, Outputs, State, get_state
-from ..plant.stepping import Disturbance, observe
+from ..plant.stepping import Disturbance, StepInputs, observe
 from ..plant.together import begin_lane, complete_lane, gather, respond
 from . import sensing
 from .records import LIMITED_RACK, SHAFT_SPEED
@@ -57,6 +57,19 @@ def _disturbance_at(episode: Record, phasor: complex) -> Disturbance:
     factor = episode.resistance_mean + episode.resistance_swing * phasor.imag
     drift = episode.drift_force * (1.0 + DRIFT_SWING * phasor.real)
     return Disturbance(0.0, 0.0, factor, (drift, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+
+@compiled
+def _acting(episode: Record, cell: Record) -> StepInputs:
+    """Return what acts on the ship of an environment during a plant step."""
+    return StepInputs(
+        cell.drive,
+        episode.pitch_command,
+        cell.rudder,
+        _disturbance_at(episode, cell.start),
+        _disturbance_at(episode, cell.middle),
+        _disturbance_at(episode, cell.end),
+    )
 
 
 @compiled
@@ -359,40 +372,16 @@ def control_interval(
             for lane in range(count):
                 env, cell = environments[begin + lane], cells[lane]
                 _before_step(env, cell, common, gains)
-                begin_lane(
-                    group,
-                    lane,
-                    env.plant,
-                    env.state,
-                    env.memory,
-                    env.sea,
-                    cell.drive,
-                    env.episode.pitch_command,
-                    cell.rudder,
-                    _disturbance_at(env.episode, cell.start),
-                    _disturbance_at(env.episode, cell.middle),
-                    _disturbance_at(env.episode, cell.end),
-                    dt,
-                )
+                acting = _acting(env.episode, cell)
+                begin_lane(group, lane, env.plant, env.state, env.memory, env.sea, acting, dt)
             respond(group, plants, dt)
             for lane in range(count):
                 env, cell = environments[begin + lane], cells[lane]
                 before, log = get_state(env.state), env.memory.speed_log
                 pitch_before = env.memory.blade_pitch
+                acting = _acting(env.episode, cell)
                 outputs = complete_lane(
-                    group,
-                    lane,
-                    env.plant,
-                    env.state,
-                    env.memory,
-                    env.sea,
-                    cell.drive,
-                    env.episode.pitch_command,
-                    cell.rudder,
-                    _disturbance_at(env.episode, cell.start),
-                    _disturbance_at(env.episode, cell.middle),
-                    _disturbance_at(env.episode, cell.end),
-                    dt,
+                    group, lane, env.plant, env.state, env.memory, env.sea, acting, dt
                 )
                 time = (env.episode.elapsed * steps + k) * dt
                 _after_step(

@@ -28,7 +28,7 @@ from ..plant.ship_files import ship_text
 from ..plant.signals import SAMPLE, SIGNALS, get_signal
 from ..plant.simulation import write_sample
 from ..plant.state import STATE, get_state, inputs_without_sea, set_state, with_motion
-from ..plant.stepping import LIMITS, Disturbance, observe, prepare, step
+from ..plant.stepping import LIMITS, Disturbance, constant_inputs, observe, prepare, step
 from ..plant.waves import SEA, calm_sea
 from .archive import Model, c_bytes, c_file, write_fmu
 from .description import INPUT, OUTPUT, PARAMETER, Variable
@@ -56,7 +56,7 @@ def _run(
     if steps < 0:
         state.rudder_angle = rudder
         first = with_motion(get_state(state), x[_INITIAL], x[_INITIAL + 1], x[_INITIAL + 2])
-        inputs = inputs_without_sea(
+        at_start = inputs_without_sea(
             drive,
             pitch,
             acting.inflow,
@@ -67,23 +67,14 @@ def _run(
             rudder,
             outside,
         )
-        set_state(state, settle_lags(plant, first, inputs))
+        set_state(state, settle_lags(plant, first, at_start))
         prepare(plant, state, memory, sea, drive, acting, dt)
+    inputs = constant_inputs(drive, pitch, rudder, acting)
     for _ in range(steps):
-        step(plant, state, memory, sea, drive, pitch, rudder, acting, acting, acting, dt)
+        step(plant, state, memory, sea, inputs, dt)
     outputs = observe(plant, state, memory, sea, pitch, rudder, acting, dt)
-    write_sample(
-        plant,
-        sample,
-        memory.cursor * dt,
-        drive,
-        pitch,
-        rudder,
-        get_state(state),
-        memory,
-        memory.speed_log,
-        outputs,
-    )
+    time, log = memory.cursor * dt, memory.speed_log
+    write_sample(plant, sample, time, inputs, get_state(state), memory, log, outputs)
     for k in range(_SAMPLE, _SLOTS):
         if not (abs(x[k]) <= LIMITS[k - _SAMPLE] and np.isfinite(x[k])):
             return k + 1

@@ -45,6 +45,7 @@ from .state import (
     with_motion,
     without_lags,
 )
+from .stepping import UNDISTURBED, constant_inputs
 from .ventilation import can_ventilate
 
 MOST_STEPS = 200  # to one equilibrium
@@ -188,18 +189,9 @@ def fill_equilibria(
         memory.shaft_torque = measured_torque_of(plant, outputs.shaft_torque)
         memory.thrust = measured_thrust_of(plant, outputs.thrust)
         memory.motor_current = measured_current_of(plant, outputs.motor_current)
-        write_sample(
-            plant,
-            samples[k],
-            time,
-            command,
-            pitch[k],
-            0.0,
-            here,
-            memory,
-            measured_ship_speed_of(plant, here.ship_speed),
-            outputs,
-        )
+        acting = constant_inputs(command, pitch[k], 0.0, UNDISTURBED)
+        log = measured_ship_speed_of(plant, here.ship_speed)
+        write_sample(plant, samples[k], time, acting, here, memory, log, outputs)
         if math.isfinite(here.shaft_speed) and math.isfinite(here.ship_speed):
             now = here
 

@@ -26,7 +26,7 @@ from .memory import MEMORY
 from .record import PLANT
 from .ship import Ship
 from .state import STATE
-from .stepping import UNDISTURBED, prepare, step
+from .stepping import UNDISTURBED, constant_inputs, prepare, step
 from .waves import SEA
 
 cuda: Any = importlib.import_module("numba.cuda")  # has no types
@@ -74,20 +74,10 @@ def advance_ship(
         dt: time step [s].
     """
     plant = plants[i if len(plants) > 1 else 0]
+    drive, pitch, rudder = commands[_DRIVE, i], commands[_PITCH, i], commands[_RUDDER, i]
+    acting = constant_inputs(drive, pitch, rudder, UNDISTURBED)
     for _ in range(steps):
-        step(
-            plant,
-            states[i],
-            memories[i],
-            seas[0],
-            commands[_DRIVE, i],
-            commands[_PITCH, i],
-            commands[_RUDDER, i],
-            UNDISTURBED,
-            UNDISTURBED,
-            UNDISTURBED,
-            dt,
-        )
+        step(plant, states[i], memories[i], seas[0], acting, dt)
 
 
 @cuda.jit

@@ -21,7 +21,7 @@ from .rudder import rudder_angle
 from .ship import Ship, refuse_sea
 from .signals import SAMPLE
 from .state import STATE, Outputs, State, get_state
-from .stepping import Disturbance, observe, prepare, refuse_divergence, step
+from .stepping import Disturbance, StepInputs, observe, prepare, refuse_divergence, step
 from .together import GROUP, begin_lane, complete_lane, gather, respond
 from .validity import warn_of_departures
 from .waves import calm_sea
@@ -32,9 +32,7 @@ def write_sample(
     plant: Record,
     sample: Record,
     time: float,
-    drive: float,
-    pitch_command: float,
-    rudder_command: float,
+    acting: StepInputs,
     state: State,
     memory: Record,
     speed_log: float,
@@ -42,9 +40,9 @@ def write_sample(
 ) -> None:
     """Fill a SAMPLE record: the commands over a step, and the state and outputs at its start."""
     sample.time = time
-    sample.drive = drive
-    sample.pitch_command = pitch_command
-    sample.rudder_command = rudder_command
+    sample.drive = acting.drive
+    sample.pitch_command = acting.pitch_command
+    sample.rudder_command = acting.rudder_command
     sample.pitch_ratio = outputs.pitch_ratio
     sample.shaft_speed = state.shaft_speed
     sample.shaft_torque = outputs.shaft_torque
@@ -74,7 +72,7 @@ def write_sample(
     sample.cross_track = state.cross_track
     sample.roll_angle = state.roll_angle
     sample.roll_rate = state.roll_rate
-    sample.rudder_angle = rudder_angle(plant, state.rudder_angle, rudder_command)
+    sample.rudder_angle = rudder_angle(plant, state.rudder_angle, acting.rudder_command)
     engine_speed = plant.gear_ratio * state.shaft_speed
     sample.nox = plant.propellers * nox_rate(plant, engine_speed, outputs.brake_torque)
     sample.co2 = plant.propellers * co2_rate(plant, engine_speed, outputs.brake_torque)
@@ -82,14 +80,37 @@ def write_sample(
 
 @compiled
 def _disturbance(
-    inflow: float,
+    inflow: NDArray[np.float64],
     elevation: NDArray[np.float64],
     resistance_factor: NDArray[np.float64],
     signals: NDArray[np.float64],
     k: int,
 ) -> Disturbance:
-    """Return the disturbance at a half step, with an inflow at that instant."""
-    return Disturbance(inflow, elevation[k], resistance_factor[k], external_at(signals, k))
+    """Return the disturbance at a half step."""
+    return Disturbance(inflow[k], elevation[k], resistance_factor[k], external_at(signals, k))
+
+
+@compiled
+def _acting(
+    drive: NDArray[np.float64],
+    pitch_command: NDArray[np.float64],
+    rudder_command: NDArray[np.float64],
+    inflow: NDArray[np.float64],
+    elevation: NDArray[np.float64],
+    resistance_factor: NDArray[np.float64],
+    signals: NDArray[np.float64],
+    k: int,
+) -> StepInputs:
+    """Return what acts during a step, from the arrays of :func:`trajectory`."""
+    around = inflow, elevation, resistance_factor, signals
+    return StepInputs(
+        drive[k],
+        pitch_command[k],
+        rudder_command[k],
+        _disturbance(*around, 2 * k),
+        _disturbance(*around, 2 * k + 1),
+        _disturbance(*around, 2 * k + 2),
+    )
 
 
 @compiled
@@ -100,26 +121,14 @@ def _sample_at_end(
     sea: Record,
     sample: Record,
     time: float,
-    drive: float,
-    pitch_command: float,
-    rudder_command: float,
-    disturbance: Disturbance,
+    acting: StepInputs,
     dt: float,
 ) -> None:
     """Fill a SAMPLE record with the commands of the last step and the state and outputs at its end."""
-    outputs = observe(plant, state, memory, sea, pitch_command, rudder_command, disturbance, dt)
-    write_sample(
-        plant,
-        sample,
-        time,
-        drive,
-        pitch_command,
-        rudder_command,
-        get_state(state),
-        memory,
-        memory.speed_log,
-        outputs,
-    )
+    commands = acting.pitch_command, acting.rudder_command
+    outputs = observe(plant, state, memory, sea, *commands, acting.end, dt)
+    log = memory.speed_log
+    write_sample(plant, sample, time, acting, get_state(state), memory, log, outputs)
 
 
 @compiled
@@ -153,48 +162,22 @@ def trajectory(
     Each sample is written to ``sample``, a SAMPLE array of shape (1,). ``values``, shape (signals,), is
     the same memory, of which ``columns`` are kept every few steps: shape (n // every + 1, columns).
     """
-    steps, around = len(drive), (elevation, resistance_factor, signals)
-    begin = _disturbance(inflow[0], *around, 0)
-    prepare(plant, state, memory, sea, drive[0], begin, dt)
+    commands = drive, pitch_command, rudder_command
+    steps, around = len(drive), (inflow, elevation, resistance_factor, signals)
+    prepare(plant, state, memory, sea, drive[0], _disturbance(*around, 0), dt)
     for k in range(steps):
-        a, b, c = 2 * k, 2 * k + 1, 2 * k + 2
-        now = get_state(state)
-        log = memory.speed_log
-        outputs = step(
-            plant,
-            state,
-            memory,
-            sea,
-            drive[k],
-            pitch_command[k],
-            rudder_command[k],
-            _disturbance(inflow[a], *around, a),
-            _disturbance(inflow[b], *around, b),
-            _disturbance(inflow[c], *around, c),
-            dt,
-        )
+        now, log = get_state(state), memory.speed_log
+        acting = _acting(*commands, *around, k)
+        outputs = step(plant, state, memory, sea, acting, dt)
         if k % every:
             continue
-        write_sample(
-            plant,
-            sample[0],
-            k * dt,
-            drive[k],
-            pitch_command[k],
-            rudder_command[k],
-            now,
-            memory,
-            log,
-            outputs,
-        )
+        write_sample(plant, sample[0], k * dt, acting, now, memory, log, outputs)
         for j, column in enumerate(columns):
             kept[k // every, j] = values[column]
     if steps % every:
         return
-    last, time = steps - 1, steps * dt
-    commands = drive[last], pitch_command[last], rudder_command[last]
-    finish = _disturbance(inflow[2 * steps], *around, 2 * steps)
-    _sample_at_end(plant, state, memory, sea, sample[0], time, *commands, finish, dt)
+    last = _acting(*commands, *around, steps - 1)
+    _sample_at_end(plant, state, memory, sea, sample[0], steps * dt, last, dt)
     for j, column in enumerate(columns):
         kept[steps // every, j] = values[column]
 
@@ -226,72 +209,33 @@ def trajectories(
     n // every + 1). u_x has shape (ships, 2 n + 1), or one row that is equal for all. ``group`` is a
     GROUP record, working memory.
     """
+    commands = drive, pitch_command, rudder_command
     steps, ships, around = len(drive), len(plants), (elevation, resistance_factor, signals)
     own = 1 if len(inflow) > 1 else 0  # step from the row of one ship to that of the next
     for i in range(ships):
-        begin = _disturbance(inflow[own * i, 0], *around, 0)
+        begin = _disturbance(inflow[own * i], *around, 0)
         prepare(plants[i], states[i], memories[i], sea, drive[0], begin, dt)
     gather(group, plants, states, 0, ships)
     for k in range(steps):
-        a, b, c = 2 * k, 2 * k + 1, 2 * k + 2
         for i in range(ships):
-            begin_lane(
-                group,
-                i,
-                plants[i],
-                states[i],
-                memories[i],
-                sea,
-                drive[k],
-                pitch_command[k],
-                rudder_command[k],
-                _disturbance(inflow[own * i, a], *around, a),
-                _disturbance(inflow[own * i, b], *around, b),
-                _disturbance(inflow[own * i, c], *around, c),
-                dt,
-            )
+            acting = _acting(*commands, inflow[own * i], *around, k)
+            begin_lane(group, i, plants[i], states[i], memories[i], sea, acting, dt)
         respond(group, plants, dt)
         for i in range(ships):
             now, log = get_state(states[i]), memories[i].speed_log
-            outputs = complete_lane(
-                group,
-                i,
-                plants[i],
-                states[i],
-                memories[i],
-                sea,
-                drive[k],
-                pitch_command[k],
-                rudder_command[k],
-                _disturbance(inflow[own * i, a], *around, a),
-                _disturbance(inflow[own * i, b], *around, b),
-                _disturbance(inflow[own * i, c], *around, c),
-                dt,
-            )
+            acting = _acting(*commands, inflow[own * i], *around, k)
+            outputs = complete_lane(group, i, plants[i], states[i], memories[i], sea, acting, dt)
             if k % every:
                 continue
-            write_sample(
-                plants[i],
-                sample[0],
-                k * dt,
-                drive[k],
-                pitch_command[k],
-                rudder_command[k],
-                now,
-                memories[i],
-                log,
-                outputs,
-            )
+            write_sample(plants[i], sample[0], k * dt, acting, now, memories[i], log, outputs)
             for j, column in enumerate(columns):
                 kept[i, j, k // every] = values[column]
     if steps % every:
         return
-    last, time = steps - 1, steps * dt
-    commands = drive[last], pitch_command[last], rudder_command[last]
     for i in range(ships):
-        finish = _disturbance(inflow[own * i, 2 * steps], *around, 2 * steps)
+        last = _acting(*commands, inflow[own * i], *around, steps - 1)
         ship = plants[i], states[i], memories[i], sea
-        _sample_at_end(*ship, sample[0], time, *commands, finish, dt)
+        _sample_at_end(*ship, sample[0], steps * dt, last, dt)
         for j, column in enumerate(columns):
             kept[i, j, steps // every] = values[column]
 

@@ -67,6 +67,30 @@ class Disturbance(NamedTuple):
 UNDISTURBED = Disturbance(0.0, 0.0, 1.0)
 
 
+class StepInputs(NamedTuple):
+    """What acts on a ship during a time step, in addition to the sea.
+
+    The commands are constant over the step. A held shaft speed [rad/s] changes linearly and reaches its
+    command at the end of the step.
+    """
+
+    drive: float  # command of the prime mover [mm | V | N m | rad/s]
+    pitch_command: float  # P/D [-]
+    rudder_command: float  # rudder angle [rad]
+    start: Disturbance
+    middle: Disturbance
+    end: Disturbance
+
+
+@compiled
+def constant_inputs(
+    drive: float, pitch_command: float, rudder_command: float, disturbance: Disturbance
+) -> StepInputs:
+    """Return the inputs of a step with a constant disturbance."""
+    throughout = disturbance, disturbance, disturbance
+    return StepInputs(drive, pitch_command, rudder_command, *throughout)
+
+
 @compiled
 def _inputs(
     drive: float,
@@ -215,17 +239,12 @@ def begin(
     state: Record,
     memory: Record,
     sea: Record,
-    drive: float,
-    pitch_command: float,
-    rudder_command: float,
-    start: Disturbance,
-    middle: Disturbance,
-    end: Disturbance,
+    acting: StepInputs,
     dt: float,
 ) -> Begun:
     """Begin a step with the arguments of :func:`step`; memory and sea are changed in place."""
     now = get_state(state)
-    delivered = begin_step(plant, memory, drive, dt)
+    delivered = begin_step(plant, memory, acting.drive, dt)
     time = memory.cursor * dt
     episode = episode_factor(plant, time, dt)
     if sea.present != 0 and memory.cursor % SYNC_STEPS == 0:
@@ -235,14 +254,14 @@ def begin(
         begins = now.shaft_speed
         middles = 0.5 * (begins + delivered)
         speed_rate = (delivered - begins) / dt
-    pitch, rudder, half = pitch_command, rudder_command, time + 0.5 * dt
-    first = _inputs(begins, pitch, rudder, sea, start, episode, time, speed_rate)
+    pitch, rudder, half = acting.pitch_command, acting.rudder_command, time + 0.5 * dt
+    first = _inputs(begins, pitch, rudder, sea, acting.start, episode, time, speed_rate)
     if sea.present != 0:
         pass_half_step(sea)
-    second = _inputs(middles, pitch, rudder, sea, middle, episode, half, speed_rate)
+    second = _inputs(middles, pitch, rudder, sea, acting.middle, episode, half, speed_rate)
     if sea.present != 0:
         pass_half_step(sea)
-    third = _inputs(delivered, pitch, rudder, sea, end, episode, time + dt, speed_rate)
+    third = _inputs(delivered, pitch, rudder, sea, acting.end, episode, time + dt, speed_rate)
     return Begun(now, first, second, third, memory.blade_pitch)
 
 
@@ -272,28 +291,18 @@ def step(
     state: Record,
     memory: Record,
     sea: Record,
-    drive: float,
-    pitch_command: float,
-    rudder_command: float,
-    start: Disturbance,
-    middle: Disturbance,
-    end: Disturbance,
+    acting: StepInputs,
     dt: float,
 ) -> Outputs:
     """Advance one ship by one time step [s]; state, memory and sea are changed in place.
 
-    The commands are constant over the step: drive [mm | V | N m], P/D [-], rudder angle [rad]. A held
-    shaft speed [rad/s] changes linearly and reaches its command at the end of the step. ``start``,
-    ``middle`` and ``end`` are disturbances in addition to the sea, whose field is computed anew every
-    ``SYNC_STEPS`` steps.
+    The field of the sea is computed anew every ``SYNC_STEPS`` steps.
 
     Returns:
         The outputs at the start of the step under the new commands; the memory holds the measurements at
         that instant.
     """
-    begun = begin(
-        plant, state, memory, sea, drive, pitch_command, rudder_command, start, middle, end, dt
-    )
+    begun = begin(plant, state, memory, sea, acting, dt)
     outputs, following = advance(plant, begun, dt)
     set_state(state, following)
     complete(plant, state, memory, begun.now.shaft_speed, outputs, dt)

@@ -38,7 +38,7 @@ from .state import (
 )
 from .stepping import (
     Begun,
-    Disturbance,
+    StepInputs,
     advance_apart,
     advance_together,
     begin,
@@ -142,12 +142,7 @@ def begin_lane(
     state: Record,
     memory: Record,
     sea: Record,
-    drive: float,
-    pitch_command: float,
-    rudder_command: float,
-    start: Disturbance,
-    middle: Disturbance,
-    end: Disturbance,
+    acting: StepInputs,
     dt: float,
 ) -> None:
     """Begin a step of one ship of a group, with the arguments of :func:`.stepping.step`.
@@ -156,9 +151,7 @@ def begin_lane(
     """
     if group.status == _ALONE:
         return
-    begun = begin(
-        plant, state, memory, sea, drive, pitch_command, rudder_command, start, middle, end, dt
-    )
+    begun = begin(plant, state, memory, sea, acting, dt)
     first, second, third = begun.first, begun.second, begun.third
     instants = _of_instant(first), _of_instant(second), _of_instant(third)
     shared = first.pitch_command, first.drive_rate
@@ -195,19 +188,12 @@ def complete_lane(
     state: Record,
     memory: Record,
     sea: Record,
-    drive: float,
-    pitch_command: float,
-    rudder_command: float,
-    start: Disturbance,
-    middle: Disturbance,
-    end: Disturbance,
+    acting: StepInputs,
     dt: float,
 ) -> Outputs:
     """Complete a step of one ship of a group, and return the outputs at the start of the step."""
     if group.status == _ALONE:
-        return step(
-            plant, state, memory, sea, drive, pitch_command, rudder_command, start, middle, end, dt
-        )
+        return step(plant, state, memory, sea, acting, dt)
     shaft_speed = state.shaft_speed
     if group.status == _RESPONDED:
         outputs, part = take_lane(group.response, lane, _RESPONSE)

@@ -13,7 +13,15 @@ from .ship import Ship
 from .signals import SAMPLE
 from .simulation import write_sample
 from .state import STATE, State, get_state
-from .stepping import UNDISTURBED, Disturbance, prepare, refuse_divergence, step
+from .stepping import (
+    UNDISTURBED,
+    Disturbance,
+    StepInputs,
+    constant_inputs,
+    prepare,
+    refuse_divergence,
+    step,
+)
 from .waves import calm_sea
 
 _INITIAL_SAMPLES = 4096  # length of the first sample buffer
@@ -25,31 +33,14 @@ def _run(
     state: Record,
     memory: Record,
     sea: Record,
-    drive: float,
-    pitch_command: float,
-    rudder_command: float,
-    acting: Disturbance,
+    acting: StepInputs,
     dt: float,
     samples: Any,
 ) -> None:
     for k in range(len(samples)):
         now, log, time = get_state(state), memory.speed_log, memory.cursor * dt
-        outputs = step(
-            plant,
-            state,
-            memory,
-            sea,
-            drive,
-            pitch_command,
-            rudder_command,
-            acting,
-            acting,
-            acting,
-            dt,
-        )
-        write_sample(
-            plant, samples[k], time, drive, pitch_command, rudder_command, now, memory, log, outputs
-        )
+        outputs = step(plant, state, memory, sea, acting, dt)
+        write_sample(plant, samples[k], time, acting, now, memory, log, outputs)
 
 
 class Voyage:
@@ -127,10 +118,7 @@ class Voyage:
             self._state[0],
             self._memory,
             self._sea,
-            float(drive),
-            float(pitch_command),
-            float(rudder_command),
-            acting,
+            constant_inputs(float(drive), float(pitch_command), float(rudder_command), acting),
             self.dt,
             self._samples[self._steps : end],
         )

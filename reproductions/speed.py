@@ -30,7 +30,7 @@ from shaftline.plant.dynamics import evaluate
 from shaftline.plant.memory import MEMORY
 from shaftline.plant.record import PLANT
 from shaftline.plant.state import STATE, Inputs, State
-from shaftline.plant.stepping import UNDISTURBED, prepare
+from shaftline.plant.stepping import UNDISTURBED, constant_inputs, prepare
 from shaftline.plant.together import GROUP, begin_lane, complete_lane, gather, respond
 from shaftline.plant.waves import SEA, wave_field
 
@@ -66,45 +66,20 @@ def simulate_batch(
         steps: number of steps.
         dt: time step [s].
     """
-    calm = UNDISTURBED
     for first in range(0, len(plants), LANES):
         count = gather(group, plants, states, first, len(plants))
         for _ in range(steps):
             for lane in range(count):
                 i = first + lane
-                begin_lane(
-                    group,
-                    lane,
-                    plants[i],
-                    states[i],
-                    memories[i],
-                    seas[i],
-                    drive[i],
-                    pitch_command[i],
-                    0.0,
-                    calm,
-                    calm,
-                    calm,
-                    dt,
-                )
+                acting = constant_inputs(drive[i], pitch_command[i], 0.0, UNDISTURBED)
+                begin_lane(group, lane, plants[i], states[i], memories[i], seas[i], acting, dt)
             respond(group, plants, dt)
             for lane in range(count):
                 i = first + lane
                 shaft_speed = states[i].shaft_speed
+                acting = constant_inputs(drive[i], pitch_command[i], 0.0, UNDISTURBED)
                 outputs = complete_lane(
-                    group,
-                    lane,
-                    plants[i],
-                    states[i],
-                    memories[i],
-                    seas[i],
-                    drive[i],
-                    pitch_command[i],
-                    0.0,
-                    calm,
-                    calm,
-                    calm,
-                    dt,
+                    group, lane, plants[i], states[i], memories[i], seas[i], acting, dt
                 )
                 if len(observers) > 0:
                     reading = Measurement(

@@ -21,7 +21,7 @@ from shaftline.plant import Ship, equilibrium, get_sea, load_ship, realise
 from shaftline.plant.expressions import NO_SIGNALS
 from shaftline.plant.memory import MEMORY
 from shaftline.plant.state import STATE
-from shaftline.plant.stepping import Disturbance, observe, prepare, step
+from shaftline.plant.stepping import Disturbance, constant_inputs, observe, prepare, step
 from shaftline.plant.waves import SEA
 
 INTERVAL_STEPS = 10
@@ -73,9 +73,10 @@ def _interval(
     dt: float,
 ) -> None:
     steady = Disturbance(0.0, 0.0, resistance_factor, NO_SIGNALS)
+    acting = constant_inputs(rack, pitch, 0.0, steady)
     for _ in range(INTERVAL_STEPS):
         speed = state.shaft_speed
-        outputs = step(plant, state, memory, sea, rack, pitch, 0.0, steady, steady, steady, dt)
+        outputs = step(plant, state, memory, sea, acting, dt)
         power = outputs.brake_torque * plant.gear_ratio * speed
         truth.thrust += outputs.thrust / INTERVAL_STEPS
         truth.thrust_power += outputs.thrust * outputs.advance_velocity / INTERVAL_STEPS

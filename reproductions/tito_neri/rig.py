@@ -29,7 +29,7 @@ from shaftline.mismatch.identification.drive_train import CONSTANT
 from shaftline.plant import Ship, equilibrium
 from shaftline.plant.memory import MEMORY
 from shaftline.plant.state import STATE
-from shaftline.plant.stepping import UNDISTURBED, prepare, step
+from shaftline.plant.stepping import UNDISTURBED, constant_inputs, prepare, step
 from shaftline.plant.terms import Term
 from shaftline.plant.waves import calm_sea
 
@@ -102,14 +102,15 @@ def _turn(
     current: NDArray[np.float64],
 ) -> None:
     """Simulate; fill the motor's angle [rad] and current [A] at the start of every step."""
-    turned, calm = angle[0], UNDISTURBED
+    turned = angle[0]
     for k in range(len(voltage)):
         angle[k] = turned
         for slot in slots:
             plant.term_constants[slot, 0] = turned
             plant.term_constants[slot, 1] = k * dt
         before = state.shaft_speed
-        out = step(plant, state, memory, sea, voltage[k], 1.0, 0.0, calm, calm, calm, dt)
+        acting = constant_inputs(voltage[k], 1.0, 0.0, UNDISTURBED)
+        out = step(plant, state, memory, sea, acting, dt)
         current[k] = out.motor_current
         turned += 0.5 * dt * plant.gear_ratio * (before + state.shaft_speed)
 

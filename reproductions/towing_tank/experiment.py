@@ -22,7 +22,7 @@ from shaftline.plant.memory import MEMORY
 from shaftline.plant.signals import SAMPLE
 from shaftline.plant.simulation import write_sample
 from shaftline.plant.state import STATE, get_state
-from shaftline.plant.stepping import Disturbance, prepare, step
+from shaftline.plant.stepping import Disturbance, StepInputs, prepare, step
 from shaftline.plant.waves import calm_sea
 
 Floats = NDArray[np.float64]
@@ -138,8 +138,9 @@ def _run(plant: Record, controller: Record, state: Record, memory: Record, held:
         drive = torque_gain * torque
         begin, middle = _at(carriage, elevation, 2 * k), _at(carriage, elevation, 2 * k + 1)
         end = _at(carriage, elevation, 2 * k + 2)
-        outputs = step(plant, state, memory, sea, drive, pitch, 0.0, begin, middle, end, dt)
-        write_sample(plant, samples[k], k * dt, drive, pitch, 0.0, now, memory, log, outputs)
+        acting = StepInputs(drive, pitch, 0.0, begin, middle, end)
+        outputs = step(plant, state, memory, sea, acting, dt)
+        write_sample(plant, samples[k], k * dt, acting, now, memory, log, outputs)
         seen[k].reference = held.reference
         seen[k].torque_estimate = estimated_propeller_torque(plant, held.estimate)
         seen[k].torque_ratio = held.detection.torque_ratio

@@ -23,7 +23,7 @@ from shaftline.plant.dynamics import evaluate
 from shaftline.plant.memory import MEMORY
 from shaftline.plant.shaft import shaft_inertia
 from shaftline.plant.state import STATE
-from shaftline.plant.stepping import UNDISTURBED, prepare, step
+from shaftline.plant.stepping import UNDISTURBED, constant_inputs, prepare, step
 from shaftline.plant.waves import calm_sea
 
 SHIPS = [load_ship("frigate"), load_ship("ferry")]
@@ -50,17 +50,8 @@ def governed(
     for _ in range(round(seconds / 0.5)):
         rack, integral = governor.command([order], [state["shaft_speed"]], integral)
         for _ in range(round(0.5 / dt)):
-            step(
-                plant,
-                state,
-                memory,
-                calm_sea(),
-                float(rack[0]),
-                pitch,
-                0.0,
-                *(UNDISTURBED,) * 3,
-                dt,
-            )
+            acting = constant_inputs(float(rack[0]), pitch, 0.0, UNDISTURBED)
+            step(plant, state, memory, calm_sea(), acting, dt)
         speeds.append(float(state["shaft_speed"]))
         racks.append(float(rack[0]))
     return speeds, racks

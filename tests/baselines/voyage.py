@@ -11,7 +11,7 @@ from shaftline.plant.fuel import fuel_rate
 from shaftline.plant.memory import MEMORY
 from shaftline.plant.propeller import thrust_coefficient, torque_coefficient
 from shaftline.plant.state import STATE
-from shaftline.plant.stepping import UNDISTURBED, Disturbance, prepare, step
+from shaftline.plant.stepping import UNDISTURBED, Disturbance, constant_inputs, prepare, step
 from shaftline.plant.waves import calm_sea
 
 INTERVAL_S = 0.5
@@ -96,10 +96,9 @@ def run_voyage(
         )
         drive = 0.5 * (action[1] + 1.0) * plant["drive_max"]
         held = Disturbance(0.0, 0.0, float(factor(time)))
+        acting = constant_inputs(float(drive), float(pitch), 0.0, held)
         for _ in range(round(INTERVAL_S / dt)):
-            out = step(
-                plant, state, memory, sea, float(drive), float(pitch), 0.0, held, held, held, dt
-            )
+            out = step(plant, state, memory, sea, acting, dt)
         advance = out.advance_velocity
         engine_speed = float(plant["gear_ratio"] * state["shaft_speed"])
         fuel = float(plant["propellers"]) * fuel_rate(plant, engine_speed, out.brake_torque)

@@ -10,7 +10,7 @@ import numpy as np
 from shaftline.baselines.governor import govern, limit_rack
 from shaftline.envs import FrigateEnv, get_task
 from shaftline.plant.fuel import fuel_rate
-from shaftline.plant.stepping import Disturbance, step
+from shaftline.plant.stepping import Disturbance, StepInputs, step
 
 STILL: dict[str, Any] = get_task("transit").model_dump() | {
     "seas": ("calm",),
@@ -106,19 +106,9 @@ class ByHand:
                 drive = limit_rack(p, second, self.measured, self.slope)
             omega, speed = float(self.state["shaft_speed"]), float(self.state["ship_speed"])
             log = float(self.memory["speed_log"])
-            outputs = step(
-                p,
-                self.state,
-                self.memory,
-                self.sea,
-                float(drive),
-                pitch,
-                0.0,
-                self.disturbance(time),
-                self.disturbance(time + 0.5 * self.dt),
-                self.disturbance(time + self.dt),
-                self.dt,
-            )
+            times = time, time + 0.5 * self.dt, time + self.dt
+            acting = StepInputs(float(drive), pitch, 0.0, *map(self.disturbance, times))
+            outputs = step(p, self.state, self.memory, self.sea, acting, self.dt)
             self.measured = omega
             fuel = 2.0 * fuel_rate(p, p["gear_ratio"] * omega, outputs.brake_torque)
             found.append(

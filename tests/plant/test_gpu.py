@@ -22,7 +22,7 @@ from shaftline.plant import gpu, load_ship
 from shaftline.plant.memory import MEMORY
 from shaftline.plant.record import PLANT
 from shaftline.plant.state import STATE
-from shaftline.plant.stepping import UNDISTURBED, prepare, step
+from shaftline.plant.stepping import UNDISTURBED, constant_inputs, prepare, step
 from shaftline.plant.waves import calm_sea
 
 
@@ -57,8 +57,8 @@ for own in (None, plants):
         prepare(plant, state, memory, sea, drive[i], UNDISTURBED, dt)
         for k in range(40):
             p, r = (pitch[i], rudder[i]) if k < 30 else (1.2, 0.0)
-            still = UNDISTURBED, UNDISTURBED, UNDISTURBED
-            step(plant, state, memory, sea, drive[i], p, r, *still, dt)
+            acting = constant_inputs(drive[i], p, r, UNDISTURBED)
+            step(plant, state, memory, sea, acting, dt)
         assert found[i] == state, (i, found[i], state)
     assert len(np.unique(found["ship_speed"])) == n
 for arguments, reason in (

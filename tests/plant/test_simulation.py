@@ -26,7 +26,7 @@ from shaftline.plant.memory import MEMORY
 from shaftline.plant.signals import SAMPLE, SIGNALS
 from shaftline.plant.simulation import _values_at, simulate_record
 from shaftline.plant.state import STATE, get_state
-from shaftline.plant.stepping import Disturbance, observe, prepare, step
+from shaftline.plant.stepping import Disturbance, StepInputs, observe, prepare, step
 
 BUSY = {
     "prime_mover.lag_s": 0.4,
@@ -95,10 +95,8 @@ def test_samples_are_the_outputs_of_single_steps(
         now, log = get_state(state), float(memory["speed_log"])
         last = min(k, steps - 1)
         if k < steps:
-            begin, middle, end = acts[2 * k : 2 * k + 3]
-            out = step(
-                plant, state, memory, sea, drive[k], pitch[k], helm[k], begin, middle, end, dt
-            )
+            acting = StepInputs(drive[k], pitch[k], helm[k], *acts[2 * k : 2 * k + 3])
+            out = step(plant, state, memory, sea, acting, dt)
         else:
             out = observe(plant, state, memory, sea, pitch[last], helm[last], acts[-1], dt)
         expected = {

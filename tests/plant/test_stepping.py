@@ -27,6 +27,7 @@ from shaftline.plant.state import STATE, Inputs, State, active_states, get_state
 from shaftline.plant.stepping import (
     UNDISTURBED,
     Disturbance,
+    StepInputs,
     observe,
     prepare,
     runge_kutta,
@@ -53,20 +54,8 @@ class Run:
         prepare(plant, self.state, self.memory, self.sea, drive, UNDISTURBED, DT)
 
     def step(self, drive: float, pitch: float, *acting: Disturbance, dt: float = DT) -> Any:
-        start, middle, end = acting or (UNDISTURBED,) * 3
-        return step(
-            self.plant,
-            self.state,
-            self.memory,
-            self.sea,
-            drive,
-            pitch,
-            0.0,
-            start,
-            middle,
-            end,
-            dt,
-        )
+        inputs = StepInputs(drive, pitch, 0.0, *(acting or [UNDISTURBED] * 3))
+        return step(self.plant, self.state, self.memory, self.sea, inputs, dt)
 
     def observe(self, pitch: float, acting: Disturbance = UNDISTURBED) -> Any:
         return observe(self.plant, self.state, self.memory, self.sea, pitch, 0.0, acting, DT)

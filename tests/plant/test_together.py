@@ -14,7 +14,7 @@ from shaftline.plant.memory import MEMORY
 from shaftline.plant.record import PLANT
 from shaftline.plant.ship import Ship
 from shaftline.plant.state import STATE
-from shaftline.plant.stepping import Disturbance, prepare, step
+from shaftline.plant.stepping import Disturbance, StepInputs, prepare, step
 from shaftline.plant.together import GROUP, begin_lane, complete_lane, gather, respond
 from shaftline.plant.waves import SEA
 
@@ -26,6 +26,12 @@ RESPONDED = 2
 def _disturbed(k: float, i: int) -> Disturbance:
     swing = 0.1 * np.sin(0.3 * k + i)
     return Disturbance(swing, 0.5 * swing, 1.0 + swing, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+
+@compiled
+def _acting(commands: Any, k: int, i: int) -> StepInputs:
+    disturbed = _disturbed(k, i), _disturbed(k + 0.5, i), _disturbed(k + 1.0, i)
+    return StepInputs(commands[k, 0, i], commands[k, 1, i], 0.0, *disturbed)
 
 
 @compiled
@@ -46,19 +52,15 @@ def together(
         for k in range(commands.shape[0]):
             for lane in range(count):
                 i = first + lane
-                a, b, c = _disturbed(k, i), _disturbed(k + 0.5, i), _disturbed(k + 1.0, i)
-                begin_lane(
-                    group, lane, plants[i], states[i], memories[i], seas[i], commands[k, 0, i],
-                    commands[k, 1, i], 0.0, a, b, c, dt,
-                )  # fmt: skip
+                acting = _acting(commands, k, i)
+                begin_lane(group, lane, plants[i], states[i], memories[i], seas[i], acting, dt)
             respond(group, plants, dt)
             at_once += group.status == RESPONDED
             for lane in range(count):
                 i = first + lane
-                a, b, c = _disturbed(k, i), _disturbed(k + 0.5, i), _disturbed(k + 1.0, i)
                 outputs = complete_lane(
-                    group, lane, plants[i], states[i], memories[i], seas[i], commands[k, 0, i],
-                    commands[k, 1, i], 0.0, a, b, c, dt,
+                    group, lane, plants[i], states[i], memories[i], seas[i],
+                    _acting(commands, k, i), dt,
                 )  # fmt: skip
                 kept[k, i, 0], kept[k, i, 1] = outputs.thrust, outputs.shaft_torque
                 kept[k, i, 2], kept[k, i, 3] = outputs.resistance, outputs.submergence
@@ -72,10 +74,8 @@ def apart(
     """Step each ship by itself."""
     for i in range(len(plants)):
         for k in range(commands.shape[0]):
-            outputs = step(
-                plants[i], states[i], memories[i], seas[i], commands[k, 0, i], commands[k, 1, i],
-                0.0, _disturbed(k, i), _disturbed(k + 0.5, i), _disturbed(k + 1.0, i), dt,
-            )  # fmt: skip
+            acting = _acting(commands, k, i)
+            outputs = step(plants[i], states[i], memories[i], seas[i], acting, dt)
             kept[k, i, 0], kept[k, i, 1] = outputs.thrust, outputs.shaft_torque
             kept[k, i, 2], kept[k, i, 3] = outputs.resistance, outputs.submergence
 
