@@ -33,9 +33,6 @@ which a linearly interpolated command moved between two rows is uncertain."""
 LOCATE = "locating the mismatch"
 """Stage of the progress, in three steps: frequency range, held commands, commands on lines."""
 
-WORTH_EVALUATIONS = 40
-"""Most simulations by which the first effect is fitted with the other interpolation."""
-
 LINES = (
     "the commands are interpolated linearly between rows, which fits better than held commands: "
     "2 log L is {gain:.0f} higher"
@@ -168,7 +165,7 @@ class Settings:
 def _worth(fitter: Fitter, selection: Selection) -> float:
     """Return the score of the chosen effects, or of the first one alone, less their thresholds."""
     effects, thresholds = selection.fit.effects, selection.thresholds
-    first = fitter.refine_effects(fitter.evaluate(effects[:1]), WORTH_EVALUATIONS)
+    first = fitter.refine_effect(fitter.evaluate(effects[:1]), 0)
     return max(first.score - thresholds[0], fitter.evaluate(effects).score - sum(thresholds))
 
 

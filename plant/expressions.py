@@ -197,23 +197,24 @@ def _value(plant: Record, signals: tuple[Real, ...], slot: int) -> Real:
     return _on_a_stack(plant, signals, slot)
 
 
-REGISTERS = 5
-"""Stack depth up to which a program needs no stack in memory."""
+REGISTERS = 4
+"""Stack depth up to which a program needs no stack in memory. A table has a depth of at least five, and
+is not computed in registers."""
 
 
 @compiled
 def _in_registers(plant: Record, signals: tuple[Real, ...], slot: int) -> Real:
     """Return the value of a program of small depth; ``a`` is the top of its stack."""
     term = plant.term_owner[slot]
-    a = b = c = d = e = signals[0] * 0.0
+    a = b = c = d = zero = signals[0] * 0.0
     for k in range(plant.term_length[slot]):
         code, index = plant.term_code[slot, k], plant.term_index[slot, k]
         if code == CONSTANT:
-            a, b, c, d, e = a * 0.0 + plant.term_constants[term, index], a, b, c, d
+            a, b, c, d = zero + plant.term_constants[term, index], a, b, c
         elif code == SIGNAL:
-            a, b, c, d, e = signals[index], a, b, c, d
+            a, b, c, d = signals[index], a, b, c
         elif code <= POWER or code >= MIN:
-            a, b, c, d = _of_two(code, b, a), c, d, e
+            a, b, c = _of_two(code, b, a), c, d
         else:
             a = _of_one(code, a)
     return a

@@ -305,10 +305,8 @@ class Fitter:
         return self._search(fit, [which], evaluations=40, spread=0.35)
 
     def refine_effects(self, fit: Fit, evaluations: int = 90) -> Fit:
-        """Refit all effects together; the steps of :meth:`polish` suffice for a single value."""
-        if len(JointSearch(self.trial_ship, fit.effects).start) > 1:
-            fit = self._search(fit, None, evaluations, spread=0.1)
-        return self.polish(fit)
+        """Refit all effects together."""
+        return self.polish(self._search(fit, None, evaluations, spread=0.1))
 
     def polish(self, fit: Fit) -> Fit:
         """Refit all effects together by Gauss-Newton steps from nearby values."""

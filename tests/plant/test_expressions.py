@@ -61,6 +61,8 @@ from .terms import HEARD, LOADED, value
         ("table(9 - shaft_speed, 0, 5, 10, 25)", 5.0),
         ("1 + table(2 * shaft_speed, 0, 5, 10, 25) * 2", 51.0),
         ("+a * 2 - b", 5.0),
+        ("min(exp(1000 * ship_speed), 3)", 3.0),  # above the largest number
+        ("max(log(0 * ship_speed), 3)", 3.0),
     ],
 )
 def test_an_expression_means_what_it_says(frigate: Ship, expression: str, expected: float) -> None:
