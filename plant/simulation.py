@@ -78,38 +78,35 @@ def write_sample(
     sample.co2 = plant.propellers * co2_rate(plant, engine_speed, outputs.brake_torque)
 
 
+Floats: TypeAlias = NDArray[np.float64]
+
+Commands: TypeAlias = tuple[Floats, Floats, Floats]
+"""Drive [mm | V | N m | rad/s], P/D [-] and rudder angle [rad] of each step, shape (n,)."""
+
+Surroundings: TypeAlias = tuple[Floats, Floats, Floats, Floats]
+"""u_x [m/s], elevation of the surface above the propeller [m] and d_c1 [-] at starts and middles of the
+steps and at the last end, shape (2 n + 1,); then the external signals, shape (2 n + 1, MAX_SIGNALS), or
+(1, MAX_SIGNALS) if they are constant."""
+
+
 @compiled
-def _disturbance(
-    inflow: NDArray[np.float64],
-    elevation: NDArray[np.float64],
-    resistance_factor: NDArray[np.float64],
-    signals: NDArray[np.float64],
-    k: int,
-) -> Disturbance:
+def _disturbance(around: Surroundings, k: int) -> Disturbance:
     """Return the disturbance at a half step."""
+    inflow, elevation, resistance_factor, signals = around
     return Disturbance(inflow[k], elevation[k], resistance_factor[k], external_at(signals, k))
 
 
 @compiled
-def _acting(
-    drive: NDArray[np.float64],
-    pitch_command: NDArray[np.float64],
-    rudder_command: NDArray[np.float64],
-    inflow: NDArray[np.float64],
-    elevation: NDArray[np.float64],
-    resistance_factor: NDArray[np.float64],
-    signals: NDArray[np.float64],
-    k: int,
-) -> StepInputs:
-    """Return what acts during a step, from the arrays of :func:`trajectory`."""
-    around = inflow, elevation, resistance_factor, signals
+def _acting(commands: Commands, around: Surroundings, k: int) -> StepInputs:
+    """Return what acts during a step."""
+    drive, pitch_command, rudder_command = commands
     return StepInputs(
         drive[k],
         pitch_command[k],
         rudder_command[k],
-        _disturbance(*around, 2 * k),
-        _disturbance(*around, 2 * k + 1),
-        _disturbance(*around, 2 * k + 2),
+        _disturbance(around, 2 * k),
+        _disturbance(around, 2 * k + 1),
+        _disturbance(around, 2 * k + 2),
     )
 
 
@@ -137,13 +134,8 @@ def trajectory(
     state: Record,
     memory: Record,
     sea: Record,
-    drive: NDArray[np.float64],
-    pitch_command: NDArray[np.float64],
-    rudder_command: NDArray[np.float64],
-    inflow: NDArray[np.float64],
-    elevation: NDArray[np.float64],
-    resistance_factor: NDArray[np.float64],
-    signals: NDArray[np.float64],
+    commands: Commands,
+    around: Surroundings,
     dt: float,
     every: int,
     sample: Any,
@@ -154,20 +146,16 @@ def trajectory(
     """Simulate one ship record: :func:`simulate_record` in memory of the caller.
 
     STATE, MEMORY and SEA records are changed in place; the state holds the initial and afterwards the
-    final state. Commands of each step have shape (n,): drive [mm | V | N m], P/D [-], rudder angle
-    [rad]. At starts and middles of the steps and at the last end, shape (2 n + 1,): u_x [m/s], elevation
-    of the surface above the propeller [m], d_c1 [-], and the external signals, shape (2 n + 1,
-    MAX_SIGNALS) or one row that is constant. Steps have a length of ``dt`` [s].
+    final state. Steps have a length of ``dt`` [s].
 
     Each sample is written to ``sample``, a SAMPLE array of shape (1,). ``values``, shape (signals,), is
     the same memory, of which ``columns`` are kept every few steps: shape (n // every + 1, columns).
     """
-    commands = drive, pitch_command, rudder_command
-    steps, around = len(drive), (inflow, elevation, resistance_factor, signals)
-    prepare(plant, state, memory, sea, drive[0], _disturbance(*around, 0), dt)
+    drive, steps = commands[0], len(commands[0])
+    prepare(plant, state, memory, sea, drive[0], _disturbance(around, 0), dt)
     for k in range(steps):
         now, log = get_state(state), memory.speed_log
-        acting = _acting(*commands, *around, k)
+        acting = _acting(commands, around, k)
         outputs = step(plant, state, memory, sea, acting, dt)
         if k % every:
             continue
@@ -176,7 +164,7 @@ def trajectory(
             kept[k // every, j] = values[column]
     if steps % every:
         return
-    last = _acting(*commands, *around, steps - 1)
+    last = _acting(commands, around, steps - 1)
     _sample_at_end(plant, state, memory, sea, sample[0], steps * dt, last, dt)
     for j, column in enumerate(columns):
         kept[steps // every, j] = values[column]
@@ -189,13 +177,9 @@ def trajectories(
     memories: Any,
     sea: Record,
     group: Record,
-    drive: NDArray[np.float64],
-    pitch_command: NDArray[np.float64],
-    rudder_command: NDArray[np.float64],
-    inflow: NDArray[np.float64],
-    elevation: NDArray[np.float64],
-    resistance_factor: NDArray[np.float64],
-    signals: NDArray[np.float64],
+    commands: Commands,
+    inflow: Floats,
+    beside: tuple[Floats, Floats, Floats],
     dt: float,
     every: int,
     sample: Any,
@@ -206,24 +190,23 @@ def trajectories(
     """Simulate a group of ship records in calm water: :func:`trajectory` for each of them.
 
     PLANT, STATE and MEMORY arrays have shape (ships,), and ``kept`` has shape (ships, columns,
-    n // every + 1). u_x has shape (ships, 2 n + 1), or one row that is equal for all. ``group`` is a
-    GROUP record, working memory.
+    n // every + 1). u_x has shape (ships, 2 n + 1), or one row that is equal for all; ``beside`` are the
+    other surroundings. ``group`` is a GROUP record, working memory.
     """
-    commands = drive, pitch_command, rudder_command
-    steps, ships, around = len(drive), len(plants), (elevation, resistance_factor, signals)
+    drive, steps, ships = commands[0], len(commands[0]), len(plants)
     own = 1 if len(inflow) > 1 else 0  # step from the row of one ship to that of the next
     for i in range(ships):
-        begin = _disturbance(inflow[own * i], *around, 0)
+        begin = _disturbance((inflow[own * i], *beside), 0)
         prepare(plants[i], states[i], memories[i], sea, drive[0], begin, dt)
     gather(group, plants, states, 0, ships)
     for k in range(steps):
         for i in range(ships):
-            acting = _acting(*commands, inflow[own * i], *around, k)
+            acting = _acting(commands, (inflow[own * i], *beside), k)
             begin_lane(group, i, plants[i], states[i], memories[i], sea, acting, dt)
         respond(group, plants, dt)
         for i in range(ships):
             now, log = get_state(states[i]), memories[i].speed_log
-            acting = _acting(*commands, inflow[own * i], *around, k)
+            acting = _acting(commands, (inflow[own * i], *beside), k)
             outputs = complete_lane(group, i, plants[i], states[i], memories[i], sea, acting, dt)
             if k % every:
                 continue
@@ -233,14 +216,12 @@ def trajectories(
     if steps % every:
         return
     for i in range(ships):
-        last = _acting(*commands, inflow[own * i], *around, steps - 1)
+        last = _acting(commands, (inflow[own * i], *beside), steps - 1)
         ship = plants[i], states[i], memories[i], sea
         _sample_at_end(*ship, sample[0], steps * dt, last, dt)
         for j, column in enumerate(columns):
             kept[i, j, steps // every] = values[column]
 
-
-Floats: TypeAlias = NDArray[np.float64]
 
 ALL_SIGNALS: tuple[str, ...] = SAMPLE.names or ()
 
@@ -249,8 +230,8 @@ def simulate_record(
     plant: Any,
     state: Any,
     sea: Any,
-    commands: tuple[Floats, Floats, Floats],
-    surroundings: tuple[Floats, Floats, Floats, Floats],
+    commands: Commands,
+    surroundings: Surroundings,
     dt: float,
     every: int = 1,
     signals: Sequence[str] = ALL_SIGNALS,
@@ -261,10 +242,8 @@ def simulate_record(
         plant: ship record.
         state: STATE record; the initial state, and afterwards the final one.
         sea: SEA record, changed in place; None for calm water.
-        commands: drive [mm | V | N m | rad/s], P/D [-] and rudder angle [rad] of each step, shape (n,).
-        surroundings: u_x [m/s], elevation of the surface above the propeller [m] and d_c1 [-] at starts
-            and middles of the steps and at the last end, shape (2 n + 1,); then the external signals,
-            shape (2 n + 1, MAX_SIGNALS), or (1, MAX_SIGNALS) if they are constant.
+        commands: as in :data:`Commands`.
+        surroundings: as in :data:`Surroundings`.
         dt: time step [s].
         every: number of steps from one kept sample to the next.
         signals: names of the kept signals.
@@ -275,13 +254,13 @@ def simulate_record(
     memory, waves = np.zeros(1, MEMORY)[0], calm_sea() if sea is None else sea
     kept = np.empty((len(commands[0]) // every + 1, len(signals)))
     sample = _sample_for(signals)
-    trajectory(plant, state, memory, waves, *commands, *surroundings, dt, every, *sample, kept)
+    trajectory(plant, state, memory, waves, commands, surroundings, dt, every, *sample, kept)
     return kept
 
 
 def simulate_records(
     ships: Sequence[tuple[Any, Any, Floats]],
-    commands: tuple[Floats, Floats, Floats],
+    commands: Commands,
     surroundings: tuple[Floats, Floats, Floats],
     dt: float,
     every: int = 1,
@@ -325,9 +304,9 @@ def simulate_records(
             np.zeros(LANES, MEMORY),
             calm_sea(),
             np.zeros(1, GROUP)[0],
-            *commands,
+            commands,
             rows[0][None] if all(row is rows[0] for row in rows) else np.array(rows),
-            *surroundings,
+            surroundings,
             dt,
             every,
             *_sample_for(signals),
