@@ -28,6 +28,24 @@ def half_95(freedom: float) -> float:
     return float(scipy.special.stdtrit(max(freedom, 1.0), 0.975))
 
 
+def wilson_interval(hits: int, count: int) -> tuple[float, float]:
+    """Return the 95 % interval of a probability from the hits in a number of trials (Wilson 1927).
+
+    It is also valid for a share of 0 or 1. Without trials it is the whole range.
+
+    >>> low, high = wilson_interval(1, 8)
+    >>> round(low, 3), round(high, 3)
+    (0.022, 0.471)
+    """
+    if count == 0:
+        return 0.0, 1.0
+    share, z = hits / count, HALF_95
+    middle = share + z**2 / (2 * count)
+    half = z * math.sqrt(share * (1.0 - share) / count + (z / (2 * count)) ** 2)
+    scale = 1.0 + z**2 / count
+    return max(0.0, (middle - half) / scale), min(1.0, (middle + half) / scale)
+
+
 def chi_squared_limit(chance: float, freedom: Any) -> Any:
     """Return the value that a chi-squared number of some degrees of freedom exceeds with a probability.
 

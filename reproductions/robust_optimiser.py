@@ -20,13 +20,13 @@ from shaftline.baselines.combinator_surface import look_up
 from shaftline.baselines.cpp_optimiser import TRIM_SHARE, CppOptimiser
 from shaftline.baselines.steady_points import SteadyPoint, steady_point
 from shaftline.baselines.working_point import surface
+from shaftline.core.statistics import wilson_interval
 from shaftline.observers.torque_curve import velocity_from_torque
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.hull import wake_inflow
 from shaftline.plant.open_water import REVOLUTIONS_PER_RADIAN
 from shaftline.plant.particulars import Particulars, ship_from_particulars
 from shaftline.plant.shaft import drive_torque
-from shaftline.validation.scoring import wilson
 
 from .anti_spin_ships import PARTICULARS
 from .pages import make_parser, print_dot
@@ -248,7 +248,7 @@ def compare(cases: pd.DataFrame) -> pd.DataFrame:
                 ("better", better),
             ):
                 count, whole = int(np.sum(hits[drawn])), int(np.sum(drawn))
-                parts = (count / whole, *wilson(count, whole))
+                parts = (count / whole, *wilson_interval(count, whole))
                 row |= {what + end: v for end, v in zip(ENDS, parts, strict=True)}
             hit = drawn & before.to_numpy()
             for what, values in (("nominal_shortfall", base), ("shortfall", own)):

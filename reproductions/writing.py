@@ -11,11 +11,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from shaftline.core.statistics import wilson_interval
 from shaftline.display.figures import PALETTE, TRUTH, new_figure, save
 from shaftline.display.tables import write_table
 from shaftline.mismatch import identify
 from shaftline.plant import Ship
-from shaftline.validation.scoring import wilson
 
 from .cells import Cell, Kind, number
 from .pages import fill_template
@@ -86,7 +86,7 @@ def share(hits: Any, digits: int = 2) -> str:
     count, whole = int(np.sum(hits)), len(hits)
     if not whole:
         return "–"
-    low, high = wilson(count, whole)
+    low, high = wilson_interval(count, whole)
     return f"{count / whole:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
 
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import scipy
 
 from .. import display
+from ..core.statistics import wilson_interval
 from .cases import KINDS, STRENGTHS
 from .recording import CHANNELS, SimulatedCase, rms
 from .simulator.effects import BY_KEY, TrueEffect, families
@@ -242,19 +242,10 @@ GOOD_UNNAMED = ("unexplained", "class", "family")
 RIGHT = ("named", "class")
 
 
-def wilson(hits: int, count: int) -> tuple[float, float]:
-    """Return Wilson's 95 % interval of a share (z = 1.96)."""
-    if count == 0:
-        return 0.0, 1.0
-    level = 1.0 - 2.0 * scipy.stats.norm.sf(1.96)
-    ends = scipy.stats.binomtest(hits, count).proportion_ci(level, "wilson")
-    return float(ends.low), float(ends.high)
-
-
 def share_figure(figure: str, hits: Any, target: str = "") -> Row:
-    """Return a share with its interval by :func:`wilson`."""
+    """Return a share with its interval by :func:`.wilson_interval`."""
     flags = pd.Series(hits).dropna().astype(bool)
-    low, high = wilson(int(flags.sum()), len(flags))
+    low, high = wilson_interval(int(flags.sum()), len(flags))
     return {
         "figure": figure,
         "value": float(flags.mean()) if len(flags) else math.nan,

@@ -13,15 +13,14 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import scipy
 from numpy.typing import NDArray
 
+from ...core.statistics import HALF_95, half_95, wilson_interval
 from .kpis import KPIS, SIGNED
 
 LEAST_SEEDS = 4
 """Fewest episodes with an interval: with 3 the coverage falls to 90 % for bimodal values."""
 
-_LEVEL = 0.95
 _RESAMPLES = 1000
 
 
@@ -32,7 +31,9 @@ def interquartile_mean(values: Any, axis: int = -1) -> Any:
         >>> float(interquartile_mean([0.0, 1.0, 2.0, 100.0]))
         1.5
     """
-    return scipy.stats.trim_mean(np.asarray(values, dtype=np.float64), 0.25, axis=axis)
+    ordered = np.sort(np.asarray(values, dtype=np.float64), axis)
+    count = ordered.shape[axis]
+    return np.take(ordered, range(count // 4, count - count // 4), axis).mean(axis)
 
 
 def estimate_with_interval(
@@ -65,24 +66,11 @@ def estimate_with_interval(
         return middle, math.nan, math.nan
     if np.ptp(sample) == 0.0:
         return middle, middle, middle
-    found = scipy.stats.bootstrap(
-        (sample,),
-        statistic,
-        n_resamples=_RESAMPLES,
-        confidence_level=_LEVEL,
-        method="percentile",
-        rng=np.random.default_rng(seed),
-        vectorized=True,
-    ).confidence_interval
-    normal = float(scipy.stats.norm.ppf(0.5 * (1.0 + _LEVEL)))
-    stretch = math.sqrt(count / (count - 1)) * _quantile(count - 1) / normal
-    low, high = middle - float(found.low), float(found.high) - middle
+    resamples = np.random.default_rng(seed).choice(sample, (_RESAMPLES, count))
+    ends = np.percentile(statistic(resamples, axis=-1), (2.5, 97.5))
+    stretch = math.sqrt(count / (count - 1)) * half_95(count - 1) / HALF_95
+    low, high = middle - float(ends[0]), float(ends[1]) - middle
     return middle, middle - stretch * low, middle + stretch * high
-
-
-def _quantile(degrees: float) -> float:
-    """Return the two-sided 95 % quantile of Student's distribution."""
-    return float(scipy.stats.t.ppf(0.5 * (1.0 + _LEVEL), degrees))
 
 
 def _half_width(table: NDArray[np.float64]) -> float:
@@ -98,7 +86,7 @@ def _half_width(table: NDArray[np.float64]) -> float:
     by_run, by_episode, mean = table.mean(axis=1), table.mean(axis=0), table.mean()
     of_episodes = runs * by_episode.var(ddof=1)
     if runs == 1:
-        return _quantile(episodes - 1) * math.sqrt(of_episodes / episodes)
+        return half_95(episodes - 1) * math.sqrt(of_episodes / episodes)
     of_runs = episodes * by_run.var(ddof=1)
     rest = table - by_run[:, None] - by_episode + mean
     of_rest = float((rest**2).sum()) / ((runs - 1) * (episodes - 1))
@@ -107,7 +95,7 @@ def _half_width(table: NDArray[np.float64]) -> float:
     if parts == 0.0:
         return 0.0
     degrees = (of_runs + of_episodes) ** 2 / parts
-    return _quantile(degrees) * math.sqrt(together / (runs * episodes))
+    return half_95(degrees) * math.sqrt(together / (runs * episodes))
 
 
 def mean_with_interval(values: Any) -> tuple[float, float, float]:
@@ -174,5 +162,4 @@ def summary(kpis: pd.DataFrame) -> dict[str, tuple[float, float, float]]:
         middle, low, high = found[name]
         found[name] = middle, float(np.maximum(low, 0.0)), high  # nan stays nan
     count, failures = len(kpis), int(kpis["failed"].sum())
-    ends = scipy.stats.binomtest(failures, count).proportion_ci(_LEVEL, method="wilson")
-    return {**found, "failed": (failures / count, float(ends.low), float(ends.high))}
+    return {**found, "failed": (failures / count, *wilson_interval(failures, count))}

@@ -224,12 +224,6 @@ def test_the_plain_ways_find_a_strong_effect(module: str, tmp_path: Path) -> Non
     }
 
 
-def test_wilson() -> None:
-    low, high = scoring.wilson(5, 10)
-    assert (low, high) == pytest.approx((0.2366, 0.7634), abs=1e-4)
-    assert scoring.wilson(0, 10)[0] == 0.0
-
-
 def test_a_validation_is_resumed_sealed_and_written(tmp_path: Path) -> None:
 
     def short(seed: int, index: int) -> cases.Case:

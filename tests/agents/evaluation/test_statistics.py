@@ -28,7 +28,7 @@ def test_interquartile_mean_leaves_the_outer_quarters_out() -> None:
 
 def test_an_interval_is_a_bootstrap_widened_by_students_quantile() -> None:
     sample = np.random.default_rng(5).gamma(2.0, 1.0, 6)
-    stretch = np.sqrt(6.0 / 5.0) * 2.570582 / 1.959964  # t with 5 degrees of freedom over z
+    stretch = np.sqrt(6.0 / 5.0) * 2.570582 / 1.96  # t with 5 degrees of freedom over z
     for seed in (0, 1):
         rng = np.random.default_rng(seed)
         draws = interquartile_mean(sample[rng.integers(0, 6, (1000, 6))])
