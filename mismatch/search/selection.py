@@ -282,18 +282,15 @@ def find_episodes(fitter: Fitter, fit: Fit) -> list[Window]:
         return []
     edges = np.linspace(0, replay.rows, PIECES + 1).astype(int)
     resistance = balances.nominal_samples["resistance"]
-    columns = np.zeros((PIECES + 1, *fit.difference.shape), np.complex128)
-    for column, (a, b) in zip(columns, itertools.pairwise(edges), strict=False):
+    columns = np.empty((PIECES, 1, fit.difference.shape[1]), np.complex128)
+    for (column,), (a, b) in zip(columns, itertools.pairwise(edges), strict=True):
         piece = np.zeros(replay.rows)
         piece[a:b] = resistance[a:b]
-        column[names.index("hull")] = bands.transform(piece)
-    columns[-1] = fit.difference
-    information = fitter.likelihood.information(fit.weight, columns)
-    count = len(columns)
-    across, regressors = information[:count, count:], information[count:, count:]
-    own = information[:count, :count] - across @ np.linalg.solve(regressors, across.T)
+        column[:] = bands.transform(piece)
+    hull = slice(names.index("hull"), names.index("hull") + 1)
+    own, along = fitter.likelihood.projections(fit.weight, fit.difference, columns, hull)
     times = (replay.interval_s * edges).tolist()
-    powers = np.diag(own)[:PIECES]
+    powers = np.diag(own)
     fitted = powers > LEAST_POWER * powers.max()
     gains: dict[Window, float] = {}
     for a, b in itertools.combinations(range(PIECES + 1), 2):
@@ -301,7 +298,7 @@ def find_episodes(fitter: Fitter, fit: Fit) -> list[Window]:
             continue
         power = float(own[a:b, a:b].sum())
         if power > 0.0 and b - a < PIECES:
-            gain = float(own[a:b, -1].sum()) ** 2 / power
+            gain = float(along[a:b].sum()) ** 2 / power
             if gain > LEAST_GAIN:
                 gains[times[a], times[b]] = gain
     windows: list[Window] = []

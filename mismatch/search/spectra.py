@@ -228,16 +228,36 @@ class Likelihood:
         Both have the shape (m, frequencies). Also return its gain in 2 log L; both are 0 for a
         column without independent power. The weight is the inverse covariance by band.
         """
-        k, m = self.shape
-        both = np.concatenate([residual, column])
-        crossed = band_products(self.bands, both, self._flat).reshape(-1, 2, m, k, m)
-        with_regressors = 2.0 * np.einsum("bpq,baqkp->ak", weight, crossed).real
-        own = band_products(self.bands, both, column).reshape(-1, 2, m, m)
-        with_column = 2.0 * np.einsum("bpq,baqp->a", weight, own).real
-        projection = np.linalg.solve(gram(self._pairs, weight), with_regressors[1])
-        rest = with_column[1] - projection @ with_regressors[1]
-        along = with_column[0] - projection @ with_regressors[0]
+        (((rest,),), (along,)) = self.projections(weight, residual, column[None])
         return (float(along / rest), float(along**2 / rest)) if rest > 0.0 else (0.0, 0.0)
+
+    def projections(
+        self, weight: Complex, residual: Complex, columns: Complex, balances: slice = slice(None)
+    ) -> tuple[Floats, Floats]:
+        """Return what columns have in common with each other and with a residual, with free regressors.
+
+        Args:
+            weight: inverse covariance by band.
+            residual: shape (m, frequencies).
+            columns: shape (c, n, frequencies).
+            balances: the n balances in which the columns act; all by default.
+
+        Returns:
+            Information of the columns, shape (c, c), and their products with the residual, shape (c,).
+        """
+        k, m = self.shape
+        c, n, f = columns.shape
+        flat = columns.reshape(c * n, f)
+        crossed = band_products(self.bands, flat, self._flat).reshape(-1, c, n, k, m)
+        across = 2.0 * np.einsum("bpn,bcnkp->ck", weight[:, :, balances], crossed).real
+        towards = band_products(self.bands, residual, self._flat).reshape(-1, m, k, m)
+        projection = np.linalg.solve(gram(self._pairs, weight), across.T)
+        products = band_products(self.bands, flat, flat).reshape(-1, c, n, c, n)
+        own = 2.0 * np.einsum("bpn,bcndp->cd", weight[:, balances, balances], products).real
+        shared = band_products(self.bands, flat, residual).reshape(-1, c, n, m)
+        along = 2.0 * np.einsum("bpn,bcnp->c", weight[:, :, balances], shared).real
+        of_residual = 2.0 * np.einsum("bpq,bqkp->k", weight, towards).real
+        return own - across @ projection, along - of_residual @ projection
 
     def information(self, weight: Complex, columns: Complex) -> Floats:
         """Return the Fisher information of columns and regressors with the prior, (c + k, c + k).

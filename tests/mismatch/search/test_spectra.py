@@ -229,6 +229,23 @@ def test_the_amount_is_that_of_generalised_least_squares(
     assert likelihood.amount(weight, residual, np.zeros_like(column)) == (0.0, 0.0)
 
 
+def test_columns_of_one_balance_are_projected_as_whole_ones(
+    weighted: tuple[Bands, Any, Any],
+) -> None:
+    bands, regressors, weight = weighted
+    residual, own = noise(bands, 13, 2), noise(bands, 14, 3, 1)
+    whole = np.concatenate([np.zeros_like(own), own], axis=1)  # they act in the second balance
+    gram = gram_by_hand(bands, weight, [*whole, *regressors], [*whole, *regressors, residual])
+    gram[3:, 3:5] += np.eye(2)
+    left = gram[:3, 3:5] @ np.linalg.inv(gram[3:, 3:5])
+    expected = gram[:3] - left @ gram[3:]  # what the regressors do not explain
+    likelihood = Likelihood(bands, regressors)
+    for columns, balances in ((whole, slice(None)), (own, slice(1, 2))):
+        together, along = likelihood.projections(weight, residual, columns, balances)
+        assert together == pytest.approx(expected[:, :3])
+        assert along == pytest.approx(expected[:, 5])
+
+
 def test_the_information_is_the_gram_with_the_prior(weighted: tuple[Bands, Any, Any]) -> None:
     bands, regressors, weight = weighted
     columns = noise(bands, 10, 3, 2)
