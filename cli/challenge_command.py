@@ -19,9 +19,11 @@ from ..validation.challenge import (
 )
 from ..validation.comparison.submission import run_rival
 from ..validation.practice import CASES, copy_set
-from ..validation.variants import PLAIN, VARIANTS
 from .console import Jobs, check_folder, print_table, progress, report_errors, say
 from .machine import add_results
+from .source import constant
+
+_PLAIN: str = constant("validation/variants.py", "PLAIN")
 
 
 class Action(StrEnum):
@@ -46,8 +48,8 @@ def challenge(
     seed: Annotated[int | None, typer.Option(
         min=0, help="make: secret seed of the cases.", show_default="a random one, printed")] = None,
     variant: Annotated[str, typer.Option(
-        help="make: variant of the recordings: " + ", ".join(VARIANTS) + ".",
-        metavar="VARIANT")] = PLAIN,
+        help="make: variant of the recordings (see `shaftline validate --help`).",
+        metavar="VARIANT")] = _PLAIN,
     truth: Annotated[Path | None, typer.Option(
         help="make, score: file of the truth.", show_default="DIR-truth.json beside DIR")] = None,
     out: Annotated[Path | None, typer.Option(

@@ -11,7 +11,7 @@ import typer
 from ..envs import get_task
 from .console import report_errors, require_extra, say, stages
 from .machine import add_results
-from .train_command import TaskName
+from .task_options import TaskName
 
 _QUALITIES = ["expert", "medium", "random"]
 

@@ -17,7 +17,6 @@ from .. import display
 from ..agents.evaluation.episodes import (
     Setting,
     drawn_seas,
-    known_controllers,
     label,
     load_controller,
 )
@@ -30,9 +29,9 @@ from ..baselines import combinator_curve
 from ..baselines.controller import Predictor
 from ..core.files import write_atomically
 from ..core.sweep import check_backend, digest_of
-from ..envs import DEFAULTS, Task, get_task
+from ..envs import Task, get_task
 from ..envs.orders import OrderProfile, OrdersFile, read_orders
-from ..envs.settings import EPISODE_S, LARGEST_EPISODE, LONGEST_S
+from ..envs.settings import EPISODE_S, LARGEST_EPISODE
 from ..envs.steering import environment_classes
 from ..envs.tasks import highest_speed
 from ..observers import get_observer, observer_names
@@ -48,9 +47,8 @@ from .console import (
     say_scaled_orders,
 )
 from .machine import add_results
-from .train_command import TaskName, TaskShip
+from .task_options import INTERVAL_S, LONGEST_S, OBSERVER, TaskName, TaskShip
 
-_INTERVAL = DEFAULTS.control_interval_s
 _LONGEST_INTERVAL_S = 60.0
 _SHORT = 0.1  # mean shortfall of the ship speed over the highest order that is reported [-]
 _MOST_SEAS = 12  # seas, and seeds of one sea, that are listed one by one
@@ -81,7 +79,8 @@ _SHOWN = (
 
 def evaluate(
     controller: Annotated[list[str], typer.Option(
-        help=f"NAME, NAME:option=number or policy:FILE; repeatable. {known_controllers()}.")],
+        help="NAME or NAME:option=number,... (see `shaftline list --controllers`), module:Class, "
+        "fmu:FILE.fmu, policy:FILE.npz, or policy:TASK for the packaged policy of a task; repeatable.")],
     task: TaskName = "transit",
     sea: Annotated[list[str] | None, typer.Option(
         help="Sea: a preset; hs=3.2,tp=9.1 with optional gamma=, heading= and wind=; or `task` for the "
@@ -89,7 +88,7 @@ def evaluate(
     hs: console.OwnHeight = None,
     tp: console.OwnPeriod = None,
     observer: Annotated[list[str], typer.Option(
-        help="Observer, or `all`; repeatable.")] = [DEFAULTS.observer],  # noqa: B006
+        help="Observer, or `all`; repeatable.")] = [OBSERVER],  # noqa: B006
     ship: TaskShip = None,
     seeds: Annotated[int, typer.Option(
         min=1, max=console.MOST_SEEDS,
@@ -98,7 +97,7 @@ def evaluate(
         min=1.0, max=LONGEST_S, help="Length of an episode [s].",
         show_default="300, or that of --orders")] = None,
     interval: Annotated[float, typer.Option(
-        help="Control interval [s], a multiple of the ship's time step.")] = _INTERVAL,
+        help="Control interval [s], a multiple of the ship's time step.")] = INTERVAL_S,
     orders: Annotated[Path | None, typer.Option(
         help="Table of ordered speeds, in place of those of the task: `time_s`, `time_min` or `time_h`, "
         "and `speed_order_m_s`, `speed_order_kn`, `speed_order_km_h`, `lever` or `lever_percent`.",
@@ -195,11 +194,11 @@ def evaluate(
             verdicts = check_stability(list(checked.values()), make, out, **spread, tick=tick)
         unstable = {key: v for key, v in zip(checked, verdicts, strict=True) if not v.stable}
         title = f"{vessel.name}, {task}, {seeds} episodes of {episode_s:g} s"
-        if interval != _INTERVAL:
+        if interval != INTERVAL_S:
             title += f", control interval {interval:g} s"
         if orders is not None:
             title += f", orders of {orders.name}"
-        usual = seas == ["task"] and ship is None and interval == _INTERVAL and profile is None
+        usual = seas == ["task"] and ship is None and interval == INTERVAL_S and profile is None
         if usual and (bound := bounds().get(task)) is not None:
             count = cells[0].intervals
             found.table["score"] = [bound.score(r / count) for r in found.table["reward"]]

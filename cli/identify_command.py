@@ -8,12 +8,13 @@ from typing import Annotated
 import typer
 
 from .. import mismatch
-from ..mismatch.identification.free_parameters import AUTO, read_free_keys
-from ..mismatch.identify import DEFAULT, METHODS, SHIP
+from ..mismatch.identification.free_parameters import read_free_keys
+from ..mismatch.identify import SHIP
 from ..mismatch.report.index import PAGE, REPORT
 from ..plant import load_ship
 from .console import BelievedShip, ColumnMap, check_folder, report_errors, say, stages
 from .machine import add_results
+from .method_options import AUTO, DEFAULT, Method
 
 
 def identify(
@@ -27,8 +28,7 @@ def identify(
     free: Annotated[str, typer.Option(
         help="Keys of the ship file to estimate, separated by commas; or `auto`: the parameters "
         "that are identifiable from the recordings, or usual for the method.")] = AUTO,
-    method: Annotated[str, typer.Option(
-        help=f"Method of estimation: {', '.join(METHODS)}.", metavar="METHOD")] = DEFAULT,
+    method: Method = DEFAULT,
     columns: ColumnMap = None,
     hold_out: Annotated[list[Path] | None, typer.Option(
         help="Held-out recording, used for evaluation only; repeatable.",

@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
-from ..mismatch.identification.free_parameters import AUTO, read_free_keys
-from ..mismatch.identify import DEFAULT, METHODS
-from ..mismatch.monitor import RISK, monitor, recordings_in
+from ..mismatch.identification.free_parameters import read_free_keys
+from ..mismatch.monitor import monitor, recordings_in
 from ..mismatch.report.monitor import (
     DATA,
     FIGURE,
@@ -22,6 +21,10 @@ from ..mismatch.report.monitor import (
 from ..plant import load_ship
 from .console import BelievedShip, ColumnMap, Jobs, check_folder, progress, report_errors, say
 from .machine import add_results
+from .method_options import AUTO, DEFAULT, Method
+from .source import constant
+
+_RISK: float = constant("mismatch/monitor.py", "RISK")
 
 
 def condition(
@@ -35,11 +38,10 @@ def condition(
     free: Annotated[str, typer.Option(
         help="Keys of the ship file to monitor, separated by commas; or `auto`: those that the first "
         "reference identifies.")] = AUTO,
-    method: Annotated[str, typer.Option(
-        help=f"Method of estimation: {', '.join(METHODS)}.", metavar="METHOD")] = DEFAULT,
+    method: Method = DEFAULT,
     columns: ColumnMap = None,
     risk: Annotated[float, typer.Option(
-        help="Probability of a false alarm in a recording.")] = RISK,
+        help="Probability of a false alarm in a recording.")] = _RISK,
     jobs: Jobs = None,
 ) -> None:  # fmt: skip
     """Say which parameters of a ship have changed since its reference recordings, and by how much.

@@ -9,14 +9,14 @@ import typer
 
 from ..core.files import check_writable, write_text
 from ..plant.particulars import fixed_pitch_remarks, load_particulars, particulars_text
-from ..plant.ship_files import template_names, template_text
+from ..plant.ship_files import template_text
 from .console import report_errors, say
 
 
 def new_ship(
     template: Annotated[
         str | None,
-        typer.Option(help=f"Template: {', '.join(template_names())}.", show_default=False),
+        typer.Option(help="Template: one of the names above.", show_default=False),
     ] = None,
     from_particulars: Annotated[
         Path | None,

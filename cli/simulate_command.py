@@ -14,7 +14,7 @@ from ..observers import follow_table, get_observer
 from ..observers.following import add_noise_to_table
 from ..plant import get_sea, load_ship, realise
 from ..plant.columns import input_columns, signal_columns
-from ..plant.load_cases import CASES, NOISE_SNR_DB, get_case
+from ..plant.load_cases import NOISE_SNR_DB, get_case
 from ..plant.recording import read_recording
 from ..plant.replay import simulate_recording
 from .console import OwnHeight, OwnPeriod, PresetShip, read_own_sea, report_errors, say
@@ -29,7 +29,7 @@ def simulate(
         Path | None, typer.Option(help="Column map of the recording, as for `shaftline diagnose`.")
     ] = None,
     case: Annotated[
-        str | None, typer.Option(help=f"Load case in place of a recording: {', '.join(CASES)}.")
+        str | None, typer.Option(help="Load case in place of a recording (see `shaftline list`).")
     ] = None,
     sea: Annotated[
         str | None,

@@ -1,8 +1,7 @@
-"""``shaftline train``, and the options that the commands for training share."""
+"""``shaftline train``."""
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,8 +10,7 @@ import typer
 
 from ..agents import load_policy
 from ..core.files import read_json
-from ..envs import DEFAULTS, get_task, tasks
-from ..envs.settings import LONGEST_S
+from ..envs import DEFAULTS, get_task
 from ..observers import get_observer
 from . import STOPPED
 from .console import (
@@ -25,70 +23,18 @@ from .console import (
     say_scaled_orders,
     stages,
 )
-
-
-class Device(StrEnum):
-    """Device on which the network is trained."""
-
-    AUTO = "auto"
-    CPU = "cpu"
-    CUDA = "cuda"
-
-
-TaskName = Annotated[str, typer.Option(help=f"Task: {', '.join(tasks(None))}.")]
-ObserverName = Annotated[str, typer.Option(help="Observer of the advance velocity.")]
-EpisodeLength = Annotated[
-    float, typer.Option(min=1.0, max=LONGEST_S, help="Length of an episode [s].")
-]
-Algorithm = Annotated[str, typer.Option(help="Algorithm: `ppo` or `sac`.")]
-Timesteps = Annotated[
-    int | None,
-    typer.Option(
-        min=1,
-        help="Control intervals of all environments together.",
-        show_default="that of the recipe",
-    ),
-]
-Envs = Annotated[
-    int | None,
-    typer.Option(
-        min=1,
-        max=4096,
-        help="Number of environments in parallel.",
-        show_default="that of the recipe",
-    ),
-]
-Plans = Annotated[
-    int | None,
-    typer.Option(
-        min=0,
-        max=1000,
-        show_default="that of the recipe",
-        help="Episodes to plan with known waves and to imitate before reinforcement learning.",
-    ),
-]
-TaskShip = Annotated[
-    str | None,
-    typer.Option(help="Ship: a preset or a .toml file.", show_default="that of the task"),
-]
-OnDevice = Annotated[
-    Device, typer.Option(help="Device of torch; `auto` uses a GPU if there is one.")
-]
-
-
-def sizes(timesteps: int | None, envs: int | None, plans: int | None) -> dict[str, int]:
-    """Return the sizes of a recipe that are given as options."""
-    given = {"n_timesteps": timesteps, "n_envs": envs, "plans": plans}
-    return {key: value for key, value in given.items() if value is not None}
-
-
-def check_device(device: Device) -> None:
-    """Refuse a GPU that torch cannot use."""
-    import torch
-
-    if device is Device.CUDA and not torch.cuda.is_available():
-        raise ValueError("--device cuda: torch finds no GPU; give cpu or auto")
-
+from .task_options import (
+    Algorithm,
+    Device,
+    Envs,
+    OnDevice,
+    Plans,
+    TaskName,
+    TaskShip,
+    Timesteps,
+    check_device,
+    sizes,
+)
 
 _CURVE = {
     "steps": "steps",

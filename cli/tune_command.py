@@ -6,9 +6,7 @@ from typing import Annotated
 
 import typer
 
-from ..baselines import controller_names
-from ..envs import DEFAULTS, get_task
-from ..envs.settings import EPISODE_S
+from ..envs import get_task
 from ..observers import get_observer
 from ..plant import get_sea
 from .console import (
@@ -20,15 +18,15 @@ from .console import (
     stages,
 )
 from .machine import add_results
-from .train_command import EpisodeLength, ObserverName, TaskName, TaskShip
+from .task_options import EPISODE_S, OBSERVER, EpisodeLength, ObserverName, TaskName, TaskShip
 
 
 def tune(
     controller: Annotated[
         str,
         typer.Option(
-            help=f"Controller: {', '.join(controller_names())}; or NAME:option=number,... with fixed "
-            "options; HELMSMAN+NAME where the rudder is an action."
+            help="Controller: NAME (see `shaftline list --controllers`), or NAME:option=number,... with "
+            "fixed options; HELMSMAN+NAME where the rudder is an action."
         ),
     ] = "speed-pilot",
     task: TaskName = "rough-sea",
@@ -42,7 +40,7 @@ def tune(
     ] = 24,
     episode_s: EpisodeLength = EPISODE_S,
     seed: Annotated[int, typer.Option(min=0, help="Seed; equal seeds give equal constants.")] = 0,
-    observer: ObserverName = DEFAULTS.observer,
+    observer: ObserverName = OBSERVER,
     ship: TaskShip = None,
     sea: Annotated[
         str,

@@ -11,7 +11,7 @@ import typer
 
 from .. import display
 from ..envs import get_task
-from . import train_command as training
+from . import task_options as training
 from .console import (
     announce_loading,
     check_folder,

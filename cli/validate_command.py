@@ -18,8 +18,11 @@ from ..validation.cases import draw_case, hash_truth
 from ..validation.comparison import sindy, stepwise_bic
 from ..validation.recording import simulate_case
 from ..validation.run import Diagnose, case_folder, run_case, scores, write_page
-from ..validation.variants import PLAIN, VARIANTS
+from ..validation.variants import VARIANTS
 from .console import Jobs, check_folder, print_table, progress, report_errors, say
+from .source import constant
+
+PLAIN: str = constant("validation/variants.py", "PLAIN")
 
 
 def validate(
@@ -38,7 +41,7 @@ def validate(
     variant: Annotated[
         str,
         typer.Option(
-            help="Variant of the recordings: " + ", ".join(VARIANTS) + ".", metavar="VARIANT"
+            help=f"Variant of the recordings: {PLAIN}, or one of those above.", metavar="VARIANT"
         ),
     ] = PLAIN,
     reports: Annotated[

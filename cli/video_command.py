@@ -9,11 +9,11 @@ import typer
 
 from ..agents.evaluation.film import Span, draw_sea, simulate_episode, write_animation
 from ..core.files import check_writable
-from ..envs import DEFAULTS, get_task, tasks
+from ..envs import get_task
 from ..envs.settings import EPISODE_S
 from ..observers import get_observer
 from .console import report_errors, say, stages
-from .train_command import ObserverName
+from .task_options import OBSERVER, ObserverName, task_names
 
 _MOST = 4
 
@@ -27,7 +27,7 @@ def video(
         ),
     ],
     task: Annotated[
-        str, typer.Option(help=f"Task, or TASK:held-out: {', '.join(tasks(None))}.")
+        str, typer.Option(help=f"Task, or TASK:held-out: {', '.join(task_names())}.")
     ] = "rough-sea",
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of the episode, which is the same for all controllers.")
@@ -37,7 +37,7 @@ def video(
         float,
         typer.Option(min=1.0, max=600.0, help="Length of the animation in simulated time [s]."),
     ] = 40.0,
-    observer: ObserverName = DEFAULTS.observer,
+    observer: ObserverName = OBSERVER,
     out: Annotated[Path, typer.Option(help="File to write (.gif).")] = Path("out/film.gif"),
 ) -> None:
     """Animate controllers in the same waves, side by side.
