@@ -1,17 +1,15 @@
 """The ``shaftline`` command with one sub-command for each task, each in its own file.
 
-The file of a sub-command is imported when it is called: importing all of them takes seconds, and
-``--help``, a misspelt name and the completion of the shell need none of them.
+The file of a sub-command is imported when it runs, because the import takes seconds. ``--help``, a
+misspelt name and the completion of the shell only read the source of the files (:mod:`.source`).
 """
 
 from __future__ import annotations
 
-import ast
-import functools
 import io
 import os
 import sys
-from contextlib import nullcontext
+from collections.abc import Callable
 from importlib import import_module, util
 from pathlib import Path
 from types import ModuleType
@@ -23,6 +21,7 @@ from typer.core import TyperCommand, TyperGroup
 from . import STOPPED
 from .console import announce_compilation, announce_loading
 from .machine import add_json_option
+from .source import load_outline, summary
 
 COMMANDS = (
     "tour", "new-ship", "simulate", "manoeuvre", "linearise", "loop", "reproduce", "train", "tune",
@@ -51,18 +50,18 @@ def _function(name: str) -> str:
     return FUNCTION_NAMES.get(name, _stem(name))
 
 
-@functools.cache
+def _source(name: str) -> tuple[str, str]:
+    """Return the file of a command and the name of its function."""
+    return f"{HERE.name}/{_stem(name)}_command.py", _function(name)
+
+
 def command_summary(name: str) -> str:
     """Return the first paragraph of a command's docstring without importing its file.
 
     Args:
         name: name of the command.
     """
-    tree = ast.parse((HERE / f"{_stem(name)}_command.py").read_text(encoding="utf-8"))
-    for node in tree.body:
-        if isinstance(node, ast.FunctionDef) and node.name == _function(name):
-            return (ast.get_docstring(node) or "").split("\n\n")[0].replace("\n", " ")
-    raise LookupError(f"{name}: no function {_function(name)} in its file")
+    return summary(*_source(name))
 
 
 class _Deferred(_LazyModule):  # type: ignore[misc,valid-type]
@@ -87,26 +86,39 @@ def defer(name: str) -> None:
 
 
 class LazyCommand(TyperCommand):
-    """Sub-command whose file is imported when it is called."""
+    """Sub-command whose file is imported when it runs."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name, help=command_summary(name), rich_markup_mode="markdown")
 
     def make_context(self, info_name: str | None, args: list[str], *rest: Any, **extra: Any) -> Any:
         """Return the context of the imported command, so that this command runs."""
-        with nullcontext() if "--help" in args else announce_loading():
+        completing = extra.get("resilient_parsing", False)
+        if completing or "--help" in args:
+            context = self.outline().make_context(info_name, [*args], *rest, **extra)
+            if completing:
+                return context
+            # The help ended the program, unless ``--help`` is the value of an option.
+        with announce_loading():
             command = self.itself()
         if "numba" in sys.modules:
             announce_compilation()
         return command.make_context(info_name, args, *rest, **extra)
 
+    def outline(self) -> Any:
+        """Return the command with its options and help, without importing it; it cannot run."""
+        return self._command(load_outline(*_source(str(self.name))))
+
     def itself(self) -> Any:
         """Import the command and return it."""
-        defer("pandas")  # Importing it takes time, and neither --help nor the first line needs it.
-        assert self.name is not None
-        module = import_module(f".{_stem(self.name)}_command", __package__)
+        defer("pandas")  # Importing it takes time, and the first line does not need it.
+        name = str(self.name)
+        module = import_module(f".{_stem(name)}_command", __package__)
+        return self._command(getattr(module, _function(name)))
+
+    def _command(self, function: Callable[..., None]) -> Any:
         alone = typer.Typer(rich_markup_mode="markdown", pretty_exceptions_enable=False)
-        alone.command(self.name)(add_json_option(getattr(module, _function(self.name))))
+        alone.command(self.name)(add_json_option(function))
         return typer.main.get_command(alone)
 
 

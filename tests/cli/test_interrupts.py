@@ -29,7 +29,8 @@ main()
     [
         ("typer", "list", []),
         ("rich.table", "list", []),
-        ("shaftline.cli.simulate_command", "simulate", ["--help"]),
+        ("shaftline.cli.simulate_command", "simulate", ["--case", "rack_step", "--out", "o.csv"]),
+        ("shaftline.cli.task_options", "train", ["--help"]),
         ("numba", "simulate", ["--case", "rack_step", "--out", "o.csv"]),
         ("shaftline.plant.dynamics", "diagnose", ["--example"]),
         ("shaftline.mismatch", "identify", ["o.csv", "--ship", "frigate", "--out", "id"]),

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from types import ModuleType
 
@@ -13,16 +14,49 @@ import pytest
 from typer.testing import CliRunner
 
 from shaftline.cli import main
+from shaftline.plant.ship_files import template_names
+from shaftline.validation.variants import VARIANTS
+
+SLOW = {"numpy", "pandas", "numba", "scipy", "control", "gymnasium", "matplotlib", "torch",
+        "shaftline.plant", "shaftline.mismatch", "shaftline.envs"}  # fmt: skip
+HELP = f"""
+import sys
+from shaftline.cli import main
+for name in ("", *main.COMMANDS):
+    try:
+        main.app([*filter(None, [name]), "--help"])
+    except SystemExit as end:
+        assert not end.code, name
+    if name:
+        main.LazyCommand(name).make_context(name, [], resilient_parsing=True)  # the completion
+    print("imported", name, sorted({SLOW} & set(sys.modules)))
+"""
 
 
-def test_help_needs_no_numerics() -> None:
-    code = (
-        "import sys\nfrom shaftline.cli import main\n"
-        "try:\n    main.app(['--help'])\nexcept SystemExit as end:\n    assert not end.code\n"
-        "print(sorted({'numpy', 'pandas', 'numba', 'scipy', 'control', 'torch'} & set(sys.modules)))"
+def test_neither_help_nor_completion_imports_what_takes_time() -> None:
+    told = subprocess.run([sys.executable, "-c", HELP], capture_output=True, text=True, check=False)
+    assert told.returncode == 0, told.stderr
+    said = [line for line in told.stdout.splitlines() if line.startswith("imported ")]
+    assert said == [f"imported {name} []" for name in ("", *main.COMMANDS)]
+
+
+def test_the_completion_of_the_shell_knows_the_options() -> None:
+    code = "import sys\nsys.argv = ['shaftline']\nfrom shaftline.cli.main import main\nmain()"
+    words = {"COMP_WORDS": "shaftline evaluate --co", "COMP_CWORD": "2"}
+    told = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | words | {"_SHAFTLINE_COMPLETE": "complete_bash"},
     )
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert told.stdout.splitlines()[-1] == "[]"
+    assert told.stdout.split() == ["--controller"], told.stderr
+
+
+def test_a_value_that_reads_help_reaches_the_command() -> None:
+    result = CliRunner().invoke(main.app, ["list", "--controllers", "--", "--help"])
+    assert result.exit_code == 2
+    assert "unknown controller '--help'" in " ".join(result.output.split())
 
 
 @pytest.mark.parametrize(
@@ -96,6 +130,25 @@ def test_the_list_says_what_the_command_says(name: str) -> None:
     assert itself.name == name
     assert main.command_summary(name)
     assert (itself.help or "").replace("\n", " ").startswith(main.command_summary(name))
+
+
+@pytest.mark.parametrize("name", main.COMMANDS)
+def test_help_shows_the_options_of_the_command(name: str) -> None:
+    outline, itself = main.LazyCommand(name).outline(), main.LazyCommand(name).itself()
+    assert outline.help == itself.help
+    shown, real = (
+        [(option.opts, option.secondary_opts, option.required, option.default, option.help)
+         for option in command.params] for command in (outline, itself)
+    )  # fmt: skip
+    assert shown == real
+
+
+@pytest.mark.parametrize(
+    ("name", "known"), [("validate", VARIANTS), ("new-ship", template_names())]
+)
+def test_help_names_what_an_option_accepts(name: str, known: Iterable[str]) -> None:
+    words = main.LazyCommand(name).itself().help
+    assert all(re.search(rf"\b{value}\b", words) for value in known)
 
 
 def test_a_slip_is_answered_with_the_right_name() -> None:

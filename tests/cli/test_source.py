@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
@@ -40,3 +41,15 @@ def test_keys_are_those_of_the_dictionary() -> None:
 def test_an_unknown_name_is_refused() -> None:
     with pytest.raises(LookupError, match=r"envs/settings\.py: assigns nothing to EPISODE"):
         source.constant("envs/settings.py", "EPISODE")
+    with pytest.raises(LookupError, match=r"cli/main\.py: no function solve"):
+        source.summary("cli/main.py", "solve")
+
+
+def test_an_option_of_another_package_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(source, "PACKAGE", tmp_path)
+    text = "from ..plant.load_cases import CASES\ndef simulate(case=next(iter(CASES))): ...\n"
+    (tmp_path / "command.py").write_text(text, encoding="utf-8")
+    with pytest.raises(NameError, match="CASES"):
+        source.load_outline("command.py", "simulate")
