@@ -91,7 +91,7 @@ def challenge(
         shaftline challenge score out/challenge out/stepwise-bic.json out/own.json --out out/scores
     """
     given = list(operands or [])
-    with report_errors():
+    with report_errors(resumes=action is Action.RUN):
         if action in (Action.COPY, Action.MAKE) and folder is not None:
             raise ValueError(f"{action.value} {folder}: give the new folder as --out {folder}")
         if action is Action.COPY:

@@ -326,8 +326,10 @@ def _each_once() -> Callable[..., None]:
 
 
 @contextmanager
-def report_errors() -> Iterator[None]:
+def report_errors(resumes: bool = False) -> Iterator[None]:
     """Turn invalid input and files that cannot be written into one message and exit code 2.
+
+    Ctrl-C ends with one line too; it says whether the same command ``resumes`` from finished results.
 
     Only errors that the user can correct are caught: those that the package raises deliberately are
     ValueErrors with a message for the user.
@@ -347,7 +349,8 @@ def report_errors() -> Iterator[None]:
         errors.print(f"[bold red]error:[/] {escape(said)}", highlight=False, soft_wrap=True)
         raise typer.Exit(2) from None
     except KeyboardInterrupt:
-        errors.print("stopped; finished results are kept", highlight=False)
+        kept = "; finished results are kept, and the same command resumes" if resumes else ""
+        errors.print(f"stopped{kept}", highlight=False)
         raise typer.Exit(STOPPED) from None
 
 

@@ -158,7 +158,7 @@ def diagnose(
 
         shaftline diagnose trials/ --ship frigate --out out/trials --jobs 8
     """
-    with report_errors():
+    with report_errors(resumes=any(path.is_dir() for path in recordings or ())):
         if example:
             if recordings or ship or columns:
                 raise ValueError(

@@ -148,7 +148,7 @@ def evaluate(
 
         shaftline evaluate --controller combinator --sea calm --orders orders.csv --lever lever.toml
     """
-    with report_errors():
+    with report_errors(resumes=True):
         check_folder(out)
         check_backend(jobs, backend, scheduler)
         model = get_task(task)

@@ -1,7 +1,8 @@
 """The ``shaftline`` command with one sub-command for each task, each in its own file.
 
 The file of a sub-command is imported when it runs, because the import takes seconds. ``--help``, a
-misspelt name and the completion of the shell only read the source of the files (:mod:`.source`).
+misspelt name or option and the completion of the shell only read the source of the files
+(:mod:`.source`).
 """
 
 from __future__ import annotations
@@ -92,13 +93,13 @@ class LazyCommand(TyperCommand):
         super().__init__(name, help=command_summary(name), rich_markup_mode="markdown")
 
     def make_context(self, info_name: str | None, args: list[str], *rest: Any, **extra: Any) -> Any:
-        """Return the context of the imported command, so that this command runs."""
-        completing = extra.get("resilient_parsing", False)
-        if completing or "--help" in args:
-            context = self.outline().make_context(info_name, [*args], *rest, **extra)
-            if completing:
-                return context
-            # The help ended the program, unless ``--help`` is the value of an option.
+        """Return the context of the imported command, so that this command runs.
+
+        Help, wrong options and the completion of the shell end with the outline.
+        """
+        outline = self.outline().make_context(info_name, [*args], *rest, **extra)
+        if outline.resilient_parsing:
+            return outline
         with announce_loading():
             command = self.itself()
         if "numba" in sys.modules:

@@ -64,7 +64,7 @@ def condition(
         shaftline monitor reference/ --against 2026/ --ship mine.toml --out out/monitor
             --free hull.resistance_coefficient_N_s2_m2,prime_mover.efficiency
     """
-    with report_errors():
+    with report_errors(resumes=True):
         check_folder(out)
         vessel = load_ship(ship)
         keys = read_free_keys(free, vessel)

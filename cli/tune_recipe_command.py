@@ -81,7 +81,7 @@ def tune_recipe(
 
         shaftline tune-recipe --vary env_kwargs.observer=luenberger,random-walk-kalman --seeds 3
     """
-    with report_errors():
+    with report_errors(resumes=True):
         get_task(task).load_ship(ship)
         with require_extra("train", "a search"), announce_loading("torch"):
             from ..agents.learning.recipe import read_recipe

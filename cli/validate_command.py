@@ -78,7 +78,7 @@ def validate(
 
         shaftline validate --cases 200 --seed 7 --sindy --out out/validate-7
     """
-    with report_errors():
+    with report_errors(resumes=True):
         check_folder(out)
         if variant not in VARIANTS:
             raise ValueError(f"--variant {variant}: unknown; known: {', '.join(VARIANTS)}")
