@@ -25,15 +25,16 @@ _RESAMPLES = 1000
 
 
 def interquartile_mean(values: Any, axis: int = -1) -> Any:
-    """Return the mean of the middle half (Agarwal et al. 2021) along an axis.
+    """Return the mean of the middle half (Agarwal et al. 2021) along an axis; nan if a value is nan.
 
     Examples:
         >>> float(interquartile_mean([0.0, 1.0, 2.0, 100.0]))
         1.5
     """
-    ordered = np.sort(np.asarray(values, dtype=np.float64), axis)
+    ordered = np.sort(np.asarray(values, dtype=np.float64), axis)  # nan is last
     count = ordered.shape[axis]
-    return np.take(ordered, range(count // 4, count - count // 4), axis).mean(axis)
+    middle = np.take(ordered, range(count // 4, count - count // 4), axis).mean(axis)
+    return np.where(np.isnan(np.take(ordered, -1, axis)), np.nan, middle)[()]
 
 
 def estimate_with_interval(

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from importlib.metadata import version
 from types import ModuleType
 
 import pytest
@@ -51,6 +52,13 @@ def test_the_completion_of_the_shell_knows_the_options() -> None:
         env=os.environ | words | {"_SHAFTLINE_COMPLETE": "complete_bash"},
     )
     assert told.stdout.split() == ["--controller"], told.stderr
+
+
+def test_the_package_runs_as_the_command() -> None:
+    told = subprocess.run(
+        [sys.executable, "-m", "shaftline", "--version"], capture_output=True, text=True, check=True
+    )
+    assert told.stdout.strip() == version("shaftline")
 
 
 def test_a_value_that_reads_help_reaches_the_command() -> None:

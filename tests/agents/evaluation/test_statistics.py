@@ -24,6 +24,8 @@ def test_interquartile_mean_leaves_the_outer_quarters_out() -> None:
     table = np.array([[0.0, 1.0, 3.0, 100.0], [5.0, 5.0, 7.0, -9.0]])
     assert interquartile_mean(table).tolist() == [2.0, 5.0]
     assert interquartile_mean(table.T, axis=0).tolist() == [2.0, 5.0]
+    table[1, 0] = np.nan
+    assert interquartile_mean(table) == pytest.approx([2.0, np.nan], nan_ok=True)
 
 
 def test_an_interval_is_a_bootstrap_widened_by_students_quantile() -> None:
